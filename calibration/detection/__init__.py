@@ -1,0 +1,1 @@
+"""From an image to the target's points, gated: a wrong detection is worse than none."""

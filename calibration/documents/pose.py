@@ -1,0 +1,47 @@
+"""A pose on the wire: {"translation_mm": [x, y, z], "quaternion_wxyz": [w, x, y, z]}."""
+
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import AfterValidator
+
+from calibration.documents.validation import Document
+from calibration.transforms import (
+    QUATERNION_NORM_TOLERANCE,
+    Array,
+    quaternion_from_rotation,
+    transform_from_quaternion,
+)
+
+Vector = tuple[float, float, float]
+
+
+def _unit(quaternion: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    norm = float(np.linalg.norm(quaternion))
+    if not abs(norm - 1.0) <= QUATERNION_NORM_TOLERANCE:
+        raise ValueError(f"norm {norm:.4g} is not 1: a quaternion is w, x, y, z with w first and norm 1")
+    return quaternion
+
+
+Quaternion = Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
+
+
+class PoseDocument(Document):
+    """A rigid transform; its field's name (`a_T_b`) says between which frames."""
+
+    translation_mm: Vector
+    quaternion_wxyz: Quaternion
+
+    def transform(self) -> Array:
+        """(4, 4)"""
+        return transform_from_quaternion(self.translation_mm, self.quaternion_wxyz)
+
+    @classmethod
+    def of(cls, a_T_b: Array) -> Self:
+        """The document of a (4, 4) transform."""
+        return cls.model_validate(
+            {
+                "translation_mm": a_T_b[:3, 3].tolist(),
+                "quaternion_wxyz": quaternion_from_rotation(a_T_b[:3, :3]).tolist(),
+            }
+        )

@@ -1,0 +1,77 @@
+"""A target on the wire; the field `kind` tells which."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, PositiveFloat, model_validator
+
+from calibration import targets
+from calibration.documents.validation import Document
+
+Count = Annotated[int, Field(ge=2, le=200)]
+
+
+class ChessboardDocument(Document):
+    """Inner corners."""
+
+    kind: Literal["chessboard"]
+    columns: Count
+    rows: Count
+    pitch_mm: PositiveFloat
+
+    def target(self) -> targets.Chessboard:
+        return targets.Chessboard(self.columns, self.rows, self.pitch_mm)
+
+
+class CharucoDocument(Document):
+    """Squares."""
+
+    kind: Literal["charuco"]
+    columns: Count
+    rows: Count
+    square_mm: PositiveFloat
+    marker_mm: PositiveFloat
+    dictionary: str
+    legacy: bool = False
+
+    @model_validator(mode="after")
+    def _marker_inside_square(self) -> "CharucoDocument":
+        if self.marker_mm >= self.square_mm:
+            raise ValueError("marker_mm must be smaller than square_mm")
+        return self
+
+    def target(self) -> targets.Charuco:
+        return targets.Charuco(self.columns, self.rows, self.square_mm, self.marker_mm, self.dictionary, self.legacy)
+
+
+class CirclesDocument(Document):
+    """Circle centres, OpenCV's conventions."""
+
+    kind: Literal["circles"]
+    layout: Literal["symmetric", "asymmetric"]
+    columns: Count
+    rows: Count
+    pitch_mm: PositiveFloat
+    dots: Literal["black", "white"] = "black"
+    origin: Literal["large-dot"] | None = None
+
+    def target(self) -> targets.CircleGrid:
+        return targets.CircleGrid(self.layout, self.columns, self.rows, self.pitch_mm, self.dots, self.origin)
+
+
+class AprilTagGridDocument(Document):
+    """Tags."""
+
+    kind: Literal["apriltag-grid"]
+    columns: Annotated[int, Field(ge=1, le=200)]
+    rows: Annotated[int, Field(ge=1, le=200)]
+    tag_mm: PositiveFloat
+    gap_mm: PositiveFloat
+    family: str = "tag36h11"
+
+    def target(self) -> targets.AprilTagGrid:
+        return targets.AprilTagGrid(self.columns, self.rows, self.tag_mm, self.gap_mm, self.family)
+
+
+TargetDocument = Annotated[
+    ChessboardDocument | CharucoDocument | CirclesDocument | AprilTagGridDocument, Field(discriminator="kind")
+]

@@ -1,0 +1,105 @@
+"""Rigid transforms as 4×4 arrays, millimetres and radians.
+
+`a_T_b` maps coordinates in b to coordinates in a: `p_a = a_T_b @ p_b`, so neighbours cancel in
+`base_T_flange @ flange_T_camera`. Every function accepts stacks: (..., 4, 4), (..., 3, 3), (..., 4).
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from calibration.errors import GeometryError
+
+Array = NDArray[np.float64]
+
+QUATERNION_NORM_TOLERANCE = 2e-3
+"""A text quaternion with 3 decimals is off by up to 9e-4; anything further is another order, or torn text."""
+
+
+def transform(rotation: ArrayLike, translation_mm: ArrayLike) -> Array:
+    """a_T_b (..., 4, 4) from a rotation (..., 3, 3) and a translation (..., 3) in mm."""
+    rotation, translation_mm = np.asarray(rotation, float), np.asarray(translation_mm, float)
+    shape = np.broadcast_shapes(rotation.shape[:-2], translation_mm.shape[:-1])
+    result = np.zeros((*shape, 4, 4))
+    result[..., :3, :3] = rotation
+    result[..., :3, 3] = translation_mm
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def inverse(a_T_b: Array) -> Array:
+    """b_T_a (..., 4, 4), by the transposed rotation."""
+    b_R_a = np.swapaxes(a_T_b[..., :3, :3], -1, -2)
+    return transform(b_R_a, -(b_R_a @ a_T_b[..., :3, 3:])[..., 0])
+
+
+def map_points(a_T_b: Array, points_b: ArrayLike) -> Array:
+    """Points (..., n, 3) of frame b in frame a."""
+    return np.asarray(points_b, float) @ np.swapaxes(a_T_b[..., :3, :3], -1, -2) + a_T_b[..., None, :3, 3]
+
+
+def rotation_from_quaternion(quaternion_wxyz: ArrayLike) -> Array:
+    """Rotation (..., 3, 3) of a scalar-first quaternion (paper, Eq. 11).
+
+    Raises GeometryError when the norm is further from 1 than `QUATERNION_NORM_TOLERANCE`.
+    """
+    quaternion_wxyz = np.asarray(quaternion_wxyz, float)
+    norm = np.linalg.norm(quaternion_wxyz, axis=-1)
+    if not np.all(np.abs(norm - 1.0) <= QUATERNION_NORM_TOLERANCE):
+        raise GeometryError(f"quaternion norm {np.ravel(norm)[np.argmax(np.abs(np.ravel(norm) - 1))]:.6g} is not 1")
+    matrix: Array = Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_matrix()
+    return matrix
+
+
+def quaternion_from_rotation(rotation: ArrayLike) -> Array:
+    """Scalar-first quaternion (..., 4) with w >= 0."""
+    quaternion: Array = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
+    return quaternion
+
+
+def transform_from_quaternion(translation_mm: ArrayLike, quaternion_wxyz: ArrayLike) -> Array:
+    """a_T_b from a translation in mm and a scalar-first quaternion, as ABB prints a pose."""
+    return transform(rotation_from_quaternion(quaternion_wxyz), translation_mm)
+
+
+def rotation_from_vector(rotation_vector_rad: ArrayLike) -> Array:
+    """exp: rotation (..., 3, 3) of a rotation vector (..., 3) in radians."""
+    matrix: Array = Rotation.from_rotvec(rotation_vector_rad).as_matrix()
+    return matrix
+
+
+def vector_from_rotation(rotation: ArrayLike) -> Array:
+    """log: rotation vector (..., 3) in radians, angle in [0, pi]."""
+    vector: Array = Rotation.from_matrix(rotation).as_rotvec()
+    return vector
+
+
+def rotation_angle_rad(rotation: ArrayLike) -> Any:
+    """Angle of a rotation (..., 3, 3) in [0, pi]; a float for one, an array for a stack."""
+    return Rotation.from_matrix(rotation).magnitude()
+
+
+def nearest_rotation(matrix: ArrayLike) -> tuple[Array, float]:
+    """The rotation nearest to a 3×3 matrix in the Frobenius norm (SVD), and that distance."""
+    matrix = np.asarray(matrix, float)
+    if not np.all(np.isfinite(matrix)):
+        raise GeometryError("a matrix with non-finite elements has no nearest rotation")
+    u, _, vt = np.linalg.svd(matrix)
+    rotation: Array = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return rotation, float(np.linalg.norm(matrix - rotation))
+
+
+def skew(vector: ArrayLike) -> Array:
+    """[v]x (..., 3, 3), so that skew(v) @ w = cross(v, w)."""
+    vector = np.asarray(vector, float)
+    result = np.zeros((*vector.shape[:-1], 3, 3))
+    result[..., 0, 1], result[..., 0, 2], result[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
+    return result - np.swapaxes(result, -1, -2)
+
+
+def difference(a_T_b: Array, a_T_c: Array) -> tuple[float, float]:
+    """How far two transforms are apart: (translation in mm, rotation in rad)."""
+    b_T_c = inverse(a_T_b) @ a_T_c
+    return float(np.linalg.norm(b_T_c[:3, 3])), float(rotation_angle_rad(b_T_c[:3, :3]))

@@ -1,0 +1,1 @@
+"""The application: settings, cell, runs, store, REST API, systemd and command line."""

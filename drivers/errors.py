@@ -1,0 +1,64 @@
+"""Errors of the drivers room. Every one says what happened, where, and what to do.
+
+DeviceError
+├── DeviceUnreachable      nobody answers at the address
+├── DeviceTimeout          connected, but no answer (or no fresh one) in time
+├── LinkLost               the connection broke while something was under way
+├── GarbledAnswer          bytes came that are not the protocol, or not a picture or cloud
+├── MoveRefused            the controller refused a move before it began; carries its status name
+└── MoveFailed             a move began and did not reach its goal
+"""
+
+
+class DeviceError(Exception):
+    """Root. `device` is the configured name and address; `code` is stable; `fix` says what to do."""
+
+    code = "device-error"
+
+    def __init__(self, device: str, what: str, fix: str) -> None:
+        self.device, self.what, self.fix = device, what, fix
+        super().__init__(f"{device}: {what}: {fix}")
+
+
+class DeviceUnreachable(DeviceError):
+    """Nobody answers at the address."""
+
+    code = "device-unreachable"
+
+
+class DeviceTimeout(DeviceError):
+    """Connected, but no answer (or no fresh one) in time."""
+
+    code = "device-timeout"
+
+
+class LinkLost(DeviceError):
+    """The connection broke while something was under way."""
+
+    code = "link-lost"
+
+
+class GarbledAnswer(DeviceError):
+    """Bytes came that are not the protocol, or not a picture or cloud."""
+
+    code = "garbled-answer"
+
+
+class MoveRefused(DeviceError):
+    """The controller refused a move before it began. `status` is the controller's status name."""
+
+    code = "move-refused"
+
+    def __init__(self, device: str, what: str, fix: str, status: str) -> None:
+        super().__init__(device, what, fix)
+        self.status = status
+
+
+class MoveFailed(DeviceError):
+    """A move began and did not reach its goal."""
+
+    code = "move-failed"
+
+    def __init__(self, device: str, what: str, fix: str, status: str) -> None:
+        super().__init__(device, what, fix)
+        self.status = status

@@ -1,0 +1,1 @@
+"""The other end of every wire, with known truth: controller, arm, camera and scanner."""
