@@ -37,7 +37,7 @@ class ViewResult:
 class Uncertainty:
     """One standard deviation of X, translation (3,) mm and rotation (3,) rad, and of a mapped point (`point_mm`).
 
-    `covariance` (6, 6) of [rotation rad, translation mm], of the perturbation mount_T_camera @ exp(.) in the camera frame.
+    `covariance` (6, 6) of [rotation rad, translation mm], of mount_T_camera @ exp(.), in the camera frame.
     """
 
     translation_mm: Array

@@ -47,7 +47,8 @@ class Charuco:
     def points_mm(self) -> Array:
         """(n, 3)"""
         inner = _grid(self.columns - 1, self.rows - 1, self.square_mm)
-        return inner + np.array([self.square_mm, self.square_mm, 0.0])
+        points: Array = inner + np.array([self.square_mm, self.square_mm, 0.0])
+        return points
 
 
 @dataclass(frozen=True)

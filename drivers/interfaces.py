@@ -17,7 +17,7 @@ UNUSED_AXIS = 9e9
 
 
 class Configuration(NamedTuple):
-    """ABB confdata: quarter turns of axes 1, 4, 6, and cfx. Echo it on a move, or the arm may choose another posture."""
+    """ABB confdata: quarter turns of axes 1, 4, 6, and cfx. Echo it on a move, or the posture may change."""
 
     cf1: int
     cf4: int
