@@ -1,0 +1,17 @@
+"""What every room's tests share."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real images, poses and clouds; the test is skipped when it is not there."""
+    folder = Path(os.environ.get("HANDEYED_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"the real data set is not at {folder}: set HANDEYED_DATA to its folder to run this test")
+    return folder
