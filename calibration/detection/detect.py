@@ -1,0 +1,33 @@
+"""From an image to the target's points in it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+from numpy.typing import NDArray
+
+from calibration.detection.charuco import detect_charuco
+from calibration.detection.chessboard import detect_chessboard
+from calibration.detection.gate import gate
+from calibration.detection.image import Grey, grey_image
+from calibration.errors import DetectionError
+from calibration.problem import Detection
+from calibration.targets import Charuco, Chessboard, Target
+
+Detector = Callable[[Grey, Any], Detection]
+
+DETECTORS: dict[type, Detector] = {Chessboard: detect_chessboard, Charuco: detect_charuco}
+
+
+def detect(image: NDArray[Any], target: Target) -> Detection:
+    """The target's points in an 8-bit image (h, w) or (h, w, 3), refined to a fraction of a pixel and gated.
+
+    Raises DetectionError; its codes are named where they are raised (`image`, each detector, `gate`).
+    """
+    grey = grey_image(image)
+    try:
+        found = DETECTORS[type(target)](grey, target)
+    except cv2.error as error:
+        what = f"OpenCV could not search the image ({error.err})"
+        raise DetectionError("not-found", what, "check the target's description and the image") from error
+    return gate(found, target, (grey.shape[1], grey.shape[0]))

@@ -1,0 +1,68 @@
+"""What every detector asks of an image, and images made smaller."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.errors import DetectionError
+from calibration.transforms import Array
+
+Grey = NDArray[np.uint8]
+
+SMALLEST_SIDE_PX = 32
+FEWEST_GREY_LEVELS = 12
+"""A target whose black and white lie closer than this cannot be told from noise."""
+
+
+def grey_image(image: NDArray[Any]) -> Grey:
+    """The image (h, w) as uint8; three channels (h, w, 3) in any order are mixed.
+
+    Raises DetectionError `image-type`, `image-shape`, `image-too-small`, `image-black`, `image-saturated`,
+    `image-flat`.
+    """
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
+        kind = f"an array of {image.dtype}" if isinstance(image, np.ndarray) else f"a {type(image).__name__}"
+        raise DetectionError("image-type", f"the image is {kind}", "give 8-bit grey or colour (uint8)")
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3)):
+        raise DetectionError(
+            "image-shape", f"the image has shape {image.shape}", "give (height, width) or (height, width, 3)"
+        )
+    if min(image.shape[:2]) < SMALLEST_SIDE_PX:
+        what = f"the image is {image.shape[1]}×{image.shape[0]} px, the least is {SMALLEST_SIDE_PX}×{SMALLEST_SIDE_PX}"
+        raise DetectionError("image-too-small", what, "check that the camera delivers whole images")
+    if image.ndim == 3:
+        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)) if image.shape[2] == 3 else image[:, :, 0]
+    grey: Grey = np.ascontiguousarray(image)
+    _require_contrast(grey[:: max(1, grey.shape[0] // 256), :: max(1, grey.shape[1] // 256)])
+    return grey
+
+
+def _require_contrast(sample: Grey) -> None:
+    dark, bright = (int(level) for level in np.percentile(sample, [0.1, 99.9]))
+    if bright < FEWEST_GREY_LEVELS:
+        raise DetectionError(
+            "image-black", f"the image is black (brightest {bright} of 255)", "check lens cap, light, exposure"
+        )
+    if dark > 255 - FEWEST_GREY_LEVELS:
+        raise DetectionError("image-saturated", f"the image is white (darkest {dark} of 255)", "shorten the exposure")
+    if bright - dark < FEWEST_GREY_LEVELS:
+        raise DetectionError(
+            "image-flat", f"the image has {bright - dark} grey levels", "check that the camera sees the target"
+        )
+
+
+def reduced(image: Grey, pixels: float) -> tuple[Grey, int]:
+    """The image made smaller by the least whole factor that leaves at most `pixels`, and that factor."""
+    factor = max(1, int(np.ceil(np.sqrt(image.size / pixels))))
+    if factor == 1:
+        return image, 1
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    cut = image[: height * factor, : width * factor]
+    return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), np.uint8), factor
+
+
+def at_full_size(points_px: Array, factor: int) -> Array:
+    """Points (n, 2) found in an image reduced by `factor`, in the full image's pixels."""
+    return (points_px + 0.5) * factor - 0.5
