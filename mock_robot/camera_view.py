@@ -1,0 +1,136 @@
+"""The picture a camera takes of a planar target, true in geometry.
+
+Every pixel's corners are mapped back through the lens onto the sheet (no bitmap is warped), and the printed edges'
+share of the pixel is computed there. Pixel (0, 0) is the centre of the first pixel, as in `CameraModel`.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.targets import Target
+from calibration.transforms import Array, transform
+from mock_robot.camera_view_coverage import CellCoverage, dot_coverage
+from mock_robot.optics import Optics, Picture, clutter, expose
+from mock_robot.printed_target import PrintedTarget, Sheet, printed
+
+TILE_PX = 192
+NODES = 14
+"""Chebyshev nodes a tile and axis: the lens's inverse is exact to 1e-9 px there for any lens that can be inverted."""
+BACK_OF_THE_SHEET = 0.9
+FAR_MM = 1e9
+
+
+def render(
+    camera: CameraModel,
+    target: Target,
+    camera_T_target: Array,
+    optics: Optics,
+    rng: np.random.Generator,
+    sheet: Sheet | None = None,
+) -> NDArray[np.uint8]:
+    """The picture (h, w). The target may lie partly or wholly outside it, behind the camera, or show its back."""
+    return expose(scene_reflectance(camera, printed(target, sheet), camera_T_target, optics, rng), optics, rng)
+
+
+def scene_reflectance(
+    camera: CameraModel, target: PrintedTarget, camera_T_target: Array, optics: Optics, rng: np.random.Generator
+) -> Picture:
+    """Reflectance (h, w) averaged over each pixel's square: the sheet before its surroundings."""
+    width, height = camera.image_size
+    scene = clutter((height, width), optics.background, rng)
+    seen_from_behind = camera_T_target[:3, 2] @ camera_T_target[:3, 3] <= 0
+    sheet_from_ray: Array = np.linalg.inv(camera_T_target[:3, [0, 1, 3]]).astype(float)
+    paint = CellCoverage(target.cells)
+    for rows, columns in _tiles(camera, target, camera_T_target):
+        u, v = _sheet_coordinates(camera, sheet_from_ray, rows, columns)
+        white, on_sheet = paint(u, v)
+        if not on_sheet.any():
+            continue
+        if seen_from_behind:
+            white = np.float32(BACK_OF_THE_SHEET) * on_sheet
+        elif target.dots is not None:
+            covered = dot_coverage(target.dots, u, v)
+            white += covered * (np.float32(target.dots.value) * on_sheet - white)
+        tile = scene[rows.start : rows.stop, columns.start : columns.stop]
+        tile *= 1 - on_sheet
+        tile += white
+    return scene
+
+
+def _tiles(camera: CameraModel, target: PrintedTarget, camera_T_target: Array) -> Iterator[tuple[range, range]]:
+    """Rows and columns of the blocks that the sheet's image may touch."""
+    width, height = camera.image_size
+    left, top, right, bottom = _bounds(camera, target, camera_T_target)
+    for y in range(top, bottom, TILE_PX):
+        for x in range(left, right, TILE_PX):
+            yield range(y, min(y + TILE_PX, bottom, height)), range(x, min(x + TILE_PX, right, width))
+
+
+def _bounds(camera: CameraModel, target: PrintedTarget, camera_T_target: Array) -> tuple[int, int, int, int]:
+    """left, top, right, bottom in px around the sheet's image; the whole picture when its outline cannot be trusted."""
+    width, height = camera.image_size
+    corners = target.outline_mm
+    along = np.linspace(0.0, 1.0, 33)[:, None]
+    outline = np.concatenate([a + along * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+    points = outline @ camera_T_target[:3, :2].T + camera_T_target[:3, 3]
+    if np.any(points[:, 2] <= 0):
+        return (0, 0, width, height) if np.any(points[:, 2] > 0) else (0, 0, 0, 0)
+    pixels = camera.project(points)
+    back = camera.normalise(pixels)
+    if not np.all(np.abs(back - points[:, :2] / points[:, 2:]) < 1e-6):
+        return 0, 0, width, height
+    low, high = np.floor(pixels.min(axis=0)) - 2, np.ceil(pixels.max(axis=0)) + 3
+    (left, top), (right, bottom) = (np.clip(edge, 0, (width, height)).astype(int) for edge in (low, high))
+    return int(left), int(top), int(right), int(bottom)
+
+
+def _sheet_coordinates(camera: CameraModel, sheet_from_ray: Array, rows: range, columns: range) -> tuple[Array, Array]:
+    """u, v in mm (h + 1, w + 1) at the corners of a block's pixels; far away where the ray misses the sheet's plane."""
+    y = np.arange(float(rows.start), rows.stop + 1) - 0.5
+    x = np.arange(float(columns.start), columns.stop + 1) - 0.5
+    ray_x, ray_y = _rays(camera, x, y)
+    u, v, w = (a * ray_x + b * ray_y + c for a, b, c in sheet_from_ray)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        hit = w > 1e-12
+        return np.where(hit, u / w, FAR_MM), np.where(hit, v / w, FAR_MM)
+
+
+def _rays(camera: CameraModel, x: Array, y: Array) -> tuple[Array, Array]:
+    """Ideal normalised coordinates on the grid x × y: Newton at Chebyshev nodes, interpolated between them."""
+    nodes = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+    node_x, node_y = _stretched(nodes, x), _stretched(nodes, y)
+    grid_x, grid_y = np.meshgrid(node_x, node_y)
+    rays = camera.normalise(np.column_stack([grid_x.ravel(), grid_y.ravel()]))
+    if np.isnan(rays).any():
+        grid_x, grid_y = np.meshgrid(x, y)
+        exact = camera.normalise(np.column_stack([grid_x.ravel(), grid_y.ravel()]))
+        return exact[:, 0].reshape(grid_x.shape), exact[:, 1].reshape(grid_x.shape)
+    along_x, along_y = _interpolation(node_x, x), _interpolation(node_y, y)
+    on_grid = rays.T.reshape(2, NODES, NODES)
+    return along_y @ on_grid[0] @ along_x.T, along_y @ on_grid[1] @ along_x.T
+
+
+def _stretched(nodes: Array, x: Array) -> Array:
+    """Nodes of [-1, 1] on the interval that x spans."""
+    stretched: Array = (x[0] + x[-1]) / 2 + nodes * (x[-1] - x[0]) / 2
+    return stretched
+
+
+def _interpolation(nodes: Array, x: Array) -> Array:
+    """(len(x), n) barycentric Lagrange weights (Berrut and Trefethen, 2004, Eq. 4.2) at Chebyshev nodes."""
+    k = np.arange(len(nodes))
+    weights = (-1.0) ** k * np.sin(np.pi * (k + 0.5) / len(nodes))
+    gaps = x[:, None] - nodes
+    gaps[gaps == 0] = 1e-300
+    terms = weights / gaps
+    matrix: Array = terms / terms.sum(axis=1, keepdims=True)
+    return matrix
+
+
+def facing(distance_mm: float, target: PrintedTarget) -> Array:
+    """camera_T_target of a sheet square in front of the camera, its middle on the axis."""
+    middle = target.outline_mm.mean(axis=0)
+    return transform(np.eye(3), [-middle[0], -middle[1], distance_mm])
