@@ -1,0 +1,82 @@
+"""Commands, statuses, flags and selectors of the CB link, as numbers with names."""
+
+from enum import IntEnum, IntFlag
+
+VERSION = 1
+"""The version of the link this code speaks."""
+
+REPLY_BIT = 0x80
+"""A reply carries its request's command with this bit set."""
+
+
+class Command(IntEnum):
+    """What a client may ask."""
+
+    PING = 1
+    HELLO = 2
+    GET_POSE = 3
+    MOVE = 4
+    STOP = 5
+    STATUS = 6
+    ARM = 7
+    GET_JOINTS = 8
+    BYE = 9
+
+
+class Status(IntEnum):
+    """How a request ended. OK and ACCEPTED are the good ones; every other reply has an empty payload."""
+
+    OK = 0
+    ACCEPTED = 1
+    UNKNOWN_CMD = 2
+    BAD_LEN = 3
+    BAD_SUM = 4
+    VERSION = 5
+    BUSY = 6
+    NOT_ARMED = 7
+    WRONG_MODE = 8
+    MOTORS_OFF = 9
+    UNREACHABLE = 10
+    OUTSIDE_BOX = 11
+    ABORTED = 12
+    MOTION_ERROR = 13
+    SPEED = 14
+    DUPLICATE_SEQ_DIFFERENT_PAYLOAD = 15
+    ESTOP = 16
+    BAD_FIELD = 17
+
+
+class Flag(IntFlag):
+    """The controller's state in 16 bits."""
+
+    MOTORS_ON = 1
+    AUTO = 2
+    ESTOP = 4
+    MOVING = 8
+    IN_POSITION = 16
+    ARMED = 32
+    TASK_RUNNING = 64
+    SPEED_LIMITED = 128
+
+
+class FrameSelector(IntEnum):
+    """Which tool and work object a pose is asked in."""
+
+    TOOL0_WOBJ0 = 0
+    CELL = 1
+
+
+class MoveKind(IntEnum):
+    """Interpolation: J between joint angles, L along a line."""
+
+    JOINT = 1
+    LINEAR = 2
+
+
+class Capability(IntFlag):
+    """What a controller says it can do, in its HELLO reply."""
+
+    MOVES = 1
+    STOPS_DURING_MOTION = 2
+    JOINTS = 4
+    ANNOUNCES_END_OF_MOVE = 8

@@ -1,0 +1,304 @@
+"""Every message of the CB link as a frozen dataclass, and the table that says how each lies in its payload.
+
+Millimetres, degrees, quaternions (w, x, y, z); little-endian; every real number is a float32 on the wire.
+"""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from protocols.cb.codes import Capability, Command, Flag, FrameSelector, MoveKind, Status
+from protocols.cb.errors import FieldOutOfRange, PayloadRefused
+
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+Six = tuple[float, float, float, float, float, float]
+FourQuarters = tuple[int, int, int, int]
+
+_STATUS_NAMES = {int(status): status.name for status in Status}
+
+T_MS_WRAP = 8_000_000
+"""The controller's milliseconds since HELLO wrap here: RAPID's num is exact only to 2^23."""
+
+
+@dataclass(frozen=True)
+class Ping:
+    """Are you there? Also the heartbeat."""
+
+
+@dataclass(frozen=True)
+class Hello:
+    """The client's versions and its id; the first request of every connection. A `version_max` of 0 means the min."""
+
+    version_min: int
+    version_max: int
+    client_id: int
+    flags: int = 0
+
+    def speaks(self, version: int) -> bool:
+        """Is `version` among the client's?"""
+        return self.version_min <= version <= (self.version_max or self.version_min)
+
+
+@dataclass(frozen=True)
+class GetPose:
+    """Where does the flange (or the cell's tool) stand?"""
+
+    frame: FrameSelector = FrameSelector.TOOL0_WOBJ0
+
+
+@dataclass(frozen=True)
+class Move:
+    """Go there and stop there. `configuration` is confdata, `external_axes` in degrees or mm, 9e9 where unused."""
+
+    position_mm: Three
+    quaternion_wxyz: Four
+    configuration: FourQuarters
+    external_axes: Six
+    speed_mm_s: float
+    kind: MoveKind
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Stop now and drop the move."""
+
+
+@dataclass(frozen=True)
+class GetStatus:
+    """Flags, and how far the last move came."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Allow or forbid motion, in this session."""
+
+    session: int
+    armed: bool
+
+
+@dataclass(frozen=True)
+class GetJoints:
+    """At which angles do the axes stand?"""
+
+
+@dataclass(frozen=True)
+class Bye:
+    """The client leaves; the controller disarms."""
+
+
+@dataclass(frozen=True)
+class Pong:
+    """The answer to PING."""
+
+
+@dataclass(frozen=True)
+class Welcome:
+    """The answer to HELLO. A `session` that differs from the last one means that the controller restarted."""
+
+    version: int
+    capabilities: Capability
+    session: int
+    build: int
+    rawbytes_max: int
+    robot_axes: int
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The answer to GET_POSE. `t_ms` counts from HELLO and wraps at 8 000 000."""
+
+    position_mm: Three
+    quaternion_wxyz: Four
+    configuration: FourQuarters
+    external_axes: Six
+    t_ms: int
+    flags: Flag
+
+
+@dataclass(frozen=True)
+class MoveAccepted:
+    """The move begins; STATUS tells when it ended. Its status is ACCEPTED, not OK."""
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """The answer to STOP."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """The answer to STATUS. The last move that ended, by its seq and its result; the progress of the one that runs.
+
+    `finished_seq` is 0 when no move ended in this session; `progress_per_mille` is 1000 when none runs.
+    """
+
+    flags: Flag
+    finished_seq: int
+    finished_status: int
+    progress_per_mille: int
+    t_ms: int
+
+
+@dataclass(frozen=True)
+class ArmingDone:
+    """The answer to ARM."""
+
+
+@dataclass(frozen=True)
+class Joints:
+    """The answer to GET_JOINTS: six arm axes in degrees, six external axes (9e9 where unused)."""
+
+    axes_deg: Six
+    external_axes: Six
+
+
+@dataclass(frozen=True)
+class Farewell:
+    """The answer to BYE."""
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The answer to any request that was not done, and why. `status` is a plain number when it has no name here."""
+
+    status: int
+
+    @property
+    def name(self) -> str:
+        """The status's name, or its number."""
+        return _STATUS_NAMES.get(self.status, str(self.status))
+
+
+Request = Ping | Hello | GetPose | Move | Stop | GetStatus | Arm | GetJoints | Bye
+Answer = Pong | Welcome | Pose | MoveAccepted | Stopped | Report | ArmingDone | Joints | Farewell
+Reply = Answer | Refused
+
+
+@dataclass(frozen=True)
+class _Field:
+    name: str
+    layout: str
+    convert: Callable[[Any], Any] | None = None
+
+
+def _boolean(number: int) -> bool:
+    if number not in (0, 1):
+        raise ValueError(f"{number} is neither 0 nor 1")
+    return bool(number)
+
+
+_POSE = (
+    _Field("position_mm", "3f"),
+    _Field("quaternion_wxyz", "4f"),
+    _Field("configuration", "4h"),
+    _Field("external_axes", "6f"),
+)
+
+_FIELDS: dict[type[Any], tuple[_Field, ...]] = {
+    Ping: (),
+    Hello: (_Field("version_min", "H"), _Field("version_max", "H"), _Field("client_id", "H"), _Field("flags", "H")),
+    GetPose: (_Field("frame", "H", FrameSelector),),
+    Move: (*_POSE, _Field("speed_mm_s", "f"), _Field("kind", "Hxx", MoveKind)),
+    Stop: (),
+    GetStatus: (),
+    Arm: (_Field("session", "H"), _Field("armed", "H", _boolean)),
+    GetJoints: (),
+    Bye: (),
+    Pong: (),
+    Welcome: (
+        _Field("version", "H"),
+        _Field("capabilities", "H", Capability),
+        _Field("session", "H"),
+        _Field("build", "H"),
+        _Field("rawbytes_max", "H"),
+        _Field("robot_axes", "H"),
+    ),
+    Pose: (*_POSE, _Field("t_ms", "I"), _Field("flags", "Hxx", Flag)),
+    MoveAccepted: (),
+    Stopped: (),
+    Report: (
+        _Field("flags", "H", Flag),
+        _Field("finished_seq", "H"),
+        _Field("finished_status", "H"),
+        _Field("progress_per_mille", "H"),
+        _Field("t_ms", "I"),
+    ),
+    ArmingDone: (),
+    Joints: (_Field("axes_deg", "6f"), _Field("external_axes", "6f")),
+    Farewell: (),
+}
+
+_STRUCTS = {kind: struct.Struct("<" + "".join(f.layout for f in fields)) for kind, fields in _FIELDS.items()}
+
+REQUESTS: dict[Command, type[Request]] = {
+    Command.PING: Ping,
+    Command.HELLO: Hello,
+    Command.GET_POSE: GetPose,
+    Command.MOVE: Move,
+    Command.STOP: Stop,
+    Command.STATUS: GetStatus,
+    Command.ARM: Arm,
+    Command.GET_JOINTS: GetJoints,
+    Command.BYE: Bye,
+}
+"""Which request a command is."""
+
+ANSWERS: dict[Command, type[Answer]] = {
+    Command.PING: Pong,
+    Command.HELLO: Welcome,
+    Command.GET_POSE: Pose,
+    Command.MOVE: MoveAccepted,
+    Command.STOP: Stopped,
+    Command.STATUS: Report,
+    Command.ARM: ArmingDone,
+    Command.GET_JOINTS: Joints,
+    Command.BYE: Farewell,
+}
+"""Which answer a command gets when it is done."""
+
+COMMAND_OF: dict[type[Any], Command] = {
+    kind: command for table in (REQUESTS, ANSWERS) for command, kind in table.items()
+}
+"""The command a message belongs to, requests and answers alike."""
+
+
+def good_status(answer: Answer) -> Status:
+    """The status an answer travels with."""
+    return Status.ACCEPTED if isinstance(answer, MoveAccepted) else Status.OK
+
+
+def pack(message: Request | Answer) -> bytes:
+    """The payload of a message; raises FieldOutOfRange."""
+    kind = type(message)
+    values: list[Any] = []
+    for field in _FIELDS[kind]:
+        value = getattr(message, field.name)
+        values += value if isinstance(value, tuple) else (value,)
+    try:
+        return _STRUCTS[kind].pack(*values)
+    except (struct.error, OverflowError) as error:
+        raise FieldOutOfRange(kind.__name__, str(error)) from error
+
+
+def unpack(kind: type[Any], payload: bytes) -> Any:
+    """The message of type `kind` in a payload; raises PayloadRefused."""
+    layout = _STRUCTS[kind]
+    if len(payload) != layout.size:
+        raise PayloadRefused(kind.__name__, f"{len(payload)} bytes instead of {layout.size}", Status.BAD_LEN)
+    values = iter(layout.unpack(payload))
+    fields: dict[str, Any] = {}
+    for field in _FIELDS[kind]:
+        count = int(field.layout[:-1]) if field.layout[0].isdigit() else 1
+        value = tuple(next(values) for _ in range(count)) if count > 1 else next(values)
+        try:
+            fields[field.name] = field.convert(value) if field.convert else value
+        except ValueError as error:
+            raise PayloadRefused(kind.__name__, f"{field.name}: {error}", Status.BAD_FIELD) from error
+    return kind(**fields)
+
+
+def payload_bytes(kind: type[Any]) -> int:
+    """How long the payload of a message type is."""
+    return _STRUCTS[kind].size
