@@ -1,0 +1,117 @@
+"""plan.json: in and out of `handeyed plan FILE --json` and `handeyed assess FILE --json`."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+
+from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.session import CameraDocument
+from calibration.documents.target import TargetDocument
+from calibration.documents.validation import Document
+from calibration.planning.plan import Plan
+from calibration.planning.viewpoints import Limits
+from calibration.prediction import ExpectedNoise, Prediction, Scene
+
+
+class NoiseExpectedDocument(Document):
+    """One standard deviation per axis; the defaults are a good camera and a good robot."""
+
+    image_px: PositiveFloat = 0.05
+    robot_rotation_deg: NonNegativeFloat = 0.005
+    robot_translation_mm: NonNegativeFloat = 0.05
+
+    def noise(self) -> ExpectedNoise:
+        return ExpectedNoise(self.image_px, float(np.deg2rad(self.robot_rotation_deg)), self.robot_translation_mm)
+
+
+class LimitsDocument(Document):
+    """Where the planner may look from; see `calibration.planning.viewpoints.Limits`."""
+
+    tilt_deg: Annotated[float, Field(gt=0, le=75)] = 45.0
+    roll_deg: Annotated[float, Field(ge=0, le=180)] = 180.0
+    distance_mm: tuple[PositiveFloat, PositiveFloat] = (450.0, 750.0)
+    box_mm: tuple[Vector, Vector] | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "LimitsDocument":
+        if self.distance_mm[0] > self.distance_mm[1]:
+            raise ValueError("distance_mm is [nearest, furthest]")
+        if self.box_mm is not None and any(
+            low >= high for low, high in zip(self.box_mm[0], self.box_mm[1], strict=True)
+        ):
+            raise ValueError("box_mm is [[xmin, ymin, zmin], [xmax, ymax, zmax]]")
+        return self
+
+    def limits(self) -> Limits:
+        box = None if self.box_mm is None else np.array(self.box_mm)
+        return Limits(float(np.deg2rad(self.tilt_deg)), float(np.deg2rad(self.roll_deg)), self.distance_mm, box)
+
+
+class PlanDocument(Document):
+    """The question. `views` are poses somebody else chose (assess); `robot` names an arm whose reach is checked."""
+
+    schema_version: Literal[1]
+    target: TargetDocument
+    camera: CameraDocument
+    flange_T_camera_guess: PoseDocument
+    base_T_target_guess: PoseDocument
+    noise: NoiseExpectedDocument = NoiseExpectedDocument()
+    limits: LimitsDocument = LimitsDocument()
+    poses: Annotated[int, Field(ge=3, le=60)] = 3
+    robot: str | None = None
+    views: list[PoseDocument] | None = None
+
+    def scene(self) -> Scene:
+        return Scene(
+            "eye-in-hand",
+            self.target.target(),
+            self.camera.camera(),
+            self.flange_T_camera_guess.transform(),
+            self.base_T_target_guess.transform(),
+            self.noise.noise(),
+        )
+
+
+class PredictedDocument(Document):
+    """One standard deviation of X; null where the poses do not determine it."""
+
+    point_mm: float | None
+    translation_mm: Vector | None
+    rotation_deg: Vector | None
+
+    @classmethod
+    def of(cls, prediction: Prediction) -> "PredictedDocument":
+        if not np.isfinite(prediction.point_mm):
+            return cls(point_mm=None, translation_mm=None, rotation_deg=None)
+        x, y, z = prediction.translation_mm.tolist()
+        a, b, c = np.rad2deg(prediction.rotation_rad).tolist()
+        return cls(point_mm=prediction.point_mm, translation_mm=(x, y, z), rotation_deg=(a, b, c))
+
+
+class PlannedPoseDocument(Document):
+    """A pose to take, and the share of the target's points that should be in the image there."""
+
+    base_T_flange: PoseDocument
+    target_in_view: float
+
+
+class PlannedDocument(Document):
+    """The answer."""
+
+    poses: list[PlannedPoseDocument]
+    predicted: PredictedDocument
+
+    @classmethod
+    def of(cls, plan: Plan) -> "PlannedDocument":
+        poses = [
+            PlannedPoseDocument(base_T_flange=PoseDocument.of(pose), target_in_view=float(share))
+            for pose, share in zip(plan.base_T_flange, plan.target_in_view, strict=True)
+        ]
+        return cls(poses=poses, predicted=PredictedDocument.of(plan.predicted))
+
+
+class AssessedDocument(Document):
+    """What `assess` answers."""
+
+    predicted: PredictedDocument

@@ -1,0 +1,57 @@
+"""From a scene and limits to the poses a run should take, and what they will tell of X."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.errors import CalibrationError
+from calibration.planning.route import ordered
+from calibration.planning.selection import Reachable, Search, best_set
+from calibration.planning.viewpoints import Limits, target_in_view
+from calibration.prediction import Prediction, Scene, predict, view_information
+from calibration.transforms import Array
+
+
+class PlanningError(CalibrationError):
+    """No set of poses satisfies the limits. `what` and `fix` are for people."""
+
+    def __init__(self, what: str, fix: str) -> None:
+        self.what, self.fix = what, fix
+        super().__init__(f"{what}: {fix}")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """`base_T_flange` (n, 4, 4) in the order to visit; `target_in_view` (n,); `predicted` counts views taken before."""
+
+    base_T_flange: Array
+    target_in_view: Array
+    predicted: Prediction
+
+
+def plan_poses(
+    scene: Scene,
+    limits: Limits,
+    count: int,
+    *,
+    start: Array | None = None,
+    taken: Array | None = None,
+    reachable: Reachable | None = None,
+    seed: int = 1,
+) -> Plan:
+    """The `count` poses that, with those already `taken` (m, 4, 4), determine X best.
+
+    `start` (4, 4) is where the flange stands now. The same input gives the same plan. Raises PlanningError.
+    """
+    size = 21 if scene.intrinsics_free else 12
+    known = np.zeros((size, size)) if taken is None else view_information(scene, taken).sum(axis=0)
+    chosen = best_set(Search(scene, limits, reachable, np.random.default_rng(seed)), count, known)
+    poses = chosen.base_T_flange
+    if len(poses) < count:
+        raise PlanningError(
+            f"only {len(poses)} of {count} poses are within the limits",
+            "widen tilt, distance or box, bring the target nearer to the middle of the box, or correct the guesses",
+        )
+    poses = poses[ordered(poses, start)]
+    every = poses if taken is None else np.concatenate([taken, poses])
+    return Plan(poses, target_in_view(scene, poses), predict(scene, every))

@@ -1,0 +1,105 @@
+"""Where a camera may look at the target from: six numbers a viewpoint, and the robot pose that takes it there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.prediction import Scene
+from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of the search.
+
+    tilt_rad : largest angle between the board's normal and the ray to the camera.
+    roll_rad : largest turn of the camera about that ray, from the board standing upright in the image.
+    distance_mm : camera to the middle of the board, nearest and furthest.
+    box_mm : (2, 3) lower and upper corner for the flange in the base, or None.
+    image_margin : share of the image's width kept free around the target, for a guess that is a little off.
+    """
+
+    tilt_rad: float
+    roll_rad: float
+    distance_mm: tuple[float, float]
+    box_mm: Array | None = None
+    image_margin: float = 0.04
+
+
+PARAMETERS = ("tilt_x_rad", "tilt_y_rad", "roll_rad", "distance_mm", "aim_x", "aim_y")
+"""A viewpoint; aim is where the target's middle is meant to lie, in shares of half the image from its middle."""
+
+AIM_LIMIT = 0.4
+
+
+def random_viewpoints(limits: Limits, count: int, rng: np.random.Generator) -> Array:
+    """(count, 6), spread evenly over what `limits` allow."""
+    tilt = limits.tilt_rad * np.sqrt(rng.random(count))
+    azimuth = rng.uniform(-np.pi, np.pi, count)
+    return np.column_stack(
+        [
+            tilt * np.cos(azimuth),
+            tilt * np.sin(azimuth),
+            rng.uniform(-limits.roll_rad, limits.roll_rad, count),
+            rng.uniform(*limits.distance_mm, count),
+            rng.uniform(-AIM_LIMIT, AIM_LIMIT, (count, 2)),
+        ]
+    )
+
+
+def clipped(limits: Limits, viewpoints: Array) -> Array:
+    """The nearest viewpoints (n, 6) within the limits."""
+    result = viewpoints.copy()
+    tilt = np.linalg.norm(result[:, :2], axis=1, keepdims=True)
+    result[:, :2] *= np.minimum(1.0, limits.tilt_rad / np.maximum(tilt, 1e-12))
+    result[:, 2] = np.clip(result[:, 2], -limits.roll_rad, limits.roll_rad)
+    result[:, 3] = np.clip(result[:, 3], *limits.distance_mm)
+    result[:, 4:] = np.clip(result[:, 4:], -AIM_LIMIT, AIM_LIMIT)
+    return result
+
+
+def flange_poses(scene: Scene, viewpoints: Array) -> Array:
+    """base_T_flange (n, 4, 4) that takes the camera to each viewpoint, if the guesses hold."""
+    target_T_camera = inverse(camera_T_target(scene, viewpoints))
+    anchor_T_mount = scene.anchor_T_target @ target_T_camera @ inverse(scene.mount_T_camera)
+    base_T_flange: Array = anchor_T_mount if scene.setup == "eye-in-hand" else inverse(anchor_T_mount)
+    return base_T_flange
+
+
+def camera_T_target(scene: Scene, viewpoints: Array) -> Array:
+    """(n, 4, 4)"""
+    tilts = np.column_stack([viewpoints[:, :2], np.zeros(len(viewpoints))])
+    rolls = np.column_stack([np.zeros((len(viewpoints), 2)), viewpoints[:, 2]])
+    rotation = rotation_from_vector(rolls) @ rotation_from_vector(tilts)
+    width, height = scene.camera.image_size
+    aim_px = (viewpoints[:, 4:] + 1) / 2 * [width - 1, height - 1]
+    ray = np.column_stack([scene.camera.normalise(aim_px), np.ones(len(viewpoints))])
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    # Tilt is meant towards the ray, not the optical axis: turn the board with the ray.
+    towards_ray = rotation_from_vector(np.cross([0.0, 0.0, 1.0], ray))
+    centre_target = scene.target.points_mm.mean(axis=0)
+    turned = towards_ray @ rotation
+    return transform(turned, viewpoints[:, 3:4] * ray - turned @ centre_target)
+
+
+def target_in_view(scene: Scene, base_T_flange: Array, margin: float = 0.0) -> Array:
+    """Share (n,) of the target's points that lie in the image, at least `margin` of its width from the border."""
+    points = map_points(scene.camera_T_target(base_T_flange), scene.target.points_mm)
+    n, m = points.shape[:2]
+    pixels = scene.camera.project(points.reshape(-1, 3)).reshape(n, m, 2)
+    border = margin * scene.camera.image_size[0]
+    upper = np.array(scene.camera.image_size) - 1 - border
+    with np.errstate(invalid="ignore"):
+        inside = np.all((pixels >= border) & (pixels <= upper), axis=-1)
+    share: Array = inside.mean(axis=1)
+    return share
+
+
+def allowed(scene: Scene, limits: Limits, base_T_flange: Array) -> NDArray[np.bool_]:
+    """(n,) bool: the whole target in the image with margin, and the flange in the box."""
+    result: NDArray[np.bool_] = target_in_view(scene, base_T_flange, limits.image_margin) == 1.0
+    if limits.box_mm is not None:
+        origin = base_T_flange[:, :3, 3]
+        result &= np.all((origin >= limits.box_mm[0]) & (origin <= limits.box_mm[1]), axis=1)
+    return result
