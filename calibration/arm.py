@@ -1,0 +1,346 @@
+"""Kinematics of a 6-axis arm with a spherical wrist, ABB's conventions, millimetres and radians.
+
+All joints zero: lower arm upright, forearm straight ahead, `flange` is tool0, its z out of the mounting face.
+The wrist centre is decoupled after Pieper; the eight closed-form branches are numbered as ABB's cfx (RAPID
+reference, confdata), so that a branch is found by its configuration and not by search.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibration.errors import CalibrationError, GeometryError
+from calibration.transforms import Array, transform
+
+LIMIT_SLACK_RAD = 1e-7
+"""A joint this far beyond its limit still counts as inside: float32 on the wire may push it there."""
+QUADRANT_SLACK_RAD = 1e-4
+"""A joint this near a quarter turn counts as on either side: the wire's rounding must not change the posture."""
+SINGULAR_EXACT = 1e-10
+SINGULAR_ON_THE_WIRE = 1e-6
+"""Below this sine of axis 5 a float32 quaternion no longer tells axis 4 from axis 6."""
+
+RIGID_TOLERANCE = 1e-6
+_BEHIND_AXIS_1, _BEHIND_LOWER_ARM, _AXIS_5_NEGATIVE = 4, 2, 1
+_CFX = np.arange(8)
+_FRONT = np.where(_CFX & _BEHIND_AXIS_1, -1.0, 1.0)
+_ELBOW = np.where(_CFX & _BEHIND_LOWER_ARM, -1.0, 1.0)
+_WRIST = np.where(_CFX & _AXIS_5_NEGATIVE, -1.0, 1.0)
+_TOOL0_IN_AXIS_6 = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # 90° about y
+
+
+class Configuration(NamedTuple):
+    """ABB confdata: quarter turns of axes 1, 4 and 6, and cfx 0..7.
+
+    cfx = 4 (wrist centre behind axis 1) + 2 (behind the lower arm) + 1 (axis 5 negative).
+    """
+
+    cf1: int
+    cf4: int
+    cf6: int
+    cfx: int
+
+
+class PoseRefused(CalibrationError):
+    """The arm cannot stand there. `what` and `fix` are for people."""
+
+    def __init__(self, what: str, fix: str) -> None:
+        self.what, self.fix = what, fix
+        super().__init__(f"{what}: {fix}")
+
+
+class OutOfReach(PoseRefused):
+    """The wrist centre is `excess_mm` too far out, or too near the shoulder."""
+
+    def __init__(self, arm: str, excess_mm: float, too_near: bool) -> None:
+        self.excess_mm, self.too_near = excess_mm, too_near
+        where, fix = ("too near to the shoulder", "away from") if too_near else ("beyond the reach", "towards")
+        super().__init__(f"wrist centre {excess_mm:.1f} mm {where} of {arm}", f"move the pose {fix} the robot")
+
+
+class OutsideJointLimits(PoseRefused):
+    """Reachable by length, but axis `axis` (1..6) would stand `excess_rad` beyond its limit at best."""
+
+    def __init__(self, arm: str, axis: int, excess_rad: float) -> None:
+        self.axis, self.excess_rad = axis, excess_rad
+        super().__init__(
+            f"axis {axis} of {arm} would stand {np.degrees(excess_rad):.2f}° beyond its limit",
+            "turn or shift the pose so that this axis has to travel less",
+        )
+
+
+class OtherConfiguration(PoseRefused):
+    """Reachable, but not in the configuration asked for; `available` lists those in which it is."""
+
+    def __init__(self, wanted: Configuration, available: tuple[Configuration, ...]) -> None:
+        self.wanted, self.available = wanted, available
+        listed = ", ".join(str([*c]) for c in available)
+        super().__init__(f"pose not reachable with configuration {[*wanted]}", f"use one of {listed}")
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Lengths in mm, limits in rad, axis speeds in rad/s, as published for the arm.
+
+    `shoulder_forward_mm`, `shoulder_height_mm`: axis 2 from the base; `elbow_up_mm`: axis 4 above axis 3.
+    """
+
+    name: str
+    shoulder_forward_mm: float
+    shoulder_height_mm: float
+    lower_arm_mm: float
+    elbow_up_mm: float
+    forearm_mm: float
+    flange_mm: float
+    lower_rad: tuple[float, ...]
+    upper_rad: tuple[float, ...]
+    speed_rad_s: tuple[float, ...]
+
+    @cached_property
+    def _elbow_to_wrist(self) -> tuple[float, float]:
+        """Length of elbow to wrist centre, and its angle from the vertical at home."""
+        return float(np.hypot(self.forearm_mm, self.elbow_up_mm)), float(np.arctan2(self.forearm_mm, self.elbow_up_mm))
+
+    def forward(self, joints_rad: ArrayLike) -> Array:
+        """base_T_flange (..., 4, 4) of joints (..., 6)."""
+        q = _joints(joints_rad)
+        rotation = _rz(q[..., 0]) @ _ry(q[..., 1] + q[..., 2]) @ _rx(q[..., 3]) @ _ry(q[..., 4]) @ _rx(q[..., 5])
+        rotation = rotation @ _TOOL0_IN_AXIS_6
+        return transform(rotation, self.skeleton(q)[..., 3, :])
+
+    def skeleton(self, joints_rad: ArrayLike) -> Array:
+        """Shoulder (axis 2), elbow (axis 3), wrist centre and flange in the base (..., 4, 3) mm."""
+        q = _joints(joints_rad)
+        reach, rest = self._elbow_to_wrist
+        bend = q[..., 1] + q[..., 2]
+        forward = np.full(q.shape[:-1], self.shoulder_forward_mm)
+        up = np.full(q.shape[:-1], self.shoulder_height_mm)
+        plane = np.stack(
+            [
+                np.stack([forward, up], -1),
+                np.stack(
+                    [forward + self.lower_arm_mm * np.sin(q[..., 1]), up + self.lower_arm_mm * np.cos(q[..., 1])], -1
+                ),
+            ],
+            -2,
+        )
+        wrist = plane[..., 1, :] + reach * np.stack([np.sin(rest + bend), np.cos(rest + bend)], -1)
+        plane = np.concatenate([plane, wrist[..., None, :]], -2)
+        c, s = np.cos(q[..., :1]), np.sin(q[..., :1])
+        points = np.stack([plane[..., 0] * c, plane[..., 0] * s, plane[..., 1]], -1)
+        ahead = (_rz(q[..., 0]) @ _ry(bend) @ _rx(q[..., 3]) @ _ry(q[..., 4]))[..., 0]
+        return np.concatenate([points, (points[..., 2, :] + self.flange_mm * ahead)[..., None, :]], -2)
+
+    def branches(
+        self, base_T_flange: ArrayLike, near_rad: ArrayLike | None = None, singular: float = SINGULAR_EXACT
+    ) -> Array:
+        """All eight closed-form solutions (..., 8, 6) of poses (..., 4, 4), row = cfx, angles in (-pi, pi].
+
+        Joint limits are not looked at; rows out of reach are NaN. Where the wrist is stretched (sine of axis 5 below
+        `singular`) or the wrist centre stands on axis 1, the free joint is taken from `near_rad` (default zeros).
+        """
+        pose = _poses(base_T_flange)
+        near = np.zeros(6) if near_rad is None else _joints(near_rad)
+        wrist = pose[..., :3, 3] - self.flange_mm * pose[..., :3, 2]
+        q1, q2, q3 = self._positioning(wrist, near)
+        base_R_forearm = _rz(q1) @ _ry(q2 + q3)
+        tool = pose[..., None, :3, :3] @ _TOOL0_IN_AXIS_6.T
+        m = np.swapaxes(base_R_forearm, -1, -2) @ tool  # Rx(q4) Ry(q5) Rx(q6)
+        free = np.hypot(m[..., 1, 0], m[..., 2, 0]) < singular
+        q4 = np.where(free, near[..., None, 3], np.arctan2(_WRIST * m[..., 1, 0], -_WRIST * m[..., 2, 0]))
+        n = np.swapaxes(_rx(q4), -1, -2) @ m  # Ry(q5) Rx(q6): the rest is exact even where q4 is free
+        q5 = np.arctan2(-n[..., 2, 0], n[..., 0, 0])
+        q6 = np.arctan2(-n[..., 1, 2], n[..., 1, 1])
+        return _wrapped(np.stack([q1, q2, q3, q4, q5, q6], -1))
+
+    def _positioning(self, wrist: Array, near: Array) -> tuple[Array, Array, Array]:
+        """Axes 1 to 3 (..., 8) that bring the wrist centre there; NaN where the arm is too short or too long."""
+        reach, rest = self._elbow_to_wrist
+        radius = np.hypot(wrist[..., 0], wrist[..., 1])[..., None]
+        azimuth = np.where(radius < 1e-9, near[..., :1], np.arctan2(wrist[..., 1], wrist[..., 0])[..., None])
+        q1 = azimuth + np.where(_FRONT > 0, 0.0, np.pi)
+        forward = _FRONT * radius - self.shoulder_forward_mm
+        up = (wrist[..., 2] - self.shoulder_height_mm)[..., None]
+        cosine = (forward**2 + up**2 - self.lower_arm_mm**2 - reach**2) / (2 * self.lower_arm_mm * reach)
+        bend = _ELBOW * np.arccos(np.clip(cosine, -1.0, 1.0))
+        bend = np.where(np.abs(cosine) > 1.0 + 1e-12, np.nan, bend)
+        q2 = np.arctan2(forward, up) - np.arctan2(reach * np.sin(bend), self.lower_arm_mm + reach * np.cos(bend))
+        return q1, q2, bend - rest
+
+    def inverse(self, base_T_flange: ArrayLike, near_rad: ArrayLike | None = None) -> Array:
+        """Every joint vector (n, 6), n >= 1, within the limits that brings the flange there, turns included.
+
+        Raises OutOfReach or OutsideJointLimits when there is none.
+        """
+        return self._within_limits(np.asarray(base_T_flange, float), near_rad, SINGULAR_EXACT)
+
+    def nearest(self, base_T_flange: ArrayLike, joints_now_rad: ArrayLike) -> Array:
+        """The solution (6,) whose largest joint travel from `joints_now_rad` is smallest. Raises as `inverse`."""
+        now = _joints(joints_now_rad)
+        solutions = self._within_limits(np.asarray(base_T_flange, float), now, SINGULAR_ON_THE_WIRE)
+        best: Array = solutions[np.argmin(np.abs(solutions - now).max(-1))]
+        return best
+
+    def matching(
+        self, base_T_flange: ArrayLike, configuration: tuple[int, int, int, int], near_rad: ArrayLike | None = None
+    ) -> Array:
+        """The solution (6,) in that configuration, nearest to `near_rad` where the slack leaves a choice.
+
+        Raises as `inverse`, and OtherConfiguration when the pose can only be reached with another one.
+        """
+        wanted = Configuration(*configuration)
+        near = _middle_of(wanted) if near_rad is None else _joints(near_rad)
+        solutions = self._within_limits(np.asarray(base_T_flange, float), near, SINGULAR_ON_THE_WIRE)
+        fitting = solutions[[self._answers(joints, wanted) for joints in solutions]]
+        if not len(fitting):
+            raise OtherConfiguration(wanted, tuple(dict.fromkeys(self.configuration(joints) for joints in solutions)))
+        best: Array = fitting[np.argmin(np.abs(fitting - near).max(-1))]
+        return best
+
+    def configuration(self, joints_rad: ArrayLike) -> Configuration:
+        """ABB confdata of joints (6,)."""
+        q = _joints(joints_rad)
+        cf1, cf4, cf6 = (int(np.floor(q[axis] / (np.pi / 2))) for axis in (0, 3, 5))
+        bits = (_BEHIND_AXIS_1, _BEHIND_LOWER_ARM, _AXIS_5_NEGATIVE)
+        cfx = sum(bit for bit, side in zip(bits, self._sides(q), strict=True) if side < 0)
+        return Configuration(cf1, cf4, cf6, cfx)
+
+    def singularity_clearance(self, joints_rad: ArrayLike) -> Array:
+        """How far joints (..., 6) are from the nearest singularity: 0 on it, at most 1 (dimensionless).
+
+        The smallest of |sin axis 5|, |sin| of the angle between lower arm and forearm, and the wrist centre's
+        distance from axis 1 over the reach.
+        """
+        clearance: Array = np.abs(self._sides(_joints(joints_rad))).min(-1)
+        return clearance
+
+    @property
+    def reach_mm(self) -> float:
+        """Wrist centre from axis 1 with the arm stretched forward, the reach in the arm's name."""
+        return self.shoulder_forward_mm + self.lower_arm_mm + self._elbow_to_wrist[0]
+
+    def require_within_limits(self, joints_rad: ArrayLike) -> None:
+        """Raises OutsideJointLimits naming the axis that is furthest beyond."""
+        excess = self._excess_rad(_joints(joints_rad))
+        if excess.max() > LIMIT_SLACK_RAD:
+            raise OutsideJointLimits(self.name, int(excess.argmax()) + 1, float(excess.max()))
+
+    def _sides(self, q: Array) -> Array:
+        """Signed clearances (..., 3): wrist before axis 1, wrist before the lower arm, axis 5."""
+        reach, rest = self._elbow_to_wrist
+        bend = q[..., 1] + q[..., 2] + rest
+        forward = self.shoulder_forward_mm + self.lower_arm_mm * np.sin(q[..., 1]) + reach * np.sin(bend)
+        return np.stack([forward / self.reach_mm, np.sin(q[..., 2] + rest), np.sin(q[..., 4])], -1)
+
+    def _answers(self, joints: Array, wanted: Configuration) -> bool:
+        """Do these joints stand in that configuration, to within the wire's rounding?"""
+        quarters = joints[[0, 3, 5]] / (np.pi / 2) - np.array(wanted[:3])
+        slack = QUADRANT_SLACK_RAD
+        in_quadrants = np.all((quarters >= -slack) & (quarters <= 1 + slack))
+        bits = np.array([wanted.cfx & _BEHIND_AXIS_1, wanted.cfx & _BEHIND_LOWER_ARM, wanted.cfx & _AXIS_5_NEGATIVE])
+        return bool(in_quadrants and np.all(np.where(bits, -1, 1) * self._sides(joints) >= -slack))
+
+    def _excess_rad(self, joints: Array) -> Array:
+        excess: Array = np.maximum(np.array(self.lower_rad) - joints, joints - np.array(self.upper_rad))
+        return excess
+
+    def _within_limits(self, base_T_flange: Array, near_rad: ArrayLike | None, singular: float) -> Array:
+        branches = self.branches(base_T_flange, near_rad, singular)
+        if branches.ndim != 2:
+            raise GeometryError(f"one pose (4, 4) expected, got {base_T_flange.shape}; use branches for stacks")
+        reachable = branches[np.isfinite(branches).all(-1)]
+        if not len(reachable):
+            raise self._out_of_reach(base_T_flange)
+        solutions = [turned for joints in reachable for turned in self._turns(joints)]
+        if not solutions:
+            least = min((self._least_excess(joints) for joints in reachable), key=np.max)
+            raise OutsideJointLimits(self.name, int(least.argmax()) + 1, float(least.max()))
+        return _distinct(np.array(solutions))
+
+    def _turns(self, joints: Array) -> list[Array]:
+        """The same posture with whole turns added wherever the limits allow."""
+        choices = []
+        for angle, low, high in zip(joints, self.lower_rad, self.upper_rad, strict=True):
+            turned = angle + 2 * np.pi * np.arange(-2, 3)
+            choices.append(turned[(turned >= low - LIMIT_SLACK_RAD) & (turned <= high + LIMIT_SLACK_RAD)])
+        return [np.array(combination) for combination in product(*choices)]
+
+    def _least_excess(self, joints: Array) -> Array:
+        """Per axis, how far beyond its limits the best turn of the angle is."""
+        least: Array = self._excess_rad(joints + 2 * np.pi * np.arange(-2, 3)[:, None]).min(0)
+        return least
+
+    def _out_of_reach(self, base_T_flange: Array) -> OutOfReach:
+        wrist = base_T_flange[:3, 3] - self.flange_mm * base_T_flange[:3, 2]
+        reach, _ = self._elbow_to_wrist
+        up = wrist[2] - self.shoulder_height_mm
+        distances = np.hypot(np.hypot(*wrist[:2]) * np.array([1, -1]) - self.shoulder_forward_mm, up)
+        beyond = float(distances.min() - (self.lower_arm_mm + reach))
+        inside = float(abs(self.lower_arm_mm - reach) - distances.max())
+        return OutOfReach(self.name, max(beyond, inside), too_near=inside > beyond)
+
+
+def _joints(joints_rad: ArrayLike) -> Array:
+    joints = np.asarray(joints_rad, float)
+    if joints.shape[-1:] != (6,):
+        raise GeometryError(f"joints must be (..., 6) in rad, got shape {joints.shape}")
+    if not np.all(np.isfinite(joints)):
+        raise GeometryError("joints must be finite")
+    return joints
+
+
+def _poses(base_T_flange: ArrayLike) -> Array:
+    pose = np.asarray(base_T_flange, float)
+    if pose.shape[-2:] != (4, 4):
+        raise GeometryError(f"base_T_flange must be (..., 4, 4), got shape {pose.shape}")
+    if not np.all(np.isfinite(pose)):
+        raise GeometryError("base_T_flange must be finite")
+    rotation = pose[..., :3, :3]
+    off = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3)).max(initial=0.0)
+    if off > RIGID_TOLERANCE or np.any(np.linalg.det(rotation) < 0):
+        raise GeometryError(f"base_T_flange holds no rotation (off by {off:.3g}, or mirrored): normalise it first")
+    return pose
+
+
+def _middle_of(configuration: Configuration) -> Array:
+    middle = np.zeros(6)
+    middle[[0, 3, 5]] = (np.array(configuration[:3]) + 0.5) * np.pi / 2
+    return middle
+
+
+def _wrapped(angles: Array) -> Array:
+    """Into (-pi, pi]."""
+    return angles - 2 * np.pi * np.ceil((angles - np.pi) / (2 * np.pi))
+
+
+def _distinct(solutions: Array) -> Array:
+    """Drop repeated rows: at a singularity branches coincide."""
+    _, first = np.unique(np.round(solutions, 9), axis=0, return_index=True)
+    return solutions[np.sort(first)]
+
+
+def _rotations(angle: ArrayLike, first: int, second: int) -> Array:
+    """Rotations (..., 3, 3) that turn axis `first` towards axis `second`."""
+    angle = np.asarray(angle, float)
+    result = np.zeros((*angle.shape, 3, 3))
+    result[..., range(3), range(3)] = 1.0
+    result[..., first, first] = result[..., second, second] = np.cos(angle)
+    result[..., second, first] = np.sin(angle)
+    result[..., first, second] = -np.sin(angle)
+    return result
+
+
+def _rx(angle: ArrayLike) -> Array:
+    return _rotations(angle, 1, 2)
+
+
+def _ry(angle: ArrayLike) -> Array:
+    return _rotations(angle, 2, 0)
+
+
+def _rz(angle: ArrayLike) -> Array:
+    return _rotations(angle, 0, 1)
