@@ -16,8 +16,8 @@ from calibration.transforms import Array
 
 Indices = NDArray[np.intp]
 
-Reachable = Callable[[Array], bool]
-"""Can the arm stand at base_T_flange (4, 4)?"""
+Reachable = Callable[[Array], NDArray[np.bool_]]
+"""Which of base_T_flange (n, 4, 4) can the arm take?"""
 
 LOCAL_STEPS = np.array([0.15, 0.15, 0.3, 40.0, 0.1, 0.1])
 """First step of the local search, in the units of a viewpoint."""
@@ -46,7 +46,7 @@ class Search:
         poses = flange_poses(self.scene, viewpoints)
         keep = allowed(self.scene, self.limits, poses)
         if self.reachable is not None:
-            keep[keep] = [self.reachable(pose) for pose in poses[keep]]
+            keep[keep] = self.reachable(poses[keep])
         return Candidates(viewpoints[keep], poses[keep], view_information(self.scene, poses[keep]))
 
     def variance(self, information: Array) -> Array:

@@ -77,7 +77,9 @@ def camera_T_target(scene: Scene, viewpoints: Array) -> Array:
     ray = np.column_stack([scene.camera.normalise(aim_px), np.ones(len(viewpoints))])
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     # Tilt is meant towards the ray, not the optical axis: turn the board with the ray.
-    towards_ray = rotation_from_vector(np.cross([0.0, 0.0, 1.0], ray))
+    sine = np.linalg.norm(ray[:, :2], axis=1, keepdims=True)
+    turn = np.arctan2(sine, ray[:, 2:]) / np.maximum(sine, 1e-12)
+    towards_ray = rotation_from_vector(turn * np.cross([0.0, 0.0, 1.0], ray))
     centre_target = scene.target.points_mm.mean(axis=0)
     turned = towards_ray @ rotation
     return transform(turned, viewpoints[:, 3:4] * ray - turned @ centre_target)
