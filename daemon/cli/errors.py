@@ -1,0 +1,24 @@
+"""What a command answers to the shell when it cannot do its work.
+
+Every line on standard error is `file: place: what: what to do`; exit statuses are fixed:
+0 done (solve: every calibration accepted), 1 failed, 2 unreadable input, 3 solved or refused but not accepted.
+"""
+
+from enum import IntEnum
+
+
+class ExitStatus(IntEnum):
+    """What the shell sees."""
+
+    OK = 0
+    FAILED = 1
+    UNREADABLE = 2
+    NOT_ACCEPTED = 3
+
+
+class CommandError(Exception):
+    """A command cannot go on: where (a file, an address), what, what to do, and the exit status."""
+
+    def __init__(self, where: str, what: str, fix: str, status: ExitStatus = ExitStatus.FAILED) -> None:
+        self.where, self.what, self.fix, self.status = where, what, fix, status
+        super().__init__(f"{where}: {what}: {fix}")

@@ -1,0 +1,27 @@
+"""The command `handeyed`, assembled from one module a command."""
+
+import os
+
+import typer
+
+from daemon.cli.output import Commands
+from daemon.cli.solve import solve
+from daemon.cli.target import app as target
+from daemon.cli.version import version
+
+app = typer.Typer(
+    cls=Commands,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_show_locals=False,
+    help="Makes an ABB robot cell see: eye-in-hand calibration with an uncertainty to trust, clouds in the base frame.",
+)
+app.command(rich_help_panel="Offline")(solve)
+app.add_typer(target, name="target", rich_help_panel="Offline")
+app.command()(version)
+
+
+def main() -> None:
+    """The console script."""
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its lines would mix with ours; failures come as errors
+    app()

@@ -1,0 +1,57 @@
+"""What every command shares: results on standard output, everything else on standard error, bars on a terminal only."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+
+from daemon.cli.errors import CommandError, ExitStatus
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
+
+
+def error_line(text: str) -> None:
+    """One thing that is wrong, on standard error."""
+    typer.echo(text, err=True)
+
+
+class Commands(typer.core.TyperGroup):
+    """The group of commands; it turns the project's errors into lines on standard error and an exit status."""
+
+    def invoke(self, ctx: Any) -> Any:
+        from calibration.errors import CalibrationError, DocumentError
+        from daemon.errors import DaemonError
+        from daemon.target_print.errors import PrintRefused
+        from drivers.errors import DeviceError
+
+        try:
+            return super().invoke(ctx)
+        except DocumentError as error:
+            error_line(str(error))
+            raise typer.Exit(ExitStatus.UNREADABLE) from None
+        except CommandError as error:
+            error_line(str(error))
+            raise typer.Exit(error.status) from None
+        except PrintRefused as error:
+            error_line(str(error))
+            raise typer.Exit(ExitStatus.UNREADABLE) from None
+        except (CalibrationError, DaemonError, DeviceError) as error:
+            error_line(str(error))
+            raise typer.Exit(ExitStatus.FAILED) from None
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
+    """A function to call with (done, of); it draws only when standard error is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done, of: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(title, total=None)
+        yield lambda done, of: progress.update(task, completed=done, total=of)

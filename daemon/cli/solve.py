@@ -1,0 +1,99 @@
+"""`handeyed solve DIR...`: calibrate from session folders."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import Json, error_line, progress_bar
+
+if TYPE_CHECKING:
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.problem import Problem
+
+RESULT_FILE = "calibration.json"
+
+
+def solve(
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders with a session.json each.")],
+    method: Annotated[str, typer.Option(help="auto, or a closed form by name (see docs/guide.md).")] = "auto",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also write calibration.json here; with several folders: a folder for NAME/calibration.json."
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Calibrate from session folders: session.json and its images.
+
+    Exit status: 0 every calibration accepted, 3 solved or refused but not accepted, 2 unreadable input.
+    """
+    from calibration.errors import DocumentError
+
+    status = ExitStatus.OK
+    for folder in folders:
+        try:
+            document = _solve(folder, method)
+        except DocumentError as error:
+            error_line(str(error))
+            status = ExitStatus.UNREADABLE
+            continue
+        if not document.verdict.accepted and status is ExitStatus.OK:
+            status = ExitStatus.NOT_ACCEPTED
+        _print(folder, document, json)
+        if out is not None:
+            _write(out if len(folders) == 1 else out / folder.resolve().name / RESULT_FILE, document)
+    raise typer.Exit(status)
+
+
+def _solve(folder: Path, method: str) -> "CalibrationDocument":
+    import uuid
+    from datetime import UTC, datetime
+
+    from calibration.report import calibration_document
+    from calibration.solve import solve_hand_eye
+    from calibration.verdict import judge
+    from daemon.cli.version import software
+    from daemon.session_folder import load_problem, open_session
+
+    session = open_session(folder)
+    with progress_bar(folder.resolve().name) as progress:
+        problem = load_problem(session, progress)
+    for line in unseen(problem):
+        error_line(f"{session.file}: {line}")
+    solution = solve_hand_eye(problem, method=method)
+    return calibration_document(
+        problem,
+        solution,
+        judge(problem, solution),
+        calibration_id=uuid.uuid4().hex,
+        created_at=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        software=software(),
+    )
+
+
+def unseen(problem: "Problem") -> list[str]:
+    """One line for each reason why views show no target: `views[3, 7]: what: what to do`."""
+    by_reason: dict[str, tuple[str, list[int]]] = {}
+    for view in problem.views:
+        if view.missing is not None:
+            code, sentence = view.missing
+            by_reason.setdefault(code, (sentence, []))[1].append(view.index)
+    return [f"views[{', '.join(map(str, indices))}]: {sentence}" for sentence, indices in by_reason.values()]
+
+
+def _print(folder: Path, document: "CalibrationDocument", json: bool) -> None:
+    from daemon.cli.summary import summary
+
+    typer.echo(document.model_dump_json() if json else summary(str(folder), document) + "\n")
+
+
+def _write(file: Path, document: "CalibrationDocument") -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(document.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CommandError(str(file), f"cannot be written ({reason})", "choose another --out") from None

@@ -1,0 +1,150 @@
+"""`handeyed target ...`: a calibration target to print, true to size."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import Commands, Json
+
+if TYPE_CHECKING:
+    from calibration.documents.target import TargetDocument
+
+app = typer.Typer(cls=Commands, no_args_is_help=True, help="Write a target to print: PDF or SVG, true to size.")
+
+Out = Annotated[Path, typer.Option("--out", "-o", help="File to write; .pdf or .svg.")]
+PageOption = Annotated[str, typer.Option("--page", help="A4, A3, A2, A1, A0, letter, tabloid, or WIDTHxHEIGHT in mm.")]
+Columns = Annotated[int, typer.Option(help="Along a row.")]
+Rows = Annotated[int, typer.Option()]
+
+
+@app.command()
+def chessboard(
+    columns: Annotated[int, typer.Option(help="Inner corners along a row.")] = 9,
+    rows: Annotated[int, typer.Option(help="Inner corners down a column.")] = 6,
+    pitch_mm: Annotated[float, typer.Option(help="A square's edge.")] = 20.0,
+    page: PageOption = "A4",
+    out: Out = Path("target.pdf"),
+    json: Json = False,
+) -> None:
+    """A chessboard, counted in inner corners."""
+    _write({"kind": "chessboard", "columns": columns, "rows": rows, "pitch_mm": pitch_mm}, page, out, json)
+
+
+@app.command()
+def charuco(
+    columns: Annotated[int, typer.Option(help="Squares along a row.")] = 7,
+    rows: Annotated[int, typer.Option(help="Squares down a column.")] = 9,
+    square_mm: Annotated[float, typer.Option(help="A square's edge.")] = 22.0,
+    marker_mm: Annotated[float, typer.Option(help="A marker's edge with its black border.")] = 16.5,
+    dictionary: Annotated[str, typer.Option(help="OpenCV's name.")] = "DICT_5X5_100",
+    legacy: Annotated[bool, typer.Option("--legacy", help="The pattern of OpenCV before 4.6.")] = False,
+    page: PageOption = "A4",
+    out: Out = Path("target.pdf"),
+    json: Json = False,
+) -> None:
+    """A ChArUco board, counted in squares: may be seen in part, and knows which way up it is."""
+    board = {"columns": columns, "rows": rows, "square_mm": square_mm, "marker_mm": marker_mm}
+    _write({"kind": "charuco", **board, "dictionary": dictionary, "legacy": legacy}, page, out, json)
+
+
+@app.command()
+def circles(
+    layout: Annotated[str, typer.Option(help="symmetric or asymmetric.")] = "symmetric",
+    columns: Columns = 9,
+    rows: Rows = 11,
+    pitch_mm: Annotated[float, typer.Option(help="Centre to centre in a row.")] = 18.0,
+    dots: Annotated[str, typer.Option(help="black or white.")] = "black",
+    large_origin: Annotated[
+        bool, typer.Option(help="The first dot larger than the rest: it tells which way up.")
+    ] = True,
+    page: PageOption = "A4",
+    out: Out = Path("target.pdf"),
+    json: Json = False,
+) -> None:
+    """A grid of dots."""
+    grid = {"layout": layout, "columns": columns, "rows": rows, "pitch_mm": pitch_mm, "dots": dots}
+    _write({"kind": "circles", **grid, "origin": "large-dot" if large_origin else None}, page, out, json)
+
+
+@app.command()
+def apriltag_grid(
+    columns: Columns = 5,
+    rows: Rows = 7,
+    tag_mm: Annotated[float, typer.Option(help="A tag's edge with its black border.")] = 24.0,
+    gap_mm: Annotated[float, typer.Option(help="White between two tags.")] = 8.0,
+    family: Annotated[str, typer.Option(help="tag36h11, tag36h10, tag25h9 or tag16h5.")] = "tag36h11",
+    page: PageOption = "A4",
+    out: Out = Path("target.pdf"),
+    json: Json = False,
+) -> None:
+    """A grid of AprilTags: may be seen in part."""
+    grid = {"columns": columns, "rows": rows, "tag_mm": tag_mm, "gap_mm": gap_mm, "family": family}
+    _write({"kind": "apriltag-grid", **grid}, page, out, json)
+
+
+@app.command("from")
+def from_file(
+    file: Annotated[Path, typer.Argument(help="A session.json, plan.json or handeyed.toml that names a target.")],
+    page: PageOption = "A4",
+    out: Out = Path("target.pdf"),
+    json: Json = False,
+) -> None:
+    """The target that a file names."""
+    import tomllib
+    from json import loads
+
+    from calibration.errors import DocumentError, DocumentProblem
+    from daemon.session_folder import read_bytes
+
+    content = read_bytes(file)
+    try:
+        data = tomllib.loads(content.decode()) if file.suffix == ".toml" else loads(content)
+        target = data["target"]
+    except (ValueError, KeyError, TypeError) as error:
+        problem = DocumentProblem("target", f"not found ({error!s})", "give a file with a target in it")
+        raise DocumentError(str(file), [problem]) from None
+    _write(target, page, out, json, origin=str(file))
+
+
+def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") -> None:
+    from calibration.documents.validation import validate_document
+    from daemon.cli.target_file import TargetFile
+    from daemon.target_print.layout import lay_out, page_named
+    from daemon.target_print.pdf import pdf
+    from daemon.target_print.svg import svg
+
+    document = validate_document(TargetFile, {"target": data}, origin).target
+    writers = {".pdf": pdf, ".svg": svg}
+    if out.suffix.lower() not in writers:
+        raise CommandError(str(out), "neither .pdf nor .svg", "choose one of them", ExitStatus.UNREADABLE)
+    snippet, title = document.model_dump_json(), f"handeyed target: {document.kind}"
+    sheet = lay_out(document.target(), page_named(page), title, snippet)
+    try:
+        out.write_bytes(writers[out.suffix.lower()](sheet, title))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CommandError(str(out), f"cannot be written ({reason})", "choose another --out") from None
+    if json:
+        from json import dumps
+
+        page_mm, origin_mm = [sheet.width, sheet.height], list(sheet.target_origin)
+        typer.echo(dumps({"file": str(out), "page_mm": page_mm, "target_origin_mm": origin_mm, "target": data}))
+    else:
+        typer.echo(_told(out, f"{sheet.width:g} x {sheet.height:g} mm", document))
+
+
+def _told(out: Path, size: str, target: "TargetDocument") -> str:
+    from daemon.cli.target_file import ambiguity, toml_snippet
+    from daemon.target_print.layout import PRINT_NOTE
+
+    note = ambiguity(target)
+    return "\n".join(
+        [
+            f"{out}: {size}. {PRINT_NOTE}",
+            *([f"! {note}"] if note else []),
+            f"\nIn handeyed.toml:\n\n{toml_snippet(target)}",
+            f'\nIn session.json and plan.json:\n\n"target": {target.model_dump_json()}',
+        ]
+    )
