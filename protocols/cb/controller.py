@@ -144,6 +144,10 @@ class ControllerSession:
     def _request(self, frame: Frame) -> ControllerEvent:
         if self._refuse_with is not None:
             return self._refuse(frame, self._refuse_with, "this client is not wanted")
+        if frame.seq == 0:
+            return self._refuse(frame, Status.BAD_FIELD, "seq 0 is reserved for what the controller says by itself")
+        if frame.version != VERSION:
+            return self._refuse(frame, Status.VERSION, f"version {frame.version} is not spoken here")
         last = self._last
         if last is not None and frame.seq == last.request.seq and frame == last.request:
             return DuplicatePending(frame.seq) if last.reply is None else DuplicateAnswered(frame.seq, last.reply)
@@ -157,10 +161,6 @@ class ControllerSession:
         return seq != last_seq and not is_older(seq, last_seq)
 
     def _new_request(self, frame: Frame) -> ControllerEvent:
-        if frame.seq == 0:
-            return self._refuse(frame, Status.BAD_FIELD, "seq 0 is reserved for what the controller says by itself")
-        if frame.version != VERSION:
-            return self._refuse(frame, Status.VERSION, f"version {frame.version} is not spoken here")
         if frame.command not in REQUESTS:
             return self._refuse(frame, Status.UNKNOWN_CMD, f"command {frame.command} is unknown")
         command = Command(frame.command)
