@@ -1,0 +1,51 @@
+"""Relative motions of mount and camera between views, A X = X B.
+
+From anchor_T_target = anchor_T_mount_i @ X @ camera_T_target_i for every view i it follows for two views i, j that
+
+    (anchor_T_mount_j^-1 @ anchor_T_mount_i) X = X (camera_T_target_j @ camera_T_target_i^-1)
+                       A_ij                                        B_ij
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.transforms import Array, inverse, rotation_angle_rad, transform, vector_from_rotation
+
+SMALLEST_TURN_RAD = np.radians(0.5)
+"""A motion that turns less has no axis worth the name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Pairs of views: `mount` A (k, 4, 4) and `camera` B (k, 4, 4)."""
+
+    mount: Array
+    camera: Array
+
+    def turning(self) -> "Motions":
+        """Those that turn enough to have an axis."""
+        turns = np.minimum(rotation_angle_rad(self.mount[:, :3, :3]), rotation_angle_rad(self.camera[:, :3, :3]))
+        return Motions(self.mount[turns > SMALLEST_TURN_RAD], self.camera[turns > SMALLEST_TURN_RAD])
+
+    def vectors(self) -> tuple[Array, Array]:
+        """Rotation vectors (k, 3) of A and of B."""
+        return vector_from_rotation(self.mount[:, :3, :3]), vector_from_rotation(self.camera[:, :3, :3])
+
+
+def all_pairs(anchor_T_mount: Array, camera_T_target: Array) -> Motions:
+    """Every pair i < j: n (n - 1) / 2 motions."""
+    i, j = np.triu_indices(len(anchor_T_mount), 1)
+    return Motions(inverse(anchor_T_mount[j]) @ anchor_T_mount[i], camera_T_target[j] @ inverse(camera_T_target[i]))
+
+
+def translation_of(motions: Motions, rotation: Array) -> Array:
+    """t (3,) of X from (R_A - I) t = R t_B - t_A over all motions, by least squares (Tsai & Lenz 1989, Eq. 15)."""
+    coefficients: Array = (motions.mount[:, :3, :3] - np.eye(3)).reshape(-1, 3)
+    right_hand: Array = (motions.camera[:, :3, 3] @ rotation.T - motions.mount[:, :3, 3]).reshape(-1)
+    return np.asarray(np.linalg.lstsq(coefficients, right_hand, rcond=None)[0])
+
+
+def with_translation(motions: Motions, rotation: Array) -> Array:
+    """X (4, 4) of its rotation and the translation that fits it best."""
+    return transform(rotation, translation_of(motions, rotation))

@@ -1,0 +1,93 @@
+"""The chain camera_T_target = f(X, target's pose, correction of the robot's pose), for both set-ups.
+
+    eye-in-hand    Z_i = X^-1 (B_i C_i)^-1 Y        B_i = base_T_flange as the robot reported it
+    eye-to-hand    Z_i = X^-1 (B_i C_i) Y           C_i = [exp(w_i), d_i], what it should have added
+
+C_i acts about the flange's origin, where a robot's rotation error and translation error are independent.
+Perturbations: X @ exp(.), Y @ exp(.), exp(.) @ Z. Model: K. Strobl & G. Hirzinger, IROS 2006.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.prediction import adjoint
+from calibration.problem import Setup
+from calibration.transforms import Array, inverse, rotation_from_vector, skew, transform, vector_from_rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """`corrections` (n, 6): rotation vector in rad and translation in mm, of each robot pose."""
+
+    setup: Setup
+    base_T_flange: Array
+    mount_T_camera: Array
+    anchor_T_target: Array
+    corrections: Array
+
+    def corrected_base_T_flange(self) -> Array:
+        """(n, 4, 4)"""
+        return self.base_T_flange @ correction_transforms(self.corrections)
+
+    def camera_T_target(self) -> Array:
+        """(n, 4, 4)"""
+        anchor_T_mount = self.corrected_base_T_flange()
+        if self.setup == "eye-to-hand":
+            anchor_T_mount = inverse(anchor_T_mount)
+        return inverse(anchor_T_mount @ self.mount_T_camera) @ self.anchor_T_target
+
+    def by_shared(self, camera_T_target: Array) -> Array:
+        """d Z by (X, Y): (n, 6, 12)."""
+        by_x = np.broadcast_to(-np.eye(6), (len(camera_T_target), 6, 6))
+        return np.concatenate([by_x, adjoint(camera_T_target)], axis=-1)
+
+    def by_correction(self, camera_T_target: Array) -> Array:
+        """d Z by the correction of its robot pose: (n, 6, 6)."""
+        if self.setup == "eye-in-hand":
+            by_motion = -adjoint(inverse(self.mount_T_camera))[None]
+        else:
+            by_motion = adjoint(camera_T_target @ inverse(self.anchor_T_target))
+        return by_motion @ _motion_by_vector(self.corrections)
+
+    def with_corrections_from(self, camera_T_target: Array) -> "Chain":
+        """The corrections that make the chain reproduce the given poses exactly."""
+        anchor_T_mount = self.anchor_T_target @ inverse(self.mount_T_camera @ camera_T_target)
+        base_T_flange = anchor_T_mount if self.setup == "eye-in-hand" else inverse(anchor_T_mount)
+        correction = inverse(self.base_T_flange) @ base_T_flange
+        vectors = np.concatenate([vector_from_rotation(correction[:, :3, :3]), correction[:, :3, 3]], axis=1)
+        return Chain(self.setup, self.base_T_flange, self.mount_T_camera, self.anchor_T_target, vectors)
+
+    def moved(self, step: Array, corrections: Array) -> "Chain":
+        """X and Y moved by a step (12,), with new corrections (n, 6)."""
+        moves = transform(rotation_from_vector(step.reshape(2, 6)[:, :3]), step.reshape(2, 6)[:, 3:])
+        return Chain(
+            self.setup,
+            self.base_T_flange,
+            self.mount_T_camera @ moves[0],
+            self.anchor_T_target @ moves[1],
+            corrections,
+        )
+
+
+def correction_transforms(corrections: Array) -> Array:
+    """C (n, 4, 4) of vectors (n, 6)."""
+    return transform(rotation_from_vector(corrections[:, :3]), corrections[:, 3:])
+
+
+def _motion_by_vector(corrections: Array) -> Array:
+    """(n, 6, 6): gamma in C' = C @ exp(gamma) by a change of C's vector [w, d].
+
+    gamma_w = Jr(w) dw (right Jacobian of SO(3); Sola et al., arXiv:1812.01537, Eq. 143), gamma_d = exp(w)' dd.
+    """
+    turn = corrections[:, :3]
+    angle = np.linalg.norm(turn, axis=1)[:, None, None]
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    first = np.where(small, 0.5, (1 - np.cos(safe)) / safe**2)
+    second = np.where(small, 1 / 6, (safe - np.sin(safe)) / safe**3)
+    hat = skew(turn)
+    result = np.zeros((len(corrections), 6, 6))
+    result[:, :3, :3] = np.eye(3) - first * hat + second * hat @ hat
+    result[:, 3:, 3:] = np.swapaxes(rotation_from_vector(turn), 1, 2)
+    return result

@@ -1,0 +1,101 @@
+"""The three noise levels, estimated from the residuals themselves: restricted maximum likelihood.
+
+With P = V^-1 - V^-1 A (A' V^-1 A)^-1 A' V^-1 and V = sum_g s_g² V_g, the estimate satisfies y' P V_g P y = tr(P V_g)
+for every group g. The pixels' level moves by s² <- s² (y' P P y) / tr(P), Helmert's and Foerstner's v'v over its
+redundancy; the robot's two by Fisher scoring (iterated MINQUE: sum_h tr(P V_g P V_h) s_h² = y' P V_g P y), which
+may answer zero, and then zero it is: a robot can be exact.
+Sources: W. Foerstner & B. Wrobel, Photogrammetric Computer Vision, 2016, 4.2.4; C. R. Rao, J. Multivar. Anal. 1, 1971.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.likelihood.mixed_model import MixedModel, Variances, solve
+from calibration.transforms import Array
+
+SMALLEST_PIXEL_VARIANCE = 1e-10
+GROUPS = (slice(0, 3), slice(3, 6))
+
+
+@dataclass(frozen=True, eq=False)
+class Redundancy:
+    """Quadratic forms y'PV_gPy (2,) of the robot's groups, their expected traces (2,) and Fisher matrix (2, 2)."""
+
+    quadratic: Array
+    trace: Array
+    fisher: Array
+    pixel_quadratic: float
+    pixel_trace: float
+
+
+def estimate_variances(model: MixedModel, variances: Variances, iterations: int = 30) -> Variances:
+    """Restricted maximum likelihood of the three levels, from the given ones."""
+    for _ in range(iterations):
+        previous = variances
+        variances = _scored(redundancy(model, variances), variances)
+        if _settled(previous, variances):
+            break
+    return variances
+
+
+def redundancy(model: MixedModel, variances: Variances) -> Redundancy:
+    """Everything the update needs, at the given levels."""
+    step = solve(model, variances)
+    pixel, K, S_inv, b = variances.pixel, step.K, step.covariance, step.b
+    UUK = model.UU @ K
+    W = (model.UU - UUK @ model.UU) / pixel  # U' V^-1 U
+    WA = (model.UA - UUK @ model.UA) / pixel  # U' V^-1 A
+    Ue = model.Uy + model.UA @ b  # U' e with e = y + A b
+    u = (Ue - (UUK @ Ue[..., None])[..., 0]) / pixel  # U' P y
+    SA = [np.einsum("nip,niq->pq", WA[:, g], WA[:, g], optimize=True) for g in GROUPS]
+    quadratic = np.array([np.sum(u[:, g] ** 2) for g in GROUPS])
+    trace = np.array([np.trace(W[:, g, g], axis1=1, axis2=2).sum() for g in GROUPS])
+    trace -= [np.sum(S_inv * part) for part in SA]
+    fisher = np.array([[_fisher(W, WA, SA, S_inv, g, h) for h in range(2)] for g in range(2)])
+    ee = model.yy.sum() + 2 * model.Ay.sum(axis=0) @ b + b @ model.AA.sum(axis=0) @ b
+    KUe = (K @ Ue[..., None])[..., 0]
+    UUKUe = (model.UU @ KUe[..., None])[..., 0]
+    pixel_quadratic = (ee - 2 * np.sum(KUe * Ue) + np.sum(KUe * UUKUe)) / pixel**2
+    effective = np.trace(UUK, axis1=1, axis2=2).sum()
+    UUKUA = UUK @ model.UA
+    AVVA = model.AA.sum(axis=0) - 2 * _cross(model.UA, K @ model.UA) + _cross(K @ model.UA, UUKUA)
+    pixel_trace = (model.count.sum() - effective) / pixel - np.sum(S_inv * AVVA) / pixel**2
+    return Redundancy(quadratic, trace, fisher, float(pixel_quadratic), float(pixel_trace))
+
+
+def _cross(left: Array, right: Array) -> Array:
+    product: Array = np.einsum("nip,niq->pq", left, right, optimize=True)
+    return product
+
+
+def _fisher(W: Array, WA: Array, SA: list[Array], S_inv: Array, g: int, h: int) -> float:
+    rows, columns = GROUPS[g], GROUPS[h]
+    block = W[:, rows, columns]
+    direct = np.sum(block**2)
+    mixed = _cross(WA[:, rows], block @ WA[:, columns])
+    return float(direct - 2 * np.sum(S_inv * mixed) + np.sum((S_inv @ SA[g]) * (S_inv @ SA[h]).T))
+
+
+def _scored(found: Redundancy, variances: Variances) -> Variances:
+    pixel = variances.pixel * found.pixel_quadratic / max(found.pixel_trace, 1e-300) if found.pixel_trace > 0 else 0.0
+    rotation, translation = _nonnegative(found.fisher, found.quadratic)
+    return Variances(max(pixel, SMALLEST_PIXEL_VARIANCE), rotation, translation)
+
+
+def _nonnegative(fisher: Array, quadratic: Array) -> tuple[float, float]:
+    """The non-negative solution of two equations; a component that wants to be negative is zero."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(fisher), 1e-300))
+    scaled, right_hand = scale[:, None] * fisher * scale, scale * quadratic
+    if abs(np.linalg.det(scaled)) > 1e-9:
+        both = scale * np.linalg.solve(scaled, right_hand)
+        if np.all(both >= 0):
+            return float(both[0]), float(both[1])
+    alone = scale * np.maximum(right_hand, 0.0)
+    keep = int(np.argmax(right_hand))
+    return (float(alone[0]), 0.0) if keep == 0 else (0.0, float(alone[1]))
+
+
+def _settled(before: Variances, after: Variances) -> bool:
+    old, new = np.sqrt(list(vars(before).values())), np.sqrt(list(vars(after).values()))
+    return bool(np.all(np.abs(new - old) <= 1e-3 * np.maximum(new, 1e-9)))

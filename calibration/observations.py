@@ -1,0 +1,98 @@
+"""The corners of a session as arrays over views, and which views have none that can be used."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.problem import Problem, View
+from calibration.transforms import Array
+
+FEWEST_CORNERS = 4
+"""Four points of a plane determine its pose; fewer do not."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """n views of up to m points; views with fewer are padded with weight 0.
+
+    `positions` (n,) in `problem.views`; `base_T_flange` (n, 4, 4); `points_mm` (n, m, 3) on the target;
+    `pixels` (n, m, 2); `weights` (n, m), 1 where a corner is used and 0 elsewhere.
+    """
+
+    positions: NDArray[np.intp]
+    base_T_flange: Array
+    points_mm: Array
+    pixels: Array
+    weights: Array
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> "Observations":
+        """Only the chosen views."""
+        return Observations(*(array[chosen] for array in vars(self).values()))
+
+    def weighted(self, weights: Array) -> "Observations":
+        """The same corners with other weights (n, m)."""
+        return replace(self, weights=weights)
+
+
+@dataclass(frozen=True)
+class Unusable:
+    """Why a view takes no part: a code and a sentence."""
+
+    code: str
+    what: str
+
+
+def observe(problem: Problem) -> tuple[Observations, dict[int, Unusable]]:
+    """Everything usable, and by position in `problem.views` why the rest is not."""
+    refused: dict[int, Unusable] = {}
+    kept: list[tuple[int, NDArray[np.intp], Array]] = []
+    for position, view in enumerate(problem.views):
+        corners = _corners(problem, view)
+        if isinstance(corners, Unusable):
+            refused[position] = corners
+        else:
+            kept.append((position, *corners))
+    return _padded(problem, kept), refused
+
+
+def _corners(problem: Problem, view: View) -> tuple[NDArray[np.intp], Array] | Unusable:
+    if view.detection is None:
+        return Unusable(*(view.missing or ("target-not-found", "the target was not found in the image")))
+    ids, pixels = np.asarray(view.detection.ids), np.asarray(view.detection.corners_px, float)
+    if not np.all(np.isfinite(view.base_T_flange)):
+        return Unusable("pose-not-finite", "the robot's pose holds a number that is not finite")
+    if len(ids) != len(pixels):
+        return Unusable("corners-damaged", f"{len(ids)} ids for {len(pixels)} corners")
+    if len(ids) and (ids.min() < 0 or ids.max() >= len(problem.target.points_mm)):
+        return Unusable("corner-id-unknown", f"a corner id is outside 0..{len(problem.target.points_mm) - 1}")
+    if len(np.unique(ids)) < len(ids):
+        return Unusable("corner-id-repeated", "the same corner id stands twice")
+    width, height = problem.image_size
+    inside = np.all(np.isfinite(pixels), axis=1)
+    inside[inside] = np.all((pixels[inside] > -width) & (pixels[inside] < 2 * np.array([width, height])), axis=1)
+    ids, pixels = ids[inside], pixels[inside]
+    if len(ids) < FEWEST_CORNERS:
+        return Unusable("too-few-corners", f"{len(ids)} usable corners; a view needs {FEWEST_CORNERS} or more")
+    plane = problem.target.points_mm[ids] - problem.target.points_mm[ids].mean(axis=0)
+    width_mm = np.linalg.svd(plane, compute_uv=False)
+    if width_mm[1] < 1e-6 * max(width_mm[0], 1e-300):
+        return Unusable("corners-on-a-line", "all corners lie on one line of the target")
+    return ids, pixels
+
+
+def _padded(problem: Problem, kept: list[tuple[int, NDArray[np.intp], Array]]) -> Observations:
+    n, m = len(kept), max((len(ids) for _, ids, _ in kept), default=0)
+    points, pixels, weights = np.zeros((n, m, 3)), np.zeros((n, m, 2)), np.zeros((n, m))
+    for row, (_, ids, corners) in enumerate(kept):
+        points[row, : len(ids)] = problem.target.points_mm[ids]
+        pixels[row, : len(ids)] = corners
+        weights[row, : len(ids)] = 1.0
+        # Padding repeats a real point, so that it is in front of the camera whenever the view is.
+        points[row, len(ids) :], pixels[row, len(ids) :] = points[row, 0], pixels[row, 0]
+    positions = np.array([position for position, _, _ in kept], dtype=np.intp)
+    poses = np.array([problem.views[position].base_T_flange for position in positions]).reshape(-1, 4, 4)
+    return Observations(positions, poses, points, pixels, weights)

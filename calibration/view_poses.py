@@ -1,0 +1,58 @@
+"""Where the target stood before the camera in every view, from that view's pixels alone."""
+
+import cv2
+import numpy as np
+
+from calibration.camera import CameraModel
+from calibration.likelihood.pixels import pixel_statistics
+from calibration.observations import Observations
+from calibration.transforms import Array, rotation_from_vector, transform
+
+
+def moved(a_T_b: Array, step: Array) -> Array:
+    """exp(step) @ a_T_b for steps (n, 6) of [rotation rad, translation mm]."""
+    return transform(rotation_from_vector(step[:, :3]), step[:, 3:]) @ a_T_b
+
+
+def candidate_poses(seen: Observations, camera: CameraModel) -> tuple[Array, Array]:
+    """The two poses (n, 2, 4, 4) of camera_T_target that a plane allows, and their RMS errors (n, 2) in px."""
+    poses = np.array([_both(seen, camera, row) for row in range(len(seen))]).reshape(-1, 2, 4, 4)
+    refined = np.stack([refined_poses(seen, camera, poses[:, which]) for which in range(2)], axis=1)
+    errors = np.stack(
+        [_rms(seen, camera, refined[:, which]) for which in range(2)],
+        axis=1,
+    )
+    order = np.argsort(errors, axis=1)
+    return np.take_along_axis(refined, order[:, :, None, None], axis=1), np.take_along_axis(errors, order, axis=1)
+
+
+def _rms(seen: Observations, camera: CameraModel, poses: Array) -> Array:
+    statistics = pixel_statistics(seen, camera, poses)
+    rms: Array = np.sqrt(2 * statistics.square / statistics.count)
+    return rms
+
+
+def _both(seen: Observations, camera: CameraModel, row: int) -> Array:
+    used = seen.weights[row] > 0
+    xy = camera.normalise(seen.pixels[row, used])
+    _, rotations, translations, _ = cv2.solvePnPGeneric(
+        seen.points_mm[row, used], xy, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+    )
+    poses = [
+        transform(cv2.Rodrigues(rotation)[0], translation[:, 0])
+        for rotation, translation in zip(rotations, translations, strict=True)
+    ]
+    return np.array([poses[0], poses[-1]])
+
+
+def refined_poses(seen: Observations, camera: CameraModel, camera_T_target: Array, iterations: int = 6) -> Array:
+    """The poses (n, 4, 4) that minimise each view's reprojection error, by Gauss-Newton from the given ones."""
+    for _ in range(iterations):
+        statistics = pixel_statistics(seen, camera, camera_T_target)
+        scale = 1 / np.sqrt(np.maximum(np.diagonal(statistics.normal, axis1=1, axis2=2), 1e-12))
+        scaled = statistics.normal * scale[:, :, None] * scale[:, None, :] + 1e-10 * np.eye(6)
+        step = -scale * np.linalg.solve(scaled, (scale * statistics.gradient)[..., None])[..., 0]
+        camera_T_target = moved(camera_T_target, step)
+        if np.max(np.abs(step), initial=0.0) < 1e-7:
+            break
+    return camera_T_target
