@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.detection.gate import lens_homography
 from calibration.detection.image import Grey, at_full_size, reduced
+from calibration.detection.plane_view import fit_plane_view
 from calibration.detection.saddle import refine_saddles
 from calibration.errors import DetectionError
 from calibration.problem import Detection
@@ -56,11 +56,11 @@ def _complete(image: Grey, target: Charuco, ids: NDArray[np.intp], rough: Array)
     """Every corner that is a saddle close to where the plane through the `rough` ones puts it."""
     size = (image.shape[1], image.shape[0])
     points = target.points_mm[:, :2]
-    homography, _ = lens_homography(points[ids], rough, size)
-    expected = _map(homography, points)
+    view, _ = fit_plane_view(points[ids], rough, size)
+    expected = view.map(points)
     expected[ids] = rough
-    sides = _map(homography, points + np.array([target.square_mm, 0.0])) - _map(homography, points)
-    downs = _map(homography, points + np.array([0.0, target.square_mm])) - _map(homography, points)
+    sides = view.map(points + np.array([target.square_mm, 0.0])) - view.map(points)
+    downs = view.map(points + np.array([0.0, target.square_mm])) - view.map(points)
     spacing = np.minimum(np.hypot(*sides.T), np.hypot(*downs.T))
     half = int(np.clip(round(WINDOW_OF_SPACING * float(spacing[ids].min())), SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX))
     inside = np.all((expected > half) & (expected < np.array(size) - 1 - half), axis=1)
@@ -68,9 +68,3 @@ def _complete(image: Grey, target: Charuco, ids: NDArray[np.intp], rough: Array)
     refined, settled = refine_saddles(image, expected[candidates], half)
     near = np.hypot(*(refined - expected[candidates]).T) < FURTHEST_OF_SPACING * spacing[candidates]
     return Detection(candidates[settled & near], refined[settled & near])
-
-
-def _map(homography: Array, points: Array) -> Array:
-    uvw = np.column_stack([points, np.ones(len(points))]) @ homography.T
-    mapped: Array = uvw[:, :2] / uvw[:, 2:]
-    return mapped

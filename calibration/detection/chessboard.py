@@ -1,41 +1,148 @@
-"""Chessboards: found in a reduced image, refined in the full one."""
+"""Chessboards: crossings of a reduced image joined into a lattice, every corner then refined and checked at full size.
 
-import cv2
+Neither a white margin nor whole outer squares are needed. A board with more corners than the target's is refused, not
+cut down: the first corner would be a wrong one.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
+from calibration.detection.crossings import find_crossings
 from calibration.detection.image import Grey, at_full_size, reduced
+from calibration.detection.lattice import Lattice, grow_lattices
 from calibration.detection.order import canonical
+from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.detection.saddle import refine_saddles
+from calibration.detection.squares import corner_contrast
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import Chessboard
 from calibration.transforms import Array
 
-SEARCH_PIXELS = 1.0e6
+SEARCHES = ((1.3e6, 4.0), (1.3e6, 2.5), (1.3e7, 4.0), (1.3e7, 2.5))
+"""(pixels of the reduced image, radius of the crossings' ring): the next is tried when the board was not found."""
+LEAST_SHARE_JOINED, LEAST_SHARE_CONFIRMED, LEAST_SHARE_OF_LINE = 0.5, 0.75, 0.5
+LINES_AROUND = 2
+"""Lines of corners looked for around the lattice: one that was missed, one more that must not be there."""
+STRAY_OF_SPACING, NEAR_OF_SPACING, NEAR_PX = 0.25, 0.15, 0.6
+LEAST_CONTRAST_OF_MEDIAN = 0.35
 WINDOW_OF_SPACING = 0.3
 SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX = 2, 9
 
 
+@dataclass(frozen=True, eq=False)
+class Board:
+    """What was found of a board: `points` (v, u, 2) in px, `found` (v, u), colour as in `order`."""
+
+    points: Array
+    found: NDArray[np.bool_]
+    black_first: bool
+
+
 def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
-    """All inner corners. Raises DetectionError `not-found`."""
-    small, factor = reduced(image, SEARCH_PIXELS)
-    size = (target.columns, target.rows)
-    found, corners = cv2.findChessboardCorners(
-        small, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    )
-    if not found:
-        found, corners = cv2.findChessboardCornersSB(small, size)
-    if found:
-        grid = at_full_size(corners.reshape(-1, 2).astype(float), factor).reshape(target.rows, target.columns, 2)
-        refined, inside = refine_saddles(image, grid.reshape(-1, 2), window_px(grid))
-        ordered = canonical(refined.reshape(grid.shape), target.columns, target.rows, image)
-        if inside.all() and ordered is not None:
-            return Detection(np.arange(target.columns * target.rows), ordered.reshape(-1, 2))
-    what = f"no chessboard of {target.columns}×{target.rows} inner corners was found"
+    """The inner corners, at most a quarter of them missing. Raises DetectionError `not-found`, `other-board`."""
+    other: tuple[int, ...] | None = None
+    for board in _boards(image, target):
+        if sorted(board.found.shape) == sorted((target.columns, target.rows)):
+            if board.found.mean() >= LEAST_SHARE_CONFIRMED:
+                order = canonical(board.points, board.black_first, target.columns, target.rows).ravel()
+                ids = np.flatnonzero(board.found.ravel()[order])
+                return Detection(ids, board.points.reshape(-1, 2)[order[ids]])
+        elif min(board.found.shape) >= 2:
+            other = max(other or (0, 0), board.found.shape, key=lambda shape: shape[0] * shape[1])
+    wanted = f"{target.columns}×{target.rows} inner corners"
+    if other is not None and other[0] * other[1] >= target.columns * target.rows:
+        what = f"a chessboard of {max(other)}×{min(other)} inner corners was found, not of {wanted}"
+        raise DetectionError("other-board", what, "set the target's columns and rows to the board's inner corners")
+    what = f"no chessboard of {wanted} was found"
     raise DetectionError("not-found", what, "bring the whole board into view, without glare; check columns and rows")
 
 
-def window_px(grid: Array) -> int:
+def _boards(image: Grey, target: Chessboard) -> Iterator[Board]:
+    tried = set()
+    fewest = max(4, int(LEAST_SHARE_JOINED * target.columns * target.rows))
+    for pixels, ring_radius_px in SEARCHES:
+        small, factor = reduced(image, pixels)
+        if (factor, ring_radius_px) not in tried:
+            tried.add((factor, ring_radius_px))
+            for lattice in grow_lattices(find_crossings(small, ring_radius_px), fewest):
+                board = _confirmed(image, Lattice(lattice.cells, at_full_size(lattice.points, factor)))
+                if board is not None:
+                    yield board
+
+
+def _confirmed(image: Grey, lattice: Lattice) -> Board | None:
+    """The lattice and what lies around it, with every corner looked for where the plane puts it."""
+    lattice = _without_loose_lines(lattice)
+    view = _plane(lattice, (image.shape[1], image.shape[0]))
+    if view is None:
+        return None
+    columns, rows = lattice.cells.max(axis=0) + 1 + 2 * LINES_AROUND
+    v, u = np.indices((rows, columns)).reshape(2, -1)
+    cells = np.column_stack([u, v]) - float(LINES_AROUND)
+    expected = view.map(cells)
+    along_u, along_v = view.map(cells + np.array([0.5, 0.0])), view.map(cells + np.array([0.0, 0.5]))
+    along_u, along_v = 2 * (along_u - expected), 2 * (along_v - expected)
+    spacing = np.abs(np.cross(along_u, along_v)) / np.maximum(np.hypot(*along_u.T), np.hypot(*along_v.T))
+    joined = np.zeros((rows, columns), bool)
+    joined[tuple(lattice.cells.T[::-1] + LINES_AROUND)] = True
+    half = window_px(spacing[joined.ravel()])
+    refined, settled = refine_saddles(image, expected, half)
+    contrast = corner_contrast(image, refined, along_u, along_v) * np.where((u + v) % 2 == 0, 1, -1)
+    level = float(np.median(contrast[joined.ravel()]))
+    found = settled & (np.hypot(*(refined - expected).T) < NEAR_PX + NEAR_OF_SPACING * spacing)
+    found &= contrast * np.sign(level) > LEAST_CONTRAST_OF_MEDIAN * abs(level)
+    found &= np.all((expected > half) & (expected < np.array(image.shape[::-1]) - 1 - half), axis=1)
+    points = np.where(found[:, None], refined, expected).reshape(rows, columns, 2)
+    top, bottom, left, right = _filled_block(found.reshape(rows, columns))
+    block = slice(top, bottom), slice(left, right)
+    return Board(points[block], found.reshape(rows, columns)[block], (level > 0) == ((top + left) % 2 == 0))
+
+
+def _without_loose_lines(lattice: Lattice) -> Lattice:
+    columns, rows = lattice.cells.max(axis=0) + 1
+    occupied = np.zeros((rows, columns), bool)
+    occupied[tuple(lattice.cells.T[::-1])] = True
+    top, bottom, left, right = _filled_block(occupied)
+    low, high = np.array([left, top]), np.array([right, bottom])
+    kept = np.all((lattice.cells >= low) & (lattice.cells < high), axis=1)
+    return Lattice(lattice.cells[kept] - low, lattice.points[kept])
+
+
+def _filled_block(occupied: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """top, bottom, left, right of what stays when the emptiest outer lines are taken off one by one."""
+    top, bottom, left, right = 0, occupied.shape[0], 0, occupied.shape[1]
+    while bottom - top > 1 and right - left > 1:
+        block = occupied[top:bottom, left:right]
+        share = (block[0].mean(), block[-1].mean(), block[:, 0].mean(), block[:, -1].mean())
+        side = int(np.argmin(share))
+        if share[side] >= LEAST_SHARE_OF_LINE:
+            break
+        top, bottom, left, right = top + (side == 0), bottom - (side == 1), left + (side == 2), right - (side == 3)
+    return top, bottom, left, right
+
+
+def _plane(lattice: Lattice, image_size: tuple[int, int]) -> PlaneView | None:
+    """The plane through most of the lattice's points; None when they lie in no plane."""
+    cells, points = lattice.cells.astype(float), lattice.points
+    for _ in range(3):
+        if len(cells) < 4 or np.any(np.ptp(cells, axis=0) == 0):
+            return None
+        try:
+            view, residual = fit_plane_view(cells, points, image_size)
+        except DetectionError:
+            return None
+        spacing = np.sqrt(abs(np.linalg.det(view.jacobian(cells.mean(axis=0)))))
+        near = np.hypot(*residual.T) < STRAY_OF_SPACING * spacing
+        if near.all():
+            return view
+        cells, points = cells[near], points[near]
+    return None
+
+
+def window_px(spacing: Array) -> int:
     """Half the window of the saddle fit: inside the squares, and no larger than it pays."""
-    spacing = min(float(np.hypot(*np.moveaxis(np.diff(grid, axis=axis), -1, 0)).min()) for axis in (0, 1))
-    return int(np.clip(round(WINDOW_OF_SPACING * spacing), SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX))
+    return int(np.clip(round(WINDOW_OF_SPACING * float(spacing.min())), SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX))

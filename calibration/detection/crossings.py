@@ -1,0 +1,87 @@
+"""Where an image looks like the crossing of two edges, as at a chessboard's inner corners.
+
+Candidates are maxima of the saddle strength Ixy² - Ixx Iyy. Each is kept when the grey values on a ring around it go
+bright, dark, bright, dark, and opposite edges lie half a turn apart. This finds corners one by one and so needs
+neither whole squares nor a white margin around the board.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.detection.image import Grey
+from calibration.transforms import Array
+
+MOST_CANDIDATES = 2500
+FAINTEST_LEVELS = 10
+"""Grey levels between bright and dark on the ring."""
+RING_SAMPLES = 32
+HALF_TURN_TOLERANCE_RAD = 0.45
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """`points` (n, 2) in px. Turning from x to y around a point the image gets dark at the angle `entering_dark` (n,)
+    in [0, pi), next bright at `leaving_dark` (n,), and so again half a turn on."""
+
+    points: Array
+    entering_dark: Array
+    leaving_dark: Array
+
+
+def find_crossings(image: Grey, ring_radius_px: float) -> Crossings:
+    """All crossings, strongest first."""
+    smooth = cv2.GaussianBlur(image, (0, 0), 0.3 * ring_radius_px)
+    points = _saddle_maxima(np.asarray(smooth, np.uint8), int(np.ceil(ring_radius_px)) + 2)
+    angle = np.arange(RING_SAMPLES) * (2 * np.pi / RING_SAMPLES)
+    ring = points[:, None] + ring_radius_px * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    levels = _bilinear(np.asarray(smooth, np.uint8), ring)
+    brightest, darkest = levels.max(axis=1), levels.min(axis=1)
+    levels = levels - (brightest + darkest)[:, None] / 2
+    following = np.roll(levels, -1, axis=1)
+    changes = (levels > 0) != (following > 0)
+    kept = (changes.sum(axis=1) == 4) & (brightest - darkest >= FAINTEST_LEVELS)
+    points, levels, following, changes = points[kept], levels[kept], following[kept], changes[kept]
+    at = np.nonzero(changes)[1].reshape(-1, 4)
+    here, there = np.take_along_axis(levels, at, 1), np.take_along_axis(following, at, 1)
+    edges = (at + here / np.where(here == there, 1.0, here - there)) * (2 * np.pi / RING_SAMPLES)
+    off = np.abs(edges[:, 2:] - edges[:, :2] - np.pi)
+    kept = np.all(off < HALF_TURN_TOLERANCE_RAD, axis=1)
+    lines = (edges[:, :2] + edges[:, 2:] - np.pi) / 2
+    first_enters = here[:, 0] > 0
+    entering = np.where(first_enters, lines[:, 0], lines[:, 1]) % np.pi
+    leaving = np.where(first_enters, lines[:, 1], lines[:, 0])
+    return Crossings(points[kept], entering[kept], (entering + (leaving - entering) % np.pi)[kept])
+
+
+def _saddle_maxima(smooth: Grey, margin: int) -> Array:
+    """Sub-pixel maxima (n, 2) of the saddle strength, strongest first."""
+    xx, yy, xy = (cv2.Sobel(smooth, cv2.CV_32F, a, b, ksize=3) for a, b in ((2, 0), (0, 2), (1, 1)))
+    strength = cv2.multiply(xy, xy) - cv2.multiply(xx, yy)
+    is_maximum = strength >= cv2.dilate(strength, np.ones((5, 5), np.uint8))
+    is_maximum &= strength > FAINTEST_LEVELS**2
+    is_maximum[:margin], is_maximum[-margin:], is_maximum[:, :margin], is_maximum[:, -margin:] = 0, 0, 0, 0
+    row, column = np.nonzero(is_maximum)
+    order = np.argsort(-strength[row, column], kind="stable")[:MOST_CANDIDATES]
+    row, column = row[order], column[order]
+    return np.column_stack([column + _peak(strength, row, column, 0, 1), row + _peak(strength, row, column, 1, 0)])
+
+
+def _peak(strength: NDArray[np.float32], row: NDArray[np.intp], column: NDArray[np.intp], dv: int, du: int) -> Array:
+    """Offset of the parabola's top through three neighbours."""
+    before, here, after = (strength[row + k * dv, column + k * du].astype(float) for k in (-1, 0, 1))
+    curvature = before - 2 * here + after
+    return np.asarray(np.clip((before - after) / np.where(curvature == 0, -1.0, 2 * curvature), -0.5, 0.5))
+
+
+def _bilinear(image: Grey, points: Array) -> Array:
+    """Grey values (n, m) at points (n, m, 2)."""
+    base = np.floor(points).astype(np.intp)
+    u = np.clip(base[..., 0], 0, image.shape[1] - 2)
+    v = np.clip(base[..., 1], 0, image.shape[0] - 2)
+    fu, fv = points[..., 0] - u, points[..., 1] - v
+    upper = image[v, u] * (1 - fu) + image[v, u + 1] * fu
+    lower = image[v + 1, u] * (1 - fu) + image[v + 1, u + 1] * fu
+    return np.asarray(upper * (1 - fv) + lower * fv)
