@@ -8,15 +8,20 @@ from numpy.typing import NDArray
 
 from calibration.detection.charuco import detect_charuco
 from calibration.detection.chessboard import detect_chessboard
+from calibration.detection.circles import detect_circles
 from calibration.detection.gate import gate
 from calibration.detection.image import Grey, grey_image
 from calibration.errors import DetectionError
 from calibration.problem import Detection
-from calibration.targets import Charuco, Chessboard, Target
+from calibration.targets import Charuco, Chessboard, CircleGrid, Target
 
 Detector = Callable[[Grey, Any], Detection]
 
-DETECTORS: dict[type, Detector] = {Chessboard: detect_chessboard, Charuco: detect_charuco}
+DETECTORS: dict[type, Detector] = {
+    Chessboard: detect_chessboard,
+    Charuco: detect_charuco,
+    CircleGrid: detect_circles,
+}
 
 
 def detect(image: NDArray[Any], target: Target) -> Detection:

@@ -56,11 +56,16 @@ def _require_contrast(sample: Grey) -> None:
 def reduced(image: Grey, pixels: float) -> tuple[Grey, int]:
     """The image made smaller by the least whole factor that leaves at most `pixels`, and that factor."""
     factor = max(1, int(np.ceil(np.sqrt(image.size / pixels))))
+    return reduced_by(image, factor), factor
+
+
+def reduced_by(image: Grey, factor: int) -> Grey:
+    """The image with each `factor`² pixels averaged; what is left over at the right and below is cut off."""
     if factor == 1:
-        return image, 1
+        return image
     height, width = image.shape[0] // factor, image.shape[1] // factor
     cut = image[: height * factor, : width * factor]
-    return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), np.uint8), factor
+    return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def at_full_size(points_px: Array, factor: int) -> Array:

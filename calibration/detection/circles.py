@@ -1,0 +1,172 @@
+"""Circle grids: dots joined into a lattice, laid over the target, measured at full size, perspective's bias removed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import correlate2d
+
+from calibration.detection.circle_bias import circle_centre_bias
+from calibration.detection.dot_centre import refine_dots
+from calibration.detection.dot_lattice import grow_dot_lattices
+from calibration.detection.dots import Dots, find_dots
+from calibration.detection.image import Grey, at_full_size, reduced
+from calibration.detection.lattice import Lattice
+from calibration.detection.plane_view import PlaneView, fit_plane_view
+from calibration.errors import DetectionError
+from calibration.problem import Detection
+from calibration.targets import CircleGrid
+from calibration.transforms import Array
+
+SEARCH_PIXELS = (1.3e6, 1.3e7)
+LEAST_SHARE_FOUND = 0.75
+LARGE_DOT_RATIO = 1.25
+"""The origin's radius over the others', at least."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Which target point `ids` (n,) each of the lattice's dots is, -1 for none; `outside` dots that fit nowhere."""
+
+    ids: NDArray[np.intp]
+    outside: int
+
+
+def detect_circles(image: Grey, target: CircleGrid) -> Detection:
+    """The projected centres, at most a quarter of them missing.
+
+    Raises DetectionError `not-found`, `other-board`, `origin-not-found`.
+    """
+    ink = image if target.dots == "black" else np.asarray(255 - image, np.uint8)
+    size = (image.shape[1], image.shape[0])
+    refusal = DetectionError(
+        "not-found",
+        f"no {target.layout} grid of {target.columns}×{target.rows} {target.dots} dots was found",
+        "bring the whole grid into view, without glare; check columns, rows and the dots' colour",
+    )
+    for pixels in SEARCH_PIXELS:
+        small, factor = reduced(ink, pixels)
+        dots = find_dots(small)
+        for lattice, index in grow_dot_lattices(dots, int(LEAST_SHARE_FOUND * target.columns * target.rows)):
+            layouts = _layouts(lattice, target)
+            if not layouts:
+                continue
+            if layouts[0].outside >= max(2, min(target.columns, target.rows) // 2):
+                refusal = _other_board(layouts[0], target)
+                continue
+            found = _at_full_size(dots, index, factor)
+            try:
+                return _measured(found, refine_dots(ink, found), layouts, target, size)
+            except DetectionError as error:
+                refusal = error
+        if factor == 1:
+            break
+    raise refusal
+
+
+def _measured(
+    seen: Dots, dots: Dots, layouts: list[Layout], target: CircleGrid, image_size: tuple[int, int]
+) -> Detection:
+    """The detection by the layout whose origin is the large dot, or whose rows run most to the right.
+
+    `dots` are those `seen`, measured; a dot cut off by the image's edge cannot be, but may still be the large one.
+    """
+    candidates = []
+    for layout in layouts:
+        kept = (layout.ids >= 0) & np.isfinite(dots.areas)
+        ids, centres = layout.ids[kept], dots.centres[kept]
+        if len(ids) < LEAST_SHARE_FOUND * target.columns * target.rows:
+            continue
+        points = target.points_mm[ids, :2]
+        view, _ = fit_plane_view(points, centres, image_size)
+        radii = _radii(view, points, dots.areas[kept])
+        rank = _rightward(view, points) if target.origin is None else _origin_ratio(view, layout, seen, target)
+        usual = np.abs(np.log(radii / np.median(radii))) < np.log(LARGE_DOT_RATIO)
+        bias = circle_centre_bias(view.map, points, np.where(usual, np.median(radii), radii))
+        order = np.argsort(ids)
+        candidates.append((rank, Detection(ids[order], (centres - bias)[order])))
+    if not candidates:
+        what = "too many dots of the grid could not be measured"
+        raise DetectionError("not-found", what, "bring the whole grid into view, without glare")
+    rank, detection = max(candidates, key=lambda candidate: candidate[0])
+    if target.origin is not None and rank < LARGE_DOT_RATIO:
+        what = f"the grid has no larger dot at a corner (the largest there has {rank:.2f} times the usual radius)"
+        raise DetectionError(
+            "origin-not-found", what, "bring the large dot into view, or set the target's origin to null"
+        )
+    return detection
+
+
+def _at_full_size(dots: Dots, index: NDArray[np.intp], factor: int) -> Dots:
+    area = factor**2
+    return Dots(at_full_size(dots.centres[index], factor), dots.shapes[index] * area, dots.areas[index] * area)
+
+
+def _rightward(view: PlaneView, points: Array) -> float:
+    return float(view.jacobian(points.mean(axis=0))[0, 0])
+
+
+def _origin_ratio(view: PlaneView, layout: Layout, seen: Dots, target: CircleGrid) -> float:
+    """Radius of the dot with id 0 over the usual one; 0 when it is missing."""
+    laid = layout.ids >= 0
+    ids = layout.ids[laid]
+    radii = _radii(view, target.points_mm[ids, :2], seen.areas[laid])
+    return float(radii[ids == 0][0] / np.median(radii)) if np.any(ids == 0) else 0.0
+
+
+def _radii(view: PlaneView, points: Array, areas_px: Array) -> Array:
+    """Radii (n,) in the plane's unit."""
+    step = 1e-3 * float(np.abs(points - points.mean(axis=0)).max())
+    u = (view.map(points + np.array([step, 0])) - view.map(points - np.array([step, 0]))) / (2 * step)
+    v = (view.map(points + np.array([0, step])) - view.map(points - np.array([0, step]))) / (2 * step)
+    return np.asarray(np.sqrt(areas_px / (np.pi * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]))))
+
+
+def _layouts(lattice: Lattice, target: CircleGrid) -> list[Layout]:
+    """Every way to lay the target over the lattice that covers most of it; none when a line of it is missing."""
+    best: list[tuple[int, Layout]] = []
+    for cells in _turned(_square_cells(target)):
+        numbers = np.full(cells.max(axis=0)[::-1] + 1, -1)
+        numbers[tuple(cells.T[::-1])] = np.arange(len(cells))
+        occupied = np.zeros(lattice.cells.max(axis=0)[::-1] + 1)
+        occupied[tuple(lattice.cells.T[::-1])] = 1
+        overlap = np.rint(correlate2d(occupied, (numbers >= 0).astype(float))).astype(np.intp)
+        for shift in np.argwhere(overlap == overlap.max()) - np.array(numbers.shape) + 1:
+            at = lattice.cells[:, ::-1] - shift
+            inside = np.all((at >= 0) & (at < numbers.shape), axis=1)
+            ids = np.full(len(at), -1)
+            ids[inside] = numbers[tuple(at[inside].T)]
+            if _every_border_seen(ids[ids >= 0], target):
+                best.append((int(overlap.max()), Layout(ids, int((ids < 0).sum()))))
+    most = max((count for count, _ in best), default=0)
+    return [layout for count, layout in best if count == most]
+
+
+def _square_cells(target: CircleGrid) -> NDArray[np.intp]:
+    """Column and row (n, 2) of each target point in a square lattice."""
+    v, u = np.mgrid[: target.rows, : target.columns].reshape(2, -1)
+    if target.layout == "symmetric":
+        return np.column_stack([u, v])
+    x = 2 * u + v % 2
+    return np.column_stack([(x + v) // 2, (v - x) // 2])
+
+
+def _turned(cells: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """The cells turned by 0 to 3 quarter turns, the least of each coordinate 0."""
+    for _ in range(4):
+        yield cells - cells.min(axis=0)
+        cells = np.column_stack([-cells[:, 1], cells[:, 0]])
+
+
+def _every_border_seen(ids: NDArray[np.intp], target: CircleGrid) -> bool:
+    """Whether at least half of every outer line of the target is there: else it might as well lie one line off."""
+    seen = np.zeros(target.rows * target.columns, bool)
+    seen[ids] = True
+    grid = seen.reshape(target.rows, target.columns)
+    return bool(min(grid[0].mean(), grid[-1].mean(), grid[:, 0].mean(), grid[:, -1].mean()) >= 0.5)
+
+
+def _other_board(layout: Layout, target: CircleGrid) -> DetectionError:
+    what = f"a grid with {layout.outside} more dots than {target.columns}×{target.rows} was found"
+    return DetectionError("other-board", what, "set the target's columns and rows to those of the grid")

@@ -1,0 +1,85 @@
+"""Sub-pixel centroids and areas of dots from grey values, which blur does not move.
+
+Each pixel's share of the dot is read from its grey value between paper and ink, in a band along the rim only: further
+inside it is 1, further outside 0, so that noise, stains and neighbours there do not count.
+"""
+
+import numpy as np
+
+from calibration.detection.dots import Dots
+from calibration.detection.image import Grey, at_full_size, reduced_by
+from calibration.transforms import Array
+
+ITERATIONS = 3
+COMFORTABLE_RADIUS_PX = 12.0
+"""Larger dots are measured in a reduced image: averaging pixels moves no centroid."""
+BAND_OF_RADIUS, NARROWEST_BAND_PX, WIDEST_BAND_PX = 0.5, 2.0, 5.0
+PAPER_PX = 2.5
+"""Width of the ring outside the band in which the paper's brightness is read."""
+GROUP_RATIO = 1.6
+
+
+def refine_dots(image: Grey, dots: Dots) -> Dots:
+    """The dots with centroids and areas from grey values, shapes scaled to their areas; NaN where it failed."""
+    radius = np.sqrt(np.linalg.det(dots.shapes)) ** 0.5
+    factor = max(1, int(np.median(radius) / COMFORTABLE_RADIUS_PX))
+    small = reduced_by(image, factor)
+    centres, shapes = (dots.centres + 0.5) / factor - 0.5, dots.shapes / factor**2
+    areas = np.full(len(radius), np.nan)
+    group = np.rint(np.log(radius / np.median(radius)) / np.log(GROUP_RATIO))
+    for members in (np.flatnonzero(group == which) for which in np.unique(group)):
+        for _ in range(ITERATIONS):
+            centres[members], areas[members] = _measure(small, centres[members], shapes[members])
+            grown = areas[members] / (np.pi * np.sqrt(np.linalg.det(shapes[members])))
+            shapes[members] *= np.where(np.isfinite(grown), grown, 1.0)[:, None, None]
+    return Dots(at_full_size(centres, factor), shapes * factor**2, areas * factor**2)
+
+
+def _measure(image: Grey, centres: Array, shapes: Array) -> tuple[Array, Array]:
+    """Centroids (n, 2) and areas (n,) of the ink near ellipses; NaN where paper and ink cannot be told apart."""
+    minor = np.sqrt(np.linalg.eigvalsh(shapes)[:, 0])
+    band = np.clip(BAND_OF_RADIUS * minor, NARROWEST_BAND_PX, WIDEST_BAND_PX)[:, None, None]
+    half = int(np.ceil(np.sqrt(shapes[:, [0, 1], [0, 1]].max()) + band.max() + PAPER_PX + 1))
+    usable = np.all(np.isfinite(centres), axis=1)
+    base = np.rint(np.where(usable[:, None], centres, 0.0)).astype(np.intp)
+    reach = np.arange(-half, half + 1)
+    rows, columns = base[:, 1, None] + reach, base[:, 0, None] + reach
+    height, width = image.shape
+    inside = ((rows >= 0) & (rows < height))[:, :, None] & ((columns >= 0) & (columns < width))[:, None, :]
+    level = image[np.clip(rows, 0, height - 1)[:, :, None], np.clip(columns, 0, width - 1)[:, None, :]].astype(float)
+    x = (columns - centres[:, :1])[:, None, :] + 0.0 * level
+    y = (rows - centres[:, 1:])[:, :, None] + 0.0 * level
+    distance = _distance_from_rim(x, y, shapes)
+    paper = (distance > band) & (distance < band + PAPER_PX) & inside
+    relative = level / np.maximum(_plane_through(level, x, y, paper), 1.0)
+    ink = distance < -band
+    ink_level = (relative * ink).sum(axis=(1, 2)) / np.maximum(ink.sum(axis=(1, 2)), 1)
+    darkest = np.where(distance < 0, relative, np.inf).min(axis=(1, 2))
+    ink_level = np.where(ink.sum(axis=(1, 2)) >= 5, ink_level, darkest)[:, None, None]
+    share = np.where(ink, 1.0, np.where(distance < band, (1 - relative) / np.maximum(1 - ink_level, 0.02), 0.0))
+    area = share.sum(axis=(1, 2))
+    cut = (~inside & (distance < band)).any(axis=(1, 2)) | (paper.sum(axis=(1, 2)) < 12) | (ink_level[:, 0, 0] > 0.95)
+    bad = cut | (area < 1) | ~usable
+    shift = (
+        np.column_stack([(share * x).sum(axis=(1, 2)), (share * y).sum(axis=(1, 2))])
+        / np.where(bad, 1.0, area)[:, None]
+    )
+    return np.where(bad[:, None], np.nan, centres + shift), np.where(bad, np.nan, area)
+
+
+def _distance_from_rim(x: Array, y: Array, shapes: Array) -> Array:
+    """Signed distance in px from ellipses (first order), negative inside."""
+    inverse = np.linalg.inv(shapes)[:, :, :, None, None]
+    gx, gy = inverse[:, 0, 0] * x + inverse[:, 0, 1] * y, inverse[:, 1, 0] * x + inverse[:, 1, 1] * y
+    rho = np.sqrt(np.maximum(x * gx + y * gy, 1e-9))
+    return np.asarray((rho - 1) * rho / np.maximum(np.hypot(gx, gy), 1e-9))
+
+
+def _plane_through(level: Array, x: Array, y: Array, mask: Array) -> Array:
+    """The brightness of the paper (n, h, w): a plane through the levels where `mask`."""
+    basis = np.stack([np.ones_like(x), x, y])
+    weighted = basis * mask
+    normal = np.einsum("inhw,jnhw->nij", weighted, basis) + 1e-6 * np.eye(3)
+    right = np.einsum("inhw,nhw->ni", weighted, level)
+    plane = np.linalg.solve(normal, right[..., None])[..., 0]
+    return np.asarray(np.einsum("ni,inhw->nhw", plane, basis))

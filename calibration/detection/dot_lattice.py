@@ -1,0 +1,91 @@
+"""Dots joined into square lattices.
+
+A dot's ellipse tells how its surroundings are foreshortened: in the ellipse's own metric the lattice is square, so
+the four nearest dots lie at equal distances in four directions a quarter turn apart. From there the lattice is
+followed, each step predicted from the last. An asymmetric circle grid is a square lattice too, standing on its corner.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from calibration.detection.dots import Dots
+from calibration.detection.lattice import Lattice
+from calibration.transforms import Array
+
+NEAREST = 14
+SIMILAR_AREA = 1.8
+SIMILAR_LENGTH, RIGHT_ANGLE_TOLERANCE = 0.35, 0.35
+NEAR_OF_STEP = 0.22
+LARGE_DOT_AREA = 8.0
+"""A dot may be this much larger than its neighbours: the origin's."""
+STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+
+
+def grow_dot_lattices(dots: Dots, fewest: int) -> Iterator[tuple[Lattice, Array]]:
+    """Lattices of at least `fewest` dots with the indices of their dots; columns turn towards rows as x towards y."""
+    if len(dots.centres) < fewest:
+        return
+    tree = cKDTree(dots.centres)
+    free = np.ones(len(dots.centres), bool)
+    for seed, u, v in _seeds(dots, tree):
+        if free[seed]:
+            cells = _walk(seed, u, v, dots, tree)
+            index, cell = np.array(list(cells)), np.array(list(cells.values()))
+            free[index] = False
+            if len(index) >= fewest:
+                yield Lattice(cell - cell.min(axis=0), dots.centres[index]), index
+
+
+def _seeds(dots: Dots, tree: cKDTree) -> Iterator[tuple[int, Array, Array]]:
+    """Dots with neighbours all around, and the steps (2,) to two of them a quarter turn apart."""
+    _, others = tree.query(dots.centres, k=min(NEAREST, len(dots.centres)))
+    to_metric = np.linalg.inv(np.linalg.cholesky(dots.shapes))
+    for seed, near in enumerate(others):
+        alike = near[1:][np.abs(np.log(dots.areas[near[1:]] / dots.areas[seed])) < np.log(SIMILAR_AREA)]
+        steps = dots.centres[alike] - dots.centres[seed]
+        metric = steps @ to_metric[seed].T
+        length = np.hypot(*metric.T)
+        if len(alike) < 4:
+            continue
+        first = int(np.argmin(length))
+        along, across = metric @ metric[first] / length[first], _cross(metric[first] / length[first], metric)
+        quarter = np.stack(
+            [
+                np.hypot(along, across - length[first]),
+                np.hypot(along + length[first], across),
+                np.hypot(along, across + length[first]),
+            ]
+        )
+        nearest = quarter.argmin(axis=1)
+        if np.all(quarter.min(axis=1) < max(SIMILAR_LENGTH, RIGHT_ANGLE_TOLERANCE) * length[first]):
+            yield seed, (steps[first] - steps[nearest[1]]) / 2, (steps[nearest[0]] - steps[nearest[2]]) / 2
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _walk(seed: int, u: Array, v: Array, dots: Dots, tree: cKDTree) -> dict[int, tuple[int, int]]:
+    """Cell of every dot reached from the seed, breadth first, the step to the next dot being that of the last."""
+    if _cross(u, v) < 0:
+        v = -v
+    cells, at, steps = {seed: (0, 0)}, {(0, 0): seed}, {seed: (u, v)}
+    queue = [seed]
+    for here in queue:
+        u, v = steps[here]
+        reach = NEAR_OF_STEP * min(np.hypot(*u), np.hypot(*v))
+        for column, row in STEPS:
+            cell = (cells[here][0] + column, cells[here][1] + row)
+            step = column * u + row * v
+            distance, there = tree.query(dots.centres[here] + step, distance_upper_bound=reach + 0.5)
+            if cell in at or not np.isfinite(distance) or there in cells:
+                continue
+            ratio = dots.areas[there] / dots.areas[here]
+            if 1 / LARGE_DOT_AREA < ratio < LARGE_DOT_AREA:
+                taken = (dots.centres[there] - dots.centres[here]) * (column + row)
+                steps[there] = (taken, v) if column else (u, taken)
+                cells[there], at[cell] = cell, there
+                queue.append(there)
+    return cells

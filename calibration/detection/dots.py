@@ -1,0 +1,78 @@
+"""Elliptic blobs: what the dots of a circle grid look like, at any size.
+
+Outlines come from thresholds that follow the light, at several window sizes. An outline is an ellipse when its area
+is that of the ellipse with the same second moments, 4 pi sqrt(det M).
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from calibration.detection.image import Grey
+from calibration.transforms import Array
+
+WINDOWS_OF_SIDE = (0.04, 0.1, 0.25)
+"""Side of the threshold's window over the image's shorter side: each suits dots up to about its size."""
+LEVELS_BELOW_MEAN = 6
+SMALLEST_AREA_PX, LARGEST_AREA_SHARE = 12.0, 0.05
+ELLIPSE_TOLERANCE = 0.12
+NARROWEST = 0.12
+"""Least ratio of an ellipse's axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dots:
+    """`centres` (n, 2) px; `shapes` (n, 2, 2) px²: (x - c)' inverse(shape) (x - c) = 1 on the rim; `areas` (n,) px²."""
+
+    centres: Array
+    shapes: Array
+    areas: Array
+
+
+def find_dots(image: Grey) -> Dots:
+    """All dark elliptic blobs."""
+    rows = [row for window in WINDOWS_OF_SIDE for row in _ellipses(image, window)]
+    table = np.array(sorted(rows, key=lambda row: -row[2])).reshape(-1, 6)
+    table = table[_distinct(table)]
+    xx, xy, yy = table[:, 3:].T
+    shapes = 4 * np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2)
+    return Dots(table[:, :2], shapes, table[:, 2])
+
+
+def _ellipses(image: Grey, window_of_side: float) -> list[tuple[float, ...]]:
+    """Rows of x, y, area and the second moments xx, xy, yy about the centre."""
+    window = max(11, int(window_of_side * min(image.shape))) | 1
+    mean = cv2.blur(image, (window, window))
+    dark = cv2.subtract(mean, image)
+    _, mask = cv2.threshold(dark, LEVELS_BELOW_MEAN, 255, cv2.THRESH_BINARY)
+    outlines, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    found: list[tuple[float, ...]] = []
+    for outline in outlines:
+        if len(outline) < 8:
+            continue
+        m = cv2.moments(outline)
+        area = m["m00"]
+        if not SMALLEST_AREA_PX <= area <= LARGEST_AREA_SHARE * image.size:
+            continue
+        xx, xy, yy = m["mu20"] / area, m["mu11"] / area, m["mu02"] / area
+        determinant, trace = xx * yy - xy * xy, xx + yy
+        if determinant <= 0 or abs(area / (4 * np.pi * np.sqrt(determinant)) - 1) > ELLIPSE_TOLERANCE:
+            continue
+        short2_over_long2 = (trace - np.sqrt(max(trace**2 - 4 * determinant, 0))) / trace
+        if short2_over_long2 > 2 * NARROWEST**2:
+            found.append((m["m10"] / area, m["m01"] / area, area, xx, xy, yy))
+    return found
+
+
+def _distinct(table: Array) -> Array:
+    """Which rows (n,) to keep: of those with one centre the largest, which comes first."""
+    keep = np.ones(len(table), bool)
+    if len(table) == 0:
+        return keep
+    radius = np.sqrt(table[:, 2] / np.pi)
+    for i, close in enumerate(cKDTree(table[:, :2]).query_ball_point(table[:, :2], 0.5 * radius)):
+        if keep[i]:
+            keep[[j for j in close if j > i]] = False
+    return keep
