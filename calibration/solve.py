@@ -3,8 +3,7 @@
 import numpy as np
 
 from calibration.camera import CameraModel
-from calibration.closed_forms.kronecker import kronecker
-from calibration.closed_forms.park import park
+from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.errors import UndeterminedError
 from calibration.hold_out import base_errors, hold_out
 from calibration.likelihood.chain import Chain
@@ -20,7 +19,7 @@ from calibration.transforms import Array, inverse, map_points
 from calibration.uncertainty import uncertainty_of
 from calibration.view_poses import candidate_poses
 
-METHODS = {"park": park, "kronecker": kronecker}
+METHODS = ("auto", *CLOSED_FORMS)
 
 
 def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
@@ -29,8 +28,8 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     `method`: "auto" (maximum likelihood) or a closed form's name. `Solution.mount_T_camera` is None, and a finding
     of severity "error" says why, when the session cannot determine X. Raises ValueError for an unknown method.
     """
-    if method != "auto" and method not in METHODS:
-        raise ValueError(f"unknown method {method!r}: one of auto, {', '.join(METHODS)}")
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}: one of {', '.join(METHODS)}")
     seen, refused = observe(problem)
     motion = motion_of(seen.base_T_flange)
     try:
@@ -56,7 +55,7 @@ def closed_form_chain(problem: Problem, seen: Observations, poses: Array, method
     """X by a closed form, the target's pose as its views have it, and the corrections that explain the rest."""
     base_T_flange = seen.base_T_flange
     anchor_T_mount = base_T_flange if problem.setup == "eye-in-hand" else inverse(base_T_flange)
-    mount_T_camera = METHODS[method](anchor_T_mount, poses)
+    mount_T_camera = CLOSED_FORMS[method](anchor_T_mount, poses)
     anchor_T_target = (anchor_T_mount @ mount_T_camera @ poses)[0]
     empty = np.zeros((len(seen), 6))
     return Chain(problem.setup, base_T_flange, mount_T_camera, anchor_T_target, empty).with_corrections_from(poses)

@@ -14,10 +14,6 @@ from calibration.transforms import Array, nearest_rotation, transform
 
 def kronecker(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     """X (4, 4): rotation over all pairs, then translation where the target's points scatter least."""
-    return transform(*_solve(anchor_T_mount, camera_T_target))
-
-
-def _solve(anchor_T_mount: Array, camera_T_target: Array) -> tuple[Array, Array]:
     rotation = rotation_of_all_pairs(anchor_T_mount[:, :3, :3], camera_T_target[:, :3, :3])
     turned = anchor_T_mount[:, :3, :3]
     # R_i t + R_i R s_i + t_i is the target's origin in the anchor, the same for every view: remove its mean.
@@ -26,14 +22,19 @@ def _solve(anchor_T_mount: Array, camera_T_target: Array) -> tuple[Array, Array]
     n = len(turned)
     normal = n * (np.eye(3) - mean_turn.T @ mean_turn)
     right_hand = n * mean_turn.T @ mean_offset - np.einsum("nji,nj->i", turned, offset, optimize=False)
-    return rotation, np.linalg.lstsq(normal, right_hand, rcond=None)[0]
+    return transform(rotation, np.linalg.lstsq(normal, right_hand, rcond=None)[0])
 
 
 def rotation_of_all_pairs(anchor_R_mount: Array, camera_R_target: Array) -> Array:
     """Rotation of X (3, 3) from orientations (n, 3, 3) each."""
+    vector = np.linalg.svd(summed_products(anchor_R_mount, camera_R_target))[2][0].reshape(3, 3)
+    return nearest_rotation(vector * np.sign(np.linalg.det(vector)))[0]
+
+
+def summed_products(anchor_R_mount: Array, camera_R_target: Array) -> Array:
+    """sum_i R_i ⊗ S_i' (9, 9), so that it maps vec(X), row by row, to vec(sum_i R_i X S_i)."""
     n = len(anchor_R_mount)
     products = anchor_R_mount.reshape(n, 9).T @ camera_R_target.reshape(n, 9)
-    # [a, b, c, d] = sum R[a, b] S[c, d]; (R X S)[a, d] = R[a, b] X[b, c] S[c, d]
-    summed = products.reshape(3, 3, 3, 3).transpose(0, 3, 1, 2).reshape(9, 9)
-    vector = np.linalg.svd(summed)[2][0].reshape(3, 3)
-    return nearest_rotation(vector * np.sign(np.linalg.det(vector)))[0]
+    # products[a b, c d] = sum R[a, b] S[c, d] and (R X S)[a, d] = R[a, b] X[b, c] S[c, d].
+    summed: Array = products.reshape(3, 3, 3, 3).transpose(0, 3, 1, 2).reshape(9, 9)
+    return summed
