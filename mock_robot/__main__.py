@@ -1,0 +1,88 @@
+"""python -m mock_robot run | truth | score | faults"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from mock_robot.errors import MockError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; the exit code."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    try:
+        return int(options.command(options))
+    except (OSError, MockError) as error:
+        sys.stderr.write(f"mock_robot: {error}\n")
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="mock_robot", description="An ABB cell with known truth, on real wires.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", help="start the cell; print one JSON line with every address when it is ready")
+    run.add_argument("--seed", type=int, default=7)
+    run.add_argument("--time-scale", type=_positive, default=1.0, help="how many times faster than real the arm moves")
+    run.add_argument("--host", default="127.0.0.1")
+    run.add_argument("--robot-port", type=int, default=0, help="0: chosen by the system")
+    run.add_argument("--devices-port", type=int, default=0)
+    run.add_argument("--control-port", type=int, default=0)
+    run.add_argument("--serial", action="store_true", help="open a serial line (a pty), too")
+    run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")
+    run.add_argument("--ready-file", type=Path, help="write the JSON line there, too")
+    run.add_argument("--with-parent", action="store_true", help="end when standard input closes")
+    run.set_defaults(command=_run)
+
+    truth = commands.add_parser("truth", help="print what is hidden from the daemon, as JSON")
+    truth.add_argument("--seed", type=int, default=7)
+    truth.set_defaults(command=_truth)
+
+    faults = commands.add_parser("faults", help="list the faults there are")
+    faults.add_argument("--json", action="store_true")
+    faults.set_defaults(command=_faults)
+    return parser
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value <= 1000.0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0 and up to 1000")
+    return value
+
+
+def _run(options: argparse.Namespace) -> int:
+    from mock_robot.running import run_until_told  # the heavy half is only needed here
+
+    return run_until_told(options)
+
+
+def _truth(options: argparse.Namespace) -> int:
+    from mock_robot.truth import CellTruth
+    from mock_robot.truth_sheet import truth_document
+
+    _print(json.dumps(truth_document(CellTruth.from_seed(options.seed)), indent=2))
+    return 0
+
+
+def _faults(options: argparse.Namespace) -> int:
+    from mock_robot.fault_table import FAULTS
+
+    if options.json:
+        _print(json.dumps([{"name": f.name, "area": f.area, "summary": f.summary} for f in FAULTS.values()], indent=2))
+        return 0
+    width = max(map(len, FAULTS))
+    for fault in FAULTS.values():
+        _print(f"{fault.name:{width}}  {fault.summary}")
+    return 0
+
+
+def _print(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

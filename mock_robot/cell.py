@@ -1,0 +1,120 @@
+"""The mock cell put together: truth, arm, controller, links, camera and scanner, and the bench's control port."""
+
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from random import Random
+from time import monotonic
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.arms import arm_named
+from calibration.transforms import Array
+from mock_robot.announcement import Announcement
+from mock_robot.control_port import ControlPort
+from mock_robot.controller import Box, Controller
+from mock_robot.fault_table import FAULTS
+from mock_robot.faults import FaultBoard
+from mock_robot.http_devices import create_app
+from mock_robot.http_server import HttpServer
+from mock_robot.link_shells import SerialShell, TcpShell
+from mock_robot.motion import RobotNoise, SimulatedArm
+from mock_robot.posture import start_joints
+from mock_robot.truth import CellTruth
+from mock_robot.truth_sheet import BOX_MM, cell_sheet
+from protocols.cb.codes import Command
+
+LOOPBACK = "127.0.0.1"
+
+
+class FlangeNow(NamedTuple):
+    """Where the flange truly is, and whether it moves."""
+
+    base_T_flange: Array
+    moving: bool
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Which ports to listen on; 0: the system chooses. `serial` opens a pty beside the socket."""
+
+    host: str = LOOPBACK
+    robot: int = 0
+    devices: int = 0
+    control: int = 0
+    serial: bool = False
+
+
+class MockCell:
+    """The one owner of everything in the mock. Times come from `clock`."""
+
+    def __init__(
+        self,
+        truth: CellTruth,
+        *,
+        time_scale: float = 1.0,
+        session: int | None = None,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        arm = arm_named(truth.arm)
+        noise = RobotNoise(truth.noise.robot_translation_mm, np.radians(truth.noise.robot_rotation_deg), truth.seed)
+        self.truth, self.clock = truth, clock
+        self.controller = Controller(
+            SimulatedArm(arm, start_joints(arm, truth), noise),
+            session=session or Random().randrange(1, 65536),
+            time_scale=time_scale,
+            started_at_s=clock(),
+            box=Box(*BOX_MM),
+        )
+        self.faults = FaultBoard(FAULTS, truth.seed)
+        self._tcp = TcpShell(self.controller, self.faults, clock)
+        self._serial = SerialShell(self.controller, self.faults, clock)
+        self._closing = AsyncExitStack()
+
+    async def start(self, ports: Ports) -> Announcement:
+        """Open every wire; where they are."""
+        host, port = await self._tcp.start(ports.host, ports.robot)
+        self._closing.push_async_callback(self._tcp.close)
+        serial = None
+        if ports.serial:
+            serial = await self._serial.start()
+            self._closing.push_async_callback(self._serial.close)
+        devices = await self._serve(create_app(self.truth, self.flange_now), ports.host, ports.devices)
+        bench = ControlPort(self.controller, self.faults, self.clock, self.nudge)
+        control = await self._serve(bench, ports.host, ports.control)
+        return Announcement(self.truth.seed, host, port, serial, devices, control, cell_sheet(self.truth))
+
+    async def close(self) -> None:
+        """Close every wire."""
+        await self._closing.aclose()
+
+    def flange_now(self) -> FlangeNow:
+        """What camera and scanner go by."""
+        robot_s = self.controller.robot_s(self.clock())
+        arm = self.controller.arm
+        return FlangeNow(arm.true_base_T_flange(robot_s), arm.moving_at(robot_s))
+
+    def breaks(
+        self, fault: str, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0
+    ) -> None:
+        """Switch a fault on, as `POST /faults/{name}` does."""
+        now_s = self.clock()
+        self.faults.switch_on(fault, self.controller, now_s, strikes=strikes, only=only, after_moves=after_moves)
+        self.nudge()
+
+    def mends(self, fault: str | None = None) -> None:
+        """Switch a fault off, or all of them."""
+        self.faults.clear(self.controller, self.clock(), fault)
+        self.nudge()
+
+    def nudge(self) -> None:
+        """Something changed by hand: the links look at it now."""
+        self._tcp.nudge()
+        self._serial.nudge()
+
+    async def _serve(self, application: object, host: str, port: int) -> str:
+        server = HttpServer(application)
+        url = await server.start(host, port)
+        self._closing.push_async_callback(server.close)
+        return url

@@ -1,0 +1,209 @@
+"""The test bench's own HTTP port: look at the robot, turn switches, switch faults on. Nothing of the truth is here.
+
+A plain ASGI application: a table of routes, JSON in (body or query) and out.
+"""
+
+import json
+import re
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qsl
+
+import numpy as np
+
+from mock_robot.controller import Controller
+from mock_robot.errors import MockError, NoSuchState, UnknownFault
+from mock_robot.faults import FaultBoard
+from mock_robot.panel import Mode
+from protocols.cb.codes import Command, Flag
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+Fields = Mapping[str, Any]
+BODY_MAX = 65536
+TRUE, FALSE = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
+
+
+@dataclass
+class ControlPort:
+    """The application. `nudge` tells the links that something changed."""
+
+    controller: Controller
+    faults: FaultBoard
+    clock: Callable[[], float]
+    nudge: Callable[[], None]
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request."""
+        if scope["type"] != "http":
+            return
+        status, answer = self._answer(scope, await _body(receive))
+        content = json.dumps(answer).encode()
+        media_type = b"application/json" if status < 400 else b"application/problem+json"
+        await send(
+            {
+                "type": "http.response.start",
+                "status": status,
+                "headers": [(b"content-type", media_type), (b"content-length", str(len(content)).encode())],
+            }
+        )
+        await send({"type": "http.response.body", "body": content})
+
+    def _answer(self, scope: Scope, body: bytes) -> tuple[int, Any]:
+        allowed = set()
+        for method, pattern, handler in _ROUTES:
+            match = pattern.fullmatch(scope["path"])
+            if match is None:
+                continue
+            if method != scope["method"]:
+                allowed.add(method)
+                continue
+            try:
+                answer = handler(self, {**_fields(scope, body), **match.groupdict()})
+            except MockError as error:
+                return _problem(404 if isinstance(error, UnknownFault) else 422, str(error))
+            self.nudge()
+            return 200, answer
+        if allowed:
+            return _problem(405, f"only {', '.join(sorted(allowed))} here")
+        listed = ", ".join(f"{method} {pattern.pattern}" for method, pattern, _ in _ROUTES)
+        return _problem(404, f"no such resource; there are {listed}")
+
+    # --- handlers ---
+
+    def _state(self, fields: Fields) -> Any:
+        now_s = self.clock()
+        controller = self.controller
+        controller.tick(now_s)
+        robot_s = controller.robot_s(now_s)
+        flags = controller.flags(now_s)
+        return {
+            "joints_deg": [round(float(angle), 4) for angle in np.degrees(controller.arm.joints_at(robot_s))],
+            "moving": controller.arm.moving_at(robot_s),
+            "in_position": bool(flags & Flag.IN_POSITION),
+            "armed": controller.armed,
+            "moves_commanded": controller.moves_accepted,
+            "departures": controller.arm.departures,
+            "session": controller.session,
+            "mode": controller.panel.mode.value,
+            "motors_on": controller.panel.motors_on,
+            "emergency_stop": controller.panel.emergency_stop,
+            "program_running": controller.panel.program_running,
+            "speed_override": controller.panel.speed_override,
+            "faults": sorted(self.faults.active),
+        }
+
+    def _log(self, fields: Fields) -> Any:
+        return [{"at_s": entry.at_s, "code": entry.code, "text": entry.text} for entry in self.controller.log]
+
+    def _list_faults(self, fields: Fields) -> Any:
+        return [
+            {"name": fault.name, "area": fault.area, "summary": fault.summary, "on": fault.name in self.faults.active}
+            for fault in self.faults.table.values()
+        ]
+
+    def _fault_on(self, fields: Fields) -> Any:
+        only = fields.get("only")
+        self.faults.switch_on(
+            fields["name"],
+            self.controller,
+            self.clock(),
+            strikes=_count(fields, "strikes"),
+            only=None if only is None else _command(str(only)),
+            after_moves=_count(fields, "after_moves") or 0,
+        )
+        return {"on": sorted(self.faults.active)}
+
+    def _fault_off(self, fields: Fields) -> Any:
+        self.faults.clear(self.controller, self.clock(), fields.get("name"))
+        return {"on": sorted(self.faults.active)}
+
+    def _motors(self, fields: Fields) -> Any:
+        self.controller.switch_motors(_switch(fields, "on"), self.clock())
+        return self._state(fields)
+
+    def _mode(self, fields: Fields) -> Any:
+        self.controller.switch_mode(Mode.named(str(fields.get("mode"))), self.clock())
+        return self._state(fields)
+
+    def _emergency_stop(self, fields: Fields) -> Any:
+        self.controller.press_emergency_stop(_switch(fields, "pressed"), self.clock())
+        return self._state(fields)
+
+    def _program(self, fields: Fields) -> Any:
+        self.controller.run_program(_switch(fields, "running"), self.clock())
+        return self._state(fields)
+
+    def _restart(self, fields: Fields) -> Any:
+        self.controller.restart(self.clock())
+        return self._state(fields)
+
+
+_ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]], ...] = tuple(
+    (method, re.compile(path), handler)
+    for method, path, handler in (
+        ("GET", "/state", ControlPort._state),
+        ("GET", "/log", ControlPort._log),
+        ("GET", "/faults", ControlPort._list_faults),
+        ("POST", "/faults/(?P<name>[a-z0-9-]+)", ControlPort._fault_on),
+        ("DELETE", "/faults/(?P<name>[a-z0-9-]+)", ControlPort._fault_off),
+        ("DELETE", "/faults", ControlPort._fault_off),
+        ("POST", "/motors", ControlPort._motors),
+        ("POST", "/mode", ControlPort._mode),
+        ("POST", "/emergency-stop", ControlPort._emergency_stop),
+        ("POST", "/program", ControlPort._program),
+        ("POST", "/restart", ControlPort._restart),
+    )
+)
+
+
+async def _body(receive: Receive) -> bytes:
+    body = b""
+    while len(body) <= BODY_MAX:
+        message = await receive()
+        body += message.get("body", b"")
+        if not message.get("more_body"):
+            break
+    return body
+
+
+def _fields(scope: Scope, body: bytes) -> dict[str, Any]:
+    fields: dict[str, Any] = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
+    if not body:
+        return fields
+    try:
+        document = json.loads(body)
+    except ValueError as error:
+        raise NoSuchState("request body", str(error), ("a JSON object",)) from error
+    if not isinstance(document, dict):
+        raise NoSuchState("request body", type(document).__name__, ("a JSON object",))
+    return {**fields, **document}
+
+
+def _switch(fields: Fields, name: str) -> bool:
+    value = str(fields.get(name)).lower()
+    if value not in TRUE + FALSE:
+        raise NoSuchState(name, fields.get(name), ("true", "false"))
+    return value in TRUE
+
+
+def _count(fields: Fields, name: str) -> int | None:
+    value = fields.get(name)
+    if value is None:
+        return None
+    if not str(value).isdecimal():
+        raise NoSuchState(name, value, ("a whole number",))
+    return int(value)
+
+
+def _command(name: str) -> Command:
+    try:
+        return Command[name.upper()]
+    except KeyError:
+        raise NoSuchState("only", name, tuple(command.name for command in Command)) from None
+
+
+def _problem(status: int, detail: str) -> tuple[int, Any]:
+    return status, {"type": "about:blank", "status": status, "detail": detail}

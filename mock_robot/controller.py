@@ -1,0 +1,328 @@
+"""The robot program behind the CB link: what a request does, whoever brings it.
+
+No socket and no clock: times are handed in. `now_s` is wire time (heartbeat, time stamps); the arm runs
+`time_scale` times faster.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from calibration.arm import OtherConfiguration, PoseRefused
+from calibration.errors import GeometryError
+from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
+from mock_robot.motion import IN_POSITION_S, SimulatedArm
+from mock_robot.panel import Mode, Panel
+from protocols.cb import messages as cb
+from protocols.cb.codes import VERSION, Capability, Flag, MoveKind, Status
+
+HEARTBEAT_S = 2.0
+"""Silence of the client after which the arm is stopped and disarmed."""
+MANUAL_SPEED_MM_S = 250.0
+"""Manual reduced speed: faster moves are slowed down to it."""
+SPEED_MAX_MM_S = 1000.0
+"""The robot program refuses a faster move: nobody calibrates at such a speed."""
+UNUSED_AXIS = 9e9
+SLOWEST_OVERRIDE = 1e-6
+CAPABILITIES = Capability.MOVES | Capability.STOPS_DURING_MOTION | Capability.JOINTS | Capability.ANNOUNCES_END_OF_MOVE
+BUILD = 1
+RAWBYTES_MAX = 1024
+
+
+@dataclass(frozen=True)
+class Box:
+    """Where the flange may be, mm in the base: checked by the robot program, too."""
+
+    low_mm: tuple[float, float, float] = (-1600.0, -1600.0, 0.0)
+    high_mm: tuple[float, float, float] = (1600.0, 1600.0, 2200.0)
+
+    def holds(self, point_mm: Array) -> bool:
+        """Is the point inside?"""
+        return bool(np.all(point_mm >= self.low_mm) and np.all(point_mm <= self.high_mm))
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """A line of the controller's event log; `code` is ABB's number where there is one."""
+
+    at_s: float
+    code: int
+    text: str
+
+
+@dataclass
+class _Move:
+    """The move under way. `result` is what STATUS will say of it; None while nothing speaks against OK."""
+
+    seq: int
+    blocked_at: float
+    result: Status | None = None
+
+
+@dataclass
+class Controller:
+    """State and behaviour of the robot program. One client at a time; `link.py` sees to that."""
+
+    arm: SimulatedArm
+    session: int
+    time_scale: float = 1.0
+    started_at_s: float = 0.0
+    box: Box = field(default_factory=Box)
+    panel: Panel = field(default_factory=Panel)
+    external_axes: tuple[float, ...] = (UNUSED_AXIS,) * 6
+    settles: bool = True
+    armed: bool = field(default=False, init=False)
+    moves_accepted: int = field(default=0, init=False)
+    log: deque[LogEntry] = field(default_factory=lambda: deque(maxlen=1000), init=False)
+    _move: _Move | None = field(default=None, init=False)
+    _finished: tuple[int, Status] = field(default=(0, Status.OK), init=False)
+    _greeted_at_s: float = field(default=0.0, init=False)
+    _heard_at_s: float | None = field(default=None, init=False)
+
+    # --- time ---
+
+    def robot_s(self, now_s: float) -> float:
+        """The arm's own time."""
+        return (now_s - self.started_at_s) * self.time_scale
+
+    def tick(self, now_s: float) -> list[cb.Answer]:
+        """Let time do its work: the heartbeat, the end of a move. What there is to announce, unasked."""
+        if self._heard_at_s is not None and now_s - self._heard_at_s >= HEARTBEAT_S:
+            self._heard_at_s = None
+            if self.armed or self._move is not None:
+                self._record(now_s, 0, "no sign of life from the client for 2 s: stopped and disarmed")
+            self.halt(now_s, Status.ABORTED)
+        return [self._report(now_s)] if self._finish(now_s) else []
+
+    def next_event_s(self, now_s: float) -> float | None:
+        """When `tick` has something to do next, in wire time; None when nothing is pending."""
+        times = [] if self._heard_at_s is None else [self._heard_at_s + HEARTBEAT_S]
+        if self._move is not None and self.settles:
+            settled_s = self.arm.end_s + IN_POSITION_S
+            times.append(now_s + max(settled_s - self.robot_s(now_s), 0.0) / self.time_scale + 1e-4)
+        return min(times, default=None)
+
+    # --- the client ---
+
+    def heard(self, now_s: float) -> None:
+        """A sign of life."""
+        self._heard_at_s = now_s
+
+    def lost(self, now_s: float) -> None:
+        """The client is gone: stop, disarm."""
+        self._heard_at_s = None
+        self.halt(now_s, Status.ABORTED)
+
+    def answer(self, seq: int, request: cb.Request, now_s: float) -> cb.Reply:
+        """Do what was asked, or refuse it."""
+        self.heard(now_s)
+        self.tick(now_s)
+        return _HANDLERS[type(request)](self, seq, request, now_s)
+
+    # --- switches, turned by people, tests and faults ---
+
+    def switch_motors(self, on: bool, now_s: float) -> None:
+        """Motors on or off; they stay off while the emergency stop is pressed."""
+        self.panel.motors_on = on and not self.panel.emergency_stop
+        self._record(now_s, 10011 if self.panel.motors_on else 10012, f"motors {'on' if on else 'off'}")
+        self._obey_panel(now_s)
+
+    def switch_mode(self, mode: Mode, now_s: float) -> None:
+        """Turn the mode switch: whatever moves stops, and the client has to arm again."""
+        changed, self.panel.mode = mode is not self.panel.mode, mode
+        self._record(now_s, 10015 if mode is not Mode.AUTO else 10017, f"mode {mode.value}")
+        if changed:
+            self.halt(now_s, Status.WRONG_MODE)
+
+    def press_emergency_stop(self, pressed: bool, now_s: float) -> None:
+        """Press or release; pressing takes the motors' power, releasing does not give it back."""
+        self.panel.emergency_stop = pressed
+        if pressed:
+            self.panel.motors_on = False
+        self._record(now_s, 10013 if pressed else 10014, f"emergency stop {'pressed' if pressed else 'released'}")
+        self._obey_panel(now_s)
+
+    def run_program(self, running: bool, now_s: float) -> None:
+        """Start or stop the motion task's program."""
+        self.panel.program_running = running
+        self._record(now_s, 10002 if running else 10005, f"program {'started' if running else 'stopped'}")
+        self._obey_panel(now_s)
+
+    def restart(self, now_s: float) -> None:
+        """A warm start: a new session, disarmed, nothing remembered."""
+        self.lost(now_s)
+        self.session = self.session % 65535 + 1
+        self._move, self._finished = None, (0, Status.OK)
+        self._record(now_s, 10002, "controller restarted")
+
+    def halt(self, now_s: float, result: Status) -> None:
+        """Stop and disarm."""
+        self.armed = False
+        self._stop(now_s, result)
+
+    # --- requests ---
+
+    def _ping(self, seq: int, request: cb.Ping, now_s: float) -> cb.Reply:
+        return cb.Pong()
+
+    def _hello(self, seq: int, request: cb.Hello, now_s: float) -> cb.Reply:
+        self.halt(now_s, Status.ABORTED)
+        self._move, self._finished = None, (0, Status.OK)
+        self._greeted_at_s = now_s
+        return cb.Welcome(VERSION, CAPABILITIES, self.session, BUILD, RAWBYTES_MAX, 6)
+
+    def _pose(self, seq: int, request: cb.GetPose, now_s: float) -> cb.Reply:
+        robot_s = self.robot_s(now_s)
+        pose = self.arm.reported_base_T_flange(robot_s)
+        return cb.Pose(
+            position_mm=float32_tuple(pose[:3, 3]),
+            quaternion_wxyz=float32_tuple(quaternion_from_rotation(pose[:3, :3])),
+            configuration=self.arm.arm.configuration(self.arm.joints_at(robot_s)),
+            external_axes=float32_tuple(self.external_axes),
+            t_ms=self._t_ms(now_s),
+            flags=self.flags(now_s),
+        )
+
+    def _joints(self, seq: int, request: cb.GetJoints, now_s: float) -> cb.Reply:
+        axes_deg = np.degrees(self.arm.joints_at(self.robot_s(now_s)))
+        return cb.Joints(float32_tuple(axes_deg), float32_tuple(self.external_axes))
+
+    def _status(self, seq: int, request: cb.GetStatus, now_s: float) -> cb.Reply:
+        return self._report(now_s)
+
+    def _arm(self, seq: int, request: cb.Arm, now_s: float) -> cb.Reply:
+        if not request.armed:
+            self.halt(now_s, Status.ABORTED)
+            return cb.ArmingDone()
+        forbidden = self.panel.forbids_motion()
+        if forbidden is not None:
+            return self._refuse(now_s, forbidden, "arming refused")
+        if request.session != self.session:
+            return self._refuse(
+                now_s, Status.NOT_ARMED, f"arming for session {request.session}, this is {self.session}"
+            )
+        self.armed = True
+        return cb.ArmingDone()
+
+    def _stop_request(self, seq: int, request: cb.Stop, now_s: float) -> cb.Reply:
+        self._stop(now_s, Status.ABORTED)
+        return cb.Stopped()
+
+    def _bye(self, seq: int, request: cb.Bye, now_s: float) -> cb.Reply:
+        self.lost(now_s)
+        return cb.Farewell()
+
+    def _move_request(self, seq: int, request: cb.Move, now_s: float) -> cb.Reply:
+        forbidden = self.panel.forbids_motion()
+        if forbidden is not None:
+            return self._refuse(now_s, forbidden, "move refused")
+        if not self.armed:
+            return self._refuse(now_s, Status.NOT_ARMED, "move refused: not armed")
+        if self._move is not None:
+            return self._refuse(now_s, Status.BUSY, f"move {self._move.seq} is under way")
+        if not 0.0 < request.speed_mm_s <= SPEED_MAX_MM_S:  # NaN compares false
+            return self._refuse(now_s, Status.SPEED, f"speed {request.speed_mm_s} mm/s")
+        if not np.all(np.isfinite([*request.position_mm, *request.quaternion_wxyz, *request.external_axes])):
+            return self._refuse(now_s, Status.BAD_FIELD, "a number of the pose is not finite")
+        try:
+            base_T_flange = transform_from_quaternion(request.position_mm, request.quaternion_wxyz)
+        except GeometryError as error:
+            return self._refuse(now_s, Status.BAD_FIELD, str(error))
+        if not self.box.holds(base_T_flange[:3, 3]):
+            return self._refuse(now_s, Status.OUTSIDE_BOX, f"flange at {request.position_mm} mm")
+        return self._depart(seq, request, base_T_flange, now_s)
+
+    def _depart(self, seq: int, request: cb.Move, base_T_flange: Array, now_s: float) -> cb.Reply:
+        robot_s = self.robot_s(now_s)
+        try:
+            here = self.arm.joints_at(robot_s)
+            there = self.arm.arm.matching(base_T_flange, request.configuration, near_rad=here)
+        except PoseRefused as error:
+            code = 50080 if isinstance(error, OtherConfiguration) else 50050
+            return self._refuse(now_s, Status.UNREACHABLE, error.what, code)
+        cap = MANUAL_SPEED_MM_S if self.panel.mode is Mode.MANR else SPEED_MAX_MM_S
+        speed_mm_s = min(request.speed_mm_s, cap) * max(self.panel.speed_override, SLOWEST_OVERRIDE)
+        self._move = _Move(seq, self.arm.depart(there, speed_mm_s, request.kind is MoveKind.LINEAR, robot_s))
+        self.moves_accepted += 1
+        self.external_axes = tuple(
+            have if have >= 8.9e9 else asked
+            for have, asked in zip(self.external_axes, request.external_axes, strict=True)
+        )
+        return cb.MoveAccepted()
+
+    # --- inside ---
+
+    def flags(self, now_s: float) -> Flag:
+        """The state in 16 bits."""
+        robot_s, panel = self.robot_s(now_s), self.panel
+        switches = {
+            Flag.MOTORS_ON: panel.motors_on,
+            Flag.AUTO: panel.mode is Mode.AUTO,
+            Flag.ESTOP: panel.emergency_stop,
+            Flag.MOVING: self.arm.moving_at(robot_s),
+            Flag.IN_POSITION: self.settles and self.arm.settled_at(robot_s),
+            Flag.ARMED: self.armed,
+            Flag.TASK_RUNNING: panel.program_running,
+            Flag.SPEED_LIMITED: panel.mode is not Mode.AUTO or panel.speed_override < 1.0,
+        }
+        return Flag(sum(flag for flag, on in switches.items() if on))
+
+    def _report(self, now_s: float) -> cb.Report:
+        robot_s = self.robot_s(now_s)
+        progress = self.arm.progress_at(robot_s) if self._move is not None else 1.0
+        seq, status = self._finished
+        return cb.Report(self.flags(now_s), seq, status, round(1000 * min(progress, 1.0)), self._t_ms(now_s))
+
+    def _finish(self, now_s: float) -> bool:
+        """Note the end of the move when the arm has settled; did one end?"""
+        move = self._move
+        if move is None or not self.settles or not self.arm.settled_at(self.robot_s(now_s)):
+            return False
+        blocked = Status.MOTION_ERROR if move.blocked_at < 1.0 else Status.OK
+        self._move, self._finished = None, (move.seq, move.result or blocked)
+        if self._finished[1] is Status.MOTION_ERROR:
+            self._record(now_s, 50050, f"move {move.seq} could not follow its line beyond {move.blocked_at:.0%}")
+        return True
+
+    def _stop(self, now_s: float, result: Status) -> None:
+        robot_s = self.robot_s(now_s)
+        if self._move is not None and self.arm.moving_at(robot_s) and self._move.result is None:
+            self._move.result = result
+            self._record(now_s, 0, f"move {self._move.seq} stopped: {result.name}")
+        self.arm.stop(robot_s)
+
+    def _obey_panel(self, now_s: float) -> None:
+        forbidden = self.panel.forbids_motion()
+        if forbidden is not None:
+            self.halt(now_s, forbidden)
+
+    def _refuse(self, now_s: float, status: Status, text: str, code: int = 0) -> cb.Refused:
+        self._record(now_s, code, f"{status.name}: {text}")
+        return cb.Refused(status)
+
+    def _record(self, now_s: float, code: int, text: str) -> None:
+        self.log.append(LogEntry(now_s, code, text))
+
+    def _t_ms(self, now_s: float) -> int:
+        return int((now_s - self._greeted_at_s) * 1000) % cb.T_MS_WRAP
+
+
+_HANDLERS: dict[type[Any], Callable[[Controller, int, Any, float], cb.Reply]] = {
+    cb.Ping: Controller._ping,
+    cb.Hello: Controller._hello,
+    cb.GetPose: Controller._pose,
+    cb.Move: Controller._move_request,
+    cb.Stop: Controller._stop_request,
+    cb.GetStatus: Controller._status,
+    cb.Arm: Controller._arm,
+    cb.GetJoints: Controller._joints,
+    cb.Bye: Controller._bye,
+}
+
+
+def float32_tuple(values: Array | tuple[float, ...]) -> Any:
+    """The numbers as a controller holds them: rounded to float32."""
+    return tuple(float(value) for value in np.asarray(values, np.float32))

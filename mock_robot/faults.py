@@ -1,0 +1,149 @@
+"""Named faults as a table, and the board on which they are switched on.
+
+A fault may strike in four places: the controller's state when it begins (`begin`), an answer before it is packed
+(`reply`: the robot lies), the packed bytes on their way out (`send`), and the bytes that come in (`receive`).
+Adding a fault is adding a row to `mock_robot.fault_table`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from random import Random
+from typing import Literal
+
+from mock_robot.controller import Controller
+from mock_robot.errors import UnknownFault
+from mock_robot.wire import Send, WireStep
+from protocols.cb.codes import Command
+from protocols.cb.messages import Reply
+
+SendFault = Callable[[bytes, Random], tuple[WireStep, ...]]
+ReceiveFault = Callable[[bytes, Random], bytes]
+ReplyFault = Callable[[Reply], Reply]
+StateFault = Callable[[Controller, float], None]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One row. `strikes` is how often it strikes unless told otherwise; None until it is cleared."""
+
+    name: str
+    area: Literal["link", "serial", "robot"]
+    summary: str
+    strikes: int | None = 1
+    begin: StateFault | None = None
+    end: StateFault | None = None
+    reply: ReplyFault | None = None
+    send: SendFault | None = None
+    receive: ReceiveFault | None = None
+
+
+@dataclass
+class ActiveFault:
+    """A fault that was switched on. It sleeps until `from_move` moves were accepted."""
+
+    fault: Fault
+    strikes_left: int | None
+    only: Command | None
+    from_move: int
+    awake: bool = False
+    struck: int = 0
+
+
+@dataclass
+class FaultBoard:
+    """Which faults are on. The same seed gives the same bits flipped and the same garbage."""
+
+    table: Mapping[str, Fault]
+    seed: int = 0
+    _active: dict[str, ActiveFault] = field(default_factory=dict, init=False)
+    _random: Random = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._random = Random(self.seed)
+
+    @property
+    def active(self) -> dict[str, ActiveFault]:
+        """The faults that are on, by name."""
+        return dict(self._active)
+
+    def switch_on(
+        self,
+        name: str,
+        controller: Controller,
+        now_s: float,
+        *,
+        strikes: int | None = None,
+        only: Command | None = None,
+        after_moves: int = 0,
+    ) -> None:
+        """Switch a fault on: for `strikes` replies, only for replies to `only`, once `after_moves` more moves began.
+
+        Raises UnknownFault.
+        """
+        if name not in self.table:
+            raise UnknownFault(name, tuple(self.table))
+        fault = self.table[name]
+        from_move = controller.moves_accepted + after_moves
+        self._active[name] = ActiveFault(fault, strikes or fault.strikes, only, from_move)
+        self.wake(controller, now_s)
+
+    def clear(self, controller: Controller, now_s: float, name: str | None = None) -> None:
+        """Switch one fault off, or all of them."""
+        if name is not None and name not in self.table:
+            raise UnknownFault(name, tuple(self.table))
+        for cleared in [name] if name is not None else list(self._active):
+            active = self._active.pop(cleared, None)
+            if active is not None and active.awake and active.fault.end is not None:
+                active.fault.end(controller, now_s)
+
+    def wake(self, controller: Controller, now_s: float) -> None:
+        """Let faults begin whose move has come."""
+        for active in list(self._active.values()):
+            if active.awake or controller.moves_accepted < active.from_move:
+                continue
+            active.awake = True
+            if active.fault.begin is not None:
+                active.fault.begin(controller, now_s)
+                self._struck(active)
+
+    def incoming(self, data: bytes) -> bytes:
+        """Bytes from the wire as the controller gets to see them."""
+        for active in self._awake("receive"):
+            assert active.fault.receive is not None
+            data = active.fault.receive(data, self._random)
+            self._struck(active)
+        return data
+
+    def replied(self, command: Command | None, reply: Reply) -> Reply:
+        """An answer as the controller gives it."""
+        for active in self._awake("reply", command):
+            assert active.fault.reply is not None
+            altered = active.fault.reply(reply)
+            if altered is not reply:
+                self._struck(active)
+            reply = altered
+        return reply
+
+    def outgoing(self, command: Command | None, data: bytes) -> tuple[WireStep, ...]:
+        """Packed bytes as they go on the wire: of several faults the first that applies has its way."""
+        for active in self._awake("send", command):
+            assert active.fault.send is not None
+            self._struck(active)
+            return active.fault.send(data, self._random)
+        return (Send(data),)
+
+    def _awake(self, place: Literal["receive", "reply", "send"], command: Command | None = None) -> list[ActiveFault]:
+        return [
+            active
+            for active in self._active.values()
+            if active.awake
+            and getattr(active.fault, place) is not None
+            and (active.only is None or active.only == command or place == "receive")
+        ]
+
+    def _struck(self, active: ActiveFault) -> None:
+        active.struck += 1
+        if active.strikes_left is not None:
+            active.strikes_left -= 1
+            if active.strikes_left <= 0:
+                del self._active[active.fault.name]

@@ -1,0 +1,46 @@
+"""An ASGI application on a port the system chooses, in the loop that already runs."""
+
+import asyncio
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import uvicorn
+
+
+class _Server(uvicorn.Server):
+    """uvicorn without its signal handlers: the cell has its own."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Leave the process's handlers alone."""
+        yield
+
+
+class HttpServer:
+    """One application, one port."""
+
+    def __init__(self, application: Any) -> None:
+        config = uvicorn.Config(
+            application, log_level="error", access_log=False, lifespan="off", ws="none", timeout_graceful_shutdown=1
+        )
+        self._server = _Server(config)
+        self._serving: asyncio.Task[None] | None = None
+
+    async def start(self, host: str, port: int) -> str:
+        """Serve; the base URL, without a slash at its end."""
+        listening = socket.create_server((host, port))
+        chosen = listening.getsockname()[1]
+        self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
+        while not self._server.started:
+            if self._serving.done():
+                self._serving.result()
+            await asyncio.sleep(0.005)
+        return f"http://{host}:{chosen}"
+
+    async def close(self) -> None:
+        """Stop serving; open answers get a second to end."""
+        self._server.should_exit = True
+        if self._serving is not None:
+            await asyncio.gather(self._serving, return_exceptions=True)

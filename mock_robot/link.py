@@ -1,0 +1,127 @@
+"""One client's link: protocols.cb's session, the controller behind it, and the faults between it and the wire."""
+
+from mock_robot.controller import Controller
+from mock_robot.faults import FaultBoard
+from mock_robot.wire import Close, Send, WireStep
+from protocols.cb.codes import Command, Status
+from protocols.cb.controller import ControllerSession
+from protocols.cb.events import (
+    BadChecksum,
+    ControllerEvent,
+    DuplicateAnswered,
+    DuplicatePending,
+    RequestReceived,
+    RequestRefused,
+)
+from protocols.cb.frames import FramingBroken, GarbageSkipped
+from protocols.cb.messages import COMMAND_OF, Bye
+
+HALF_FRAME_S = 0.5
+"""A frame that stops for longer than this is none."""
+IDLE_S = 10.0
+"""A TCP client that says nothing for so long is gone; its place is free."""
+
+
+class ControllerLink:
+    """Bytes in, wire steps out; `tick` when `next_event_s` says so. `serial`: no connection, so nothing ever closes."""
+
+    def __init__(self, controller: Controller, faults: FaultBoard, *, serial: bool, now_s: float) -> None:
+        self._controller = controller
+        self._faults = faults
+        self._serial = serial
+        self._session = ControllerSession(resynchronise=serial)
+        self._session_number = controller.session
+        self._last_byte_s = self.heard_at_s = now_s
+
+    def receive_data(self, data: bytes, now_s: float) -> list[WireStep]:
+        """Take bytes as they came."""
+        steps = self._restarted()
+        data = self._faults.incoming(data)
+        if data:
+            self._last_byte_s = now_s
+            steps += self._act_on(self._session.receive_data(data), now_s)
+        return steps
+
+    def tick(self, now_s: float) -> list[WireStep]:
+        """Let time do its work."""
+        self._faults.wake(self._controller, now_s)
+        steps = self._restarted()
+        for answer in self._controller.tick(now_s):
+            if self._session.state.name == "GREETED":
+                steps += self._faults.outgoing(None, self._session.unsolicited(answer))
+        if self._session.half_frame_bytes and now_s - self._last_byte_s >= HALF_FRAME_S:
+            steps += self._act_on(self._session.abandon_half_frame(), now_s)
+        if not self._serial and now_s - self.heard_at_s >= IDLE_S:
+            steps.append(Close())
+        return steps
+
+    def next_event_s(self, now_s: float) -> float | None:
+        """When `tick` is due; None when only bytes can change anything."""
+        times = [self._controller.next_event_s(now_s)]
+        if self._session.half_frame_bytes:
+            times.append(self._last_byte_s + HALF_FRAME_S)
+        if not self._serial:
+            times.append(self.heard_at_s + IDLE_S)
+        return min((time for time in times if time is not None), default=None)
+
+    def _restarted(self) -> list[WireStep]:
+        """A restarted controller has no connection and remembers no session."""
+        if self._session_number == self._controller.session:
+            return []
+        self._session_number = self._controller.session
+        self._session = ControllerSession(resynchronise=self._serial)
+        return [] if self._serial else [Close()]
+
+    def _act_on(self, events: list[ControllerEvent], now_s: float) -> list[WireStep]:
+        steps: list[WireStep] = []
+        for event in events:
+            steps += self._act(event, now_s)
+            if Close() in steps:
+                break
+        return steps
+
+    def _act(self, event: ControllerEvent, now_s: float) -> list[WireStep]:
+        match event:
+            case RequestReceived():
+                return self._request(event, now_s)
+            case DuplicateAnswered() | RequestRefused():
+                self._alive(now_s)
+                return [*self._faults.outgoing(None, event.answer)]
+            case BadChecksum():
+                return [Send(event.answer)]
+            case DuplicatePending():
+                self._alive(now_s)
+                return []
+            case GarbageSkipped():
+                return []
+            case FramingBroken():
+                return [Close()]
+
+    def _request(self, event: RequestReceived, now_s: float) -> list[WireStep]:
+        self._alive(now_s)
+        command: Command = COMMAND_OF[type(event.message)]
+        reply = self._controller.answer(event.seq, event.message, now_s)
+        reply = self._faults.replied(command, reply)
+        answer = self._session.reply(event.seq, reply)
+        steps = [*self._faults.outgoing(command, answer)]
+        self._faults.wake(self._controller, now_s)
+        if isinstance(event.message, Bye) and not self._serial:
+            steps.append(Close())
+        return steps
+
+    def _alive(self, now_s: float) -> None:
+        self.heard_at_s = now_s
+        self._controller.heard(now_s)
+
+
+class RefusedLink:
+    """The link of a client that is one too many: its first request is answered BUSY, then the connection closes."""
+
+    def __init__(self) -> None:
+        self._session = ControllerSession(resynchronise=False, refuse_with=Status.BUSY)
+
+    def receive_data(self, data: bytes) -> list[WireStep]:
+        """Take bytes as they came."""
+        events = self._session.receive_data(data)
+        answers = [Send(event.answer) for event in events if isinstance(event, RequestRefused)]
+        return [*answers[:1], Close()] if events else []

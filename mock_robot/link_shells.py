@@ -1,0 +1,193 @@
+"""The CB link on real wires: a TCP server for one client, and a serial line on a pty. Same controller, same faults."""
+
+import asyncio
+import os
+import socket
+import struct
+import tty
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+
+from mock_robot.controller import HEARTBEAT_S, Controller
+from mock_robot.faults import FaultBoard
+from mock_robot.link import ControllerLink, RefusedLink
+from mock_robot.wire import Close, Pause, Reset, Send, WireStep
+
+Clock = Callable[[], float]
+REFUSAL_S = 1.0
+"""How long a client that is one too many is listened to."""
+CHUNK = 4096
+
+
+class TcpShell:
+    """The robot's server socket. The second client is told BUSY and closed, unless the first has gone silent."""
+
+    def __init__(self, controller: Controller, faults: FaultBoard, clock: Clock) -> None:
+        self._controller, self._faults, self._clock = controller, faults, clock
+        self._server: asyncio.Server | None = None
+        self._link: ControllerLink | None = None
+        self._conversations: set[asyncio.Task[None]] = set()
+        self._talking: asyncio.Task[None] | None = None
+        self._nudge = asyncio.Event()
+
+    async def start(self, host: str, port: int) -> tuple[str, int]:
+        """Listen; the address that is listened on (port 0: chosen by the system)."""
+        self._server = await asyncio.start_server(self._accept, host, port)
+        address = self._server.sockets[0].getsockname()
+        return str(address[0]), int(address[1])
+
+    def nudge(self) -> None:
+        """Something changed from outside (a fault, a switch): look at it now."""
+        self._nudge.set()
+
+    async def close(self) -> None:
+        """Stop listening and hang up."""
+        if self._server is not None:
+            self._server.close()
+        for conversation in list(self._conversations):
+            conversation.cancel()
+        await asyncio.gather(*self._conversations, return_exceptions=True)
+
+    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        self._conversations.add(task)
+        try:
+            with suppress(ConnectionError, asyncio.CancelledError):
+                await self._converse(task, reader, writer)
+        finally:
+            self._conversations.discard(task)
+            writer.close()
+
+    async def _converse(
+        self, task: asyncio.Task[None], reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        if self._link is not None and self._talking is not None:
+            if self._clock() - self._link.heard_at_s < HEARTBEAT_S:
+                await _turn_away(reader, writer)
+                return
+            self._talking.cancel()
+            await asyncio.wait([self._talking])
+        link = self._link = ControllerLink(self._controller, self._faults, serial=False, now_s=self._clock())
+        self._talking = task
+        try:
+            await self._talk(link, reader, writer)
+        finally:
+            if self._link is link:
+                self._link = self._talking = None
+                self._controller.lost(self._clock())
+
+    async def _talk(self, link: ControllerLink, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        while True:
+            data = await self._read(link, reader)
+            if data == b"":
+                return
+            now_s = self._clock()
+            steps = link.tick(now_s) if data is None else link.receive_data(data, now_s)
+            if not await _perform(steps, writer):
+                return
+
+    async def _read(self, link: ControllerLink, reader: asyncio.StreamReader) -> bytes | None:
+        """Bytes; b"" when the client hung up; None when it is time to tick."""
+        due_s = link.next_event_s(self._clock())
+        wait_s = None if due_s is None else max(due_s - self._clock(), 0.0)
+        reading = asyncio.ensure_future(reader.read(CHUNK))
+        nudged = asyncio.ensure_future(self._nudge.wait())
+        try:
+            await asyncio.wait({reading, nudged}, timeout=wait_s, return_when=asyncio.FIRST_COMPLETED)
+            self._nudge.clear()
+            return reading.result() if reading.done() else None
+        finally:
+            for waiting in (reading, nudged):
+                waiting.cancel()
+
+
+async def _turn_away(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    link = RefusedLink()
+    with suppress(TimeoutError):
+        async with asyncio.timeout(REFUSAL_S):
+            while data := await reader.read(CHUNK):
+                if not await _perform(link.receive_data(data), writer):
+                    return
+
+
+async def _perform(steps: Iterable[WireStep], writer: asyncio.StreamWriter) -> bool:
+    """Do the steps; False when the connection is to end."""
+    for step in steps:
+        match step:
+            case Send(data):
+                writer.write(data)
+                await writer.drain()
+            case Pause(seconds):
+                await asyncio.sleep(seconds)
+            case Close():
+                return False
+            case Reset():
+                linger_not = struct.pack("ii", 1, 0)
+                writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger_not)
+                writer.transport.abort()
+                return False
+    return True
+
+
+class SerialShell:
+    """The robot's end of a serial line: a pty whose other end any program opens by its path."""
+
+    def __init__(self, controller: Controller, faults: FaultBoard, clock: Clock) -> None:
+        self._controller, self._faults, self._clock = controller, faults, clock
+        self._ours = self._theirs = -1
+        self._arrived: asyncio.Queue[bytes] = asyncio.Queue()
+        self._talking: asyncio.Task[None] | None = None
+
+    async def start(self) -> str:
+        """Open the pty; the path for the client."""
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._ours)
+        tty.setraw(self._theirs)
+        os.set_blocking(self._ours, False)
+        asyncio.get_running_loop().add_reader(self._ours, self._readable)
+        self._talking = asyncio.create_task(self._talk())
+        return os.ttyname(self._theirs)
+
+    def nudge(self) -> None:
+        """Something changed from outside: look at it now."""
+        if self._talking is not None:
+            self._arrived.put_nowait(b"")
+
+    async def close(self) -> None:
+        """Close both ends."""
+        if self._talking is None:
+            return
+        asyncio.get_running_loop().remove_reader(self._ours)
+        self._talking.cancel()
+        await asyncio.gather(self._talking, return_exceptions=True)
+        os.close(self._ours)
+        os.close(self._theirs)
+
+    def _readable(self) -> None:
+        with suppress(BlockingIOError, OSError):
+            self._arrived.put_nowait(os.read(self._ours, CHUNK))
+
+    async def _talk(self) -> None:
+        link = ControllerLink(self._controller, self._faults, serial=True, now_s=self._clock())
+        while True:
+            data = await self._next(link)
+            now_s = self._clock()
+            for step in link.receive_data(data, now_s) if data else link.tick(now_s):
+                match step:
+                    case Send(sent):
+                        with suppress(BlockingIOError):  # nobody reads: on a wire those bytes are gone, too
+                            os.write(self._ours, sent)
+                    case Pause(seconds):
+                        await asyncio.sleep(seconds)
+                    case Close() | Reset():
+                        pass
+
+    async def _next(self, link: ControllerLink) -> bytes:
+        """Bytes, or b"" when it is time to tick."""
+        due_s = link.next_event_s(self._clock())
+        wait_s = None if due_s is None else max(due_s - self._clock(), 0.0)
+        try:
+            return await asyncio.wait_for(self._arrived.get(), wait_s)
+        except TimeoutError:
+            return b""

@@ -1,0 +1,47 @@
+"""Where the arm stands when the cell starts: the camera looks at the target's middle from straight above."""
+
+import numpy as np
+
+from calibration.arm import Arm, PoseRefused
+from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
+from mock_robot.printed_target import printed
+from mock_robot.truth import CellTruth
+
+START_DISTANCE_MM = 600.0
+ROLLS = 24
+
+
+def target_middle_mm(truth: CellTruth) -> Array:
+    """The middle of the printed sheet in the base (3,)."""
+    middle = np.append(printed(truth.target, truth.sheet).outline_mm.mean(axis=0), 0.0)
+    aimed: Array = map_points(truth.base_T_target, middle[None])[0]
+    return aimed
+
+
+def base_T_camera_above(truth: CellTruth, distance_mm: float, roll_rad: float) -> Array:
+    """The camera straight above the target's middle, looking down, turned about its axis."""
+    base_R_target = truth.base_T_target[:3, :3]
+    base_R_camera = base_R_target @ rotation_from_vector([0.0, 0.0, roll_rad])
+    return transform(base_R_camera, target_middle_mm(truth) - distance_mm * base_R_target[:, 2])
+
+
+def start_joints(arm: Arm, truth: CellTruth) -> Array:
+    """The joints (6,) that do so, at the roll that keeps far from limits and singularities."""
+    camera_T_flange = inverse(truth.flange_T_camera)
+    middle_rad = (np.array(arm.lower_rad) + np.array(arm.upper_rad)) / 2
+    half_rad = (np.array(arm.upper_rad) - np.array(arm.lower_rad)) / 2
+
+    def comfort(joints: Array) -> tuple[float, float]:
+        room = float((1 - np.abs(joints - middle_rad) / half_rad).min())
+        return round(min(room, float(arm.singularity_clearance(joints))), 1), -float(np.abs(joints).max())
+
+    candidates: list[Array] = []
+    for roll_rad in np.linspace(-np.pi, np.pi, ROLLS, endpoint=False):
+        pose = base_T_camera_above(truth, START_DISTANCE_MM, float(roll_rad)) @ camera_T_flange
+        try:
+            candidates += [joints for joints in arm.inverse(pose) if arm.configuration(joints).cfx in (0, 1)]
+        except PoseRefused:
+            continue
+    if not candidates:
+        raise PoseRefused(f"{arm.name} cannot look at the target of this cell", "put the target nearer to the robot")
+    return max(candidates, key=comfort)

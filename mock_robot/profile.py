@@ -1,0 +1,87 @@
+"""Speed profiles: how far along its path a motion is, as a pure function of time."""
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Protocol
+
+
+class Profile(Protocol):
+    """Distance travelled (0 at the start) after a time; `duration_s` is when it stands."""
+
+    @property
+    def duration_s(self) -> float: ...
+
+    def distance_at(self, elapsed_s: float) -> float: ...
+
+    def speed_at(self, elapsed_s: float) -> float: ...
+
+
+@dataclass(frozen=True)
+class Trapezoid:
+    """Speed up, cruise, slow down. A short way never reaches the speed: a triangle."""
+
+    length: float
+    speed: float
+    acceleration: float
+
+    @property
+    def peak_speed(self) -> float:
+        """The speed in the middle."""
+        return min(self.speed, sqrt(self.length * self.acceleration))
+
+    @property
+    def duration_s(self) -> float:
+        """From standstill to standstill."""
+        if self.length <= 0.0:
+            return 0.0
+        return self.length / self.peak_speed + self.peak_speed / self.acceleration
+
+    def distance_at(self, elapsed_s: float) -> float:
+        """Distance after `elapsed_s`: 0 before the start, `length` after the end."""
+        elapsed_s = min(max(elapsed_s, 0.0), self.duration_s)
+        remaining_s = self.duration_s - elapsed_s
+        ramp_s = self.peak_speed / self.acceleration
+        if elapsed_s < ramp_s:
+            return 0.5 * self.acceleration * elapsed_s**2
+        if remaining_s < ramp_s:
+            return self.length - 0.5 * self.acceleration * remaining_s**2
+        return self.peak_speed * (elapsed_s - 0.5 * ramp_s)
+
+    def speed_at(self, elapsed_s: float) -> float:
+        """Speed after `elapsed_s`."""
+        if not 0.0 < elapsed_s < self.duration_s:
+            return 0.0
+        return min(self.peak_speed, self.acceleration * min(elapsed_s, self.duration_s - elapsed_s))
+
+
+@dataclass(frozen=True)
+class Braked:
+    """Another profile until `braked_at_s`, then slowing down to standstill on the same path."""
+
+    before: Profile
+    braked_at_s: float
+    deceleration: float
+
+    @property
+    def duration_s(self) -> float:
+        """Until standstill; never later than without braking."""
+        return min(self.before.duration_s, self.braked_at_s + self._speed / self.deceleration)
+
+    @property
+    def _speed(self) -> float:
+        return self.before.speed_at(self.braked_at_s)
+
+    def distance_at(self, elapsed_s: float) -> float:
+        """Distance after `elapsed_s`."""
+        if elapsed_s <= self.braked_at_s:
+            return self.before.distance_at(elapsed_s)
+        braking_s = min(elapsed_s - self.braked_at_s, self._speed / self.deceleration)
+        travelled = self._speed * braking_s - 0.5 * self.deceleration * braking_s**2
+        end = self.before.distance_at(self.before.duration_s)
+        return min(self.before.distance_at(self.braked_at_s) + travelled, end)
+
+    def speed_at(self, elapsed_s: float) -> float:
+        """Speed after `elapsed_s`."""
+        if elapsed_s <= self.braked_at_s:
+            return self.before.speed_at(elapsed_s)
+        return max(0.0, self._speed - self.deceleration * (elapsed_s - self.braked_at_s))

@@ -1,0 +1,44 @@
+"""The mock cell as a process: announce itself, run until told to end, leave nothing behind."""
+
+import argparse
+import asyncio
+import signal
+import sys
+import threading
+
+from mock_robot.cell import MockCell, Ports
+from mock_robot.truth import CellTruth
+
+
+def run_until_told(options: argparse.Namespace) -> int:
+    """Run the cell until SIGTERM, SIGINT or, with --with-parent, the end of standard input. The exit code."""
+    return asyncio.run(_run(options))
+
+
+async def _run(options: argparse.Namespace) -> int:
+    cell = MockCell(CellTruth.from_seed(options.seed), time_scale=options.time_scale)
+    told = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, told.set)
+    for fault in options.fault:
+        cell.breaks(fault)
+    ports = Ports(options.host, options.robot_port, options.devices_port, options.control_port, options.serial)
+    try:
+        announcement = await cell.start(ports)
+        if options.ready_file is not None:
+            announcement.write(options.ready_file)
+        sys.stdout.write(announcement.line() + "\n")
+        sys.stdout.flush()
+        if options.with_parent:
+            threading.Thread(target=_until_input_ends, args=(loop, told), daemon=True).start()
+        await told.wait()
+    finally:
+        await cell.close()
+    return 0
+
+
+def _until_input_ends(loop: asyncio.AbstractEventLoop, told: asyncio.Event) -> None:
+    while sys.stdin.buffer.read(4096):
+        pass
+    loop.call_soon_threadsafe(told.set)

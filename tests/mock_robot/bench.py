@@ -1,0 +1,117 @@
+"""A controller on a bench: a client on a wire without a socket, and time that passes when told to."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calibration.arms import IRB_1600_6_145
+from calibration.transforms import Array, quaternion_from_rotation
+from mock_robot.controller import Box, Controller
+from mock_robot.fault_table import FAULTS
+from mock_robot.faults import FaultBoard
+from mock_robot.link import ControllerLink
+from mock_robot.motion import RobotNoise, SimulatedArm
+from mock_robot.wire import Close, Send, WireStep
+from protocols.cb import messages as cb
+from protocols.cb.client import ClientSession
+from protocols.cb.codes import MoveKind, Status
+from protocols.cb.events import ClientEvent, ReplyReceived
+
+ARM = IRB_1600_6_145
+HOME = np.radians([0.0, 15.0, 0.0, 0.0, 65.0, 0.0])
+AWAY = np.radians([30.0, 10.0, 10.0, 20.0, 50.0, 40.0])
+UNUSED = (9e9,) * 6
+
+
+def move_to(joints: Array, speed_mm_s: float = 250.0, kind: MoveKind = MoveKind.JOINT) -> cb.Move:
+    """The request that brings the flange where these joints have it."""
+    pose = ARM.forward(joints)
+    x, y, z = (float(value) for value in pose[:3, 3])
+    q1, q2, q3, q4 = (float(value) for value in quaternion_from_rotation(pose[:3, :3]))
+    return cb.Move((x, y, z), (q1, q2, q3, q4), ARM.configuration(joints), UNUSED, speed_mm_s, kind)
+
+
+def bare_controller(joints: Array = HOME, noise: RobotNoise | None = None, time_scale: float = 1.0) -> Controller:
+    arm = SimulatedArm(ARM, joints, noise or RobotNoise())
+    return Controller(arm, session=77, box=Box(), time_scale=time_scale)
+
+
+@dataclass
+class Bench:
+    """One client at the controller. `now_s` is the clock."""
+
+    controller: Controller = field(default_factory=bare_controller)
+    serial: bool = False
+    now_s: float = 0.0
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        self.faults = FaultBoard(FAULTS, seed=1)
+        self.connects()
+
+    def connects(self) -> None:
+        self.link = ControllerLink(self.controller, self.faults, serial=self.serial, now_s=self.now_s)
+        self.client = ClientSession(resynchronise=self.serial)
+        self.closed = False
+
+    def passes(self, seconds: float, step_s: float = 0.05) -> list[ClientEvent]:
+        """Time passes; what the client hears meanwhile."""
+        events: list[ClientEvent] = []
+        end_s = self.now_s + seconds
+        while self.now_s < end_s:
+            self.now_s = min(self.now_s + step_s, end_s)
+            events += self._hear(self.link.tick(self.now_s))
+        return events
+
+    def sends(self, data: bytes) -> list[ClientEvent]:
+        return self._hear(self.link.receive_data(data, self.now_s))
+
+    def asks(self, request: cb.Request) -> cb.Reply:
+        """Send a request; its reply, which must be the only one."""
+        events = self.sends(self.client.request(request))
+        replies = [event.reply for event in events if isinstance(event, ReplyReceived)]
+        assert len(replies) == 1, events
+        return replies[0]
+
+    def is_greeted(self) -> "Bench":
+        welcome = self.asks(cb.Hello(1, 1, 5))
+        assert isinstance(welcome, cb.Welcome)
+        return self
+
+    def is_armed(self) -> "Bench":
+        self.is_greeted()
+        assert self.asks(cb.Arm(self.controller.session, True)) == cb.ArmingDone()
+        return self
+
+    def report(self) -> cb.Report:
+        report = self.asks(cb.GetStatus())
+        assert isinstance(report, cb.Report)
+        return report
+
+    def pose(self) -> cb.Pose:
+        pose = self.asks(cb.GetPose())
+        assert isinstance(pose, cb.Pose)
+        return pose
+
+    def finishes(self, seq: int, within_s: float = 60.0) -> Status:
+        """Ask for STATUS, as a daemon does, until the move has ended; its result."""
+        for _ in range(int(within_s / 0.5)):
+            self.passes(0.5)
+            report = self.report()
+            if report.finished_seq == seq:
+                return Status(report.finished_status)
+        raise AssertionError(f"move {seq} did not finish: {report}")
+
+    def _hear(self, steps: list[WireStep]) -> list[ClientEvent]:
+        heard: list[ClientEvent] = []
+        for step in steps:
+            if isinstance(step, Send):
+                heard += self.client.receive_data(step.data)
+            if isinstance(step, Close):
+                self.closed = True
+                self.controller.lost(self.now_s)
+        return heard
+
+
+def joints_now(bench: Bench) -> Array:
+    return bench.controller.arm.joints_at(bench.controller.robot_s(bench.now_s))
