@@ -5,6 +5,9 @@ DeviceError
 ├── DeviceTimeout          connected, but no answer (or no fresh one) in time
 ├── LinkLost               the connection broke while something was under way
 ├── GarbledAnswer          bytes came that are not the protocol, or not a picture or cloud
+├── AnswerTooLarge         more bytes came than the configured limit allows
+├── AddressNotUnderstood   an address whose scheme or parts name no driver (a ValueError, too)
+├── RequestRefused         the controller refused to arm, or to tell something; carries its status name
 ├── MoveRefused            the controller refused a move before it began; carries its status name
 └── MoveFailed             a move began and did not reach its goal
 """
@@ -42,6 +45,28 @@ class GarbledAnswer(DeviceError):
     """Bytes came that are not the protocol, or not a picture or cloud."""
 
     code = "garbled-answer"
+
+
+class AnswerTooLarge(DeviceError):
+    """More bytes came than the configured limit allows."""
+
+    code = "answer-too-large"
+
+
+class AddressNotUnderstood(DeviceError, ValueError):
+    """An address whose scheme or parts name no driver. `device` is the address as it was given."""
+
+    code = "address-not-understood"
+
+
+class RequestRefused(DeviceError):
+    """The controller refused to arm, or to tell something. `status` is the controller's status name."""
+
+    code = "request-refused"
+
+    def __init__(self, device: str, what: str, fix: str, status: str) -> None:
+        super().__init__(device, what, fix)
+        self.status = status
 
 
 class MoveRefused(DeviceError):

@@ -151,12 +151,10 @@ class ClientSession:
         match event:
             case Frame():
                 return self._frame(event)
-            case ChecksumFailed():
-                return [GarbledReply(event.seq, "its checksum does not hold")]
             case FramingBroken():
                 self._advance(ClientTrigger.FRAMING_BROKE)
                 return [event]
-            case GarbageSkipped():
+            case ChecksumFailed() | GarbageSkipped():
                 return [event]
 
     def _frame(self, frame: Frame) -> list[ClientEvent]:

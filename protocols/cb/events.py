@@ -1,9 +1,9 @@
-"""What the sessions report. Framing events (GarbageSkipped, FramingBroken) come from frames.py unchanged."""
+"""What the sessions report. Framing events come from frames.py unchanged."""
 
 from dataclasses import dataclass
 
 from protocols.cb.codes import Status
-from protocols.cb.frames import FramingBroken, GarbageSkipped
+from protocols.cb.frames import ChecksumFailed, FramingBroken, GarbageSkipped
 from protocols.cb.messages import Reply, Request
 
 # --- the client's ---
@@ -56,7 +56,7 @@ class UnexpectedReply:
 
 @dataclass(frozen=True)
 class GarbledReply:
-    """A reply that is not what its command promises, or whose checksum does not hold."""
+    """A whole frame that is not what its command promises; to repeat the request would not help."""
 
     seq: int
     reason: str
@@ -70,6 +70,7 @@ ClientEvent = (
     | Unsolicited
     | UnexpectedReply
     | GarbledReply
+    | ChecksumFailed
     | GarbageSkipped
     | FramingBroken
 )

@@ -24,7 +24,7 @@ from protocols.cb.events import (
     UnexpectedReply,
     Unsolicited,
 )
-from protocols.cb.frames import Frame, FramingBroken, GarbageSkipped
+from protocols.cb.frames import ChecksumFailed, Frame, FramingBroken, GarbageSkipped
 from protocols.cb.messages import (
     REQUESTS,
     Arm,
@@ -377,7 +377,7 @@ def test_a_reply_with_a_wrong_sum_breaks_tcp_and_not_serial():
         controller.receive_data(client.request(GetStatus()))
         reply = controller.reply(2, REPORT)
         first, last = client.receive_data(reply[:-1] + b"\x99")[:2]
-        assert first == GarbledReply(2, "its checksum does not hold")
+        assert first == ChecksumFailed(0x86, 2)
         assert isinstance(last, ends)
 
 

@@ -1,0 +1,1 @@
+"""ABB controllers as the daemon sees them."""

@@ -1,0 +1,124 @@
+"""The link to a controller: dials in the background, greets, keeps alive, and dials again when it is lost."""
+
+import asyncio
+
+from drivers.backoff import Backoff
+from drivers.errors import DeviceError, DeviceUnreachable
+from drivers.interfaces import LinkHealth
+from drivers.robots.conversation import Conversation
+from drivers.robots.transport import Connection, Transport
+from drivers.timing import Timing
+from protocols.cb.client import ClientSession
+from protocols.cb.messages import Bye
+
+BYE_LIMIT_S = 0.5
+
+
+class CbLink:
+    """Owns the connection. `conversation` is the living one; each reconnect makes a new one."""
+
+    def __init__(self, device: str, transport: Transport, timing: Timing) -> None:
+        self._device, self._transport, self._timing = device, transport, timing
+        self._backoff = Backoff(timing.chance)
+        self._health = LinkHealth(False, "not connected yet", timing.clock())
+        self._conversation: Conversation | None = None
+        self._changed = asyncio.Event()
+        self._known_session: int | None = None
+        self._last_seq = 0
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def health(self) -> LinkHealth:
+        """Is the controller there, and if not, why."""
+        return self._health
+
+    @property
+    def controller_session(self) -> int | None:
+        """The controller's session number at the last greeting; another one means that it restarted."""
+        return self._known_session
+
+    def start(self) -> None:
+        """Begin to dial."""
+        if self._task is None:
+            self._task = asyncio.create_task(self._keep_connected(), name=f"link to {self._device}")
+
+    async def connected(self, limit_s: float) -> None:
+        """Wait until the link is up; raises DeviceUnreachable with the last reason."""
+        deadline_s = self._timing.clock() + limit_s
+        while not self._health.connected:
+            self._changed.clear()
+            changed = asyncio.ensure_future(self._changed.wait())
+            in_time = await self._timing.done_within(changed, max(0.0, deadline_s - self._timing.clock()))
+            changed.cancel()
+            if not in_time:
+                raise self._unreachable()
+
+    def conversation(self) -> Conversation:
+        """The living conversation; raises DeviceUnreachable."""
+        if self._conversation is None or self._conversation.lost.done():
+            raise self._unreachable()
+        return self._conversation
+
+    async def close(self) -> None:
+        """Say BYE when somebody listens, and stop dialling."""
+        if self._conversation is not None and not self._conversation.lost.done():
+            bye = asyncio.ensure_future(self._conversation.ask(Bye()))
+            await self._timing.done_within(bye, BYE_LIMIT_S)
+            bye.cancel()
+            await asyncio.gather(bye, return_exceptions=True)
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            self._task = None
+        self._report(False, "closed")
+
+    async def _keep_connected(self) -> None:
+        while True:
+            try:
+                connection = await self._transport.connect()
+                error = await self._converse(connection)
+            except DeviceError as unreachable:
+                error = unreachable
+            self._report(False, f"{error.what}: {error.fix}")
+            await self._timing.sleep(self._backoff.next_wait_s())
+
+    async def _converse(self, connection: Connection) -> DeviceError:
+        """One conversation from greeting to loss; returns why it was lost."""
+        session = ClientSession(
+            resynchronise=self._transport.resynchronise, known_session=self._known_session, last_seq=self._last_seq
+        )
+        limit_s = self._transport.half_frame_limit_s
+        conversation = Conversation(self._device, connection, session, self._timing, limit_s)
+        listening = asyncio.create_task(conversation.listen(), name=f"listens to {self._device}")
+        beating = asyncio.create_task(self._greet_and_keep_alive(conversation), name=f"heartbeat to {self._device}")
+        try:
+            return await conversation.lost
+        finally:
+            self._conversation = None
+            self._last_seq = session.last_seq
+            for task in (listening, beating):
+                task.cancel()
+            await asyncio.gather(listening, beating, return_exceptions=True)
+            await connection.close()
+
+    async def _greet_and_keep_alive(self, conversation: Conversation) -> None:
+        try:
+            welcome = await conversation.greet()
+        except DeviceError as error:
+            conversation.lose(error)
+            return
+        restarted = self._known_session not in (None, welcome.session)
+        self._known_session = welcome.session
+        self._backoff.succeeded()
+        self._conversation = conversation
+        news = "the controller restarted since the last connection, " if restarted else ""
+        self._report(True, f"{news}connected in session {welcome.session}, disarmed")
+        await conversation.keep_alive()
+
+    def _report(self, connected: bool, detail: str) -> None:
+        since_s = self._timing.clock() if connected != self._health.connected else self._health.since_s
+        self._health = LinkHealth(connected, detail, since_s)
+        self._changed.set()
+
+    def _unreachable(self) -> DeviceUnreachable:
+        return DeviceUnreachable(self._device, self._health.detail, "it is dialled again by itself")

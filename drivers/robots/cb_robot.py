@@ -1,0 +1,159 @@
+"""An ABB controller over the CB link, on TCP or a serial line alike."""
+
+import asyncio
+import contextlib
+
+from calibration.transforms import Array
+from drivers.errors import DeviceError, MoveFailed, MoveRefused
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotStatus
+from drivers.robots import cb_wire
+from drivers.robots.cb_link import CbLink
+from drivers.robots.conversation import Answered, Conversation, Overtaken
+from drivers.robots.refusals import move_failed, move_refused, request_refused
+from drivers.robots.transport import Transport
+from drivers.timing import Timing
+from protocols.cb.codes import Flag, Status
+from protocols.cb.messages import (
+    Arm,
+    GetJoints,
+    GetPose,
+    GetStatus,
+    Joints,
+    Move,
+    Pose,
+    Refused,
+    Report,
+    Request,
+    Stop,
+)
+
+POLL_S = 0.06
+STANDS_PER_MILLE = 1000
+FORGOTTEN_AFTER_S = 2.0
+"""A controller that stands, reports no move and never names ours for this long has forgotten it."""
+
+
+class CbRobot:
+    """drivers.interfaces.Robot. `start` begins to dial; until then, and between connections, DeviceUnreachable."""
+
+    def __init__(self, transport: Transport, timing: Timing | None = None, name: str = "robot") -> None:
+        self._device = f"{name} {transport.address}"
+        self._timing = timing or Timing()
+        self._link = CbLink(self._device, transport, self._timing)
+        self._stopping: set[asyncio.Task[None]] = set()
+
+    @property
+    def link(self) -> LinkHealth:
+        """Is the controller there?"""
+        return self._link.health
+
+    @property
+    def controller_session(self) -> int | None:
+        """Another number than before means that the controller restarted; None before the first greeting."""
+        return self._link.controller_session
+
+    def start(self) -> None:
+        """Begin to dial in the background."""
+        self._link.start()
+
+    async def connected(self, limit_s: float) -> None:
+        """Wait for the link; raises DeviceUnreachable with the reason when it does not come up in time."""
+        await self._link.connected(limit_s)
+
+    async def read_pose(self) -> PoseReading:
+        """Where tool0 stands in wobj0, whatever tool and work object are selected at the controller."""
+        answered = await self._read(GetPose(), "reading the pose")
+        assert isinstance(answered.reply, Pose)
+        return cb_wire.pose_reading(self._device, answered.reply, answered.asked_at_s)
+
+    async def read_joints(self) -> Array:
+        """Axis angles (6,) in rad."""
+        answered = await self._read(GetJoints(), "reading the axes")
+        assert isinstance(answered.reply, Joints)
+        return cb_wire.joints_rad(self._device, answered.reply)
+
+    async def read_status(self) -> RobotStatus:
+        """What the controller says of itself."""
+        answered = await self._read(GetStatus(), "reading the status")
+        assert isinstance(answered.reply, Report)
+        return cb_wire.robot_status(answered.reply, answered.asked_at_s)
+
+    async def set_armed(self, armed: bool) -> None:
+        """Allow or forbid motion in this connection; raises RequestRefused."""
+        session = self._link.conversation().session.session
+        assert session is not None
+        await self._read(Arm(session, armed), "arming" if armed else "disarming")
+
+    async def stop(self) -> None:
+        """Stop now: overtakes every other request."""
+        answered = await self._link.conversation().ask(Stop())
+        if isinstance(answered.reply, Refused):
+            raise request_refused(self._device, "the stop", answered.reply)
+
+    async def move_to(self, goal: MoveGoal) -> None:
+        """Go there and return when the arm stands there. Cancelling it, or an error under way, stops the arm."""
+        move = cb_wire.move_of(self._device, goal)
+        conversation = self._link.conversation()
+        try:
+            await self._arrive(conversation, await self._begin(conversation, move))
+        except (MoveRefused, MoveFailed):
+            raise  # nothing is under way
+        except BaseException:
+            stopping = asyncio.create_task(_stop_quietly(conversation), name=f"stops {self._device}")
+            self._stopping.add(stopping)
+            stopping.add_done_callback(self._stopping.discard)
+            await asyncio.shield(stopping)
+            raise
+
+    async def close(self) -> None:
+        """Say BYE (the controller disarms), and stop dialling."""
+        await self._link.close()
+
+    async def _read(self, request: Request, doing: str, conversation: Conversation | None = None) -> Answered:
+        """Ask for something that may be asked again: a STOP that goes first only delays it."""
+        conversation = conversation or self._link.conversation()
+        while True:
+            try:
+                answered = await conversation.ask(request)
+            except Overtaken:
+                continue
+            if isinstance(answered.reply, Refused):
+                raise request_refused(self._device, doing, answered.reply)
+            return answered
+
+    async def _begin(self, conversation: Conversation, move: Move) -> int:
+        """The number of the accepted move. A lost answer is asked for under the same number only."""
+        try:
+            answered = await conversation.ask(move)
+        except Overtaken:
+            raise move_failed(self._device, Status.ABORTED) from None
+        if isinstance(answered.reply, Refused):
+            raise move_refused(self._device, answered.reply)
+        return answered.seq
+
+    async def _arrive(self, conversation: Conversation, seq: int) -> None:
+        """Ask until the move `seq` ended. Bound to its conversation: a reconnect ends it as LinkLost."""
+        idle_since_s: float | None = None
+        while True:
+            await self._timing.sleep(POLL_S)
+            answered = await self._read(GetStatus(), "reading the status", conversation)
+            assert isinstance(answered.reply, Report)
+            report = answered.reply
+            if report.finished_seq == seq:
+                if report.finished_status != Status.OK:
+                    raise move_failed(self._device, report.finished_status)
+                return
+            now_s = self._timing.clock()
+            if report.flags & Flag.MOVING or report.progress_per_mille < STANDS_PER_MILLE:
+                idle_since_s = None
+            elif idle_since_s is None:
+                idle_since_s = now_s
+            elif now_s - idle_since_s > FORGOTTEN_AFTER_S:
+                what = f"the controller stands still and does not know move {seq} any more"
+                raise MoveFailed(self._device, what, "read the pose before going on", Status.ABORTED.name)
+
+
+async def _stop_quietly(conversation: Conversation) -> None:
+    """STOP when the link still stands; when not, the controller stops by itself after 2 s of silence."""
+    with contextlib.suppress(DeviceError, Overtaken):
+        await conversation.ask(Stop())

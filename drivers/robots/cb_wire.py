@@ -1,0 +1,110 @@
+"""The only place where the wire's millimetres, degrees and quaternions become base_T_flange, and back."""
+
+import math
+
+import numpy as np
+
+from calibration.errors import GeometryError
+from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
+from drivers.errors import GarbledAnswer, MoveRefused
+from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, PoseReading, RobotStatus
+from protocols.cb.codes import Flag, MoveKind, Status
+from protocols.cb.messages import Joints, Move, Pose, Report
+
+UNUSED_FROM = 8.9e9
+"""9E9 crosses the wire as float32 8999999488: at least this is an axis that is not there."""
+ROTATION_TOLERANCE = 1e-6
+REACH_MM = 1e5
+CONFIGURATION_LIMIT = 2**15
+KINDS = {"joint": MoveKind.JOINT, "linear": MoveKind.LINEAR}
+
+
+def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
+    """What a pose reply says; raises GarbledAnswer for NaN or a quaternion whose norm is off by more than 2e-3."""
+    if not np.all(np.isfinite([*pose.position_mm, *pose.quaternion_wxyz, *pose.external_axes])):
+        raise _garbled(device, f"a pose with a number that is none: {pose.position_mm}, {pose.quaternion_wxyz}")
+    quaternion_wxyz = np.array(pose.quaternion_wxyz)
+    try:  # SciPy normalises, so float32 rounding of the quaternion leaves a true rotation
+        base_R_flange = rotation_from_quaternion(quaternion_wxyz)
+    except GeometryError as error:
+        raise _garbled(device, str(error)) from error
+    return PoseReading(
+        base_T_flange=transform(base_R_flange, pose.position_mm),
+        configuration=Configuration(*pose.configuration),
+        external_axes=tuple(_axis(value) for value in pose.external_axes),
+        still=bool(pose.flags & Flag.IN_POSITION) and not pose.flags & Flag.MOVING,
+        taken_at_s=taken_at_s,
+    )
+
+
+def joints_rad(device: str, joints: Joints) -> Array:
+    """The arm's axis angles (6,) in rad; raises GarbledAnswer."""
+    if not np.all(np.isfinite(joints.axes_deg)):
+        raise _garbled(device, f"axis angles with a number that is none: {joints.axes_deg}")
+    angles_rad: Array = np.radians(np.array(joints.axes_deg, float))
+    return angles_rad
+
+
+def robot_status(report: Report, taken_at_s: float) -> RobotStatus:
+    """What the controller's flags say."""
+    flags = report.flags
+    return RobotStatus(
+        motors_on=bool(flags & Flag.MOTORS_ON),
+        automatic=bool(flags & Flag.AUTO),
+        emergency_stop=bool(flags & Flag.ESTOP),
+        moving=bool(flags & Flag.MOVING),
+        in_position=bool(flags & Flag.IN_POSITION),
+        armed=bool(flags & Flag.ARMED),
+        program_running=bool(flags & Flag.TASK_RUNNING),
+        speed_limited=bool(flags & Flag.SPEED_LIMITED),
+        taken_at_s=taken_at_s,
+    )
+
+
+def move_of(device: str, goal: MoveGoal) -> Move:
+    """The request that means this goal; raises MoveRefused (BAD_FIELD) for a goal that no controller can be told."""
+    wrong = _wrong_with(goal)
+    if wrong:
+        raise MoveRefused(device, f"the goal was not sent: {wrong}", "correct the goal", Status.BAD_FIELD.name)
+    position = goal.base_T_flange[:3, 3]
+    quaternion = quaternion_from_rotation(goal.base_T_flange[:3, :3])
+    return Move(
+        position_mm=(float(position[0]), float(position[1]), float(position[2])),
+        quaternion_wxyz=(float(quaternion[0]), float(quaternion[1]), float(quaternion[2]), float(quaternion[3])),
+        configuration=goal.configuration,
+        external_axes=_six(goal.external_axes),
+        speed_mm_s=float(goal.speed_mm_s),
+        kind=KINDS[goal.path],
+    )
+
+
+def _wrong_with(goal: MoveGoal) -> str:
+    base_T_flange = np.asarray(goal.base_T_flange, float)
+    if base_T_flange.shape != (4, 4) or not np.all(np.isfinite(base_T_flange)):
+        return "base_T_flange is not a 4×4 transform of finite numbers"
+    base_R_flange = base_T_flange[:3, :3]
+    orthonormal = np.allclose(base_R_flange @ base_R_flange.T, np.eye(3), atol=ROTATION_TOLERANCE)
+    if not orthonormal or np.linalg.det(base_R_flange) < 0 or not np.array_equal(base_T_flange[3], (0, 0, 0, 1)):
+        return "base_T_flange is not a rotation and a translation"
+    if np.max(np.abs(base_T_flange[:3, 3])) > REACH_MM:
+        return f"a position beyond {REACH_MM:g} mm; positions are millimetres"
+    if not (math.isfinite(goal.speed_mm_s) and goal.speed_mm_s > 0):
+        return f"a speed of {goal.speed_mm_s} mm/s"
+    if len(goal.external_axes) != 6 or not np.all(np.isfinite(goal.external_axes)):
+        return f"external axes {goal.external_axes}; six numbers are wanted, {UNUSED_AXIS:g} where there is none"
+    if any(abs(quarter) >= CONFIGURATION_LIMIT for quarter in goal.configuration):
+        return f"the configuration {tuple(goal.configuration)}"
+    return "" if goal.path in KINDS else f"the path {goal.path!r}; joint or linear"
+
+
+def _axis(value: float) -> float:
+    return UNUSED_AXIS if value >= UNUSED_FROM else value
+
+
+def _six(axes: tuple[float, ...]) -> tuple[float, float, float, float, float, float]:
+    a, b, c, d, e, f = (float(axis) for axis in axes)
+    return a, b, c, d, e, f
+
+
+def _garbled(device: str, what: str) -> GarbledAnswer:
+    return GarbledAnswer(device, what, "nothing is done with it; look at the controller's program and the line")

@@ -1,0 +1,189 @@
+"""One connection's life: requests and their answers, heartbeats, and how it ends. Never survives a reconnect."""
+
+import asyncio
+from dataclasses import dataclass
+
+from drivers.errors import DeviceError, GarbledAnswer, LinkLost
+from drivers.robots.transport import Connection
+from drivers.robots.turnstile import Turnstile
+from drivers.timing import Timing
+from protocols.cb.client import ClientSession
+from protocols.cb.codes import VERSION, Status
+from protocols.cb.events import ClientEvent, GarbledReply, GreetingLost, ReplyReceived
+from protocols.cb.frames import FramingBroken, GarbageSkipped
+from protocols.cb.messages import Hello, Ping, Refused, Reply, Request, Stop, Welcome
+
+REPLY_LIMIT_S = 2.0
+REPEAT_AFTER_S = 0.25
+"""A full frame needs 83 ms at 9600 baud; an answer that takes three times as long was lost."""
+HEARTBEAT_S = 0.5
+CLIENT_ID = 1
+
+REFUSED_GREETINGS: dict[int, tuple[str, str]] = {
+    Status.BUSY: ("another client is connected", "close the other client; the controller serves one"),
+    Status.VERSION: (f"the controller does not speak version {VERSION}", "load the program modules of this release"),
+}
+
+
+class Overtaken(Exception):
+    """A STOP went first; the request was given up. Readings ask again, a move does not."""
+
+
+Outcome = ReplyReceived | DeviceError | Overtaken
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A reply, its request's number, and when the request was sent first: the reply cannot be older."""
+
+    reply: Reply
+    seq: int
+    asked_at_s: float
+
+
+class Conversation:
+    """What is said over one connection. Once `lost` has an error, every request raises it."""
+
+    def __init__(
+        self, device: str, connection: Connection, session: ClientSession, timing: Timing, half_frame_limit_s: float
+    ) -> None:
+        self._device, self._connection, self._session, self._timing = device, connection, session, timing
+        self._half_frame_limit_s = half_frame_limit_s
+        self._turnstile = Turnstile()
+        self._outcome: asyncio.Future[Outcome] | None = None
+        self._stopping = False
+        self._answered_at_s = timing.clock()
+        self._garbage_bytes = 0
+        self.lost: asyncio.Future[DeviceError] = asyncio.get_running_loop().create_future()
+
+    @property
+    def session(self) -> ClientSession:
+        """The numbers and the state of this connection."""
+        return self._session
+
+    async def greet(self) -> Welcome:
+        """HELLO; raises GarbledAnswer, or LinkLost, also when the controller does not want us."""
+        reply = (await self.ask(Hello(VERSION, VERSION, CLIENT_ID))).reply
+        if isinstance(reply, Refused):
+            unknown = (f"the controller refused the greeting with {reply.name}", "look at its event log")
+            what, fix = REFUSED_GREETINGS.get(reply.status, unknown)
+            raise LinkLost(self._device, what, fix)
+        assert isinstance(reply, Welcome)
+        return reply
+
+    async def ask(self, request: Request) -> Answered:
+        """The answer to one request. Raises LinkLost or GarbledAnswer, and Overtaken for all but a STOP."""
+        urgent = isinstance(request, Stop)
+        if urgent and not self._stopping:
+            self._settle(Overtaken())
+        async with self._turnstile.turn(urgent=urgent):
+            self._raise_if_lost()
+            self._stopping = urgent
+            try:
+                return await self._exchange(request)
+            finally:
+                self._stopping = False
+                self._outcome = None
+                self._session.abandon()
+
+    async def _exchange(self, request: Request) -> Answered:
+        outcome: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
+        self._outcome = outcome
+        asked_at_s = self._timing.clock()
+        encoded = self._session.request(request)
+        while not outcome.done():
+            remaining_s = asked_at_s + REPLY_LIMIT_S - self._timing.clock()
+            if remaining_s <= 0:
+                self.lose(self._silence())
+                break
+            await self._send(encoded)
+            await self._timing.done_within(outcome, min(REPEAT_AFTER_S, remaining_s))
+        ended = outcome.result()
+        if not isinstance(ended, ReplyReceived):
+            raise ended
+        return Answered(ended.reply, ended.seq, asked_at_s)
+
+    async def listen(self) -> None:
+        """Take in what comes, for as long as the connection lives."""
+        receiving: asyncio.Future[bytes] | None = None
+        try:
+            while not self.lost.done():
+                receiving = receiving or asyncio.ensure_future(self._connection.receive())
+                if self._session.half_frame_bytes and not await self._timing.done_within(
+                    receiving, self._half_frame_limit_s
+                ):
+                    self._take(self._session.abandon_half_frame())
+                    continue
+                data, receiving = await receiving, None
+                self._take(self._session.receive_data(data))
+        except DeviceError as error:
+            self.lose(error)
+        finally:
+            if receiving is not None:
+                receiving.cancel()
+
+    async def keep_alive(self) -> None:
+        """PING whenever nothing else was answered for the time of a heartbeat."""
+        while not self.lost.done():
+            quiet_s = self._timing.clock() - self._answered_at_s
+            if quiet_s < HEARTBEAT_S:
+                await self._timing.sleep(HEARTBEAT_S - quiet_s)
+                continue
+            try:
+                await self.ask(Ping())
+            except Overtaken:
+                continue
+            except GarbledAnswer as error:
+                self.lose(error)
+            except DeviceError:
+                return
+
+    def lose(self, error: DeviceError) -> None:
+        """End the conversation; everybody who waits gets the error."""
+        if not self.lost.done():
+            self.lost.set_result(error)
+        self._settle(_again(error))
+
+    def _raise_if_lost(self) -> None:
+        if self.lost.done():
+            raise _again(self.lost.result())
+
+    async def _send(self, encoded: bytes) -> None:
+        try:
+            await self._connection.send(encoded)
+        except LinkLost as error:
+            self.lose(error)
+
+    def _take(self, events: list[ClientEvent]) -> None:
+        for event in events:
+            match event:
+                case ReplyReceived():
+                    self._answered_at_s = self._timing.clock()
+                    self._settle(event)
+                case GarbledReply(seq=seq, reason=reason) if seq == self._session.outstanding_seq:
+                    fix = "the controller's program and this release do not belong together"
+                    self._settle(GarbledAnswer(self._device, f"an answer that is none: {reason}", fix))
+                case FramingBroken(reason=reason):
+                    fix = "check that the address is the communication task's; the connection is dialled again"
+                    self.lose(GarbledAnswer(self._device, f"what came is not the CB link: {reason}", fix))
+                case GreetingLost():
+                    fix = "nothing of before runs on; arm again"
+                    self.lose(LinkLost(self._device, "the controller restarted and knows no greeting", fix))
+                case GarbageSkipped(count=count):
+                    self._garbage_bytes += count
+                case _:
+                    pass  # a wrong sum, a late or an unasked answer: the request is repeated when its time is up
+
+    def _settle(self, outcome: Outcome) -> None:
+        if self._outcome is not None and not self._outcome.done():
+            self._outcome.set_result(outcome)
+
+    def _silence(self) -> LinkLost:
+        dirt = f", but {self._garbage_bytes} bytes that are no frames" if self._garbage_bytes else ""
+        fix = "check the cable and the line's settings, and that the communication task runs"
+        return LinkLost(self._device, f"no reply for {REPLY_LIMIT_S:g} s{dirt}", fix)
+
+
+def _again(error: DeviceError) -> DeviceError:
+    """A fresh exception of the same kind: one that is raised in many places would collect their tracebacks."""
+    return type(error)(error.device, error.what, error.fix)

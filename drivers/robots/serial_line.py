@@ -1,0 +1,112 @@
+"""The CB link over a serial line, or whatever pyserial opens: /dev/tty*, socket://, rfc2217://, loop://."""
+
+import asyncio
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import serial
+
+from drivers.errors import DeviceUnreachable, LinkLost
+
+READ_LIMIT_S = 0.05
+"""How long a blocking read waits before it looks whether it should end."""
+WRITE_LIMIT_S = 1.0
+CHUNK_BYTES = 4096
+
+
+class SerialConnection:
+    """One open port: a thread reads, worker threads write, the event loop never waits for the line."""
+
+    def __init__(self, device: str, port: Any) -> None:
+        self._device, self._port = device, port
+        self._loop = asyncio.get_running_loop()
+        self._received: asyncio.Queue[bytes | LinkLost] = asyncio.Queue()
+        self._ending = threading.Event()
+        self._closed = False
+        self._thread = threading.Thread(target=self._read, name=f"reads {device}", daemon=True)
+        self._thread.start()
+
+    async def send(self, data: bytes) -> None:
+        """Raises LinkLost."""
+        try:
+            await asyncio.to_thread(self._port.write, data)
+        except (serial.SerialException, OSError) as error:
+            raise self._lost(error) from error
+
+    async def receive(self) -> bytes:
+        """At least one byte; raises LinkLost."""
+        data = await self._received.get()
+        if isinstance(data, LinkLost):
+            self._received.put_nowait(data)
+            raise self._lost(data.__cause__)
+        return data
+
+    async def close(self) -> None:
+        """End the reading thread, then close the port."""
+        if not self._closed:
+            self._closed = True
+            self._ending.set()
+            await asyncio.to_thread(self._end)
+
+    def _end(self) -> None:
+        self._thread.join()
+        self._port.close()
+
+    def _read(self) -> None:
+        try:
+            while not self._ending.is_set():
+                data = self._port.read(1)
+                while data and len(data) < CHUNK_BYTES and (waiting := self._port.in_waiting):
+                    data += self._port.read(waiting)
+                if data:
+                    self._hand_over(data)
+        except (serial.SerialException, OSError) as error:
+            lost = self._lost(error)
+            lost.__cause__ = error
+            self._hand_over(lost)
+
+    def _hand_over(self, item: bytes | LinkLost) -> None:
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._received.put_nowait, item)
+
+    def _lost(self, error: BaseException | None) -> LinkLost:
+        return LinkLost(self._device, f"the serial line broke ({error})", "check the cable and the adapter")
+
+
+@dataclass(frozen=True)
+class SerialTransport:
+    """A controller at the end of `port`: a device path or a pyserial URL. 8N1; never XON/XOFF, frames are binary."""
+
+    port: str
+    baud: int = 115200
+    rtscts: bool = False
+    resynchronise: bool = True
+    half_frame_limit_s: float = 0.2
+
+    @property
+    def address(self) -> str:
+        """The address as settings write it."""
+        return self.port if "://" in self.port else f"serial://{self.port}?baud={self.baud}"
+
+    async def connect(self) -> SerialConnection:
+        """Raises DeviceUnreachable."""
+        try:
+            port = await asyncio.to_thread(self._open)
+        except (serial.SerialException, OSError, ValueError) as error:
+            fix = "check the port's name, that the adapter is plugged in, and the right to use it (group dialout)"
+            raise DeviceUnreachable(self.address, f"the port cannot be opened ({error})", fix) from error
+        return SerialConnection(self.address, port)
+
+    def _open(self) -> Any:
+        exclusive = {} if "://" in self.port else {"exclusive": True}
+        port = serial.serial_for_url(
+            self.port,
+            baudrate=self.baud,
+            rtscts=self.rtscts,
+            timeout=READ_LIMIT_S,
+            write_timeout=WRITE_LIMIT_S,
+            **exclusive,
+        )
+        port.reset_input_buffer()
+        return port

@@ -1,0 +1,83 @@
+"""The CB link over TCP."""
+
+import asyncio
+import contextlib
+import socket
+from dataclasses import dataclass
+
+from drivers.errors import DeviceUnreachable, LinkLost
+
+CONNECT_LIMIT_S = 5.0
+CLOSE_LIMIT_S = 1.0
+CHUNK_BYTES = 4096
+KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 2, socket.TCP_KEEPCNT: 3}
+"""The heartbeat finds a dead peer first; keepalive frees the socket when even that is stuck in the kernel."""
+
+
+class TcpConnection:
+    """One TCP connection."""
+
+    def __init__(self, device: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._device, self._reader, self._writer = device, reader, writer
+
+    async def send(self, data: bytes) -> None:
+        """Raises LinkLost."""
+        try:
+            self._writer.write(data)
+            await self._writer.drain()
+        except OSError as error:
+            raise self._lost(error) from error
+
+    async def receive(self) -> bytes:
+        """At least one byte; raises LinkLost."""
+        try:
+            data = await self._reader.read(CHUNK_BYTES)
+        except OSError as error:
+            raise self._lost(error) from error
+        if not data:
+            raise LinkLost(self._device, "the controller closed the connection", "it is dialled again by itself")
+        return data
+
+    async def close(self) -> None:
+        """Close; what is still unsent is dropped when the peer does not take it."""
+        self._writer.close()
+        with contextlib.suppress(OSError, TimeoutError):
+            async with asyncio.timeout(CLOSE_LIMIT_S):
+                await self._writer.wait_closed()
+
+    def _lost(self, error: OSError) -> LinkLost:
+        return LinkLost(self._device, f"the connection broke ({error})", "check the network cable and the controller")
+
+
+@dataclass(frozen=True)
+class TcpTransport:
+    """A controller that listens at host and port."""
+
+    host: str
+    port: int
+    resynchronise: bool = False
+    half_frame_limit_s: float = 2.0
+
+    @property
+    def address(self) -> str:
+        """The address as settings write it."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"tcp://{host}:{self.port}"
+
+    async def connect(self) -> TcpConnection:
+        """Raises DeviceUnreachable."""
+        try:
+            async with asyncio.timeout(CONNECT_LIMIT_S):
+                reader, writer = await asyncio.open_connection(self.host, self.port)
+        except TimeoutError as error:
+            what = f"no answer to a connection in {CONNECT_LIMIT_S:g} s"
+            raise DeviceUnreachable(self.address, what, "check address, cable and network port") from error
+        except OSError as error:
+            fix = "check the address, and that the communication task runs on the controller"
+            raise DeviceUnreachable(self.address, error.strerror or str(error), fix) from error
+        raw = writer.get_extra_info("socket")
+        raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in KEEPALIVE.items():
+            raw.setsockopt(socket.IPPROTO_TCP, option, value)
+        return TcpConnection(self.address, reader, writer)

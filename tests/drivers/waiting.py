@@ -1,0 +1,65 @@
+"""Waiting for a condition with a limit, and a time that only moves when told."""
+
+import asyncio
+import heapq
+import time
+from collections.abc import Callable
+
+from drivers.timing import Timing
+
+LIMIT_S = 10.0
+
+
+async def eventually(condition: Callable[[], bool], limit_s: float = LIMIT_S) -> None:
+    """Wait until `condition()` holds; fail when it does not in time."""
+    deadline_s = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < deadline_s, "it did not happen in time"
+        await asyncio.sleep(0.002)
+
+
+def quick_timing(factor: float = 4.0) -> Timing:
+    """Real time that runs `factor` times faster."""
+
+    async def sleep(duration_s: float) -> None:
+        await asyncio.sleep(duration_s / factor)
+
+    return Timing(clock=lambda: time.monotonic() * factor, sleep=sleep, chance=lambda: 0.5)
+
+
+class FakeTime:
+    """A clock that stands still, and sleeps that end when `advance` passes them."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+        self.slept_s: list[float] = []
+        self._sleepers: list[tuple[float, int, asyncio.Future[None]]] = []
+
+    @property
+    def timing(self) -> Timing:
+        return Timing(clock=lambda: self.now_s, sleep=self.sleep, chance=lambda: 0.5)
+
+    async def sleep(self, duration_s: float) -> None:
+        self.slept_s.append(duration_s)
+        wake: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        heapq.heappush(self._sleepers, (self.now_s + duration_s, len(self.slept_s), wake))
+        await wake
+
+    async def advance(self, duration_s: float) -> None:
+        """Let time pass, waking every sleeper in its order."""
+        end_s = self.now_s + duration_s
+        await settle()
+        while self._sleepers and self._sleepers[0][0] <= end_s:
+            wake_s, _, wake = heapq.heappop(self._sleepers)
+            if not wake.done():
+                self.now_s = max(self.now_s, wake_s)
+                wake.set_result(None)
+                await settle()
+        self.now_s = end_s
+        await settle()
+
+
+async def settle() -> None:
+    """Let everything run that can run without time passing."""
+    for _ in range(30):
+        await asyncio.sleep(0)
