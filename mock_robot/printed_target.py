@@ -30,14 +30,14 @@ class UnprintableTarget(ValueError):
 
 @dataclass(frozen=True)
 class Sheet:
-    """How a target was printed. `margin_mm` None: one pitch (square, tag gap) around the pattern.
+    """How a target was printed. `margin_mm` None: as `handeyed target` prints its kind.
 
     `dot_ratio` is a dot's diameter over the distance to its nearest neighbour, `large_dot_ratio` the origin dot's.
     """
 
     margin_mm: float | None = None
     dot_ratio: float = 0.5
-    large_dot_ratio: float = 0.75
+    large_dot_ratio: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,16 @@ class Dots:
     value: float
 
     def nearest(self, u_mm: Array, v_mm: Array) -> NDArray[np.intp]:
-        """Index of the dot whose row band and column band a point lies in."""
+        """Index of the dot whose row band and column band a point lies in; the large one reaches beyond its own."""
         rows = len(self.radii_mm) // self.columns
         row = np.clip(np.rint(v_mm / self.spacing_mm[1]), 0, rows - 1).astype(np.intp)
         column = np.rint((u_mm - self.shift_mm * (row % 2)) / self.spacing_mm[0])
-        return row * self.columns + np.clip(column, 0, self.columns - 1).astype(np.intp)
+        dot = row * self.columns + np.clip(column, 0, self.columns - 1).astype(np.intp)
+        if self.radii_mm[0] == self.radii_mm[-1]:
+            return dot
+        to_first = np.hypot(u_mm - self.centres_mm[0, 0], v_mm - self.centres_mm[0, 1]) - self.radii_mm[0]
+        to_dot = np.hypot(u_mm - self.centres_mm[dot, 0], v_mm - self.centres_mm[dot, 1]) - self.radii_mm[dot]
+        return np.where(to_first < to_dot, 0, dot)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +154,7 @@ def _charuco(target: Charuco, sheet: Sheet) -> PrintedTarget:
         square = values[row * pitch : (row + 1) * pitch, column * pitch : (column + 1) * pitch]
         square[:] = WHITE
         square[1:-1, 1:-1] = _marker(dictionary, int(marker_id))
-    margin_mm = target.square_mm if sheet.margin_mm is None else sheet.margin_mm
+    margin_mm = target.square_mm / 2 if sheet.margin_mm is None else sheet.margin_mm
     return PrintedTarget(_with_margin(u, v, values, margin_mm))
 
 
@@ -164,7 +169,7 @@ def _apriltags(target: AprilTagGrid, sheet: Sheet) -> PrintedTarget:
     for tag in range(target.columns * target.rows):
         row, column = (modules + 1) * (tag // target.columns), (modules + 1) * (tag % target.columns)
         values[row : row + modules, column : column + modules] = _marker(dictionary, tag)
-    margin_mm = target.gap_mm if sheet.margin_mm is None else sheet.margin_mm
+    margin_mm = target.tag_mm / 2 if sheet.margin_mm is None else sheet.margin_mm
     return PrintedTarget(_with_margin(u, v, values, margin_mm))
 
 
@@ -178,10 +183,10 @@ def _circles(target: CircleGrid, sheet: Sheet) -> PrintedTarget:
         radii[0] = sheet.large_dot_ratio * nearest_mm / 2
     dot, paper = (BLACK, WHITE) if target.dots == "black" else (WHITE, BLACK)
     spacing = (target.pitch_mm, target.pitch_mm if symmetric else half)
-    if radii.max() > spacing[1] / 2:
-        raise UnprintableTarget("dots touch their neighbours' rows: print them with a smaller dot ratio")
+    if radii[-1] > spacing[1] / 2 or radii[0] + radii[-1] > nearest_mm:
+        raise UnprintableTarget("dots touch their neighbours: print them with a smaller dot ratio")
     dots = Dots(points, radii, target.columns, spacing, 0.0 if symmetric else half, dot)
-    margin_mm = nearest_mm if sheet.margin_mm is None else sheet.margin_mm
+    margin_mm = nearest_mm - radii.max() if sheet.margin_mm is None else sheet.margin_mm
     low, high = points.min(axis=0) - radii.max() - margin_mm, points.max(axis=0) + radii.max() + margin_mm
     return PrintedTarget(Cells(np.array([low[0], high[0]]), np.array([low[1], high[1]]), np.array([[paper]])), dots)
 

@@ -1,0 +1,120 @@
+"""The cloud a structured-light scanner takes of the part: one ray a grid point, cast on the true skin.
+
+Scanner frame: as the camera's, z along the view. A ray that meets no metal inside the measuring range gives no point.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.transforms import Array, inverse
+from mock_robot.part import DOOR, Door
+
+TRACING_STEPS = 40
+GAP_MM = 0.02
+POLISHING_STEPS = 4
+
+
+@dataclass(frozen=True)
+class ScannerModel:
+    """`columns` × `rows` rays of a pinhole of `focal` px (400 mm × 300 mm at 600 mm), measuring in `range_mm`.
+
+    Noise along the ray is `noise_mm` at `reference_mm` and square on; it grows with the distance squared and with
+    1 / cos of the incidence. Points fade out between the two `fading_deg` of incidence.
+    """
+
+    columns: int = 640
+    rows: int = 480
+    focal: float = 960.0
+    range_mm: tuple[float, float] = (450.0, 950.0)
+    reference_mm: float = 600.0
+    noise_mm: float = 0.04
+    fading_deg: tuple[float, float] = (55.0, 72.0)
+
+    def rays(self) -> Array:
+        """Unit directions (rows × columns, 3) in the scanner frame, row by row."""
+        x = (np.arange(self.columns) - (self.columns - 1) / 2) / self.focal
+        y = (np.arange(self.rows) - (self.rows - 1) / 2) / self.focal
+        directions = np.stack([*np.meshgrid(x, y), np.ones((self.rows, self.columns))], axis=-1).reshape(-1, 3)
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return directions
+
+
+def scan(
+    scanner: ScannerModel, part_T_scanner: Array, rng: np.random.Generator, door: Door = DOOR
+) -> NDArray[np.float32]:
+    """Points (n, 3) in the scanner frame, mm."""
+    rays = scanner.rays()
+    distance, cosine = cast(scanner, part_T_scanner, rays, door)
+    return _measured(scanner, rays, distance, cosine, rng)
+
+
+def cast(scanner: ScannerModel, part_T_scanner: Array, rays: Array, door: Door = DOOR) -> tuple[Array, Array]:
+    """Distance (n,) along each ray to the first metal, NaN where there is none, and the cosine of incidence there."""
+    origin, directions = part_T_scanner[:3, 3], rays @ part_T_scanner[:3, :3].T
+    distance = np.full(len(rays), np.nan)
+    cosine = np.zeros(len(rays))
+    ahead = np.flatnonzero(directions[:, 2] < 0)
+    direction = directions[ahead]
+    t = np.clip((origin[2] - 0.0) / -direction[:, 2], 0.0, None)  # the skin lies below z = 0 everywhere
+    t = _traced(door, origin, direction, t, scanner.range_mm[1])
+    hit = origin + t[:, None] * direction
+    normal = door.normal(hit[:, 0], hit[:, 1])
+    facing = -np.sum(normal * direction, axis=1)
+    near, far = scanner.range_mm
+    reached = np.abs(hit[:, 2] - door.height(hit[:, 0], hit[:, 1])) < 1e-6
+    seen = reached & (facing > 0) & (t * rays[ahead, 2] > near) & (t * rays[ahead, 2] < far)
+    seen[seen] = door.edge_distance(hit[seen, 0], hit[seen, 1]) < 0
+    distance[ahead[seen]] = t[seen]
+    cosine[ahead] = np.maximum(facing, 0.0)
+    return distance, cosine
+
+
+def _traced(door: Door, origin: Array, direction: Array, t: Array, furthest_mm: float) -> Array:
+    """Sphere tracing (Hart, 1996): no step leaps over the skin, for its slope is bounded; then Newton's steps."""
+    t = t.copy()
+    closing = np.abs(direction[:, 2]) + door.steepest * np.hypot(direction[:, 0], direction[:, 1])
+    active = np.arange(len(t))
+    for _ in range(TRACING_STEPS):
+        point = origin + t[active, None] * direction[active]
+        gap = point[:, 2] - door.height(point[:, 0], point[:, 1])
+        t[active] += np.maximum(gap, 0.0) / closing[active]
+        active = active[(gap > GAP_MM) & (t[active] < 2 * furthest_mm)]
+        if not len(active):
+            break
+    for _ in range(POLISHING_STEPS):
+        point = origin + t[:, None] * direction
+        gap = point[:, 2] - door.height(point[:, 0], point[:, 1])
+        along_x, along_y = door.slope(point[:, 0], point[:, 1])
+        rate = direction[:, 2] - along_x * direction[:, 0] - along_y * direction[:, 1]
+        t -= np.where(np.abs(gap) < 1.0, gap / np.where(np.abs(rate) > 1e-3, rate, -1.0), 0.0)
+    return t
+
+
+def _measured(
+    scanner: ScannerModel, rays: Array, distance: Array, cosine: Array, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    full, none = np.cos(np.radians(scanner.fading_deg))
+    kept = np.isfinite(distance) & (rng.random(len(distance)) < (cosine - none) / (full - none))
+    distance, cosine = distance[kept], np.maximum(cosine[kept], none)
+    spread = scanner.noise_mm * (distance / scanner.reference_mm) ** 2 / cosine
+    noisy = distance + spread * rng.standard_normal(len(distance))
+    points: NDArray[np.float32] = (rays[kept] * noisy[:, None]).astype(np.float32)
+    return points
+
+
+def scan_from_flange(
+    scanner: ScannerModel, base_T_flange: Array, flange_T_scanner: Array, base_T_part: Array, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """The cloud from a flange pose, in the scanner frame."""
+    return scan(scanner, inverse(base_T_part) @ base_T_flange @ flange_T_scanner, rng)
+
+
+def cloud_ply(points: NDArray[np.float32]) -> bytes:
+    """Binary PLY, x y z as float32, mm."""
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment millimetres, scanner frame\n"
+        f"element vertex {len(points)}\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+    )
+    return header.encode() + np.ascontiguousarray(points, "<f4").tobytes()
