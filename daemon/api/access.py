@@ -1,0 +1,82 @@
+"""How a route reaches the application, its body and its query."""
+
+import difflib
+import json
+from collections.abc import Awaitable, Callable, Iterator
+from typing import Annotated, Any, TypeVar
+
+from fastapi import Depends, Path, Query, Request
+from pydantic import BaseModel
+
+from calibration.documents.validation import validate_document
+from calibration.errors import DocumentProblem
+from daemon.application import Application
+from daemon.errors import BodyMalformed, RequestRefused
+
+Model = TypeVar("Model", bound=BaseModel)
+
+ORIGIN = "request body"
+
+
+def _application(request: Request) -> Application:
+    application: Application = request.app.state.application
+    return application
+
+
+App = Annotated[Application, Depends(_application)]
+Identifier = Annotated[str, Path(min_length=1, max_length=64, description="as in Location and in the list")]
+Wait = Annotated[float, Query(ge=0, le=3600, description="seconds to wait for the run's end before answering")]
+Limit = Annotated[int, Query(ge=1, le=500, description="how many at most")]
+Before = Annotated[str | None, Query(max_length=64, description="the last id of the page before")]
+
+
+def body_of(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
+    """A dependency: the JSON body as `model`; an empty body is an empty object. See `openapi.with_bodies`."""
+
+    async def read(request: Request) -> Model:
+        return validate_document(model, _json(await request.body()), ORIGIN)
+
+    return read
+
+
+def takes(model: type[BaseModel]) -> dict[str, Any]:
+    """For `openapi_extra=` of a route that uses `body_of`."""
+    schema = {"$ref": f"#/components/schemas/{model.__name__}"}
+    return {"requestBody": {"required": False, "content": {"application/json": {"schema": schema}}}}
+
+
+def _json(content: bytes) -> Any:
+    if not content.strip():
+        return {}
+    try:
+        return json.loads(content)
+    except UnicodeDecodeError as error:
+        raise BodyMalformed(f"the body is not UTF-8 (byte {error.start})", "send JSON as UTF-8") from None
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise BodyMalformed(f"the body is not JSON ({error.msg} at {place})", "send JSON, or no body") from None
+    except (RecursionError, ValueError):
+        raise BodyMalformed("the body is JSON that nests too deep or holds an absurd number", "send less") from None
+
+
+def only_known_queries(request: Request) -> None:
+    """A misspelt query parameter is refused, with the nearest known one."""
+    dependant = getattr(request.scope.get("route"), "dependant", None)
+    if dependant is None:
+        return
+    known = list(_query_names(dependant))
+    problems = []
+    for name in request.query_params:
+        if name not in known:
+            nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            fix = f"did you mean '{nearest[0]}'?" if nearest else "remove it"
+            problems.append(DocumentProblem(f"query.{name[:60]}", "unknown query parameter", fix))
+    if problems:
+        raise RequestRefused(problems)
+
+
+def _query_names(dependant: Any) -> Iterator[str]:
+    for field in dependant.query_params:
+        yield field.alias
+    for inner in dependant.dependencies:
+        yield from _query_names(inner)

@@ -1,0 +1,86 @@
+"""The ASGI application: routes by noun, every error a problem."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import APIRouter, Depends, FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.routing import Match
+from starlette.types import ASGIApp
+
+from calibration.errors import CalibrationError
+from daemon.api import calibrate, calibrations, cell, events, health, openapi, problems, runs
+from daemon.api.access import only_known_queries
+from daemon.api.guards import Guards
+from daemon.application import Application
+from daemon.errors import DaemonError
+from daemon.software import VERSION
+from drivers.errors import DeviceError
+from registration.errors import RegistrationError
+
+ROUTERS: tuple[APIRouter, ...] = (
+    health.router,
+    calibrate.router,
+    runs.router,
+    calibrations.router,
+    cell.router,
+    events.router,
+)
+
+ABOUT = (
+    "Eye-in-hand calibration of an ABB robot cell, and point clouds in the robot's base frame. Lengths mm, angles deg,"
+    " quaternions w first. Errors are application/problem+json with `code` and `fix`."
+)
+
+
+def create_api(application: Application) -> ASGIApp:
+    """The REST interface of `application`, which it starts and stops."""
+    return Guards(routes(application), application.settings.server.body_limit_bytes, application.metrics)
+
+
+def routes(application: Application | None) -> FastAPI:
+    """The routes alone; without an application they can be documented, not called."""
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        assert application is not None
+        await application.start()
+        yield
+        await application.stop()
+
+    app = FastAPI(
+        title="handeyed",
+        version=VERSION,
+        description=ABOUT,
+        lifespan=lifespan,
+        docs_url=None,  # their pages load scripts from elsewhere
+        redoc_url=None,
+        dependencies=[Depends(only_known_queries)],
+        responses=problems.documented(422, 500),
+    )
+    app.state.application = application
+    for router in ROUTERS:
+        app.include_router(router)
+    for kind in (DaemonError, CalibrationError, DeviceError, RegistrationError, Exception):
+        app.add_exception_handler(kind, problems.handle)
+    app.add_exception_handler(RequestValidationError, problems.handle_validation)
+    app.add_exception_handler(HTTPException, _http_error)
+    app.openapi = lambda: openapi.with_bodies(app)  # type: ignore[method-assign]
+    return app
+
+
+async def _http_error(request: Request, error: Exception) -> Response:
+    if isinstance(error, HTTPException) and error.status_code == 405:
+        error = HTTPException(405, headers={"Allow": ", ".join(_allowed(request))})
+    return await problems.handle_http(request, error)
+
+
+def _allowed(request: Request) -> list[str]:
+    """Methods of every route at this path, not only of the first."""
+    methods: set[str] = set()
+    for router in ROUTERS:
+        for route in router.routes:
+            if route.matches(request.scope)[0] is not Match.NONE:
+                methods |= getattr(route, "methods", None) or set()
+    return sorted(methods)

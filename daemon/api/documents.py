@@ -1,0 +1,217 @@
+"""What the interface answers, as models. Lengths mm, angles deg, quaternions scalar first."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from daemon.runs.states import RunState
+from daemon.store.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView
+
+
+class Answer(BaseModel):
+    """Base: answers are written, never read back."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class CauseDocument(Answer):
+    """Why a run ended badly, and how to go on."""
+
+    code: str
+    what: str
+    fix: str
+
+
+class RunDocument(Answer):
+    """One run. `station` counts the stations captured so far; `result` depends on `kind`."""
+
+    id: str
+    kind: Literal["calibration", "verify", "scan"]
+    state: RunState
+    over: bool
+    station: int
+    stations: int
+    created_at: str
+    updated_at: str
+    cause: CauseDocument | None
+    request: dict[str, Any]
+    result: dict[str, Any] | None
+    links: dict[str, str]
+
+    @classmethod
+    def of(cls, run: RunRecord) -> "RunDocument":
+        cause = None if run.cause is None else CauseDocument(**vars(run.cause))
+        links = {"self": f"/runs/{run.id}"}
+        if not run.over:
+            links["abort"] = f"/runs/{run.id}/abort"
+        for key, folder in (("calibration_id", "calibrations"), ("scan_id", "scans")):
+            if run.result and key in run.result:
+                links[key.removesuffix("_id")] = f"/{folder}/{run.result[key]}"
+        if run.kind != "scan":
+            links.update({f"frame {k}": f"/runs/{run.id}/frames/{k}" for k in range(run.station)})
+        return cls(
+            id=run.id, kind=run.kind, state=run.state, over=run.over, station=run.station, stations=run.stations,
+            created_at=run.created_at, updated_at=run.updated_at, cause=cause, request=run.request, result=run.result,
+            links=links,
+        )  # fmt: skip
+
+
+class RunList(Answer):
+    """The newest first; `next` asks for those before them."""
+
+    runs: list[RunDocument]
+    next: str | None
+
+
+class CalibrationSummary(Answer):
+    """One line of the list."""
+
+    id: str
+    run_id: str | None
+    created_at: str
+    accepted: bool
+    current: bool
+    point_mm: float | None
+
+    @classmethod
+    def of(cls, record: CalibrationRecord, current_id: str | None) -> "CalibrationSummary":
+        uncertainty = record.document.uncertainty
+        return cls(
+            id=record.id, run_id=record.run_id, created_at=record.created_at, accepted=record.accepted,
+            current=record.id == current_id, point_mm=uncertainty.point_mm if uncertainty else None,
+        )  # fmt: skip
+
+
+class AppliedDocument(Answer):
+    """A calibration became current."""
+
+    calibration_id: str
+    applied_at: str
+    applied_by: str
+
+    @classmethod
+    def of(cls, applied: Applied) -> "AppliedDocument":
+        return cls(**vars(applied))
+
+
+class CalibrationList(Answer):
+    """The newest first, and the last calibrations that were applied."""
+
+    calibrations: list[CalibrationSummary]
+    applied: list[AppliedDocument]
+    next: str | None
+
+
+class CurrentCalibration(Answer):
+    """The calibration in force, since when and by whom."""
+
+    applied: AppliedDocument
+    calibration: CalibrationDocument
+
+
+class CalibrateStatus(Answer):
+    """Where calibration stands, and how to start."""
+
+    current: CalibrationSummary | None
+    applied: AppliedDocument | None
+    in_progress: RunDocument | None
+    last_run: RunDocument | None
+    ready: bool
+    reasons: list[str]
+    policy: Literal["operator", "auto"]
+    poses: str
+    how_to_start: str
+
+
+class ScanViewDocument(Answer):
+    """One cloud of a scan."""
+
+    view: int
+    file: str
+    unit: Literal["mm", "m"]
+    base_T_flange: PoseDocument
+    created_at: str
+
+    @classmethod
+    def of(cls, view: ScanView) -> "ScanViewDocument":
+        return cls(**vars(view))
+
+
+class ScanDocument(Answer):
+    """A part looked at from several sides; `run` fills it when the daemon drives the scanner."""
+
+    id: str
+    name: str
+    created_at: str
+    views: list[ScanViewDocument]
+    run: RunDocument | None = None
+    links: dict[str, str]
+
+    @classmethod
+    def of(cls, scan: ScanRecord, views: list[ScanView], run: RunRecord | None = None) -> "ScanDocument":
+        links = {"self": f"/scans/{scan.id}", "views": f"/scans/{scan.id}/views", "cloud": f"/scans/{scan.id}/cloud"}
+        return cls(
+            id=scan.id, name=scan.name, created_at=scan.created_at, views=[ScanViewDocument.of(view) for view in views],
+            run=None if run is None else RunDocument.of(run), links=links,
+        )  # fmt: skip
+
+
+class ScanList(Answer):
+    """The newest first."""
+
+    scans: list[ScanDocument]
+
+
+class RobotDocument(Answer):
+    """Where the arm stands and what the controller says of itself."""
+
+    connected: bool
+    detail: str
+    base_T_flange: PoseDocument
+    configuration: tuple[int, int, int, int]
+    joints_deg: list[float]
+    still: bool
+    motors_on: bool
+    automatic: bool
+    emergency_stop: bool
+    moving: bool
+    armed: bool
+    program_running: bool
+    speed_limited: bool
+    held_by: str | None
+
+
+class HealthDocument(Answer):
+    """The daemon answers."""
+
+    status: Literal["alive"]
+    software: str
+    uptime_s: float
+
+
+class Readiness(Answer):
+    """Could this be done now, else why not."""
+
+    ready: bool
+    reasons: list[str]
+
+
+class ReadyDocument(Answer):
+    """`ready` when something can be done now: calibrate or register."""
+
+    ready: bool
+    calibrate: Readiness
+    register_: Readiness
+    warnings: list[str]
+
+    model_config = ConfigDict(frozen=True, serialize_by_alias=True, alias_generator=lambda name: name.rstrip("_"),
+                              populate_by_name=True)  # fmt: skip
+
+
+class Welcome(Answer):
+    """What there is."""
+
+    software: str
+    links: dict[str, str]

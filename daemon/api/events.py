@@ -1,0 +1,37 @@
+"""Progress as server-sent events."""
+
+import json
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Response
+from fastapi.responses import StreamingResponse
+
+from daemon.api.access import App
+from daemon.events import Event, EventLog
+
+router = APIRouter(tags=["events"])
+
+
+@router.get(
+    "/events",
+    response_class=Response,
+    responses={200: {"description": "Events with ids", "content": {"text/event-stream": {}}}},
+)
+async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, pattern=r"^[0-9]*$")] = "") -> Response:
+    """What happens from now on; with Last-Event-ID what was missed as well. Ends when the daemon stops."""
+    last = app.events.last
+    after = min(int(last_event_id), last) if last_event_id else last
+    return StreamingResponse(
+        _stream(app.events, after), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+    )
+
+
+async def _stream(events: EventLog, after: int) -> AsyncIterator[str]:
+    yield ": what happens in the cell\n\n"
+    async for event in events.listen(after):
+        yield _sse(event)
+
+
+def _sse(event: Event) -> str:
+    return f"id: {event.number}\nevent: {event.kind}\ndata: {json.dumps(event.data)}\n\n"

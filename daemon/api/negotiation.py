@@ -1,0 +1,56 @@
+"""JSON for programs, text for people: whichever the request's Accept prefers, JSON when it does not care."""
+
+from collections.abc import Callable
+from typing import Any
+
+from fastapi import Request, Response
+from pydantic import BaseModel
+
+TEXT = "text/plain"
+
+
+def wants_text(request: Request) -> bool:
+    """Is text/plain named with a higher weight than JSON? (RFC 9110, 12.5.1)"""
+    weights = {"application/json": 0.0, TEXT: 0.0}
+    named: set[str] = set()
+    for part in ",".join(request.headers.getlist("accept")).split(","):
+        media, _, parameters = part.strip().partition(";")
+        weight = _weight(parameters)
+        for kind in weights:
+            if media.strip().lower() == kind:
+                weights[kind] = weight
+                named.add(kind)
+    for wide in ("application/*", "*/*"):
+        if wide in request.headers.get("accept", "") and "application/json" not in named:
+            weights["application/json"] = 0.001 if TEXT in named else 1.0
+    return weights[TEXT] > weights["application/json"]
+
+
+def _weight(parameters: str) -> float:
+    for parameter in parameters.split(";"):
+        name, _, value = parameter.strip().partition("=")
+        if name == "q":
+            try:
+                return float(value)
+            except ValueError:
+                return 0.0
+    return 1.0
+
+
+def negotiated(
+    request: Request,
+    document: BaseModel,
+    words: Callable[[], str],
+    status: int = 200,
+    headers: dict[str, str] | None = None,
+) -> Response:
+    """`document` as JSON, or `words()` for a person."""
+    every = {**(headers or {}), "Vary": "Accept"}
+    if wants_text(request):
+        return Response(words().rstrip("\n") + "\n", status, every, media_type=TEXT)
+    return Response(document.model_dump_json(), status, every, media_type="application/json")
+
+
+def or_text(description: str) -> dict[str, Any]:
+    """For `responses=`: the same answer as text."""
+    return {"description": description, "content": {TEXT: {"schema": {"type": "string"}}}}

@@ -1,0 +1,189 @@
+"""From errors to HTTP answers (RFC 9457): one table for the status, the error's own code and fix."""
+
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import Request, Response
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, ConfigDict
+from starlette.exceptions import HTTPException
+
+from calibration.errors import CalibrationError, DetectionError, DocumentError, DocumentProblem, UndeterminedError
+from daemon import errors
+from drivers import errors as device
+from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
+
+MEDIA_TYPE = "application/problem+json"
+
+STATUS: dict[type[Exception], int] = {
+    errors.RunInProgress: 409,
+    errors.CellBusy: 409,
+    errors.RunOver: 409,
+    errors.NoCalibration: 409,
+    errors.CalibrationUnusable: 409,
+    errors.NoScanner: 409,
+    errors.ScanEmpty: 409,
+    errors.NoPoses: 409,
+    errors.NotStill: 409,
+    errors.CellNotReady: 503,
+    errors.Stopping: 503,
+    errors.ResourceLimit: 503,
+    errors.PoseRefused: 422,
+    errors.RequestRefused: 422,
+    errors.TargetNotSeen: 422,
+    errors.PictureUnusable: 502,
+    errors.NotFound: 404,
+    errors.CrossOrigin: 403,
+    errors.BodyTooLarge: 413,
+    errors.BodyMalformed: 400,
+    errors.UnknownMediaType: 415,
+    errors.StorageFull: 507,
+    errors.StorageError: 500,
+    errors.DaemonError: 500,
+    device.DeviceUnreachable: 503,
+    device.LinkLost: 503,
+    device.DeviceTimeout: 504,
+    device.GarbledAnswer: 502,
+    device.MoveRefused: 409,
+    device.MoveFailed: 502,
+    device.DeviceError: 502,
+    DocumentError: 422,
+    DetectionError: 422,
+    UndeterminedError: 422,
+    CalibrationError: 422,
+    CloudUnsupported: 415,
+    CloudIOError: 500,
+    RegistrationError: 422,
+}
+"""The nearest class in an error's ancestry decides."""
+
+RETRY_AFTER_S = {503: "2", 504: "2"}
+
+HTTP_CODES = {404: ("no-such-page", "GET / lists what there is"), 405: ("method-not-allowed", "use one of: {allow}")}
+
+
+class PlaceProblem(BaseModel):
+    """One thing wrong with the request."""
+
+    place: str
+    what: str
+    fix: str
+
+
+class Problem(BaseModel):
+    """problem+json. `code` is stable, `detail` and `fix` are for people."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{
+        "type": "urn:handeyed:problem:run-in-progress", "title": "Conflict", "status": 409,
+        "code": "run-in-progress", "detail": "calibration run 20261121-090000-3f9a1c is in progress",
+        "fix": "wait for it to end, or stop it with POST /runs/20261121-090000-3f9a1c/abort",
+        "holder": "20261121-090000-3f9a1c",
+    }]})  # fmt: skip
+
+    type: str
+    title: str
+    status: int
+    code: str
+    detail: str
+    fix: str
+    holder: str | None = None
+    reasons: list[str] | None = None
+    problems: list[PlaceProblem] | None = None
+
+
+def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """For `responses=` of a route: these statuses answer a Problem."""
+    return {
+        status: {
+            "description": HTTPStatus(status).phrase,
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        }
+        for status in statuses
+    }
+
+
+def status_of(error: Exception) -> int:
+    """500 for what the table does not know."""
+    return next((STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), 500)
+
+
+def problem_of(error: Exception) -> Problem:
+    """What to tell the caller."""
+    status = status_of(error)
+    code, what, fix = _words(error)
+    problems = getattr(error, "problems", None)
+    reasons = getattr(error, "reasons", None)
+    return Problem(
+        type=f"urn:handeyed:problem:{code}",
+        title=HTTPStatus(status).phrase,
+        status=status,
+        code=code,
+        detail=what,
+        fix=fix,
+        holder=getattr(error, "holder", None),
+        reasons=None if reasons is None else list(reasons),
+        problems=None if problems is None else [PlaceProblem(place=p.place, what=p.what, fix=p.fix) for p in problems],
+    )
+
+
+def _words(error: Exception) -> tuple[str, str, str]:
+    """Code, what, fix."""
+    match error:
+        case DocumentError():
+            what = "; ".join(f"{error.origin}: {p.place}: {p.what}" for p in error.problems)
+            return "document-refused", what, "; ".join(dict.fromkeys(p.fix for p in error.problems))
+        case device.DeviceError():
+            return error.code, f"{error.device}: {error.what}", error.fix
+        case errors.DaemonError() | DetectionError() | UndeterminedError() | RegistrationError():
+            return error.code, str(error.what), error.fix
+        case CalibrationError():
+            return "calibration-error", str(error), "look at the poses and pictures"
+        case _:
+            return (
+                "internal-error",
+                "a defect of handeyed; the daemon stays up",
+                "report it with the log of this moment",
+            )
+
+
+def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
+    """The HTTP answer of a problem."""
+    every = dict(headers or {})
+    if problem.status in RETRY_AFTER_S:
+        every["Retry-After"] = RETRY_AFTER_S[problem.status]
+    content = problem.model_dump_json(exclude_none=True)
+    return Response(content, problem.status, every, media_type=MEDIA_TYPE)
+
+
+async def handle(_request: Request, error: Exception) -> Response:
+    """For every error of the table."""
+    return answer(problem_of(error))
+
+
+async def handle_validation(_request: Request, error: Exception) -> Response:
+    """Query and path parameters that FastAPI refused."""
+    assert isinstance(error, RequestValidationError)
+    problems = [
+        DocumentProblem(".".join(str(part) for part in detail["loc"]), detail["msg"], "correct the value")
+        for detail in error.errors()
+    ]
+    return answer(problem_of(errors.RequestRefused(problems)))
+
+
+async def handle_http(_request: Request, error: Exception) -> Response:
+    """What the router itself refuses."""
+    assert isinstance(error, HTTPException)
+    code, fix = HTTP_CODES.get(error.status_code, ("http-error", "see openapi.json"))
+    headers = dict(error.headers or {})
+    phrase = HTTPStatus(error.status_code).phrase
+    return answer(
+        Problem(
+            type=f"urn:handeyed:problem:{code}",
+            title=phrase,
+            status=error.status_code,
+            code=code,
+            detail=str(error.detail or phrase),
+            fix=fix.format(allow=headers.get("Allow", "")),
+        ),
+        headers,
+    )

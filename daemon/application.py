@@ -1,0 +1,76 @@
+"""The running daemon: what is started, in which order, and how it ends."""
+
+import asyncio
+import logging
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from daemon.cell import Cell
+from daemon.clock import Clock
+from daemon.events import EventLog
+from daemon.metrics import Metrics
+from daemon.operations import Operations
+from daemon.runs.supervisor import Supervisor
+from daemon.settings import Settings
+from daemon.store.store import Store
+from daemon.systemd import Systemd
+from daemon.workers import Workers
+
+log = logging.getLogger(__name__)
+
+JOB_LIMIT_S = 600.0
+"""No detection or solution of a run takes ten minutes: a job that does hangs."""
+
+
+@dataclass(eq=False)
+class Application:
+    """Every owner of state, handed in by the composition root."""
+
+    settings: Settings
+    clock: Clock
+    cell: Cell
+    store: Store
+    events: EventLog
+    workers: Workers
+    supervisor: Supervisor
+    operations: Operations
+    metrics: Metrics
+    systemd: Systemd
+    _started_s: float = field(default=0.0, init=False)
+    _stopping: asyncio.Task[None] | None = field(default=None, init=False)
+    _watchdog: asyncio.Task[None] | None = field(default=None, init=False)
+
+    async def start(self) -> None:
+        """Tell off what an earlier daemon left behind, and feed the watchdog. Nothing moves."""
+        self._started_s = self.clock.monotonic_s()
+        await self.supervisor.recover()
+        self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
+
+    def begin_stop(self, by: str) -> None:
+        """End the run and every event stream; may be called again, and from a signal handler's callback."""
+        if self._stopping is None:
+            log.info("stopping: %s", by)
+            self.systemd.notify("STOPPING=1")
+            self.events.close()
+            self._stopping = asyncio.create_task(self.supervisor.stop(by))
+
+    async def stop(self) -> None:
+        """The arm is at rest, everything is stored, every device is closed."""
+        self.begin_stop("the end of the daemon")
+        assert self._stopping is not None
+        await self._stopping
+        if self._watchdog is not None:
+            self._watchdog.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._watchdog
+        self.workers.close()
+        await self.cell.close()
+        await self.store.close()
+
+    def uptime_s(self) -> float:
+        return self.clock.monotonic_s() - self._started_s
+
+    async def work_is_alive(self) -> bool:
+        """The event loop, the store's thread and the workers do their work."""
+        await self.store.alive()
+        return self.workers.oldest_job_s() < JOB_LIMIT_S

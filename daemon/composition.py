@@ -1,0 +1,53 @@
+"""The one composition root: from settings to a running daemon."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from daemon.application import Application
+from daemon.cell import Cell, Devices
+from daemon.clock import Clock, time_ordered_id
+from daemon.events import EventLog
+from daemon.metrics import Metrics
+from daemon.motion import MotionRules
+from daemon.operations import Operations
+from daemon.runs.supervisor import Supervisor
+from daemon.scans import Scans
+from daemon.settings import Settings
+from daemon.store.store import Store
+from daemon.systemd import Systemd
+from daemon.workers import Workers
+
+OpenDevices = Callable[[Settings, Clock], Devices]
+
+
+def build(
+    settings: Settings,
+    open_devices: OpenDevices,
+    *,
+    clock: Clock | None = None,
+    new_id: Callable[[Clock], str] = time_ordered_id,
+    store: Store | None = None,
+    systemd: Systemd | None = None,
+) -> Application:
+    """Everything, joined. Inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
+    clock = clock or Clock()
+    store = store or Store(Path(settings.storage.folder))
+    events, workers, metrics = EventLog(), Workers(clock), Metrics()
+    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock)
+    supervisor = Supervisor(store, events, clock, new_id)
+    scans = Scans(store, workers, clock, new_id, settings.scanner)
+    rules = MotionRules.of(settings.robot)
+    operations = Operations(settings, cell, store, supervisor, workers, scans, rules, clock)
+    return Application(
+        settings=settings,
+        clock=clock,
+        cell=cell,
+        store=store,
+        events=events,
+        workers=workers,
+        supervisor=supervisor,
+        operations=operations,
+        metrics=metrics,
+        systemd=systemd or Systemd.of(os.environ, os.getpid()),
+    )

@@ -1,0 +1,226 @@
+"""Errors of the daemon's room. Each carries a stable `code` and a `fix`: what to do.
+
+DaemonError
+├── RunInProgress         one run at a time; `holder` says which
+├── CellBusy              somebody else holds the cell; `holder` says who
+├── CellNotReady          the robot or a device would not do it now; `reasons`
+├── NotStill              the arm moved while it was looked at, or never came to rest
+├── PictureUnusable       the camera's picture cannot be used
+├── NoPoses               nothing says where to look from
+├── PoseRefused           a pose lies outside what the settings allow; `station`
+├── NotFound              no such run, calibration, scan, frame, view or page
+├── RunOver               the run has ended; there is nothing to abort
+├── NoCalibration         nothing is applied yet
+├── CalibrationUnusable   a calibration that must not, or cannot, be applied
+├── TargetNotSeen         too few stations saw the target
+├── NoScanner             the settings name no scanner
+├── ScanEmpty             a scan without views has no cloud
+├── RequestRefused        the request cannot be understood; `problems`
+├── BodyTooLarge          more bytes than the limit
+├── BodyMalformed         the body is not JSON
+├── UnknownMediaType      the body is of a kind that is not taken here
+├── CrossOrigin           a page of somebody else's asks the browser to move the robot
+├── StorageError          the store could not be read or written; nothing stored before is lost
+│   ├── StorageFull       the disk is full
+│   └── StorageTooNew     written by a newer handeyed
+├── ResourceLimit         as many of something as the daemon keeps at once
+└── Stopping              the daemon is shutting down
+"""
+
+from typing import ClassVar
+
+from calibration.errors import DocumentProblem
+
+
+class DaemonError(Exception):
+    """Root. `what` is a sentence, `fix` says what to do, `code` is stable."""
+
+    code: ClassVar[str] = "daemon-error"
+
+    def __init__(self, what: str, fix: str) -> None:
+        self.what, self.fix = what, fix
+        super().__init__(f"{what}: {fix}")
+
+
+class RunInProgress(DaemonError):
+    """One run at a time."""
+
+    code = "run-in-progress"
+
+    def __init__(self, kind: str, run_id: str) -> None:
+        self.holder = run_id
+        super().__init__(
+            f"{kind} run {run_id} is in progress", f"wait for it to end, or stop it with POST /runs/{run_id}/abort"
+        )
+
+
+class CellBusy(DaemonError):
+    """Somebody else holds the cell."""
+
+    code = "cell-busy"
+
+    def __init__(self, holder: str) -> None:
+        self.holder = holder
+        super().__init__(f"the cell is held by {holder}", "wait until it is done and ask again")
+
+
+class CellNotReady(DaemonError):
+    """The robot or a device would not do it now."""
+
+    code = "cell-not-ready"
+
+    def __init__(self, reasons: tuple[str, ...]) -> None:
+        self.reasons = reasons
+        super().__init__("; ".join(reasons), "put this right at the cell, see GET /ready, and ask again")
+
+
+class NotStill(DaemonError):
+    """The arm moved while it was looked at, or never came to rest."""
+
+    code = "not-still"
+
+
+class PictureUnusable(DaemonError):
+    """The camera's picture cannot be used."""
+
+    code = "picture-unusable"
+
+
+class NoPoses(DaemonError):
+    """Nothing says where to look from."""
+
+    code = "no-poses"
+
+
+class PoseRefused(DaemonError):
+    """A pose lies outside what the settings allow. `station` counts from 1."""
+
+    code = "pose-refused"
+
+    def __init__(self, station: int, what: str, fix: str) -> None:
+        self.station = station
+        super().__init__(f"station {station}: {what}", fix)
+
+
+class NotFound(DaemonError):
+    """No such thing."""
+
+    code = "not-found"
+
+
+class RunOver(DaemonError):
+    """The run has ended."""
+
+    code = "run-over"
+
+
+class NoCalibration(DaemonError):
+    """Nothing is applied yet."""
+
+    code = "no-calibration"
+
+    def __init__(self) -> None:
+        super().__init__(
+            "no calibration is applied", "calibrate (POST /calibrate), then apply it (POST /calibrations/{id}/apply)"
+        )
+
+
+class CalibrationUnusable(DaemonError):
+    """A calibration that must not, or cannot, be applied."""
+
+    code = "calibration-unusable"
+
+
+class TargetNotSeen(DaemonError):
+    """Too few stations saw the target."""
+
+    code = "target-not-seen"
+
+
+class NoScanner(DaemonError):
+    """The settings name no scanner."""
+
+    code = "no-scanner"
+
+    def __init__(self) -> None:
+        super().__init__("the settings name no scanner", "add [scanner] with its address, or send the cloud yourself")
+
+
+class ScanEmpty(DaemonError):
+    """A scan without views has no cloud."""
+
+    code = "scan-empty"
+
+
+class RequestRefused(DaemonError):
+    """The request cannot be understood; `problems` lists every place."""
+
+    code = "request-refused"
+
+    def __init__(self, problems: list[DocumentProblem]) -> None:
+        self.problems = problems
+        super().__init__("; ".join(f"{p.place}: {p.what}" for p in problems), "; ".join(p.fix for p in problems))
+
+
+class BodyTooLarge(DaemonError):
+    """More bytes than the limit."""
+
+    code = "body-too-large"
+
+    def __init__(self, limit_bytes: int) -> None:
+        self.limit_bytes = limit_bytes
+        super().__init__(
+            f"the body is larger than {limit_bytes} bytes",
+            "send less, or raise [server] body_limit_mb in the settings for clouds",
+        )
+
+
+class BodyMalformed(DaemonError):
+    """The body is not JSON."""
+
+    code = "body-malformed"
+
+
+class UnknownMediaType(DaemonError):
+    """The body is of a kind that is not taken here."""
+
+    code = "unknown-media-type"
+
+
+class CrossOrigin(DaemonError):
+    """A page of somebody else's asks the browser to do something here."""
+
+    code = "cross-origin"
+
+
+class StorageError(DaemonError):
+    """The store could not be read or written; nothing stored before is lost."""
+
+    code = "storage-error"
+
+
+class StorageFull(StorageError):
+    """The disk is full."""
+
+    code = "storage-full"
+
+
+class StorageTooNew(StorageError):
+    """Written by a newer handeyed."""
+
+    code = "storage-too-new"
+
+
+class ResourceLimit(DaemonError):
+    """As many of something as the daemon keeps at once."""
+
+    code = "resource-limit"
+
+
+class Stopping(DaemonError):
+    """The daemon is shutting down."""
+
+    code = "stopping"
+
+    def __init__(self) -> None:
+        super().__init__("the daemon is stopping", "ask again when it has started")

@@ -1,0 +1,185 @@
+"""What may be started in the cell: the REST interface, and later a PLC, call these and nothing below them."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Any
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.documents.session import CameraDocument
+from calibration.documents.target import TargetDocument
+from daemon.cell import Cell
+from daemon.clock import Clock
+from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses
+from daemon.motion import MotionRules
+from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
+from daemon.runs.calibrating import Calibrating
+from daemon.runs.log import RunLog
+from daemon.runs.looking import Itinerary
+from daemon.runs.scanning import Scanning
+from daemon.runs.session_log import SessionLog
+from daemon.runs.supervisor import Drive, Ending, Supervisor
+from daemon.runs.verifying import Verifying
+from daemon.scans import Scans
+from daemon.settings import Settings, TaughtPose
+from daemon.stations import Known, planned, taught
+from daemon.store.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord
+from daemon.store.store import Store
+from daemon.workers import Workers
+
+VERIFY_POSITIONS = 3
+"""As the seed's Tab. 1."""
+
+
+@dataclass(frozen=True)
+class Operations:
+    """Everything that can be asked of the daemon, with its owners behind it."""
+
+    settings: Settings
+    cell: Cell
+    store: Store
+    supervisor: Supervisor
+    workers: Workers
+    scans: Scans
+    rules: MotionRules
+    clock: Clock
+
+    async def calibrate(self, request: CalibrateRequest) -> RunRecord:
+        """Start a calibration run. Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, StorageError."""
+        target = request.target or self.settings.target
+
+        async def prepare() -> tuple[int, Drive]:
+            await self._require_ready(await self.cell.obstacles())
+            poses = await self._stations(request.poses, request.count, target)
+            auto = self.settings.calibration.policy == "auto"
+            run = Calibrating(self.cell, self.store, self.workers, self.clock, auto)
+            return self._with_session(poses, target, self.settings.camera.intrinsics, run.drive, "calibration")
+
+        return await self._start("calibration", request, prepare)
+
+    async def verify(self, request: VerifyRequest) -> RunRecord:
+        """Start a verify run. Raises as `calibrate`, and NoCalibration."""
+        target = request.target or self.settings.target
+
+        async def prepare() -> tuple[int, Drive]:
+            calibration = await self.current_document()
+            await self._require_ready(await self.cell.obstacles())
+            count = VERIFY_POSITIONS if request.poses is None else None
+            poses = await self._stations(request.poses, count, target)
+            run = Verifying(self.cell, self.workers, calibration)
+            return self._with_session(poses, target, calibration.camera, run.drive, "verify")
+
+        return await self._start("verify", request, prepare)
+
+    async def scan(self, request: ScanRequest) -> tuple[ScanRecord, RunRecord | None]:
+        """A new scan; with poses the arm is driven to fill it. Raises as `calibrate`, and NoScanner."""
+        if not request.moves_the_arm:
+            return await self.scans.create(request.name), None
+        created: list[ScanRecord] = []
+
+        async def prepare() -> tuple[int, Drive]:
+            await self._require_ready((*await self.cell.robot_obstacles(), *self.cell.scanner_obstacles()))
+            poses = request.poses or (self.settings.scanner.poses if self.settings.scanner else ())
+            if not poses:
+                raise NoPoses(
+                    "no poses are given, and none are taught in [scanner] poses", "send poses with the request"
+                )
+            await self._require_allowed(poses)
+            created.append(await self.scans.create(request.name))
+            run = Scanning(self.cell, self.scans, self.rules, created[0].id)
+            return len(poses), lambda log: run.drive(poses, log)
+
+        run = await self._start("scan", request, prepare)
+        return created[0], run
+
+    async def apply(self, calibration_id: str, request: ApplyRequest) -> Applied:
+        """Make a calibration current. Raises NotFound, CalibrationUnusable, StorageError."""
+        found = await self.store.calibration(calibration_id)
+        require_usable(found, request)
+        applied = Applied(found.id, self.clock.timestamp(), request.applied_by)
+        await self.store.apply(applied)
+        return applied
+
+    async def current_document(self) -> CalibrationDocument:
+        """The calibration in force. Raises NoCalibration."""
+        _, record = await self.store.current()
+        return record.document
+
+    async def calibration(self, which: str) -> CalibrationDocument:
+        """`current`, or by id; one that can map a cloud. Raises NoCalibration, NotFound, CalibrationUnusable."""
+        document = (
+            await self.current_document() if which == "current" else (await self.store.calibration(which)).document
+        )
+        if document.flange_T_camera is None:
+            raise CalibrationUnusable(
+                f"calibration {document.id} holds no transform", "calibrate again with other poses"
+            )
+        return document
+
+    async def pose_now(self) -> PoseDocument:
+        """Where the flange stands, at rest. Raises NotStill, DeviceError."""
+        return PoseDocument.of((await self.cell.settled_pose()).base_T_flange)
+
+    async def _start(
+        self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[tuple[int, Drive]]]
+    ) -> RunRecord:
+        return await self.supervisor.start(kind, request.model_dump(mode="json", exclude_none=True), prepare)
+
+    async def _require_ready(self, reasons: tuple[str, ...]) -> None:
+        if reasons:
+            raise CellNotReady(reasons)
+
+    async def _stations(
+        self, given: tuple[TaughtPose, ...] | None, count: int | None, target: TargetDocument
+    ) -> tuple[TaughtPose, ...]:
+        poses = given or taught(self.settings.calibration, count)
+        if not poses:
+            poses = await self._planned(count or self.settings.calibration.count, target)
+        await self._require_allowed(poses)
+        return poses
+
+    async def _planned(self, count: int, target: TargetDocument) -> tuple[TaughtPose, ...]:
+        intrinsics = self.settings.camera.intrinsics
+        try:
+            current = await self.current_document()
+        except NoCalibration:
+            current = None
+        known = Known.of(self.settings.calibration, intrinsics.camera() if intrinsics else None, current)
+        start = (await self.cell.robot.read_pose()).base_T_flange
+        return await self.workers.run(planned, self.settings.calibration, self.rules, target, known, count, start)
+
+    async def _require_allowed(self, poses: tuple[TaughtPose, ...]) -> None:
+        joints = await self.cell.robot.read_joints() if self.rules.arm else None
+        self.rules.require_allowed(poses, joints)
+
+    def _with_session(
+        self,
+        poses: tuple[TaughtPose, ...],
+        target: TargetDocument,
+        camera: CameraDocument | None,
+        drive: Callable[[Itinerary, SessionLog, RunLog], Awaitable[Ending]],
+        kind: str,
+    ) -> tuple[int, Drive]:
+        """A run that keeps a session folder under its own id."""
+        intrinsics = None if camera is None else CameraDocument.of(camera.camera())
+
+        async def with_session(log: RunLog) -> Ending:
+            source = f"{kind} run {log.id}"
+            session = SessionLog(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
+            return await drive(Itinerary(poses, self.rules), session, log)
+
+        return len(poses), with_session
+
+
+def require_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
+    """Raises CalibrationUnusable for one without a transform, or rejected and not overruled."""
+    if calibration.document.flange_T_camera is None:
+        raise CalibrationUnusable(
+            f"calibration {calibration.id} holds no transform", "calibrate again with other poses"
+        )
+    if not (calibration.accepted or request.despite_verdict):
+        errors = [f.message for f in calibration.document.verdict.findings if f.severity == "error"]
+        raise CalibrationUnusable(
+            f"calibration {calibration.id} was not accepted: {'; '.join(errors) or 'see its verdict'}",
+            'calibrate again; or apply it all the same with {"despite_verdict": true}',
+        )

@@ -1,0 +1,63 @@
+"""The calibration run: look at the target from every station, solve for X, store it."""
+
+from dataclasses import dataclass
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.problem import Problem
+from calibration.report import calibration_document
+from calibration.solve import solve_hand_eye
+from calibration.verdict import judge
+from daemon.cell import Cell
+from daemon.clock import Clock
+from daemon.runs.log import RunLog
+from daemon.runs.looking import Itinerary, look_from_everywhere
+from daemon.runs.session_log import SessionLog
+from daemon.runs.states import RunEvent as E
+from daemon.runs.supervisor import Ending
+from daemon.software import SOFTWARE
+from daemon.store.records import Applied, CalibrationRecord
+from daemon.store.store import Store
+from daemon.workers import Workers
+
+FEWEST_VIEWS = 3
+"""Two motions: fewer cannot determine X (paper, section 2)."""
+
+
+@dataclass(frozen=True)
+class Calibrating:
+    """What the run needs besides its itinerary. `apply_when_accepted` is the policy "auto"."""
+
+    cell: Cell
+    store: Store
+    workers: Workers
+    clock: Clock
+    apply_when_accepted: bool
+
+    async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
+        """From the first move to the stored calibration, whose id is the run's."""
+        problem = await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS)
+        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp())
+        log.conclude()
+        applied = await self._keep(document, log.id)
+        return E.SOLVED, {
+            "calibration_id": document.id, "accepted": document.verdict.accepted, "applied": applied
+        }  # fmt: skip
+
+    async def _keep(self, document: CalibrationDocument, run_id: str) -> bool:
+        accepted = document.verdict.accepted
+        await self.store.save_calibration(
+            CalibrationRecord(document.id, run_id, document.created_at, accepted, document)
+        )
+        if not (self.apply_when_accepted and accepted):
+            return False
+        await self.store.apply(Applied(document.id, self.clock.timestamp(), "policy auto"))
+        return True
+
+
+def solved(problem: Problem, calibration_id: str, created_at: str) -> CalibrationDocument:
+    """The same steps as `handeyed solve`."""
+    solution = solve_hand_eye(problem)
+    verdict = judge(problem, solution)
+    return calibration_document(
+        problem, solution, verdict, calibration_id=calibration_id, created_at=created_at, software=SOFTWARE
+    )

@@ -1,0 +1,75 @@
+"""A run tells what happens to it: the state table is followed, the row saved, listeners told."""
+
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from typing import Any
+
+from daemon.clock import Clock
+from daemon.errors import StorageError
+from daemon.events import EventLog
+from daemon.runs.states import RunEvent, next_state
+from daemon.store.records import Cause, RunRecord
+
+log = logging.getLogger(__name__)
+
+SaveRun = Callable[[RunRecord], Awaitable[None]]
+
+STATION_DONE = frozenset({RunEvent.CAPTURED, RunEvent.ALL_CAPTURED, RunEvent.ALL_STORED})
+
+
+class RunLog:
+    """The one place where a run's record changes."""
+
+    def __init__(self, run: RunRecord, save: SaveRun, events: EventLog, clock: Clock) -> None:
+        self.run = run
+        self.concluding = False
+        self.unsaved = False
+        self._save, self._events, self._clock = save, events, clock
+
+    @property
+    def id(self) -> str:
+        return self.run.id
+
+    async def begin(self) -> None:
+        """The first row. Raises StorageError; the run has then not begun."""
+        await self._save(self.run)
+        self._tell()
+
+    async def took(self, event: RunEvent) -> None:
+        """The run goes on. Raises StorageError."""
+        self.run = self._after(event)
+        await self._save(self.run)
+        self._tell()
+
+    async def end(self, event: RunEvent, *, cause: Cause | None = None, result: dict[str, Any] | None = None) -> None:
+        """The run is over. A disk that cannot take it leaves the record in memory, and the operator is told."""
+        self.run = replace(self._after(event), cause=cause, result=result)
+        try:
+            await self._save(self.run)
+        except StorageError as error:
+            self.unsaved = True
+            log.error("the end of the run could not be stored: %s", error)
+        self._tell()
+
+    def conclude(self) -> None:
+        """From here on the run cannot be aborted: what follows is done whole."""
+        self.concluding = True
+
+    def _after(self, event: RunEvent) -> RunRecord:
+        return replace(
+            self.run,
+            state=next_state(self.run.state, event),
+            station=self.run.station + (event in STATION_DONE),
+            updated_at=self._clock.timestamp(),
+        )
+
+    def _tell(self) -> None:
+        run = self.run
+        self._events.publish(
+            "run",
+            {"id": run.id, "kind": run.kind, "state": run.state, "station": run.station, "stations": run.stations,
+             "cause": run.cause.what if run.cause else None, "at": run.updated_at},
+        )  # fmt: skip
+        ending = f": {run.cause.what}" if run.cause else ""
+        log.info("%s %s, station %d of %d%s", run.kind, run.state, run.station, run.stations, ending)

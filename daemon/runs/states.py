@@ -1,0 +1,64 @@
+"""What a run may do next. Whatever changes a run's state is a row here."""
+
+from enum import StrEnum
+
+
+class RunState(StrEnum):
+    """Where a run stands."""
+
+    MOVING = "moving"
+    SETTLING = "settling"
+    CAPTURING = "capturing"
+    DETECTING = "detecting"
+    SOLVING = "solving"
+    FINISHED = "finished"
+    FAILED = "failed"
+    ABORTED = "aborted"
+
+
+class RunEvent(StrEnum):
+    """What happens to a run."""
+
+    ARRIVED = "arrived"
+    SETTLED = "settled"
+    CAPTURED = "captured"  # and there is another station
+    ALL_CAPTURED = "all-captured"  # the arm has nothing more to do, the computer has
+    ALL_STORED = "all-stored"  # a scan: nothing is left to do at all
+    DETECTED = "detected"
+    SOLVED = "solved"
+    FAULT = "fault"
+    ABORT = "abort"
+
+
+class IllegalEvent(Exception):
+    """An event that the table does not allow: a defect of the program, never of the cell."""
+
+    def __init__(self, state: RunState, event: RunEvent) -> None:
+        self.state, self.event = state, event
+        super().__init__(f"a run that is {state} cannot take the event {event}")
+
+
+S, E = RunState, RunEvent
+_ENDS_BADLY = {E.FAULT: S.FAILED, E.ABORT: S.ABORTED}
+
+NEXT_STATE: dict[RunState, dict[RunEvent, RunState]] = {
+    S.MOVING: {E.ARRIVED: S.SETTLING, **_ENDS_BADLY},
+    S.SETTLING: {E.SETTLED: S.CAPTURING, **_ENDS_BADLY},
+    S.CAPTURING: {E.CAPTURED: S.MOVING, E.ALL_CAPTURED: S.DETECTING, E.ALL_STORED: S.FINISHED, **_ENDS_BADLY},
+    S.DETECTING: {E.DETECTED: S.SOLVING, **_ENDS_BADLY},
+    S.SOLVING: {E.SOLVED: S.FINISHED, **_ENDS_BADLY},
+    S.FINISHED: {},
+    S.FAILED: {},
+    S.ABORTED: {},
+}
+
+FIRST_STATE = S.MOVING
+FINAL_STATES = frozenset(state for state, row in NEXT_STATE.items() if not row)
+
+
+def next_state(state: RunState, event: RunEvent) -> RunState:
+    """The state after `event`. Raises IllegalEvent."""
+    try:
+        return NEXT_STATE[state][event]
+    except KeyError:
+        raise IllegalEvent(state, event) from None

@@ -1,0 +1,160 @@
+"""At most one run. It is started, watched, stopped and, after a restart, told off here."""
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from daemon.clock import Clock
+from daemon.errors import CellBusy, RunInProgress, RunOver, Stopping
+from daemon.events import EventLog
+from daemon.logs import about_run
+from daemon.runs.causes import aborted, cause_of, interrupted
+from daemon.runs.log import RunLog
+from daemon.runs.states import FIRST_STATE, RunEvent, RunState
+from daemon.store.records import RunKind, RunRecord
+from daemon.store.store import Store
+
+log = logging.getLogger(__name__)
+
+Ending = tuple[RunEvent, dict[str, Any]]
+"""The event that finishes a run, and what it found."""
+
+Drive = Callable[[RunLog], Awaitable[Ending]]
+
+
+@dataclass
+class _InProgress:
+    log: RunLog
+    task: asyncio.Task[None]
+    aborted_by: str = ""
+
+
+class Supervisor:
+    """Owner of the run in progress."""
+
+    def __init__(self, store: Store, events: EventLog, clock: Clock, new_id: Callable[[Clock], str]) -> None:
+        self._store, self._events, self._clock, self._new_id = store, events, clock, new_id
+        self._current: _InProgress | None = None
+        self._starting = False
+        self._stopping = False
+        self._unsaved: dict[str, RunRecord] = {}
+        self.ended: Counter[tuple[str, str]] = Counter()
+
+    @property
+    def in_progress(self) -> RunRecord | None:
+        current = self._current
+        return current.log.run if current and not current.log.run.over else None
+
+    def require_free(self) -> None:
+        """Raises RunInProgress or Stopping when a run could not start now."""
+        if self._stopping:
+            raise Stopping
+        if (run := self.in_progress) is not None:
+            raise RunInProgress(run.kind, run.id)
+        if self._starting:
+            raise CellBusy("a run that is just being prepared")
+
+    async def recover(self) -> list[RunRecord]:
+        """Runs that a stopped daemon left behind end as failed, with how to go on."""
+        left = await self._store.unfinished_runs()
+        for run in left:
+            cause = interrupted(run, str(self._store.run_folder(run.id)))
+            await self._store.save_run(
+                replace(run, state=RunState.FAILED, cause=cause, updated_at=self._clock.timestamp())
+            )
+            log.warning("run %s: %s", run.id, cause.what)
+        return left
+
+    async def start(
+        self, kind: RunKind, request: dict[str, Any], prepare: Callable[[], Awaitable[tuple[int, Drive]]]
+    ) -> RunRecord:
+        """`prepare` answers how many stations and how to drive; the run then goes on by itself.
+
+        Raises RunInProgress at once when there is one, Stopping, StorageError, and what `prepare` raises.
+        """
+        self.require_free()
+        self._starting = True
+        try:
+            stations, drive = await prepare()
+            now = self._clock.timestamp()
+            run = RunRecord(self._new_id(self._clock), kind, FIRST_STATE, 0, stations, now, now, request=request)
+            run_log = RunLog(run, self._save, self._events, self._clock)
+            await run_log.begin()
+            if self._stopping:
+                await run_log.end(RunEvent.ABORT, cause=aborted("the daemon, which is stopping", run))
+                raise Stopping
+            self._current = _InProgress(run_log, asyncio.create_task(self._supervise(run_log, drive)))
+            await asyncio.sleep(0)  # a task cancelled before its first step would never tell how it ended
+        finally:
+            self._starting = False
+        return run
+
+    async def abort(self, run_id: str, by: str) -> RunRecord:
+        """Stop the run; when this returns the arm has been told to stop. Raises RunOver, NotFound."""
+        current = self._current
+        if current is None or current.log.id != run_id or current.log.run.over:
+            run = await self.run(run_id)
+            raise RunOver(f"run {run.id} has {run.state} already", "there is nothing to stop")
+        if not current.log.concluding:
+            current.aborted_by = current.aborted_by or by
+            current.task.cancel()
+        await asyncio.wait([current.task])
+        if current.log.run.state is not RunState.ABORTED:
+            raise RunOver(f"run {run_id} {current.log.run.state} before it could be stopped", "look at its result")
+        return current.log.run
+
+    async def run(self, run_id: str) -> RunRecord:
+        """The latest that is known of a run. Raises NotFound."""
+        current = self._current
+        if current is not None and current.log.id == run_id:
+            return current.log.run
+        return self._unsaved.get(run_id) or await self._store.run(run_id)
+
+    async def runs(self, limit: int, before: str | None) -> list[RunRecord]:
+        """The newest first."""
+        return [self._unsaved.get(run.id, run) for run in await self._store.runs(limit, before)]
+
+    async def wait(self, run_id: str, seconds: float) -> RunRecord:
+        """The run when it is over, or as it stands after `seconds`."""
+        current = self._current
+        if current is not None and current.log.id == run_id:
+            await asyncio.wait([current.task], timeout=seconds)
+        return await self.run(run_id)
+
+    async def stop(self, by: str) -> None:
+        """Nothing starts any more, and what is in progress is aborted."""
+        self._stopping = True
+        if (run := self.in_progress) is not None:
+            try:
+                await self.abort(run.id, by)
+            except RunOver:
+                log.info("run %s ended by itself while the daemon was stopping", run.id)
+
+    async def _supervise(self, run_log: RunLog, drive: Drive) -> None:
+        with about_run(run_log.id):
+            try:
+                event, result = await drive(run_log)
+                await run_log.end(event, result=result)
+            except asyncio.CancelledError:
+                by = self._current.aborted_by if self._current else ""
+                await run_log.end(RunEvent.ABORT, cause=aborted(by or "the daemon, which is stopping", run_log.run))
+            except Exception as error:
+                cause = cause_of(error, run_log.run)
+                if cause.code == "internal-error":
+                    log.exception("a defect ended the run")
+                else:
+                    log.warning("the run failed: %s", error)
+                await run_log.end(RunEvent.FAULT, cause=cause)
+        self.ended[run_log.run.kind, run_log.run.state] += 1
+        if run_log.unsaved:
+            self._unsaved[run_log.id] = run_log.run
+
+    async def _save(self, run: RunRecord) -> None:
+        """Store the run, and first what an earlier full disk refused."""
+        for run_id, record in list(self._unsaved.items()):
+            await self._store.save_run(record)
+            del self._unsaved[run_id]
+        await self._store.save_run(run)

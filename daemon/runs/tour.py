@@ -1,0 +1,32 @@
+"""Drive the arm through stations, and do something at each while it stands."""
+
+from collections.abc import Awaitable, Callable
+
+from daemon.cell import Cell
+from daemon.motion import MotionRules
+from daemon.runs.log import RunLog
+from daemon.runs.states import RunEvent as E
+from daemon.settings import TaughtPose
+from drivers.interfaces import PoseReading
+
+AtStation = Callable[[PoseReading], Awaitable[None]]
+
+
+async def tour(
+    stations: tuple[TaughtPose, ...], cell: Cell, rules: MotionRules, log: RunLog, at_station: AtStation, last: E | None
+) -> None:
+    """Move, settle, `at_station`, for each; `last` is the event after the last one, None when the run ends there.
+
+    The arm is armed on entry, and left stopped and disarmed. Raises DeviceError, DaemonError, and what `at_station`
+    raises.
+    """
+    async with cell.motion_lease(f"run {log.id}") as robot:
+        for station, pose in enumerate(stations, start=1):
+            await robot.move_to(await rules.goal(station, pose, robot))
+            await log.took(E.ARRIVED)
+            reading = await cell.settled_pose()
+            await log.took(E.SETTLED)
+            await at_station(reading)
+            event = E.CAPTURED if station < len(stations) else last
+            if event is not None:
+                await log.took(event)

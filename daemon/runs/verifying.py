@@ -1,0 +1,55 @@
+"""The verify run: look at the target again and see where the calibration in force puts it."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.problem import Problem
+from daemon.cell import Cell
+from daemon.runs.log import RunLog
+from daemon.runs.looking import Itinerary, look_from_everywhere
+from daemon.runs.session_log import SessionLog
+from daemon.runs.states import RunEvent as E
+from daemon.runs.supervisor import Ending
+from daemon.verification import Verification, verify
+from daemon.workers import Workers
+
+FEWEST_VIEWS = 2
+"""A scatter needs two."""
+
+
+@dataclass(frozen=True)
+class Verifying:
+    """What the run needs besides its itinerary."""
+
+    cell: Cell
+    workers: Workers
+    calibration: CalibrationDocument
+
+    async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
+        """From the first move to the table."""
+        problem = await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS)
+        found = await self.workers.run(_verified, problem, self.calibration)
+        log.conclude()
+        return E.SOLVED, {"calibration_id": self.calibration.id, "verification": document_of(found, self.calibration)}
+
+
+def _verified(problem: Problem, calibration: CalibrationDocument) -> Verification:
+    camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
+    return verify(replace(problem, camera=camera), calibration)
+
+
+def document_of(found: Verification, calibration: CalibrationDocument) -> dict[str, Any]:
+    """Tab. 1 as data: rounded to a tenth of a micrometre, which is below any robot's noise."""
+    points, sigma = found.points_base_mm.round(4), found.sigma_per_point_mm.round(4)
+    return {
+        "calibration_id": calibration.id,
+        "stations": list(found.stations),
+        "points": [
+            {"id": int(point), "base_mm": points[:, column].tolist(), "sigma_mm": sigma[column].tolist()}
+            for column, point in enumerate(found.ids)
+        ],
+        "cross": found.ids[found.cross()].tolist(),
+        "sigma_mm": found.sigma_mm.round(4).tolist(),
+        "expected_point_mm": calibration.uncertainty.point_mm if calibration.uncertainty else None,
+    }

@@ -1,0 +1,102 @@
+"""Parts looked at from several sides: each scan is a folder of clouds with scan.json, as `handeyed register` reads."""
+
+import json
+from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from calibration.documents.pose import PoseDocument
+from daemon.clock import Clock
+from daemon.settings import ScannerSettings
+from daemon.store.database import storage_errors
+from daemon.store.files import make_folder
+from daemon.store.records import ScanRecord, ScanView, Unit
+from daemon.store.store import Store
+from daemon.workers import Workers
+from drivers.interfaces import ScannedCloud
+from registration.stream import CloudStream
+
+SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".xyz32"}
+"""By media type; octets are float32 x, y, z."""
+
+
+@dataclass(frozen=True)
+class Scans:
+    """The scans in the store."""
+
+    store: Store
+    workers: Workers
+    clock: Clock
+    new_id: Callable[[Clock], str]
+    scanner: ScannerSettings | None
+
+    async def create(self, name: str) -> ScanRecord:
+        """An empty scan."""
+        scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name)
+        await self.store.save_scan(scan)
+        return scan
+
+    async def keep_scanned(self, scan_id: str, cloud: ScannedCloud, base_T_flange: PoseDocument) -> ScanView:
+        """A cloud of the daemon's own scanner. Raises RegistrationError when it is damaged, StorageError."""
+
+        async def whole() -> AsyncIterator[bytes]:
+            yield cloud.content
+
+        unit: Unit = self.scanner.unit if self.scanner else "mm"
+        return await self.keep(scan_id, whole(), cloud.media_type, unit, base_T_flange)
+
+    async def keep(
+        self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_flange: PoseDocument
+    ) -> ScanView:
+        """A cloud in pieces; stored only when it is whole. Raises RegistrationError, NotFound, StorageError."""
+        await self.store.scan(scan_id)
+        folder = self.store.scan_folder(scan_id)
+        upload = folder / f".{self.new_id(self.clock)}.upload"
+        try:
+            await self.workers.run(_make, folder)
+            with await self.workers.run(_open, upload) as file:
+                check = CloudStream(media_type, np.eye(4), unit)
+                async for chunk in body:
+                    await self.workers.run(_append, file, upload, check, chunk)
+                check.finish()
+            view = await self.store.add_scan_view(
+                scan_id, upload, SUFFIXES[media_type], unit, base_T_flange, self.clock.timestamp()
+            )
+        finally:
+            with suppress(OSError):
+                await self.workers.run(upload.unlink, missing_ok=True)
+        await self._write_document(scan_id)
+        return view
+
+    async def _write_document(self, scan_id: str) -> None:
+        """scan.json, from the rows."""
+        views = [
+            {"cloud": view.file, "unit": view.unit, "base_T_flange": view.base_T_flange.model_dump(mode="json")}
+            for view in await self.store.scan_views(scan_id)
+        ]
+        scan = await self.store.scan(scan_id)
+        source = f"scan {scan.id} {scan.name}".strip()
+        document = {"schema_version": 1, "source": source, "setup": "eye-in-hand", "views": views}
+        content = json.dumps(document, indent=1).encode()
+        await self.store.write_file(self.store.scan_folder(scan_id) / "scan.json", [content])
+
+
+def _make(folder: Path) -> None:
+    with storage_errors(folder):
+        make_folder(folder)
+
+
+def _open(path: Path) -> BinaryIO:
+    with storage_errors(path):
+        return path.open("wb")
+
+
+def _append(file: BinaryIO, path: Path, check: CloudStream, chunk: bytes) -> None:
+    for _ in check.parts(chunk):
+        pass
+    with storage_errors(path):
+        file.write(chunk)

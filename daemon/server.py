@@ -1,0 +1,77 @@
+"""The daemon as a process: uvicorn, signals, the announcement of where it listens."""
+
+import asyncio
+import json
+import os
+import signal
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+
+import uvicorn
+
+from daemon.api.app import create_api
+from daemon.application import Application
+from daemon.store.files import write_durably
+
+GRACE_S = 4
+"""For answers in progress after SIGTERM. Event streams end at once by themselves."""
+
+HEADER_LIMIT_S = 10
+"""An idle connection is closed after this."""
+
+Announce = Callable[[str], None]
+"""Called with the URL once requests are answered."""
+
+
+class Server(uvicorn.Server):
+    """uvicorn that stops the cell's work the moment a signal comes, and tells where it listens."""
+
+    def __init__(self, application: Application, announce: Announce) -> None:
+        super().__init__(
+            uvicorn.Config(
+                create_api(application),
+                host=application.settings.server.host,
+                port=application.settings.server.port,
+                timeout_graceful_shutdown=GRACE_S,
+                timeout_keep_alive=HEADER_LIMIT_S,
+                log_config=None,
+                access_log=False,
+                server_header=False,
+                lifespan="on",
+            )
+        )
+        self._application, self._announce = application, announce
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn's, then the announcement."""
+        self._loop = asyncio.get_running_loop()
+        await super().startup(sockets)
+        if self.started:
+            self._application.systemd.notify("READY=1")
+            self._announce(self.url())
+
+    def url(self) -> str:
+        """Where it really listens: port 0 lets the system choose."""
+        host, port = self.servers[0].sockets[0].getsockname()[:2]
+        return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """SIGTERM and SIGINT: the arm first, everything else after it."""
+        if self._loop is not None:
+            name = signal.Signals(sig).name
+            self._loop.call_soon_threadsafe(self._application.begin_stop, f"the daemon, which is stopping ({name})")
+        super().handle_exit(sig, frame)
+
+
+def announce_in(ready_file: Path | None) -> Announce:
+    """Prints the URL; and writes {"url", "pid"} to `ready_file`, whole or not at all."""
+
+    def announce(url: str) -> None:
+        print(f"handeyed listens on {url}", flush=True)  # noqa: T201 - the one line a person waits for
+        if ready_file is not None:
+            write_durably(ready_file, [json.dumps({"url": url, "pid": os.getpid()}).encode()])
+
+    return announce

@@ -1,0 +1,167 @@
+"""The daemon's settings: one TOML file, loaded once, frozen. deploy/handeyed.example.toml shows every key."""
+
+import ipaddress
+import tomllib
+from math import radians
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from calibration.arms import ARMS
+from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
+from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.session import CameraDocument
+from calibration.documents.target import TargetDocument
+from calibration.documents.validation import Document, validate_document
+from calibration.errors import DocumentError, DocumentProblem
+from calibration.transforms import Array
+
+Address = Annotated[str, Field(min_length=1, max_length=2000)]
+Quarter = Annotated[int, Field(ge=-32, le=32)]
+Box = tuple[Vector, Vector]
+
+
+def _known_arm(name: str) -> str:
+    if name not in ARMS:
+        raise ValueError(f"known arms are {', '.join(ARMS)}; leave it out for any other")
+    return name
+
+
+class TaughtPose(PoseDocument):
+    """base_T_flange, with ABB's confdata when the posture matters: paste both from the robtarget."""
+
+    configuration: tuple[Quarter, Quarter, Quarter, Quarter] | None = None
+
+
+class SettlingSettings(Document):
+    """When the arm counts as standing: two readings `gap_s` apart that agree."""
+
+    gap_s: Annotated[float, Field(ge=0, le=10)] = 0.1
+    translation_mm: Annotated[float, Field(gt=0, le=1)] = 0.02
+    rotation_deg: Annotated[float, Field(gt=0, le=1)] = 0.005
+    limit_s: Annotated[float, Field(gt=0, le=120)] = 10.0
+
+    @property
+    def rotation_rad(self) -> float:
+        return radians(self.rotation_deg)
+
+
+class RobotSettings(Document):
+    """The controller, and what the daemon may ask of the arm."""
+
+    address: Address
+    model: Annotated[str, AfterValidator(_known_arm)] | None = None
+    speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 100.0
+    box_mm: Box
+    settling: SettlingSettings = SettlingSettings()
+
+    @model_validator(mode="after")
+    def _box_has_room(self) -> "RobotSettings":
+        low, high = self.box_mm
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise ValueError("box_mm is [[xmin, ymin, zmin], [xmax, ymax, zmax]], each minimum below its maximum")
+        return self
+
+    def inside_box(self, base_T_flange: Array) -> bool:
+        """The flange's origin lies in the box the arm may work in."""
+        low, high = self.box_mm
+        return all(a <= x <= b for a, x, b in zip(low, base_T_flange[:3, 3], high, strict=True))
+
+
+class CameraSettings(Document):
+    """The camera on the flange. Without intrinsics they are estimated with the rest."""
+
+    address: Address
+    intrinsics: CameraDocument | None = None
+
+
+class ScannerSettings(Document):
+    """The scanner on the flange, and the poses a part is looked at from."""
+
+    address: Address
+    unit: Literal["mm", "m"] = "mm"
+    poses: tuple[TaughtPose, ...] = ()
+
+
+class CalibrationSettings(Document):
+    """Where to look from, and who applies the result."""
+
+    count: Annotated[int, Field(ge=3, le=100)] = 3
+    policy: Literal["operator", "auto"] = "operator"
+    poses: tuple[TaughtPose, ...] = ()
+    flange_T_camera_guess: PoseDocument | None = None
+    base_T_target_guess: PoseDocument | None = None
+    limits: LimitsDocument = LimitsDocument()
+    noise: NoiseExpectedDocument = NoiseExpectedDocument()
+
+
+class ServerSettings(Document):
+    """Where the REST interface listens. There is no password yet: other addresses than loopback must be meant."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8372
+    trusted_network: bool = False
+    body_limit_mb: Annotated[float, Field(gt=0, le=65536)] = 2048.0
+
+    @model_validator(mode="after")
+    def _loopback_unless_trusted(self) -> "ServerSettings":
+        try:
+            loopback = ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            loopback = self.host == "localhost"
+        if not loopback and not self.trusted_network:
+            raise ValueError(
+                f"host {self.host!r} can be reached by others and nobody is asked for a key: use 127.0.0.1, "
+                "or set trusted_network = true when the network is closed"
+            )
+        return self
+
+    @property
+    def body_limit_bytes(self) -> int:
+        return int(self.body_limit_mb * 1_000_000)
+
+
+class StorageSettings(Document):
+    """The folder for everything that must survive. A relative one is taken from the settings file's folder."""
+
+    folder: Annotated[str, Field(min_length=1)] = "/var/lib/handeyed"
+    reserve_mb: Annotated[float, Field(ge=0, le=1_000_000)] = 500.0
+
+
+class Settings(Document):
+    """The whole file."""
+
+    robot: RobotSettings
+    camera: CameraSettings
+    scanner: ScannerSettings | None = None
+    target: TargetDocument
+    calibration: CalibrationSettings = CalibrationSettings()
+    server: ServerSettings = ServerSettings()
+    storage: StorageSettings = StorageSettings()
+
+
+def load_settings(path: Path) -> Settings:
+    """The settings of a TOML file. Raises DocumentError with file, place, what and fix."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, "document", error.strerror or str(error), "give the path of a settings file") from None
+    settings = parse_settings(content, str(path))
+    folder = path.resolve().parent / settings.storage.folder
+    return settings.model_copy(update={"storage": settings.storage.model_copy(update={"folder": str(folder)})})
+
+
+def parse_settings(content: bytes, origin: str) -> Settings:
+    """The settings in the bytes of a TOML file. Raises DocumentError."""
+    try:
+        data = tomllib.loads(content.decode())
+    except UnicodeDecodeError as error:
+        raise _unreadable(origin, f"byte {error.start}", "not UTF-8 text", "save the file as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise _unreadable(origin, "document", f"not TOML ({error})", "correct the line") from None
+    return validate_document(Settings, data, origin)
+
+
+def _unreadable(origin: Path | str, place: str, what: str, fix: str) -> DocumentError:
+    return DocumentError(str(origin), [DocumentProblem(place, what, fix)])

@@ -1,0 +1,88 @@
+"""Which poses a run visits: those of the request, else taught ones, else planned ones."""
+
+from dataclasses import dataclass, replace
+
+from calibration.camera import CameraModel
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.documents.target import TargetDocument
+from calibration.planning.plan import PlanningError, plan_poses
+from calibration.prediction import Scene
+from calibration.transforms import Array
+from daemon.errors import NoPoses
+from daemon.motion import MotionRules
+from daemon.settings import CalibrationSettings, TaughtPose
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is roughly known of the scene: from the settings' guesses, else from the calibration in force."""
+
+    camera: CameraModel | None
+    flange_T_camera: PoseDocument | None
+    base_T_target: PoseDocument | None
+
+    @classmethod
+    def of(
+        cls, settings: CalibrationSettings, camera: CameraModel | None, current: CalibrationDocument | None
+    ) -> "Known":
+        found = cls(camera, settings.flange_T_camera_guess, settings.base_T_target_guess)
+        if current is None:
+            return found
+        return replace(
+            found,
+            camera=found.camera or (current.camera.camera() if current.camera else None),
+            flange_T_camera=found.flange_T_camera or current.flange_T_camera,
+            base_T_target=found.base_T_target or current.base_T_target,
+        )
+
+    def missing(self) -> list[str]:
+        """What a plan would need besides, as the settings call it."""
+        needed = {
+            "[camera.intrinsics]": self.camera,
+            "[calibration] flange_T_camera_guess": self.flange_T_camera,
+            "[calibration] base_T_target_guess": self.base_T_target,
+        }
+        return [name for name, value in needed.items() if value is None]
+
+
+def taught(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:
+    """The taught poses, all or the first `count`; none when none were taught. Raises NoPoses when too few were."""
+    if count is None or not settings.poses:
+        return settings.poses
+    if count > len(settings.poses):
+        raise NoPoses(
+            f"{count} poses were asked for, but {len(settings.poses)} are taught in [calibration] poses",
+            "ask for fewer, teach more, or send poses with the request",
+        )
+    return settings.poses[:count]
+
+
+def planned(
+    settings: CalibrationSettings,
+    rules: MotionRules,
+    target: TargetDocument,
+    known: Known,
+    count: int,
+    start: Array,
+) -> tuple[TaughtPose, ...]:
+    """Poses from which the target is in view and that determine X best. Takes a while. Raises NoPoses."""
+    if known.camera is None or known.flange_T_camera is None or known.base_T_target is None:
+        raise NoPoses(
+            f"no poses are given or taught, and planning them needs {', '.join(known.missing())}",
+            "send poses with the request, teach them in [calibration] poses, or add what planning needs",
+        )
+    scene = Scene(
+        "eye-in-hand",
+        target.target(),
+        known.camera,
+        known.flange_T_camera.transform(),
+        known.base_T_target.transform(),
+        settings.noise.noise(),
+    )
+    limits = settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
+    try:
+        plan = plan_poses(scene, limits, count, start=start, reachable=rules.reachable)
+    except PlanningError as error:
+        raise NoPoses(error.what, error.fix) from None
+    return tuple(TaughtPose.of(pose) for pose in plan.base_T_flange)

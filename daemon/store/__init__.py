@@ -1,0 +1,1 @@
+"""What survives: runs, calibrations and scans in SQLite, big files beside it."""

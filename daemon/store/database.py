@@ -1,0 +1,105 @@
+"""One SQLite connection in one thread: WAL, every commit fsynced, errors in the room's own words."""
+
+import asyncio
+import errno
+import sqlite3
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+from daemon.errors import StorageError, StorageFull, StorageTooNew
+from daemon.store.files import make_folder
+from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
+
+Answer = TypeVar("Answer")
+
+_FULL_ERRNOS = frozenset({errno.ENOSPC, errno.EDQUOT})
+_FREE_SOME = "free some space there; what was stored before is unharmed"
+
+
+@contextmanager
+def storage_errors(place: Path) -> Iterator[None]:
+    """Any failure of disk or database inside becomes a StorageError that names `place`."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_FULL:
+            raise StorageFull(f"the disk of {place} is full", _FREE_SOME) from error
+        raise StorageError(f"{place}: {error}", "check the disk; what was stored before is unharmed") from error
+    except OSError as error:
+        if error.errno in _FULL_ERRNOS:
+            raise StorageFull(f"the disk of {place} is full", _FREE_SOME) from error
+        raise StorageError(
+            f"{place}: {error.strerror or error}", "check that the folder is there and belongs to the daemon's user"
+        ) from error
+
+
+class Database:
+    """The connection and its thread. Every call returns when its commit is on the disk."""
+
+    def __init__(self, path: Path) -> None:
+        """Opens or creates the database. Raises StorageError, StorageTooNew."""
+        self.path = path
+        self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
+        try:
+            self._connection = self.thread.submit(_connect, path).result()
+        except BaseException:
+            self.thread.shutdown()
+            raise
+
+    async def read(self, query: Callable[[sqlite3.Connection], Answer]) -> Answer:
+        """`query` on the connection, in its thread."""
+        return await self._in_thread(lambda: query(self._connection))
+
+    async def write(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
+        """`change` as one transaction: all of it, or nothing."""
+
+        def transaction() -> Answer:
+            with self._connection:
+                self._connection.execute("BEGIN IMMEDIATE")
+                return change(self._connection)
+
+        return await self._in_thread(transaction)
+
+    async def run(self, work: Callable[[], Answer], place: Path) -> Answer:
+        """Blocking work on files near the database, in the same thread, so that one order holds for both."""
+        return await self._in_thread(work, place)
+
+    async def close(self) -> None:
+        await self._in_thread(self._connection.close)
+        self.thread.shutdown()
+
+    async def _in_thread(self, work: Callable[[], Answer], place: Path | None = None) -> Answer:
+        def guarded() -> Answer:
+            with storage_errors(place or self.path):
+                return work()
+
+        return await asyncio.get_running_loop().run_in_executor(self.thread, guarded)
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    with storage_errors(path):
+        make_folder(path.parent)
+        connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        try:
+            _prepare(connection, path)
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+
+def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if version > SCHEMA_VERSION:
+        raise StorageTooNew(
+            f"{path} was written by a newer handeyed (schema {version}, this one knows {SCHEMA_VERSION})",
+            "install that version again, or restore the backup made before the update",
+        )
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.execute("PRAGMA foreign_keys = ON")
+    for number, migration in enumerate(MIGRATIONS[version:], start=version + 1):
+        connection.executescript(f"BEGIN IMMEDIATE; {migration} PRAGMA user_version = {number}; COMMIT;")

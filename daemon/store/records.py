@@ -1,0 +1,97 @@
+"""Rows of the store, as the rest of the daemon sees them."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from daemon.runs.states import FINAL_STATES, RunState
+
+RunKind = Literal["calibration", "verify", "scan"]
+Unit = Literal["mm", "m"]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Why a run ended badly: a stable code, a sentence, and how to go on."""
+
+    code: str
+    what: str
+    fix: str
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run. `station` counts the stations captured so far; `result` is what it found, by kind."""
+
+    id: str
+    kind: RunKind
+    state: RunState
+    station: int
+    stations: int
+    created_at: str
+    updated_at: str
+    cause: Cause | None = None
+    request: dict[str, Any] = field(default_factory=dict)
+    result: dict[str, Any] | None = None
+
+    @property
+    def over(self) -> bool:
+        return self.state in FINAL_STATES
+
+    def row(self) -> tuple[Any, ...]:
+        """In the order of the table's columns."""
+        code, what, fix = (self.cause.code, self.cause.what, self.cause.fix) if self.cause else (None, None, None)
+        result = None if self.result is None else json.dumps(self.result)
+        times = (self.created_at, self.updated_at)
+        return (self.id, self.kind, str(self.state), self.station, self.stations, code, what, fix, *times,
+                json.dumps(self.request), result)  # fmt: skip
+
+    @classmethod
+    def of(cls, row: tuple[Any, ...]) -> "RunRecord":
+        run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, request, result = row
+        cause = None if code is None else Cause(code, what, fix)
+        found = None if result is None else json.loads(result)
+        return cls(run_id, kind, RunState(state), station, stations, created_at, updated_at, cause,
+                   json.loads(request), found)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CalibrationRecord:
+    """A calibration and the run it came from."""
+
+    id: str
+    run_id: str | None
+    created_at: str
+    accepted: bool
+    document: CalibrationDocument
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A calibration became current."""
+
+    calibration_id: str
+    applied_at: str
+    applied_by: str
+
+
+@dataclass(frozen=True)
+class ScanRecord:
+    """A part being looked at from several sides."""
+
+    id: str
+    created_at: str
+    name: str
+
+
+@dataclass(frozen=True)
+class ScanView:
+    """One cloud of a scan: its file in the scan's folder, and where the arm stood."""
+
+    view: int
+    file: str
+    unit: Unit
+    base_T_flange: PoseDocument
+    created_at: str

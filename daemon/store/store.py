@@ -1,0 +1,181 @@
+"""Everything that survives a restart. Each call returns when what it wrote is on the disk."""
+
+import sqlite3
+from collections.abc import Iterable
+from pathlib import Path
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from daemon.errors import NoCalibration, NotFound
+from daemon.runs.states import FINAL_STATES
+from daemon.store.database import Database
+from daemon.store.files import WriteFile, settle_file, write_durably
+from daemon.store.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView, Unit
+
+DATABASE_NAME = "handeyed.sqlite"
+
+_CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrations"
+
+
+class Store:
+    """SQLite, and big files beside it: runs/ID/ and scans/ID/ are folders that the command line reads too."""
+
+    def __init__(self, folder: Path, write_file: WriteFile = write_durably) -> None:
+        """Opens or creates the store in `folder`. Raises StorageError, StorageTooNew."""
+        self.folder = folder
+        self._write_file = write_file
+        self._database = Database(folder / DATABASE_NAME)
+
+    async def close(self) -> None:
+        await self._database.close()
+
+    # runs
+
+    def run_folder(self, run_id: str) -> Path:
+        return self.folder / "runs" / run_id
+
+    async def save_run(self, run: RunRecord) -> None:
+        """Insert the run, or bring its row up to date."""
+        marks = ", ".join("?" * len(run.row()))
+        await self._database.write(lambda db: db.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", run.row()))
+
+    async def run(self, run_id: str) -> RunRecord:
+        """Raises NotFound."""
+        row = await self._database.read(lambda db: db.execute("SELECT * FROM runs WHERE id = ?", (run_id,)).fetchone())
+        if row is None:
+            raise NotFound(f"there is no run {run_id!r}", "GET /runs lists them")
+        return RunRecord.of(row)
+
+    async def runs(self, limit: int, before: str | None = None) -> list[RunRecord]:
+        """The newest first; `before` is the id of the last one already seen."""
+        query = (
+            "SELECT * FROM runs WHERE ?1 IS NULL OR (created_at, id) <"
+            " (SELECT created_at, id FROM runs WHERE id = ?1) ORDER BY created_at DESC, id DESC LIMIT ?2"
+        )
+        rows = await self._database.read(lambda db: db.execute(query, (before, limit)).fetchall())
+        return [RunRecord.of(row) for row in rows]
+
+    async def unfinished_runs(self) -> list[RunRecord]:
+        """Runs that a stopped daemon left behind."""
+        states = tuple(str(state) for state in sorted(FINAL_STATES))
+        marks = ", ".join("?" * len(states))
+        rows = await self._database.read(
+            lambda db: db.execute(f"SELECT * FROM runs WHERE state NOT IN ({marks})", states).fetchall()
+        )
+        return [RunRecord.of(row) for row in rows]
+
+    # calibrations
+
+    async def save_calibration(self, calibration: CalibrationRecord) -> None:
+        """Insert a calibration; it is never changed afterwards."""
+        row = (calibration.id, calibration.run_id, calibration.created_at, calibration.accepted,
+               calibration.document.model_dump_json())  # fmt: skip
+        await self._database.write(lambda db: db.execute("INSERT INTO calibrations VALUES (?, ?, ?, ?, ?)", row))
+
+    async def calibration(self, calibration_id: str) -> CalibrationRecord:
+        """Raises NotFound."""
+        row = await self._database.read(
+            lambda db: db.execute(f"{_CALIBRATION} WHERE id = ?", (calibration_id,)).fetchone()
+        )
+        if row is None:
+            raise NotFound(f"there is no calibration {calibration_id!r}", "GET /calibrations lists them")
+        return _calibration(row)
+
+    async def calibrations(self, limit: int, before: str | None = None) -> list[CalibrationRecord]:
+        """The newest first; `before` is the id of the last one already seen."""
+        query = (
+            f"{_CALIBRATION} WHERE ?1 IS NULL OR (created_at, id) <"
+            " (SELECT created_at, id FROM calibrations WHERE id = ?1) ORDER BY created_at DESC, id DESC LIMIT ?2"
+        )
+        rows = await self._database.read(lambda db: db.execute(query, (before, limit)).fetchall())
+        return [_calibration(row) for row in rows]
+
+    async def apply(self, applied: Applied) -> None:
+        """Make a calibration current; the history is kept."""
+        row = (applied.calibration_id, applied.applied_at, applied.applied_by)
+        statement = "INSERT INTO applied (calibration_id, applied_at, applied_by) VALUES (?, ?, ?)"
+        await self._database.write(lambda db: db.execute(statement, row))
+
+    async def applied(self, limit: int = 1) -> list[Applied]:
+        """What was current, the newest first; the first of them is."""
+        query = "SELECT calibration_id, applied_at, applied_by FROM applied ORDER BY sequence DESC LIMIT ?"
+        rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
+        return [Applied(*row) for row in rows]
+
+    async def current(self) -> tuple[Applied, CalibrationRecord]:
+        """The calibration in force. Raises NoCalibration."""
+        for applied in await self.applied():
+            return applied, await self.calibration(applied.calibration_id)
+        raise NoCalibration
+
+    # scans
+
+    def scan_folder(self, scan_id: str) -> Path:
+        return self.folder / "scans" / scan_id
+
+    async def save_scan(self, scan: ScanRecord) -> None:
+        row = (scan.id, scan.created_at, scan.name)
+        await self._database.write(lambda db: db.execute("INSERT INTO scans VALUES (?, ?, ?)", row))
+
+    async def scan(self, scan_id: str) -> ScanRecord:
+        """Raises NotFound."""
+        query = "SELECT id, created_at, name FROM scans WHERE id = ?"
+        row = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchone())
+        if row is None:
+            raise NotFound(f"there is no scan {scan_id!r}", "GET /scans lists them")
+        return ScanRecord(*row)
+
+    async def scans(self, limit: int) -> list[ScanRecord]:
+        """The newest first."""
+        query = "SELECT id, created_at, name FROM scans ORDER BY created_at DESC, id DESC LIMIT ?"
+        rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
+        return [ScanRecord(*row) for row in rows]
+
+    async def add_scan_view(
+        self, scan_id: str, upload: Path, suffix: str, unit: Unit, base_T_flange: PoseDocument, created_at: str
+    ) -> ScanView:
+        """Give the uploaded file the scan's next number and name: the file is on the disk before its row is."""
+
+        def insert(db: sqlite3.Connection) -> ScanView:
+            count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
+            view = ScanView(count, f"view_{count:03d}{suffix}", unit, base_T_flange, created_at)
+            settle_file(upload, upload.with_name(view.file))
+            row = (scan_id, view.view, view.file, unit, base_T_flange.model_dump_json(), created_at)
+            db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?)", row)
+            return view
+
+        return await self._database.write(insert)
+
+    async def scan_views(self, scan_id: str) -> list[ScanView]:
+        """In the order they came."""
+        query = "SELECT view, file, unit, base_T_flange, created_at FROM scan_views WHERE scan_id = ? ORDER BY view"
+        rows = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchall())
+        return [ScanView(v, file, unit, PoseDocument.model_validate_json(pose), at) for v, file, unit, pose, at in rows]
+
+    # files
+
+    async def write_file(self, path: Path, blocks: Iterable[bytes]) -> None:
+        """The file is on the disk, whole, when this returns. Raises StorageError."""
+        await self._database.run(lambda: self._write_file(path, blocks), path)
+
+    async def read_file(self, path: Path) -> bytes:
+        """Raises NotFound, StorageError."""
+
+        def read() -> bytes:
+            try:
+                return path.read_bytes()
+            except (FileNotFoundError, IsADirectoryError):
+                raise NotFound(f"there is no {path.name} in {path.parent.name}", "look at what was stored") from None
+
+        return await self._database.run(read, path)
+
+    async def alive(self) -> None:
+        """Returns when the store's thread answers: the watchdog asks."""
+        await self._database.read(lambda db: db.execute("SELECT 1").fetchone())
+
+
+def _calibration(row: tuple[str, str | None, str, int, str]) -> CalibrationRecord:
+    calibration_id, run_id, created_at, accepted, document = row
+    return CalibrationRecord(
+        calibration_id, run_id, created_at, bool(accepted), CalibrationDocument.model_validate_json(document)
+    )

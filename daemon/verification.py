@@ -1,0 +1,76 @@
+"""The seed's Tab. 1: the target's points in base coordinates as seen from each position, and how far they scatter.
+
+Eq. (10), with the direction of X that its own numbers show: P_base = base_T_flange @ flange_T_camera @ P_camera.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.errors import CalibrationError
+from calibration.observations import observe
+from calibration.problem import Problem
+from calibration.transforms import Array, map_points
+from calibration.view_poses import candidate_poses
+
+
+class VerificationError(CalibrationError):
+    """The positions share no point of the target."""
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """`points_base_mm` (positions, points, 3) of the target points `ids` (points,) seen from every position."""
+
+    stations: tuple[int, ...]
+    ids: NDArray[np.intp]
+    points_base_mm: Array
+
+    @property
+    def sigma_per_point_mm(self) -> Array:
+        """(points, 3) standard deviation over the positions, n - 1."""
+        sigma: Array = np.std(self.points_base_mm, axis=0, ddof=1)
+        return sigma
+
+    @property
+    def sigma_mm(self) -> Array:
+        """(3,) over all points: the root of the mean variance in x, y and z."""
+        sigma: Array = np.sqrt(np.mean(self.sigma_per_point_mm**2, axis=0))
+        return sigma
+
+    def cross(self) -> NDArray[np.intp]:
+        """Up to five columns of `points_base_mm` that span the target as the seed's cross does: ends and middle."""
+        mean = self.points_base_mm.mean(axis=0)
+        offset = mean - mean.mean(axis=0)
+        _, _, axes = np.linalg.svd(offset, full_matrices=False)
+        along = offset @ axes[:2].T
+        corners = [int(np.argmax(along @ direction)) for direction in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+        middle = int(np.argmin(np.linalg.norm(offset, axis=1)))
+        return np.array(sorted({*corners, middle}), np.intp)
+
+
+def verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
+    """Where `calibration` puts the target's points in the base, seen from each view. Raises VerificationError."""
+    assert problem.camera is not None
+    assert calibration.flange_T_camera is not None
+    seen, _ = observe(problem)
+    poses, _ = candidate_poses(seen, problem.camera)
+    base_T_target = seen.base_T_flange @ calibration.flange_T_camera.transform() @ poses[:, 0]
+    ids = _shared_ids(problem, seen.positions)
+    points = map_points(base_T_target, problem.target.points_mm[ids])
+    stations = tuple(problem.views[position].index + 1 for position in seen.positions)
+    if not isfinite(float(points.sum())):
+        raise VerificationError("a view's pose of the target is not finite: look at the pictures")
+    return Verification(stations, ids, points)
+
+
+def _shared_ids(problem: Problem, positions: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Ids seen in every view."""
+    sets = [set(view.detection.ids.tolist()) for p in positions if (view := problem.views[p]).detection is not None]
+    shared = set.intersection(*sets) if sets else set()
+    if len(sets) < 2 or not shared:
+        raise VerificationError("the positions share no point of the target: choose positions that look at one part")
+    return np.array(sorted(shared), np.intp)

@@ -1,0 +1,98 @@
+"""Settings and a running daemon for tests: a real server on a real port, devices from `fakes`."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from calibration.documents.pose import PoseDocument
+from calibration.documents.session import CameraDocument
+from calibration.documents.validation import validate_document
+from daemon.application import Application
+from daemon.cell import Devices
+from daemon.composition import build
+from daemon.server import Server
+from daemon.settings import Settings
+from daemon.store.store import Store
+from tests.daemon.fakes import CAMERA, FakeCamera, FakeRobot, FakeScanner, poses_around_the_target
+
+
+def pose_json(base_T_flange: Any) -> dict[str, Any]:
+    return PoseDocument.of(base_T_flange).model_dump(mode="json")
+
+
+def settings_for(folder: Path, **changes: Any) -> Settings:
+    """Settings of the fake cell; `changes` by section, e.g. calibration={"policy": "auto"}."""
+    sections: dict[str, Any] = {
+        "robot": {
+            "address": "tcp://robot:11111",
+            "box_mm": [[-2000, -2000, -500], [2000, 2000, 2500]],
+            "settling": {"gap_s": 0.0, "limit_s": 0.5},
+        },
+        "camera": {"address": "http://camera/frame.png", "intrinsics": CameraDocument.of(CAMERA).model_dump()},
+        "scanner": {"address": "http://scanner/cloud.ply"},
+        "target": {"kind": "chessboard", "columns": 11, "rows": 8, "pitch_mm": 20.0},
+        "calibration": {"poses": [pose_json(pose) for pose in poses_around_the_target()]},
+        "server": {"port": 0},
+        "storage": {"folder": str(folder), "reserve_mb": 0},
+    }
+    for section, values in changes.items():
+        sections[section] = values if values is None else {**(sections.get(section) or {}), **values}
+    return validate_document(Settings, sections, "test settings")
+
+
+@dataclass
+class Bench:
+    """A running daemon with fake devices, and a client that talks to it over a socket."""
+
+    application: Application
+    server: Server
+    client: httpx.AsyncClient
+    robot: FakeRobot
+    camera: FakeCamera
+    scanner: FakeScanner
+    url: str = ""
+
+    async def run_over(self, location: str, within_s: float = 20.0) -> dict[str, Any]:
+        """The run when it has ended."""
+        answer = await self.client.get(location, params={"wait": within_s})
+        run: dict[str, Any] = answer.json()
+        assert run["over"], run
+        return run
+
+
+@dataclass
+class Parts:
+    """Fake devices a test may prepare before the daemon starts."""
+
+    robot: FakeRobot = field(default_factory=FakeRobot)
+    scanner: FakeScanner = field(default_factory=FakeScanner)
+    camera: FakeCamera = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.camera = FakeCamera(self.robot)
+
+
+@asynccontextmanager
+async def serving(settings: Settings, parts: Parts | None = None, store: Store | None = None) -> AsyncIterator[Bench]:
+    """The daemon, up; stopped in order afterwards."""
+    parts = parts or Parts()
+    scanner = parts.scanner if settings.scanner else None
+    devices = Devices(parts.robot, parts.camera, scanner)
+    application = build(settings, lambda _settings, _clock: devices, store=store)
+    announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+    server = Server(application, announced.set_result)
+    task = asyncio.create_task(server.serve())
+    await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=10)
+    url = announced.result()
+    async with httpx.AsyncClient(base_url=url, timeout=30) as client:
+        try:
+            yield Bench(application, server, client, parts.robot, parts.camera, parts.scanner, url)
+        finally:
+            server.should_exit = True
+            application.begin_stop("the test")
+    await task
