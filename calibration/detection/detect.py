@@ -6,6 +6,7 @@ from typing import Any
 import cv2
 from numpy.typing import NDArray
 
+from calibration.detection.apriltags import detect_apriltags
 from calibration.detection.charuco import detect_charuco
 from calibration.detection.chessboard import detect_chessboard
 from calibration.detection.circles import detect_circles
@@ -13,7 +14,7 @@ from calibration.detection.gate import gate
 from calibration.detection.image import Grey, grey_image
 from calibration.errors import DetectionError
 from calibration.problem import Detection
-from calibration.targets import Charuco, Chessboard, CircleGrid, Target
+from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
 
 Detector = Callable[[Grey, Any], Detection]
 
@@ -21,6 +22,7 @@ DETECTORS: dict[type, Detector] = {
     Chessboard: detect_chessboard,
     Charuco: detect_charuco,
     CircleGrid: detect_circles,
+    AprilTagGrid: detect_apriltags,
 }
 
 

@@ -8,6 +8,7 @@ followed, each step predicted from the last. An asymmetric circle grid is a squa
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calibration.detection.dots import Dots
@@ -23,7 +24,7 @@ LARGE_DOT_AREA = 8.0
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
-def grow_dot_lattices(dots: Dots, fewest: int) -> Iterator[tuple[Lattice, Array]]:
+def grow_dot_lattices(dots: Dots, fewest: int) -> Iterator[tuple[Lattice, NDArray[np.intp]]]:
     """Lattices of at least `fewest` dots with the indices of their dots; columns turn towards rows as x towards y."""
     if len(dots.centres) < fewest:
         return

@@ -1,0 +1,57 @@
+"""AprilTag grids: tags read by OpenCV, their corners where the fitted edges cross. Any tags in view will do."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.detection.image import Grey, at_full_size, reduced
+from calibration.detection.tag_edges import refine_squares
+from calibration.errors import DetectionError
+from calibration.problem import Detection
+from calibration.targets import AprilTagGrid
+from calibration.transforms import Array
+
+DICTIONARIES = {
+    "tag16h5": cv2.aruco.DICT_APRILTAG_16h5,
+    "tag25h9": cv2.aruco.DICT_APRILTAG_25h9,
+    "tag36h10": cv2.aruco.DICT_APRILTAG_36h10,
+    "tag36h11": cv2.aruco.DICT_APRILTAG_36h11,
+}
+SEARCH_PIXELS = (2.0e6, np.inf)
+CLEAR_OF_MODULE = 0.8
+
+
+def detect_apriltags(image: Grey, target: AprilTagGrid) -> Detection:
+    """Four corners of every tag in view. Raises DetectionError `not-found`, `unknown-dictionary`."""
+    if target.family not in DICTIONARIES:
+        what = f"the tag family {target.family!r} is not known"
+        raise DetectionError("unknown-dictionary", what, f"use one of {', '.join(DICTIONARIES)}")
+    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[target.family])
+    tags, rough = _read(image, dictionary, target.columns * target.rows)
+    if len(tags) == 0:
+        what = f"no {target.family} tag of the grid was found"
+        raise DetectionError("not-found", what, "bring the grid into view, without glare; check family, columns, rows")
+    modules = dictionary.markerSize + 2
+    clear = CLEAR_OF_MODULE * min(1 / modules, target.gap_mm / target.tag_mm)
+    ids = 4 * tags[:, None] + np.arange(4)
+    corners = refine_squares(image, target.points_mm[ids, :2], rough, clear)
+    return Detection(ids.ravel(), corners.reshape(-1, 2))
+
+
+def _read(image: Grey, dictionary: Any, count: int) -> tuple[NDArray[np.intp], Array]:
+    """Numbers (n,) and rough corners (n, 4, 2) of the tags in view, each number once."""
+    detector = cv2.aruco.ArucoDetector(dictionary)
+    tags, corners = np.zeros(0, np.intp), np.zeros((0, 4, 2))
+    for pixels in SEARCH_PIXELS:
+        small, factor = reduced(image, pixels)
+        found, numbers, _ = detector.detectMarkers(small)
+        if numbers is not None:
+            tags, first, times = np.unique(np.ravel(numbers), return_index=True, return_counts=True)
+            kept = (times == 1) & (tags < count)
+            corners = at_full_size(np.array(found, float).reshape(-1, 4, 2)[first][kept], factor)
+            tags = tags[kept].astype(np.intp)
+        if len(tags) == count or factor == 1:
+            break
+    return tags, corners
