@@ -31,6 +31,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--robot-port", type=int, default=0, help="0: chosen by the system")
     run.add_argument("--devices-port", type=int, default=0)
     run.add_argument("--control-port", type=int, default=0)
+    run.add_argument("--robot-only", action="store_true", help="no camera and no scanner")
     run.add_argument("--serial", action="store_true", help="open a serial line (a pty), too")
     run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")
     run.add_argument("--ready-file", type=Path, help="write the JSON line there, too")

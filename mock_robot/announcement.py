@@ -15,7 +15,7 @@ class Announcement:
     robot_host: str
     robot_port: int
     serial_path: str | None
-    devices_url: str
+    devices_url: str | None
     control_url: str
     sheet: dict[str, Any]
 

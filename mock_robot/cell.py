@@ -16,7 +16,6 @@ from mock_robot.control_port import ControlPort
 from mock_robot.controller import Box, Controller
 from mock_robot.fault_table import FAULTS
 from mock_robot.faults import FaultBoard
-from mock_robot.http_devices import create_app
 from mock_robot.http_server import HttpServer
 from mock_robot.link_shells import SerialShell, TcpShell
 from mock_robot.motion import RobotNoise, SimulatedArm
@@ -37,11 +36,14 @@ class FlangeNow(NamedTuple):
 
 @dataclass(frozen=True)
 class Ports:
-    """Which ports to listen on; 0: the system chooses. `serial` opens a pty beside the socket."""
+    """Which ports to listen on; 0: the system chooses. `serial` opens a pty beside the socket.
+
+    `devices` None: no camera and no scanner, for who needs the robot alone.
+    """
 
     host: str = LOOPBACK
     robot: int = 0
-    devices: int = 0
+    devices: int | None = 0
     control: int = 0
     serial: bool = False
 
@@ -80,7 +82,7 @@ class MockCell:
         if ports.serial:
             serial = await self._serial.start()
             self._closing.push_async_callback(self._serial.close)
-        devices = await self._serve(create_app(self.truth, self.flange_now), ports.host, ports.devices)
+        devices = None if ports.devices is None else await self._serve(self._devices(), ports.host, ports.devices)
         bench = ControlPort(self.controller, self.faults, self.clock, self.nudge)
         control = await self._serve(bench, ports.host, ports.control)
         return Announcement(self.truth.seed, host, port, serial, devices, control, cell_sheet(self.truth))
@@ -112,6 +114,11 @@ class MockCell:
         """Something changed by hand: the links look at it now."""
         self._tcp.nudge()
         self._serial.nudge()
+
+    def _devices(self) -> object:
+        from mock_robot.http_devices import create_app  # renderer and ray caster: only where they are wanted
+
+        return create_app(self.truth, self.flange_now)
 
     async def _serve(self, application: object, host: str, port: int) -> str:
         server = HttpServer(application)

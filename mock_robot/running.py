@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import os
 import signal
 import sys
 import threading
@@ -23,7 +24,8 @@ async def _run(options: argparse.Namespace) -> int:
         loop.add_signal_handler(number, told.set)
     for fault in options.fault:
         cell.breaks(fault)
-    ports = Ports(options.host, options.robot_port, options.devices_port, options.control_port, options.serial)
+    devices = None if options.robot_only else options.devices_port
+    ports = Ports(options.host, options.robot_port, devices, options.control_port, options.serial)
     try:
         announcement = await cell.start(ports)
         if options.ready_file is not None:
@@ -39,6 +41,6 @@ async def _run(options: argparse.Namespace) -> int:
 
 
 def _until_input_ends(loop: asyncio.AbstractEventLoop, told: asyncio.Event) -> None:
-    while sys.stdin.buffer.read(4096):
+    while os.read(sys.stdin.fileno(), 4096):  # not sys.stdin.read: its lock would stand in the way of the exit
         pass
     loop.call_soon_threadsafe(told.set)

@@ -1,0 +1,229 @@
+"""The cell on real wires: sockets, a pty, its control port, and as a process."""
+
+import asyncio
+import json
+import os
+import signal
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+
+from calibration.arms import IRB_1600_6_145
+from mock_robot.__main__ import main
+from mock_robot.cell import MockCell
+from mock_robot.errors import UnknownFault
+from mock_robot.posture import START_DISTANCE_MM, target_middle_mm
+from mock_robot.truth import CellTruth
+from protocols.cb import messages as cb
+from protocols.cb.codes import Command, Flag, Status
+from protocols.cb.events import SessionChanged
+from tests.mock_robot.bench import AWAY, HOME, move_to
+from tests.mock_robot.cb_client import over_serial, over_tcp
+from tests.mock_robot.running_cell import becomes, cell_process, running_cell
+
+
+def robot_only(**how: object):  # type: ignore[no-untyped-def]
+    return running_cell(devices=False, **how)  # type: ignore[arg-type]
+
+
+async def test_a_client_arms_moves_and_reads_the_pose_over_tcp() -> None:
+    async with robot_only() as cell, over_tcp(cell.announcement.robot_port) as client:
+        await client.is_armed()
+        assert await client.moves(move_to(AWAY)) is Status.OK
+        pose = await client.asks(cb.GetPose())
+        assert isinstance(pose, cb.Pose)
+        np.testing.assert_allclose(pose.position_mm, IRB_1600_6_145.forward(AWAY)[:3, 3], atol=1e-3)
+        assert cell.commanded_moves == 1
+
+
+async def test_the_same_over_a_serial_line() -> None:
+    async with robot_only(serial=True) as cell:
+        assert cell.announcement.serial_path is not None
+        async with over_serial(cell.announcement.serial_path) as client:
+            await client.is_armed()
+            assert await client.moves(move_to(AWAY)) is Status.OK
+            assert await client.moves(move_to(HOME)) is Status.OK
+        assert cell.commanded_moves == 2
+
+
+async def test_a_second_client_is_told_busy_and_closed_and_the_first_goes_on() -> None:
+    async with robot_only() as cell, over_tcp(cell.announcement.robot_port) as first:
+        await first.is_armed()
+        async with over_tcp(cell.announcement.robot_port) as second:
+            assert await second.asks(cb.Hello(1, 1, 2)) == cb.Refused(Status.BUSY)
+            with pytest.raises(ConnectionError):
+                await second.hears()
+        assert await first.moves(move_to(AWAY)) is Status.OK
+
+
+async def test_a_client_that_hangs_up_leaves_a_disarmed_standing_arm_and_a_free_place() -> None:
+    async with robot_only(time_scale=1.0) as cell:
+        async with over_tcp(cell.announcement.robot_port) as client:
+            await client.is_armed()
+            assert await client.asks(move_to(AWAY)) == cb.MoveAccepted()
+            await becomes(lambda: cell.moving)
+        await becomes(lambda: not cell.moving)
+        assert not cell.controller.armed
+        async with over_tcp(cell.announcement.robot_port) as client:
+            await client.is_armed()
+
+
+async def test_a_silent_client_is_stopped_after_two_seconds_and_makes_way() -> None:
+    async with robot_only(time_scale=0.2) as cell, over_tcp(cell.announcement.robot_port) as silent:
+        await silent.is_armed()
+        assert await silent.asks(move_to(AWAY)) == cb.MoveAccepted()
+        await becomes(lambda: not cell.controller.armed)
+        await becomes(lambda: not cell.moving)
+        async with over_tcp(cell.announcement.robot_port) as successor:
+            await successor.is_armed()
+
+
+async def test_a_lost_reply_is_repeated_and_the_arm_moves_once() -> None:
+    async with robot_only() as cell, over_tcp(cell.announcement.robot_port) as client:
+        await client.is_armed()
+        cell.breaks("link-reply-lost", only=Command.MOVE)
+        client.write(client.session.request(move_to(AWAY)))
+        await becomes(lambda: cell.commanded_moves == 1)
+        client.write(client.session.repeat())
+        assert await client.is_answered() == cb.MoveAccepted()
+        assert cell.controller.arm.departures == 1
+
+
+async def test_a_restart_closes_the_connection_and_shows_as_a_new_session() -> None:
+    async with robot_only() as cell:
+        async with over_tcp(cell.announcement.robot_port) as client:
+            await client.is_armed()
+            known = client.session.session
+            cell.breaks("link-restart")
+            with pytest.raises(ConnectionError):
+                await client.hears()
+        async with over_tcp(cell.announcement.robot_port) as again:
+            again.session._session = known
+            again.write(again.session.request(cb.Hello(1, 1, 9)))
+            assert any(isinstance(event, SessionChanged) for event in await again.hears())
+            assert await again.asks(move_to(AWAY)) == cb.Refused(Status.NOT_ARMED)
+
+
+@pytest.mark.parametrize("fault", ["link-reset", "link-close", "link-drop-mid-frame"])
+async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str) -> None:
+    async with robot_only(time_scale=1.0) as cell, over_tcp(cell.announcement.robot_port) as client:
+        await client.is_armed()
+        assert await client.asks(move_to(AWAY)) == cb.MoveAccepted()
+        cell.breaks(fault)
+        with pytest.raises(ConnectionError):
+            while True:
+                await client.asks(cb.GetStatus())
+        await becomes(lambda: not cell.moving)
+        assert not cell.controller.armed
+        assert cell.commanded_moves == 1
+
+
+async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None:
+    async with (
+        robot_only() as cell,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as bench,
+    ):
+        state = (await bench.get("/state")).json()
+        assert state["moves_commanded"] == 0
+        assert not state["moving"]
+        assert (await bench.post("/motors", json={"on": False})).json()["motors_on"] is False
+        assert (await bench.post("/motors?on=true")).json()["motors_on"] is True
+        assert (await bench.post("/mode", json={"mode": "MANR"})).json()["mode"] == "MANR"
+        assert (await bench.post("/emergency-stop?pressed=yes")).json()["emergency_stop"] is True
+        assert (await bench.post("/program?running=off")).json()["program_running"] is False
+        assert (await bench.post("/restart")).json()["session"] != state["session"]
+        assert (await bench.post("/faults/link-delay", json={"strikes": 2})).json() == {"on": ["link-delay"]}
+        assert (await bench.get("/state")).json()["faults"] == ["link-delay"]
+        assert (await bench.delete("/faults")).json() == {"on": []}
+        assert len((await bench.get("/faults")).json()) >= 25
+        assert any("restarted" in entry["text"] for entry in (await bench.get("/log")).json())
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status", "says"),
+    [
+        ("POST", "/faults/no-such", 404, "choose one of link-delay"),
+        ("POST", "/motors", 422, "true, false"),
+        ("POST", "/mode?mode=TURBO", 422, "AUTO, MANR, MANF"),
+        ("POST", "/faults/link-delay?strikes=many", 422, "whole number"),
+        ("POST", "/faults/link-delay?only=JUMP", 422, "GET_POSE"),
+        ("DELETE", "/faults/no-such", 404, "choose one of"),
+        ("GET", "/truth", 404, "/state"),
+        ("DELETE", "/state", 405, "GET"),
+    ],
+)
+async def test_the_control_port_says_what_is_wrong(method: str, path: str, status: int, says: str) -> None:
+    async with (
+        robot_only() as cell,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as bench,
+    ):
+        response = await bench.request(method, path)
+        assert response.status_code == status
+        assert says in response.json()["detail"]
+        assert response.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize("seed", [1, 7, 23])
+def test_at_the_start_the_camera_looks_at_the_target_from_600_mm(seed: int) -> None:
+    cell = MockCell(CellTruth.from_seed(seed))
+    base_T_camera = cell.flange_now().base_T_flange @ cell.truth.flange_T_camera
+    offset = target_middle_mm(cell.truth) - base_T_camera[:3, 3]
+    assert np.linalg.norm(offset) == pytest.approx(START_DISTANCE_MM, abs=1.0)
+    assert offset @ base_T_camera[:3, 2] == pytest.approx(START_DISTANCE_MM, abs=1.0)
+    joints = cell.controller.arm.joints_at(0.0)
+    assert cell.controller.arm.arm.singularity_clearance(joints) > 0.4
+
+
+def test_an_unknown_fault_is_refused_by_name() -> None:
+    with pytest.raises(UnknownFault, match="link-reset"):
+        MockCell(CellTruth.from_seed(7)).breaks("link-gone")
+
+
+async def test_the_process_announces_itself_answers_and_ends_on_sigterm(tmp_path: Path) -> None:
+    ready = tmp_path / "ready.json"
+    arguments = ("--seed", "3", "--time-scale", "20", "--serial", "--robot-only", "--ready-file", str(ready))
+    async with cell_process(*arguments) as cell:
+        assert json.loads(ready.read_text()) == cell.announcement
+        assert cell.announcement["seed"] == 3
+        assert "flange_T_camera" not in json.dumps(cell.announcement).replace("flange_T_camera_guess", "")
+        async with over_tcp(cell.announcement["robot"]["port"]) as client:
+            await client.is_armed()
+            status = await client.asks(cb.GetStatus())
+            assert isinstance(status, cb.Report)
+            assert status.flags & Flag.IN_POSITION
+        async with over_serial(cell.announcement["robot"]["serial"]) as client:
+            await client.is_armed()
+        assert await cell.commanded_moves() == 0
+        await cell.breaks("robot-emergency-stop")
+        assert (await cell.state())["emergency_stop"] is True
+        assert await cell.ends() == 0
+
+
+async def test_the_process_ends_when_its_parent_closes_standard_input() -> None:
+    async with cell_process("--robot-only") as cell:
+        assert cell.process.stdin is not None
+        cell.process.stdin.close()
+        assert await asyncio.wait_for(cell.process.wait(), 10.0) == 0
+
+
+async def test_sigint_ends_it_too() -> None:
+    async with cell_process("--robot-only") as cell:
+        os.kill(cell.process.pid, signal.SIGINT)
+        assert await asyncio.wait_for(cell.process.wait(), 10.0) == 0
+
+
+def test_truth_and_faults_are_printed_on_request(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["truth", "--seed", "7"]) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first["seed"] == 7
+    assert main(["faults"]) == 0
+    assert "link-reply-lost" in capsys.readouterr().out
+    assert main(["faults", "--json"]) == 0
+    assert {"name", "area", "summary"} == set(json.loads(capsys.readouterr().out)[0])
+
+
+def test_a_wrong_fault_on_the_command_line_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "--fault", "no-such", "--robot-only"]) == 1
+    assert "no fault is named 'no-such'" in capsys.readouterr().err
