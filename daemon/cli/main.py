@@ -4,7 +4,9 @@ import os
 
 import typer
 
+from daemon.cli.assess import assess
 from daemon.cli.output import Commands
+from daemon.cli.plan import plan
 from daemon.cli.solve import solve
 from daemon.cli.target import app as target
 from daemon.cli.version import version
@@ -17,6 +19,8 @@ app = typer.Typer(
     help="Makes an ABB robot cell see: eye-in-hand calibration with an uncertainty to trust, clouds in the base frame.",
 )
 app.command(rich_help_panel="Offline")(solve)
+app.command(rich_help_panel="Offline")(assess)
+app.command(rich_help_panel="Offline")(plan)
 app.add_typer(target, name="target", rich_help_panel="Offline")
 app.command()(version)
 

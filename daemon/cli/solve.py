@@ -31,7 +31,12 @@ def solve(
     Exit status: 0 every calibration accepted, 3 solved or refused but not accepted, 2 unreadable input.
     """
     from calibration.errors import DocumentError
+    from calibration.solve import METHODS
 
+    if method not in METHODS:
+        raise CommandError(
+            "--method", f"none is called {method!r}", f"one of {', '.join(METHODS)}", ExitStatus.UNREADABLE
+        )
     status = ExitStatus.OK
     for folder in folders:
         try:
@@ -49,16 +54,14 @@ def solve(
 
 
 def _solve(folder: Path, method: str) -> "CalibrationDocument":
-    import uuid
-    from datetime import UTC, datetime
-
     from calibration.report import calibration_document
     from calibration.solve import solve_hand_eye
     from calibration.verdict import judge
-    from daemon.cli.version import software
+    from daemon.clock import Clock, time_ordered_id
     from daemon.session_folder import load_problem, open_session
+    from daemon.software import SOFTWARE
 
-    session = open_session(folder)
+    clock, session = Clock(), open_session(folder)
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
     for line in unseen(problem):
@@ -68,9 +71,9 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
         problem,
         solution,
         judge(problem, solution),
-        calibration_id=uuid.uuid4().hex,
-        created_at=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        software=software(),
+        calibration_id=time_ordered_id(clock),
+        created_at=clock.timestamp(),
+        software=SOFTWARE,
     )
 
 

@@ -11,11 +11,6 @@ NUMERICS = ("numpy", "scipy", "opencv-python-headless")
 """The libraries whose version can change a figure."""
 
 
-def software() -> str:
-    """`handeyed x.y.z`, as documents name it."""
-    return f"handeyed {metadata.version('handeyed')}"
-
-
 def version(json: Json = False) -> None:
     """Print the version, and those of the libraries that figures depend on."""
     versions = {name: metadata.version(name) for name in ("handeyed", *NUMERICS)}

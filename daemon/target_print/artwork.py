@@ -16,6 +16,8 @@ DOT_RADIUS = 0.25
 LARGE_DOT_RADIUS = 0.375
 """The origin dot of a circle grid: half as large again as the rest."""
 
+FAMILIES = ("tag36h11", "tag36h10", "tag25h9", "tag16h5")
+
 
 @singledispatch
 def artwork(target: Target) -> Artwork:
@@ -68,6 +70,8 @@ def _(target: CircleGrid) -> Artwork:
 @artwork.register
 def _(target: AprilTagGrid) -> Artwork:
     origins = target.points_mm[::4, :2]
+    if target.family not in FAMILIES:
+        raise PrintRefused(f"target: no tag family is called {target.family}", f"one of {', '.join(FAMILIES)}")
     dictionary = _dictionary(f"DICT_APRILTAG_{target.family.removeprefix('tag')}", len(origins))
     tags = tuple(_marker(dictionary, tag, origin, target.tag_mm) for tag, origin in enumerate(origins))
     (right, bottom), margin = origins.max(axis=0) + target.tag_mm, target.tag_mm / 2

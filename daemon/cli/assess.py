@@ -1,0 +1,34 @@
+"""`handeyed assess FILE`: what a calibration from given poses will know."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daemon.cli.errors import ExitStatus
+from daemon.cli.output import Json
+from daemon.cli.plan import prediction_words, read_question
+
+
+def assess(
+    file: Annotated[Path, typer.Argument(help='plan.json with "views": [pose, ...], poses chosen by somebody.')],
+    json: Json = False,
+) -> None:
+    """Predict how well given robot poses will determine the calibration, before anything moves.
+
+    Exit status 3 when they do not determine it at all.
+    """
+    import numpy as np
+
+    from calibration.documents.plan import AssessedDocument, PredictedDocument
+    from calibration.errors import DocumentError, DocumentProblem
+    from calibration.prediction import predict
+
+    question = read_question(file)
+    if not question.views:
+        raise DocumentError(str(file), [DocumentProblem("views", "missing", "add the poses to assess")])
+    poses = np.stack([view.transform() for view in question.views])
+    predicted = PredictedDocument.of(predict(question.scene(), poses))
+    typer.echo(AssessedDocument(predicted=predicted).model_dump_json() if json else prediction_words(predicted))
+    if predicted.point_mm is None:
+        raise typer.Exit(ExitStatus.NOT_ACCEPTED)

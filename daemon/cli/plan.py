@@ -1,0 +1,71 @@
+"""`handeyed plan FILE`: the poses from which a calibration learns most."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from daemon.cli.output import Json
+
+if TYPE_CHECKING:
+    from calibration.arm import Arm
+    from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedDocument
+
+
+def plan(
+    file: Annotated[Path, typer.Argument(help="plan.json: target, camera, guesses, noise, limits, number of poses.")],
+    json: Json = False,
+) -> None:
+    """Choose the robot poses that determine the calibration best, within limits and reach."""
+    from calibration.documents.plan import PlannedDocument
+    from calibration.planning.plan import plan_poses
+    from calibration.planning.reach import reachable_by
+
+    question = read_question(file)
+    reachable = None if question.robot is None else reachable_by(_arm(question.robot, file))
+    chosen = plan_poses(question.scene(), question.limits.limits(), question.poses, reachable=reachable)
+    answer = PlannedDocument.of(chosen)
+    typer.echo(answer.model_dump_json() if json else _told(answer))
+
+
+def read_question(file: Path) -> "PlanDocument":
+    """plan.json, for `plan` and `assess`. Raises DocumentError."""
+    from calibration.documents.plan import PlanDocument
+    from calibration.documents.validation import parse_document
+    from daemon.session_folder import read_bytes
+
+    return parse_document(PlanDocument, read_bytes(file), str(file))
+
+
+def _arm(name: str, file: Path) -> "Arm":
+    from calibration.arms import ARMS, arm_named
+    from calibration.errors import DocumentError, DocumentProblem, GeometryError
+
+    try:
+        return arm_named(name)
+    except GeometryError:
+        problem = DocumentProblem("robot", f"no arm is called {name!r}", f"one of {', '.join(ARMS)}, or leave it out")
+        raise DocumentError(str(file), [problem]) from None
+
+
+def prediction_words(predicted: "PredictedDocument") -> str:
+    """One standard deviation of what a calibration from these poses will know."""
+    if predicted.point_mm is None or predicted.translation_mm is None or predicted.rotation_deg is None:
+        return (
+            "predicted        these poses do not determine the calibration: turn about two different axes between them"
+        )
+    translation = ", ".join(f"{value:.3g}" for value in predicted.translation_mm)
+    rotation = ", ".join(f"{value:.2g}" for value in predicted.rotation_deg)
+    return (
+        f"predicted        a mapped point {predicted.point_mm:.3g} mm; translation ({translation}) mm,"
+        f" rotation ({rotation}) deg (one standard deviation)"
+    )
+
+
+def _told(answer: "PlannedDocument") -> str:
+    lines = ["pose   x mm       y mm       z mm       quaternion w, x, y, z                        target in view"]
+    for number, pose in enumerate(answer.poses, start=1):
+        x, y, z = (f"{value:10.2f}" for value in pose.base_T_flange.translation_mm)
+        quaternion = ", ".join(f"{value:9.6f}" for value in pose.base_T_flange.quaternion_wxyz)
+        lines.append(f"{number:>3} {x} {y} {z}   {quaternion}   {pose.target_in_view:8.0%}")
+    return "\n".join([*lines, prediction_words(answer.predicted)])
