@@ -4,7 +4,7 @@ Every pixel's corners are mapped back through the lens onto the sheet (no bitmap
 share of the pixel is computed there. Pixel (0, 0) is the centre of the first pixel, as in `CameraModel`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,23 @@ def render(
 ) -> NDArray[np.uint8]:
     """The picture (h, w). The target may lie partly or wholly outside it, behind the camera, or show its back."""
     return expose(scene_reflectance(camera, printed(target, sheet), camera_T_target, optics, rng), optics, rng)
+
+
+def render_smeared(
+    camera: CameraModel,
+    target: Target,
+    camera_T_target: Sequence[Array],
+    optics: Optics,
+    rng: np.random.Generator,
+    sheet: Sheet | None = None,
+) -> NDArray[np.uint8]:
+    """The picture (h, w) exposed while the target went through these poses, evenly in time."""
+    surroundings = int(rng.integers(2**32))
+    sheet_printed = printed(target, sheet)
+    total: Picture = np.zeros(camera.image_size[::-1], np.float32)
+    for pose in camera_T_target:
+        total += scene_reflectance(camera, sheet_printed, pose, optics, np.random.default_rng(surroundings))
+    return expose(total / np.float32(len(camera_T_target)), optics, rng)
 
 
 def scene_reflectance(

@@ -3,12 +3,13 @@
 Scanner frame: as the camera's, z along the view. A ray that meets no metal inside the measuring range gives no point.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.transforms import Array, inverse
+from calibration.transforms import Array
 from mock_robot.part import DOOR, Door
 
 TRACING_STEPS = 40
@@ -42,11 +43,13 @@ class ScannerModel:
 
 
 def scan(
-    scanner: ScannerModel, part_T_scanner: Array, rng: np.random.Generator, door: Door = DOOR
+    scanner: ScannerModel, part_T_scanner: Sequence[Array], rng: np.random.Generator, door: Door = DOOR
 ) -> NDArray[np.float32]:
-    """Points (n, 3) in the scanner frame, mm."""
+    """Points (n, 3) in the scanner frame, mm; its rows are taken evenly in time at these poses, one at rest."""
     rays = scanner.rays()
-    distance, cosine = cast(scanner, part_T_scanner, rays, door)
+    bands = np.array_split(rays, len(part_T_scanner))
+    cast_bands = [cast(scanner, pose, band, door) for pose, band in zip(part_T_scanner, bands, strict=True)]
+    distance, cosine = (np.concatenate(values) for values in zip(*cast_bands, strict=True))
     return _measured(scanner, rays, distance, cosine, rng)
 
 
@@ -102,13 +105,6 @@ def _measured(
     noisy = distance + spread * rng.standard_normal(len(distance))
     points: NDArray[np.float32] = (rays[kept] * noisy[:, None]).astype(np.float32)
     return points
-
-
-def scan_from_flange(
-    scanner: ScannerModel, base_T_flange: Array, flange_T_scanner: Array, base_T_part: Array, rng: np.random.Generator
-) -> NDArray[np.float32]:
-    """The cloud from a flange pose, in the scanner frame."""
-    return scan(scanner, inverse(base_T_part) @ base_T_flange @ flange_T_scanner, rng)
 
 
 def cloud_ply(points: NDArray[np.float32]) -> bytes:

@@ -37,7 +37,7 @@ class CellNoise:
 
 NO_NOISE = CellNoise(0.0, 0.0, 0.0)
 
-DEFAULT_OPTICS = Optics(black=35.0, white=175.0, blur_px=1.4, read_noise=5.0, electrons_per_level=20.0)
+DEFAULT_OPTICS = Optics(black=35.0, white=175.0, blur_px=1.4, read_noise=7.0, electrons_per_level=8.0)
 """A lens slightly out of focus and a short exposure: corners come out of it with about 0.05 px of noise."""
 
 

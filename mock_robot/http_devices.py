@@ -1,0 +1,141 @@
+"""Camera and scanner of the mock cell over HTTP, as an ASGI application. The truth stays behind it.
+
+GET /camera/snapshot.png and /scanner/cloud.ply capture on request at the flange's true pose. Answers carry
+`X-Capture-Age-S` (seconds since the capture began) and `X-Capture-Id` (counts captures of that device).
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, MutableMapping
+from dataclasses import dataclass
+from functools import reduce
+from time import monotonic
+from typing import Any, Protocol
+
+import numpy as np
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
+
+from calibration.transforms import Array
+from mock_robot.http_devices_capture import Exposure, cloud, picture, png
+from mock_robot.http_devices_faults import Device, DeviceFault, DeviceFaultBoard
+from mock_robot.scanner_view import cloud_ply
+from mock_robot.truth import CellTruth
+
+EXPOSURE_S: dict[Device, float] = {"camera": 0.008, "scanner": 0.15}
+MEDIA_TYPES: dict[Device, str] = {"camera": "image/png", "scanner": "application/x-ply"}
+
+Message = MutableMapping[str, Any]
+Develop = Callable[[Exposure, tuple[DeviceFault, ...], np.random.Generator], bytes]
+
+
+class FlangePose(Protocol):
+    """Where the flange truly is."""
+
+    @property
+    def base_T_flange(self) -> Array: ...
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A file, when its capture began, and its number."""
+
+    content: bytes
+    began_s: float
+    number: int
+
+
+class DeviceApp:
+    """The ASGI application, and the board that its faults are switched on."""
+
+    def __init__(self, truth: CellTruth, flange_now: Callable[[], FlangePose]) -> None:
+        self.faults = DeviceFaultBoard()
+        stations = (
+            _Station("camera", truth.seed, flange_now, self.faults, _camera(truth)),
+            _Station("scanner", truth.seed, flange_now, self.faults, _scanner(truth)),
+        )
+        paths = ("/camera/snapshot.png", "/scanner/cloud.ply")
+        self._app = Starlette(routes=[Route(path, each.answer) for path, each in zip(paths, stations, strict=True)])
+
+    async def __call__(
+        self,
+        scope: Message,
+        receive: Callable[[], Awaitable[Message]],
+        send: Callable[[Message], Awaitable[None]],
+    ) -> None:
+        """Serve one request."""
+        await self._app(scope, receive, send)
+
+
+def create_app(truth: CellTruth, flange_now: Callable[[], FlangePose]) -> DeviceApp:
+    """The application; `flange_now` is asked when a capture begins and ends, on the event loop."""
+    return DeviceApp(truth, flange_now)
+
+
+class _Station:
+    """One device: it captures one after the other, develops in a thread, and remembers its last file."""
+
+    def __init__(
+        self,
+        device: Device,
+        seed: int,
+        flange_now: Callable[[], FlangePose],
+        faults: DeviceFaultBoard,
+        develop: Develop,
+    ) -> None:
+        self._device, self._seed, self._flange_now = device, seed, flange_now
+        self._faults, self._develop = faults, develop
+        self._turn = asyncio.Lock()
+        self._last: Capture | None = None
+        self._captures = 0
+
+    async def answer(self, request: Request) -> Response:
+        """Capture and answer the file."""
+        struck = self._faults.strike(self._device)
+        status = max((fault.status for fault in struck), default=200)
+        if status != 200:
+            return PlainTextResponse(f"the {self._device} is not ready", status)
+        async with self._turn:
+            capture = await self._capture(struck)
+        await asyncio.sleep(sum(fault.delay_s for fault in struck))
+        lying = any(fault.repeats == "lying" for fault in struck)
+        age_s = EXPOSURE_S[self._device] if lying else monotonic() - capture.began_s
+        number = self._captures if lying else capture.number
+        headers = {"X-Capture-Age-S": f"{age_s:.4f}", "X-Capture-Id": str(number), "Cache-Control": "no-store"}
+        return Response(capture.content, media_type=MEDIA_TYPES[self._device], headers=headers)
+
+    async def _capture(self, struck: tuple[DeviceFault, ...]) -> Capture:
+        self._captures += 1
+        if self._last is not None and any(fault.repeats != "no" for fault in struck):
+            return self._last
+        number, began_s = self._captures, monotonic()
+        begin = self._flange_now().base_T_flange
+        await asyncio.sleep(EXPOSURE_S[self._device])
+        exposure = Exposure(begin, self._flange_now().base_T_flange)
+        rng = np.random.default_rng([self._seed, len(self._device), number])
+        content = await asyncio.to_thread(self._develop, exposure, struck, rng)
+        self._last = Capture(content, began_s, number)
+        return self._last
+
+
+def _camera(truth: CellTruth) -> Develop:
+    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator) -> bytes:
+        image = picture(truth, exposure, any(fault.hides_target for fault in struck), rng)
+        image = reduce(lambda now, spoil: spoil(now), [f.picture for f in struck if f.picture], image)
+        return _on_its_way(png(image), struck)
+
+    return develop
+
+
+def _scanner(truth: CellTruth) -> Develop:
+    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator) -> bytes:
+        points = cloud(truth, exposure, rng)
+        points = reduce(lambda now, spoil: spoil(now), [f.points for f in struck if f.points], points)
+        return _on_its_way(cloud_ply(points), struck)
+
+    return develop
+
+
+def _on_its_way(content: bytes, struck: tuple[DeviceFault, ...]) -> bytes:
+    return reduce(lambda now, spoil: spoil(now), [f.content for f in struck if f.content], content)

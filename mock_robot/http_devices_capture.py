@@ -1,0 +1,63 @@
+"""What camera and scanner capture while the flange stands or moves; pure but for the random numbers it is given."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform
+from mock_robot.camera_view import render, render_smeared
+from mock_robot.scanner_view import ScannerModel, scan
+from mock_robot.truth import CellTruth
+
+STILL_MM, STILL_RAD = 1e-4, 1e-7
+SMEARED_POSES, SCAN_BANDS = 7, 12
+PNG_SPEED = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+BEHIND = transform(np.eye(3), [0.0, 0.0, -1e4])
+
+
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """Where the flange truly was when a capture began and when it ended."""
+
+    begin_base_T_flange: Array
+    end_base_T_flange: Array
+
+    def poses(self, count: int) -> list[Array]:
+        """base_T_flange at `count` moments spread evenly; one when it stood."""
+        moved_mm, turned_rad = difference(self.begin_base_T_flange, self.end_base_T_flange)
+        if moved_mm < STILL_MM and turned_rad < STILL_RAD:
+            return [self.begin_base_T_flange]
+        step = inverse(self.begin_base_T_flange) @ self.end_base_T_flange
+        turn = Rotation.from_matrix(step[:3, :3]).as_rotvec()
+        return [
+            self.begin_base_T_flange @ transform(rotation_from_vector(part * turn), part * step[:3, 3])
+            for part in (np.arange(count) + 0.5) / count
+        ]
+
+
+def picture(truth: CellTruth, exposure: Exposure, hidden: bool, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """What the camera sees (h, w); smeared when the flange moved. `hidden`: something covers the target."""
+    camera_T_flange = inverse(truth.flange_T_camera)
+    poses = [
+        BEHIND if hidden else camera_T_flange @ inverse(base_T_flange) @ truth.base_T_target
+        for base_T_flange in exposure.poses(SMEARED_POSES)
+    ]
+    if len(poses) == 1:
+        return render(truth.camera, truth.target, poses[0], truth.optics, rng, truth.sheet)
+    return render_smeared(truth.camera, truth.target, poses, truth.optics, rng, truth.sheet)
+
+
+def cloud(truth: CellTruth, exposure: Exposure, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Points (n, 3) in the scanner frame, mm; sheared when the flange moved."""
+    part_T_base = inverse(truth.base_T_part)
+    poses = [part_T_base @ pose @ truth.flange_T_scanner for pose in exposure.poses(SCAN_BANDS)]
+    return scan(ScannerModel(noise_mm=truth.noise.scanner_mm), poses, rng)
+
+
+def png(image: NDArray[np.uint8]) -> bytes:
+    """The picture as a PNG file."""
+    _, encoded = cv2.imencode(".png", image, PNG_SPEED)
+    return encoded.tobytes()

@@ -1,0 +1,76 @@
+"""How far results are from the truth: a merged cloud from the part's true skin, a calibration from the true X."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from calibration.transforms import Array, difference, inverse, map_points
+from mock_robot.part import DOOR, Door
+from mock_robot.part_mesh import surface_samples
+from mock_robot.score_ply import read_points
+from mock_robot.truth import CellTruth
+
+SCORED_POINTS = 200_000
+COVERED_WITHIN_MM = 5.0
+STRAY_MM = 5.0
+WORKING_DISTANCE_MM = 600.0
+
+
+class Unscorable(ValueError):
+    """There is nothing to compare with the truth; the message says why."""
+
+
+def score_cloud(truth: CellTruth, ply: bytes, door: Door = DOOR) -> dict[str, Any]:
+    """Deviation of a merged cloud (PLY, base frame, mm) from the true skin, and the share of the part it covers.
+
+    Large clouds are scored on an even selection of `SCORED_POINTS` points; covered is the share of the skin within
+    `COVERED_WITHIN_MM` of a point; stray the share of points further than `STRAY_MM` from the skin (they count).
+    """
+    points = read_points(ply)
+    finite = points[np.isfinite(points).all(axis=1)]
+    if not len(finite):
+        raise Unscorable("the cloud holds no finite point: scan the part again")
+    scored = map_points(inverse(truth.base_T_part), finite[:: -(-len(finite) // SCORED_POINTS)])
+    deviation = door.deviation(scored)
+    distance = np.abs(deviation)
+    nearest, _ = cKDTree(scored).query(surface_samples(COVERED_WITHIN_MM, door), distance_upper_bound=COVERED_WITHIN_MM)
+    return {
+        "points": len(points),
+        "not_finite": len(points) - len(finite),
+        "scored": len(scored),
+        "rms_mm": float(np.sqrt(np.mean(deviation**2))),
+        "mean_mm": float(np.mean(deviation)),
+        "p95_mm": float(np.percentile(distance, 95)),
+        "max_mm": float(distance.max()),
+        "stray": float(np.mean(distance > STRAY_MM)),
+        "covered": float(np.mean(np.isfinite(nearest))),
+    }
+
+
+def score_calibration(
+    truth: CellTruth, flange_T_camera: Array, distance_mm: float = WORKING_DISTANCE_MM
+) -> dict[str, float]:
+    """Error of X, and the RMS error of points that it maps from the camera to the base over the working volume.
+
+    The volume is that of `point_mm` in calibration.json: 3×3 pixels over the central 80 % of the image at 0.9, 1.0 and
+    1.1 times the distance. The robot's pose does not change the error's size.
+    """
+    translation_mm, rotation_rad = difference(truth.flange_T_camera, flange_T_camera)
+    volume = _working_volume(truth, distance_mm)
+    off = map_points(flange_T_camera, volume) - map_points(truth.flange_T_camera, volume)
+    return {
+        "translation_mm": translation_mm,
+        "rotation_deg": float(np.degrees(rotation_rad)),
+        "point_rms_mm": float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
+        "point_max_mm": float(np.linalg.norm(off, axis=1).max()),
+    }
+
+
+def _working_volume(truth: CellTruth, distance_mm: float) -> Array:
+    """27 points (27, 3) in the camera frame."""
+    width, height = truth.camera.image_size
+    shares = np.array([0.1, 0.5, 0.9])
+    x, y = np.meshgrid(shares * (width - 1), shares * (height - 1))
+    rays = np.column_stack([truth.camera.normalise(np.column_stack([x.ravel(), y.ravel()])), np.ones(x.size)])
+    return np.concatenate([factor * distance_mm * rays for factor in (0.9, 1.0, 1.1)])
