@@ -3,7 +3,7 @@
 import asyncio
 
 from drivers.backoff import Backoff
-from drivers.errors import DeviceError, DeviceUnreachable
+from drivers.errors import DeviceError, DeviceUnreachable, LinkLost
 from drivers.interfaces import LinkHealth
 from drivers.robots.conversation import Conversation
 from drivers.robots.transport import Connection, Transport
@@ -55,13 +55,13 @@ class CbLink:
 
     def conversation(self) -> Conversation:
         """The living conversation; raises DeviceUnreachable."""
-        if self._conversation is None or self._conversation.lost.done():
+        if self._conversation is None:
             raise self._unreachable()
         return self._conversation
 
     async def close(self) -> None:
         """Say BYE when somebody listens, and stop dialling."""
-        if self._conversation is not None and not self._conversation.lost.done():
+        if self._conversation is not None:
             bye = asyncio.ensure_future(self._conversation.ask(Bye()))
             await self._timing.done_within(bye, BYE_LIMIT_S)
             bye.cancel()
@@ -79,7 +79,7 @@ class CbLink:
                 error = await self._converse(connection)
             except DeviceError as unreachable:
                 error = unreachable
-            self._report(False, f"{error.what}: {error.fix}")
+            self._lost(error)
             await self._timing.sleep(self._backoff.next_wait_s())
 
     async def _converse(self, connection: Connection) -> DeviceError:
@@ -88,13 +88,13 @@ class CbLink:
             resynchronise=self._transport.resynchronise, known_session=self._known_session, last_seq=self._last_seq
         )
         limit_s = self._transport.half_frame_limit_s
-        conversation = Conversation(self._device, connection, session, self._timing, limit_s)
+        conversation = Conversation(self._device, connection, session, self._timing, limit_s, self._lost)
         listening = asyncio.create_task(conversation.listen(), name=f"listens to {self._device}")
         beating = asyncio.create_task(self._greet_and_keep_alive(conversation), name=f"heartbeat to {self._device}")
         try:
-            return await conversation.lost
+            return await asyncio.shield(conversation.lost)
         finally:
-            self._conversation = None
+            conversation.lose(LinkLost(self._device, "the link was closed here", "open it again to go on"))
             self._last_seq = session.last_seq
             for task in (listening, beating):
                 task.cancel()
@@ -114,6 +114,10 @@ class CbLink:
         news = "the controller restarted since the last connection, " if restarted else ""
         self._report(True, f"{news}connected in session {welcome.session}, disarmed")
         await conversation.keep_alive()
+
+    def _lost(self, error: DeviceError) -> None:
+        self._conversation = None
+        self._report(False, f"{error.what}: {error.fix}")
 
     def _report(self, connected: bool, detail: str) -> None:
         since_s = self._timing.clock() if connected != self._health.connected else self._health.since_s

@@ -1,6 +1,7 @@
 """One connection's life: requests and their answers, heartbeats, and how it ends. Never survives a reconnect."""
 
 import asyncio
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost
@@ -45,10 +46,16 @@ class Conversation:
     """What is said over one connection. Once `lost` has an error, every request raises it."""
 
     def __init__(
-        self, device: str, connection: Connection, session: ClientSession, timing: Timing, half_frame_limit_s: float
+        self,
+        device: str,
+        connection: Connection,
+        session: ClientSession,
+        timing: Timing,
+        half_frame_limit_s: float,
+        on_lost: Callable[[DeviceError], None],
     ) -> None:
         self._device, self._connection, self._session, self._timing = device, connection, session, timing
-        self._half_frame_limit_s = half_frame_limit_s
+        self._half_frame_limit_s, self._on_lost = half_frame_limit_s, on_lost
         self._turnstile = Turnstile()
         self._outcome: asyncio.Future[Outcome] | None = None
         self._stopping = False
@@ -142,6 +149,7 @@ class Conversation:
         """End the conversation; everybody who waits gets the error."""
         if not self.lost.done():
             self.lost.set_result(error)
+            self._on_lost(error)
         self._settle(_again(error))
 
     def _raise_if_lost(self) -> None:

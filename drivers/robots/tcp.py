@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 import socket
 from dataclasses import dataclass
 
@@ -74,10 +75,15 @@ class TcpTransport:
             raise DeviceUnreachable(self.address, what, "check address, cable and network port") from error
         except OSError as error:
             fix = "check the address, and that the communication task runs on the controller"
-            raise DeviceUnreachable(self.address, error.strerror or str(error), fix) from error
+            raise DeviceUnreachable(self.address, _reason(error), fix) from error
         raw = writer.get_extra_info("socket")
         raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         for option, value in KEEPALIVE.items():
             raw.setsockopt(socket.IPPROTO_TCP, option, value)
         return TcpConnection(self.address, reader, writer)
+
+
+def _reason(error: OSError) -> str:
+    """The system's own words; asyncio puts the address into them, which is said already."""
+    return os.strerror(error.errno).lower() if error.errno and error.errno > 0 else error.strerror or str(error)

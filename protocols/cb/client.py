@@ -184,7 +184,7 @@ class ClientSession:
         if isinstance(reply, Refused):
             if reply.status == Status.VERSION and self._state is ClientState.GREETED:
                 self._advance(ClientTrigger.GREETING_LOST)
-                answered.append(GreetingLost())
+                answered.insert(0, GreetingLost())
             return answered
         self._advance(_TRIGGER_OF_REPLY.get(command))
         if isinstance(reply, Welcome):

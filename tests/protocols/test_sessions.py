@@ -147,7 +147,7 @@ def test_every_request_gets_its_answer(row: Row):
 @pytest.mark.parametrize("status", [s for s in Status if s > Status.ACCEPTED and s is not Status.BAD_SUM])
 def test_every_refusal_arrives_with_its_status(status):
     client, controller = greeted_pair()
-    assert asked(client, controller, MOVE, Refused(status))[0] == ReplyReceived(2, MOVE, Refused(status))
+    assert asked(client, controller, MOVE, Refused(status))[-1] == ReplyReceived(2, MOVE, Refused(status))
 
 
 def test_after_bye_both_ends_want_a_hello():
@@ -338,7 +338,7 @@ def test_a_controller_that_restarted_behind_a_serial_line_wants_a_greeting():
     client, _ = greeted_pair(resynchronise=True)
     restarted = ControllerSession(resynchronise=True)
     (refused,) = restarted.receive_data(client.request(GetPose()))
-    assert client.receive_data(refused.answer)[-1] == GreetingLost()
+    assert client.receive_data(refused.answer)[0] == GreetingLost()
     assert client.state is ClientState.NOT_GREETED
     assert asked(client, restarted, HELLO, welcome(10))[0] == SessionChanged(9, 10)
 
