@@ -89,7 +89,7 @@ DEVICE_FAULTS: Mapping[str, DeviceFault] = MappingProxyType({fault.name: fault f
 class DeviceFaultBoard:
     """Which faults are on; safe to switch from any thread."""
 
-    table: Mapping[str, DeviceFault] = DEVICE_FAULTS
+    table: Mapping[str, DeviceFault] = field(default_factory=lambda: DEVICE_FAULTS)
     _strikes_left: dict[str, int | None] = field(default_factory=dict, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
 
