@@ -49,7 +49,12 @@ def take_picture(
 
 
 def _pose(
-    camera: CameraModel, target: Target, rng: np.random.Generator, largest_tilt_deg: float, fill: float, sheet: Sheet | None
+    camera: CameraModel,
+    target: Target,
+    rng: np.random.Generator,
+    largest_tilt_deg: float,
+    fill: float,
+    sheet: Sheet | None,
 ) -> Array:
     outline = np.column_stack([printed(target, sheet).outline_mm, np.zeros(4)])
     middle, size = outline.mean(axis=0), float(np.hypot(*np.ptp(outline[:, :2], axis=0)))

@@ -1,0 +1,133 @@
+"""The camera that took a set of detections.
+
+Lens coefficients that the views cannot tell from zero are zero, views and points that contradict the rest are left
+out, and a focal length that the views do not determine is refused rather than guessed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.errors import UndeterminedError
+from calibration.intrinsics.adjustment import Adjusted, adjust
+from calibration.intrinsics.first_camera import first_camera, plane_views
+from calibration.likelihood.pixels import INTRINSICS, pixel_residuals
+from calibration.observations import Observations, observe
+from calibration.problem import Detection, Problem, View
+from calibration.targets import Target
+from calibration.transforms import Array
+from calibration.view_poses import candidate_poses
+
+FEWEST_VIEWS = 3
+LARGEST_FOCAL_SIGMA = 0.05
+"""Of the focal length: beyond it the views are as good as frontal."""
+LENS_TERMS = {"k3": (8,), "p1, p2": (6, 7), "k2": (5,), "k1": (4,)}
+"""In the order in which the camera is tried without them."""
+SIGNIFICANT_CHI2 = {1: 10.8, 2: 13.8}
+"""Exceeded by chance once in a thousand, by the number of coefficients."""
+STRAY_VIEW_OF_MEDIAN, STRAY_POINT_SIGMAS = 4.0, 6.0
+LEAST_NOISE_PX = 0.03
+"""Nothing is called astray for less than a few times this, however well the rest fits."""
+ROUNDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class CameraEstimate:
+    """`covariance` (9, 9) of fx fy cx cy k1 k2 p1 p2 k3, 0 where held at 0; `rms_px` per axis.
+
+    `positions` (n,): which of the detections were used; `camera_T_target` (n, 4, 4) and `views_rms_px` (n,) are theirs.
+    """
+
+    camera: CameraModel
+    covariance: Array
+    rms_px: float
+    positions: NDArray[np.intp]
+    camera_T_target: Array
+    views_rms_px: Array
+
+
+def estimate_camera(target: Target, detections: Sequence[Detection], image_size: tuple[int, int]) -> CameraEstimate:
+    """Intrinsics from views of one target; `image_size` is width, height.
+
+    Raises UndeterminedError `too-few-views`, `no-tilt`.
+    """
+    views = tuple(View(index, np.eye(4), detection) for index, detection in enumerate(detections))
+    seen, _ = observe(Problem("eye-in-hand", target, None, image_size, views))
+    planes = plane_views(seen, image_size)
+    seen = seen.take(np.array([plane is not None for plane in planes], bool))
+    _require_views(seen)
+    camera = first_camera([plane for plane in planes if plane is not None], image_size)
+    free = np.ones(INTRINSICS, bool)
+    free[6:] = False  # the first rounds only sort views and points; a plain lens does for that
+    for _ in range(ROUNDS):
+        fit = _best_poses(seen, camera, free)
+        camera, kept = fit.camera, _without_strays(seen, fit)
+        if kept is None:
+            break
+        seen = kept
+        _require_views(seen)
+    free[6:] = True
+    fit = _without_insignificant(seen, _best_poses(seen, camera, free), free)
+    _require_focal(fit)
+    return _estimate(seen, fit)
+
+
+def _require_views(seen: Observations) -> None:
+    if len(seen) < FEWEST_VIEWS:
+        what = f"{len(seen)} usable views cannot determine the camera, the least is {FEWEST_VIEWS}"
+        raise UndeterminedError("too-few-views", what, "take more views of the target, tilted in different directions")
+
+
+def _require_focal(fit: Adjusted) -> None:
+    share = float(np.sqrt(fit.covariance[0, 0]) / fit.camera.matrix[0, 0])
+    if not share <= LARGEST_FOCAL_SIGMA:
+        what = f"the views leave the focal length uncertain by {100 * share:.0f} %"
+        fix = "tilt the target by 20° to 40° in several directions, or give the camera's intrinsics"
+        raise UndeterminedError("no-tilt", what, fix)
+
+
+def _best_poses(seen: Observations, camera: CameraModel, free: NDArray[np.bool_]) -> Adjusted:
+    """Adjusted from the better of each view's two poses, chosen again once the camera is known better."""
+    fit = adjust(seen, camera, candidate_poses(seen, camera)[0][:, 0], free)
+    again = adjust(seen, fit.camera, candidate_poses(seen, fit.camera)[0][:, 0], free)
+    return min(fit, again, key=lambda adjusted: adjusted.variance)
+
+
+def _without_insignificant(seen: Observations, fit: Adjusted, free: NDArray[np.bool_]) -> Adjusted:
+    """The fit with every lens term that differs from zero by chance held at zero."""
+    for term in LENS_TERMS.values():
+        index = list(term)
+        values, block = fit.camera.distortion[np.array(index) - 4], fit.covariance[np.ix_(index, index)]
+        if values @ np.linalg.pinv(block, hermitian=True) @ values < SIGNIFICANT_CHI2[len(index)]:
+            free[index] = False
+            distortion = np.where(free[4:], fit.camera.distortion, 0.0)
+            without = CameraModel(fit.camera.matrix, distortion, fit.camera.image_size)
+            fit = adjust(seen, without, fit.poses, free)
+    return fit
+
+
+def _without_strays(seen: Observations, fit: Adjusted) -> Observations | None:
+    """The observations less the views and points that contradict the rest; None when there are none."""
+    distance = np.hypot(*np.moveaxis(pixel_residuals(seen, fit.camera, fit.poses), -1, 0))
+    used = seen.weights > 0
+    views_rms = np.sqrt((distance**2 * used).sum(axis=1) / used.sum(axis=1))
+    stray_views = views_rms > STRAY_VIEW_OF_MEDIAN * max(float(np.median(views_rms)), LEAST_NOISE_PX)
+    if stray_views.any():
+        worst = views_rms >= max(float(np.median(views_rms[stray_views])), LEAST_NOISE_PX)
+        return seen.take(~(stray_views & worst))
+    noise_px = max(1.2 * float(np.median(distance[used])), LEAST_NOISE_PX)
+    stray_points = used & (distance > STRAY_POINT_SIGMAS * noise_px)
+    if not stray_points.any():
+        return None
+    weights = np.where(stray_points, 0.0, seen.weights)
+    return seen.weighted(weights).take((weights > 0).sum(axis=1) >= 4)
+
+
+def _estimate(seen: Observations, fit: Adjusted) -> CameraEstimate:
+    residual = pixel_residuals(seen, fit.camera, fit.poses) * np.sqrt(seen.weights)[..., None]
+    square, count = (residual**2).sum(axis=(1, 2)), 2 * seen.weights.sum(axis=1)
+    rms_px = float(np.sqrt(square.sum() / count.sum()))
+    return CameraEstimate(fit.camera, fit.covariance, rms_px, seen.positions, fit.poses, np.sqrt(square / count))

@@ -1,0 +1,40 @@
+"""A first camera in closed form: Z. Zhang, "A flexible new technique for camera calibration", 2000."""
+
+import numpy as np
+
+from calibration.camera import CameraModel
+from calibration.detection.plane_view import PlaneView, fit_plane_view
+from calibration.errors import DetectionError
+from calibration.observations import Observations
+
+USUAL_FOCAL_OF_WIDTH = 1.2
+FOCAL_RANGE_OF_WIDTH = (0.3, 20.0)
+
+
+def plane_views(seen: Observations, image_size: tuple[int, int]) -> list[PlaneView | None]:
+    """Each view's homography; None where the points are no plane's."""
+    views: list[PlaneView | None] = []
+    for row in range(len(seen)):
+        used = seen.weights[row] > 0
+        try:
+            views.append(fit_plane_view(seen.points_mm[row, used, :2], seen.pixels[row, used], image_size)[0])
+        except DetectionError:
+            views.append(None)
+    return views
+
+
+def first_camera(views: list[PlaneView], image_size: tuple[int, int]) -> CameraModel:
+    """One focal length about the image's centre, no distortion: Eqs. (3) and (4), linear in 1 / f²."""
+    products = []
+    for view in views:
+        h1, h2 = (view.homography[:, :2] / np.linalg.norm(view.homography[:, :2])).T
+        products.append((h1[:2] @ h2[:2], h1[2] * h2[2]))
+        products.append((h1[:2] @ h1[:2] - h2[:2] @ h2[:2], h1[2] ** 2 - h2[2] ** 2))
+    in_image, along_axis = np.array(products).T
+    inverse_f2 = -(in_image @ along_axis) / max(float(in_image @ in_image), 1e-300)
+    width, scale = image_size[0], float(np.hypot(*image_size)) / 2
+    focal = scale / np.sqrt(inverse_f2) if inverse_f2 > 1e-12 else USUAL_FOCAL_OF_WIDTH * width
+    centre = (np.array(image_size) - 1) / 2
+    shortest, longest = FOCAL_RANGE_OF_WIDTH
+    focal = min(max(float(focal), shortest * width), longest * width)
+    return CameraModel(np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1.0]]), np.zeros(5), image_size)
