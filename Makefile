@@ -1,36 +1,62 @@
-# `make demo` and `make test` are the two commands; the rest serves them.
+# `make demo` and `make test` are the two commands; the rest serves them. Everything lives in .venv.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PIP := $(BIN)/pip --disable-pip-version-check --quiet
+LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: install dev check test format clean
+.PHONY: help demo cell install test check bench lock format clean
 
-$(VENV)/installed: pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
-	touch $@
+help:
+	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
+	@echo "make cell     the same cell and daemon, left running in the foreground"
+	@echo "make install  install only: the command is then $(BIN)/handeyed"
+	@echo "make test     every test that needs nothing but the repository"
+	@echo "make check    formatting, lint, types, import contracts"
+	@echo "make bench    measure, and write docs/benchmarks.md"
+	@echo "make lock     pin the dependencies for deployment (deploy/*.lock)"
 
-$(VENV)/developing: $(VENV)/installed
-	$(BIN)/pip install --quiet --disable-pip-version-check --upgrade "pip>=25.1"
-	$(BIN)/pip install --quiet --disable-pip-version-check --group dev
-	touch $@
+demo: install
+	@$(BIN)/handeyed demo
+
+cell: install
+	@$(BIN)/handeyed demo --keep
 
 install: $(VENV)/installed
 
-dev: $(VENV)/developing
+$(VENV)/installed: pyproject.toml
+	@echo "Installing into $(VENV) (once; a minute or two) ..."
+	@$(PYTHON) -m venv $(VENV)
+	@$(PIP) install --editable .
+	@touch $@
 
-check: dev
+$(VENV)/developing: $(VENV)/installed
+	@echo "Installing the development tools ..."
+	@$(PIP) install --upgrade "pip>=25.1" # Debian 12's pip knows no dependency groups
+	@$(PIP) install --group dev
+	@touch $@
+
+test: $(VENV)/developing
+	$(BIN)/pytest -n auto
+
+check: $(VENV)/developing
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: dev
-	$(BIN)/pytest -n 2
-
-format: dev
+format: $(VENV)/developing
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+bench: $(VENV)/developing
+	$(BIN)/python -m benchmarks --out docs/benchmarks.md
+
+lock: $(VENV)/developing
+	@$(PIP) install "uv>=0.9"
+	$(LOCK) pyproject.toml --output-file deploy/requirements.lock
+	$(LOCK) --group build --output-file deploy/build.lock
 
 clean:
 	rm -rf $(VENV) build dist .demo

@@ -1,0 +1,132 @@
+#!/bin/sh
+# Installs handeyed from this source tree into /opt/handeyed, as a systemd service. Run it again to update or repair:
+# a release that is already there is kept, the settings in /etc/handeyed are never overwritten, nothing stored is touched.
+#
+#   sudo deploy/install.sh              install or update; restarts the service only when it runs
+#   sudo deploy/install.sh --rollback   go back to the release before this one
+#   sudo deploy/install.sh --uninstall  remove the program; settings and data stay
+set -eu
+
+ROOT=/opt/handeyed
+CONFIG=/etc/handeyed
+UNIT=/etc/systemd/system/handeyed.service
+RULES=/etc/udev/rules.d/99-handeyed.rules
+KEEP=3
+SOURCE=$(cd "$(dirname "$0")/.." && pwd)
+
+say() { printf '%s\n' "$*"; }
+fail() { printf 'install.sh: %s\n' "$*" >&2; exit 1; }
+have_systemd() { [ -d /run/systemd/system ]; }
+systemctl_if() { if have_systemd; then systemctl "$@"; fi; }
+running() { have_systemd && systemctl --quiet is-active handeyed; }
+
+switch_to() { # the one step that changes what runs: atomic, and what was current is remembered for --rollback
+    if [ -L "$ROOT/current" ] && [ "$(readlink "$ROOT/current")" != "$1" ]; then
+        ln -sfn "$(readlink "$ROOT/current")" "$ROOT/previous"
+    fi
+    ln -s "$1" "$ROOT/.next.$$"
+    mv -T "$ROOT/.next.$$" "$ROOT/current"
+}
+
+restart_if_running() {
+    if running; then
+        systemctl restart handeyed || fail "the new release does not start: see 'journalctl -u handeyed', then install.sh --rollback"
+        say "handeyed was restarted"
+    fi
+}
+
+rollback() {
+    [ -L "$ROOT/previous" ] || fail "there is no release to go back to"
+    release=$(readlink "$ROOT/previous")
+    [ -x "$release/bin/handeyed" ] || fail "$release is gone"
+    switch_to "$release"
+    restart_if_running
+    say "handeyed is back at $(basename "$release")"
+}
+
+uninstall() {
+    systemctl_if disable --now handeyed 2>/dev/null || true
+    rm -rf "$ROOT"
+    rm -f "$UNIT" "$RULES" /usr/local/bin/handeyed
+    systemctl_if daemon-reload
+    say "handeyed is removed. Settings stay in $CONFIG, data in /var/lib/handeyed; the user 'handeyed' stays with them."
+}
+
+fingerprint() { # of everything that makes the release: same source, same name
+    cd "$SOURCE"
+    find calibration daemon drivers mock_robot protocols registration pyproject.toml deploy/*.lock \
+        -type f ! -name '*.pyc' -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum | cut -c1-12
+}
+
+build() { # $1: folder of the release
+    python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || fail "python3 3.11 or newer is needed"
+    python3 -c 'import venv, ensurepip' 2>/dev/null || fail "python3-venv is needed: apt install python3-venv"
+    rm -rf "$1"
+    work=$(mktemp -d)
+    trap 'rm -rf "$work"' EXIT
+    say "building (pinned by deploy/*.lock) ..."
+    python3 -m venv "$work/venv"
+    "$work/venv/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/build.lock"
+    mkdir "$work/source"
+    (cd "$SOURCE" && cp -R calibration daemon drivers mock_robot protocols registration pyproject.toml README.md LICENSE "$work/source/")
+    "$work/venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$work" "$work/source"
+    say "installing into $1 ..."
+    python3 -m venv "$1"
+    "$1/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/requirements.lock"
+    "$1/bin/pip" install --quiet --disable-pip-version-check --no-deps "$work"/handeyed-*.whl
+    mkdir -p "$1/share/handeyed"
+    cp "$SOURCE/docs/runbook.md" "$SOURCE/deploy/handeyed.example.toml" "$1/share/handeyed/"
+    "$1/bin/handeyed" version >/dev/null || fail "the new release does not run: nothing was changed"
+    touch "$1/complete"
+}
+
+prune() { # keep the newest, and never the current or the previous one
+    # shellcheck disable=SC2012 # release names are our own hexadecimal digits
+    for release in $(ls -1dt "$ROOT"/releases/* | tail -n +$((KEEP + 1))); do
+        case "$release" in
+        "$(readlink "$ROOT/current")" | "$(readlink "$ROOT/previous" || true)") ;;
+        *) rm -rf "$release" ;;
+        esac
+    done
+}
+
+settle_in() { # user, folders, settings, unit, devices
+    getent passwd handeyed >/dev/null || useradd --system --user-group --home-dir /var/lib/handeyed --shell /usr/sbin/nologin handeyed
+    for group in dialout video; do
+        if getent group "$group" >/dev/null; then usermod --append --groups "$group" handeyed; fi
+    done
+    install -d -m 0750 -o root -g handeyed "$CONFIG"
+    install -d -m 0750 -o handeyed -g handeyed /var/lib/handeyed
+    install -m 0644 "$SOURCE/deploy/handeyed.example.toml" "$CONFIG/handeyed.example.toml"
+    if [ ! -e "$CONFIG/handeyed.toml" ]; then
+        install -m 0640 -o root -g handeyed "$SOURCE/deploy/handeyed.example.toml" "$CONFIG/handeyed.toml"
+        say "wrote $CONFIG/handeyed.toml: edit it before the first start"
+    fi
+    install -D -m 0644 "$SOURCE/deploy/handeyed.service" "$UNIT"
+    install -D -m 0644 "$SOURCE/deploy/99-handeyed.rules" "$RULES"
+    ln -sfn "$ROOT/current/bin/handeyed" /usr/local/bin/handeyed
+    systemctl_if daemon-reload
+    if command -v udevadm >/dev/null && [ -d /run/udev ]; then
+        udevadm control --reload
+        udevadm trigger --subsystem-match=tty --subsystem-match=video4linux
+    fi
+}
+
+[ "$(id -u)" = 0 ] || fail "run it as root: sudo deploy/install.sh"
+case "${1:-}" in
+--rollback) rollback; exit ;;
+--uninstall) uninstall; exit ;;
+"") ;;
+*) fail "unknown option $1: none, --rollback or --uninstall" ;;
+esac
+
+umask 022
+release=$ROOT/releases/$(fingerprint)
+mkdir -p "$ROOT/releases"
+[ -e "$release/complete" ] || build "$release"
+settle_in
+switch_to "$release"
+prune
+restart_if_running
+say "handeyed $(basename "$release") is in $ROOT/current."
+running || say "Next: edit $CONFIG/handeyed.toml, run 'handeyed check $CONFIG/handeyed.toml', then 'systemctl enable --now handeyed'."
