@@ -61,20 +61,29 @@ class Door:
 
     def height(self, x: Array, y: Array) -> Array:
         """z of the skin; defined beyond the outline and in the cut-outs, too, where there is no metal."""
+        height: Array = self.envelope(x, y) - self.handle_depth * self._recess(x, y)
+        return height
+
+    def envelope(self, x: Array, y: Array) -> Array:
+        """z of the skin without the handle's recess: never below the skin, and a concave function of x and y."""
         across = y - self.crease_height - self.crease_rise * x
         bend = self.crease_slope * (np.sqrt(across * across + self.crease_width**2) - self.crease_width)
-        swept = x * x / (2 * self.radius_along) + y * y / (2 * self.radius_up)
-        height: Array = -swept - bend - self.handle_depth * self._recess(x, y)
-        return height
+        envelope: Array = -x * x / (2 * self.radius_along) - y * y / (2 * self.radius_up) - bend
+        return envelope
 
     def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
         """dz/dx and dz/dy."""
-        across = y - self.crease_height - self.crease_rise * x
-        bend = self.crease_slope * across / np.sqrt(across * across + self.crease_width**2)
+        envelope_x, envelope_y = self.envelope_slope(x, y)
         recess = 4 * self.handle_depth * self._recess(x, y)
         along_x = recess * ((x - self.handle[0]) / self.handle_size[0]) ** 3 / self.handle_size[0]
         along_y = recess * ((y - self.handle[1]) / self.handle_size[1]) ** 3 / self.handle_size[1]
-        return -x / self.radius_along + bend * self.crease_rise + along_x, -y / self.radius_up - bend + along_y
+        return envelope_x + along_x, envelope_y + along_y
+
+    def envelope_slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """dz/dx and dz/dy of the envelope."""
+        across = y - self.crease_height - self.crease_rise * x
+        bend = self.crease_slope * across / np.sqrt(across * across + self.crease_width**2)
+        return -x / self.radius_along + bend * self.crease_rise, -y / self.radius_up - bend
 
     def _recess(self, x: Array, y: Array) -> Array:
         u = (x - self.handle[0]) / self.handle_size[0]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from calibration.transforms import Array
 from mock_robot.part import DOOR, Door
 
-TRACING_STEPS = 40
-GAP_MM = 0.02
-POLISHING_STEPS = 4
+NEWTON_STEPS = 5
+TRACING_STEPS = 80
+SETTLED_MM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -58,15 +58,16 @@ def cast(scanner: ScannerModel, part_T_scanner: Array, rays: Array, door: Door =
     origin, directions = part_T_scanner[:3, 3], rays @ part_T_scanner[:3, :3].T
     distance = np.full(len(rays), np.nan)
     cosine = np.zeros(len(rays))
-    ahead = np.flatnonzero(directions[:, 2] < 0)
+    ahead = np.flatnonzero(directions[:, 2] < -1e-6)
     direction = directions[ahead]
-    t = np.clip((origin[2] - 0.0) / -direction[:, 2], 0.0, None)  # the skin lies below z = 0 everywhere
-    t = _traced(door, origin, direction, t, scanner.range_mm[1])
+    furthest = scanner.range_mm[1]
+    t = np.clip(origin[2] / -direction[:, 2], 0.0, 2 * furthest)  # the skin lies below z = 0 everywhere
+    t = _traced(door, origin, direction, t, furthest)
     hit = origin + t[:, None] * direction
     normal = door.normal(hit[:, 0], hit[:, 1])
     facing = -np.sum(normal * direction, axis=1)
     near, far = scanner.range_mm
-    reached = np.abs(hit[:, 2] - door.height(hit[:, 0], hit[:, 1])) < 1e-6
+    reached = np.abs(hit[:, 2] - door.height(hit[:, 0], hit[:, 1])) < 2 * SETTLED_MM
     seen = reached & (facing > 0) & (t * rays[ahead, 2] > near) & (t * rays[ahead, 2] < far)
     seen[seen] = door.edge_distance(hit[seen, 0], hit[seen, 1]) < 0
     distance[ahead[seen]] = t[seen]
@@ -75,24 +76,32 @@ def cast(scanner: ScannerModel, part_T_scanner: Array, rays: Array, door: Door =
 
 
 def _traced(door: Door, origin: Array, direction: Array, t: Array, furthest_mm: float) -> Array:
-    """Sphere tracing (Hart, 1996): no step leaps over the skin, for its slope is bounded; then Newton's steps."""
-    t = t.copy()
+    """Distance to the first hit of the skin, cut-outs not minded.
+
+    Newton's steps to the envelope cannot pass it, for it is concave. Where the skin lies below it (the recess),
+    sphere tracing (Hart, 1996) goes on: no step leaps over the skin, for its slope is bounded.
+    """
+    for _ in range(NEWTON_STEPS):
+        x, y, z = (origin + t[:, None] * direction).T
+        t = t + (z - door.envelope(x, y)) / _closing_rate(direction, *door.envelope_slope(x, y))
+        t = np.minimum(t, 2 * furthest_mm)
+    x, y, z = (origin + t[:, None] * direction).T
+    active = np.flatnonzero(z - door.height(x, y) > SETTLED_MM)
     closing = np.abs(direction[:, 2]) + door.steepest * np.hypot(direction[:, 0], direction[:, 1])
-    active = np.arange(len(t))
     for _ in range(TRACING_STEPS):
-        point = origin + t[active, None] * direction[active]
-        gap = point[:, 2] - door.height(point[:, 0], point[:, 1])
-        t[active] += np.maximum(gap, 0.0) / closing[active]
-        active = active[(gap > GAP_MM) & (t[active] < 2 * furthest_mm)]
         if not len(active):
             break
-    for _ in range(POLISHING_STEPS):
-        point = origin + t[:, None] * direction
-        gap = point[:, 2] - door.height(point[:, 0], point[:, 1])
-        along_x, along_y = door.slope(point[:, 0], point[:, 1])
-        rate = direction[:, 2] - along_x * direction[:, 0] - along_y * direction[:, 1]
-        t -= np.where(np.abs(gap) < 1.0, gap / np.where(np.abs(rate) > 1e-3, rate, -1.0), 0.0)
+        x, y, z = (origin + t[active, None] * direction[active]).T
+        gap = z - door.height(x, y)
+        t[active] += np.maximum(gap, 0.0) / closing[active]
+        active = active[(gap > SETTLED_MM) & (t[active] < 2 * furthest_mm)]
     return t
+
+
+def _closing_rate(direction: Array, along_x: Array, along_y: Array) -> Array:
+    """How fast a ray nears the skin; a ray that does not gets a far point."""
+    rate = along_x * direction[:, 0] + along_y * direction[:, 1] - direction[:, 2]
+    return np.maximum(rate, 1e-3)
 
 
 def _measured(
