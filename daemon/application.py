@@ -11,6 +11,7 @@ from daemon.events import EventLog
 from daemon.metrics import Metrics
 from daemon.operations import Operations
 from daemon.runs.supervisor import Supervisor
+from daemon.scans import Scans
 from daemon.settings import Settings
 from daemon.store.store import Store
 from daemon.systemd import Systemd
@@ -34,6 +35,7 @@ class Application:
     workers: Workers
     supervisor: Supervisor
     operations: Operations
+    scans: Scans
     metrics: Metrics
     systemd: Systemd
     _started_s: float = field(default=0.0, init=False)

@@ -48,6 +48,7 @@ def build(
         workers=workers,
         supervisor=supervisor,
         operations=operations,
+        scans=scans,
         metrics=metrics,
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
     )

@@ -23,7 +23,6 @@ DaemonError
 ├── StorageError          the store could not be read or written; nothing stored before is lost
 │   ├── StorageFull       the disk is full
 │   └── StorageTooNew     written by a newer handeyed
-├── ResourceLimit         as many of something as the daemon keeps at once
 └── Stopping              the daemon is shutting down
 """
 
@@ -209,12 +208,6 @@ class StorageTooNew(StorageError):
     """Written by a newer handeyed."""
 
     code = "storage-too-new"
-
-
-class ResourceLimit(DaemonError):
-    """As many of something as the daemon keeps at once."""
-
-    code = "resource-limit"
 
 
 class Stopping(DaemonError):

@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from registration.stream import CloudStream
+
 Labels = tuple[tuple[str, str], ...]
 
 
@@ -31,6 +33,11 @@ class Metrics:
     requests: Counter[tuple[str, int]] = field(default_factory=Counter)
     registered_points: int = 0
     registered_bytes: int = 0
+
+    def registered(self, stream: CloudStream, answered_bytes: int) -> None:
+        """A cloud passed whole."""
+        self.registered_points += stream.points
+        self.registered_bytes += answered_bytes
 
     def families(self) -> list[Metric]:
         by_method: dict[Labels, float] = {

@@ -23,7 +23,7 @@ from daemon.runs.verifying import Verifying
 from daemon.scans import Scans
 from daemon.settings import Settings, TaughtPose
 from daemon.stations import Known, planned, taught
-from daemon.store.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord
+from daemon.store.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanView
 from daemon.store.store import Store
 from daemon.workers import Workers
 
@@ -91,6 +91,13 @@ class Operations:
 
         run = await self._start("scan", request, prepare)
         return created[0], run
+
+    async def scan_here(self, scan_id: str) -> ScanView:
+        """A cloud of the daemon's scanner from where the arm stands. Raises CellBusy, NoScanner, NotStill…"""
+        async with self.cell.held_by(f"a scan of {scan_id}"):
+            reading = await self.cell.settled_pose()
+            cloud = await self.cell.cloud(reading)
+            return await self.scans.keep_scanned(scan_id, cloud, PoseDocument.of(reading.base_T_flange))
 
     async def apply(self, calibration_id: str, request: ApplyRequest) -> Applied:
         """Make a calibration current. Raises NotFound, CalibrationUnusable, StorageError."""

@@ -27,7 +27,6 @@ STATUS: dict[type[Exception], int] = {
     errors.NotStill: 409,
     errors.CellNotReady: 503,
     errors.Stopping: 503,
-    errors.ResourceLimit: 503,
     errors.PoseRefused: 422,
     errors.RequestRefused: 422,
     errors.TargetNotSeen: 422,

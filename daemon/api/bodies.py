@@ -1,0 +1,18 @@
+"""A request's body as it comes, straight from the server."""
+
+from collections.abc import AsyncIterator
+
+from starlette.requests import ClientDisconnect
+from starlette.types import Receive
+
+
+async def pieces(receive: Receive) -> AsyncIterator[bytes]:
+    """The body's bytes. Raises ClientDisconnect, and BodyTooLarge from the guard."""
+    more = True
+    while more:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            raise ClientDisconnect
+        more = message.get("more_body", False)
+        if content := message.get("body", b""):
+            yield content

@@ -1,0 +1,37 @@
+"""Clouds into the robot's base frame."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+
+from daemon.api.access import App
+from daemon.api.clouds import CLOUD_CONTENT, TAKES_A_CLOUD, PoseQuery, UnitQuery, media_type_of, parse_pose
+from daemon.api.passage import MovedCloud
+from daemon.api.problems import documented
+from registration.stream import CloudStream
+
+router = APIRouter(tags=["register"])
+
+Which = Annotated[str, Query(max_length=64, description="'current', or a calibration's id")]
+
+
+@router.post(
+    "/register",
+    response_class=Response,
+    openapi_extra=TAKES_A_CLOUD,
+    responses={200: {"description": "The cloud in the base frame, mm", "content": CLOUD_CONTENT},
+               **documented(403, 404, 409, 413, 415, 502, 503, 504, 507)},
+)  # fmt: skip
+async def register(
+    request: Request, app: App, pose: PoseQuery, unit: UnitQuery = "mm", calibration: Which = "current"
+) -> Response:
+    """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in."""
+    media_type = media_type_of(request)
+    document = await app.operations.calibration(calibration)
+    base_T_flange = await app.operations.pose_now() if pose == "now" else parse_pose(pose)
+    assert document.flange_T_camera is not None  # Operations.calibration has refused any other
+    base_T_camera = base_T_flange.transform() @ document.flange_T_camera.transform()
+    numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
+    headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x:.9g}" for x in numbers)}
+    stream = CloudStream(media_type, base_T_camera, unit)
+    return MovedCloud(stream, media_type, headers, app.store.folder, app.metrics.registered)

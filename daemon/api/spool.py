@@ -1,0 +1,86 @@
+"""A queue of bytes that never blocks its writer: what memory does not hold waits in a temporary file.
+
+Most HTTP clients send their whole body before they read the answer. If the answer could only be sent, not put aside,
+both ends would wait for each other as soon as the sockets' buffers are full.
+"""
+
+import asyncio
+import tempfile
+from collections import deque
+from pathlib import Path
+from typing import IO
+
+from daemon.store.database import storage_errors
+
+MEMORY_BYTES = 4_000_000
+"""A client that reads while it sends never gets near this."""
+
+PIECE_BYTES = 1 << 18
+
+
+class Spool:
+    """One writer, one reader, first in first out."""
+
+    def __init__(self, folder: Path) -> None:
+        """`folder`: where a temporary file may grow as large as the answer."""
+        self._folder = folder
+        self._memory: deque[bytes] = deque()
+        self._in_memory = 0
+        self._file: IO[bytes] | None = None
+        self._written = self._read = 0
+        self._ended = False
+        self._news = asyncio.Event()
+
+    async def put(self, content: bytes) -> None:
+        """Raises StorageError when the file cannot grow."""
+        if self._in_file or self._in_memory + len(content) > MEMORY_BYTES:
+            await asyncio.to_thread(self._append, content)
+        else:
+            self._memory.append(content)
+            self._in_memory += len(content)
+        self._news.set()
+
+    def end(self) -> None:
+        """Nothing more will be put."""
+        self._ended = True
+        self._news.set()
+
+    async def get(self) -> bytes:
+        """The next bytes; b"" when there are none left and none will come."""
+        while True:
+            if self._memory:
+                content = self._memory.popleft()
+                self._in_memory -= len(content)
+                return content
+            if self._in_file:
+                return await asyncio.to_thread(self._next)
+            if self._ended:
+                return b""
+            self._news.clear()
+            await self._news.wait()
+
+    def close(self) -> None:
+        """The temporary file is gone."""
+        if self._file is not None:
+            self._file.close()
+
+    @property
+    def _in_file(self) -> bool:
+        return self._read < self._written
+
+    def _append(self, content: bytes) -> None:
+        with storage_errors(self._folder):
+            if self._file is None:
+                self._file = tempfile.TemporaryFile(dir=self._folder)  # noqa: SIM115 - closed by `close`
+            self._file.seek(self._written)
+            self._file.write(content)
+            self._file.flush()
+            self._written += len(content)
+
+    def _next(self) -> bytes:
+        assert self._file is not None
+        with storage_errors(self._folder):
+            self._file.seek(self._read)
+            content = self._file.read(min(PIECE_BYTES, self._written - self._read))
+        self._read += len(content)
+        return content

@@ -1,0 +1,33 @@
+"""A calibration document of the fake cell's truth."""
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.documents.session import CameraDocument
+from tests.daemon.fakes import BASE_T_TARGET, CAMERA, FLANGE_T_CAMERA
+
+
+def a_calibration(calibration_id: str, *, accepted: bool = True, solved: bool = True) -> CalibrationDocument:
+    """As a run would have stored it."""
+    findings = [] if accepted else [
+        {"code": "axes-parallel", "severity": "error", "message": "the axes are parallel", "fix": "turn more"}
+    ]  # fmt: skip
+    return CalibrationDocument.model_validate(
+        {
+            "id": calibration_id,
+            "created_at": "2026-11-21T09:00:00.000Z",
+            "software": "handeyed test",
+            "setup": "eye-in-hand",
+            "method": "test",
+            "flange_T_camera": PoseDocument.of(FLANGE_T_CAMERA) if solved else None,
+            "base_T_target": PoseDocument.of(BASE_T_TARGET) if solved else None,
+            "camera": {**CameraDocument.of(CAMERA).model_dump(), "source": "given"},
+            "uncertainty": {"translation_mm": [0.1] * 3, "rotation_deg": [0.01] * 3, "point_mm": 0.2},
+            "noise": {"image_px": 0.05, "robot_rotation_deg": None, "robot_translation_mm": None},
+            "views": [],
+            "observability": {
+                "views_used": 3, "max_rotation_deg": 60.0, "axis_spread": 0.8, "weakest_direction": "none"
+            },
+            "hold_out": None,
+            "verdict": {"accepted": accepted, "findings": findings},
+        }
+    )  # fmt: skip
