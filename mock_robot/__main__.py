@@ -5,6 +5,7 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from mock_robot.errors import MockError
 
@@ -42,6 +43,12 @@ def _parser() -> argparse.ArgumentParser:
     truth.add_argument("--seed", type=int, default=7)
     truth.set_defaults(command=_truth)
 
+    score = commands.add_parser("score", help="compare results with the truth, as JSON")
+    score.add_argument("--seed", type=int, default=7)
+    score.add_argument("--cloud", type=Path, metavar="PLY", help="a merged cloud in the robot's base frame")
+    score.add_argument("--calibration", type=Path, metavar="JSON", help="a calibration.json")
+    score.set_defaults(command=_score)
+
     faults = commands.add_parser("faults", help="list the faults there are")
     faults.add_argument("--json", action="store_true")
     faults.set_defaults(command=_faults)
@@ -69,15 +76,45 @@ def _truth(options: argparse.Namespace) -> int:
     return 0
 
 
-def _faults(options: argparse.Namespace) -> int:
-    from mock_robot.fault_table import FAULTS
+def _score(options: argparse.Namespace) -> int:
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.validation import parse_document
+    from calibration.errors import CalibrationError
+    from mock_robot.score import score_calibration, score_cloud
+    from mock_robot.truth import CellTruth
 
+    if options.cloud is None and options.calibration is None:
+        raise MockError("nothing to score: give --cloud PLY, --calibration JSON, or both")
+    truth = CellTruth.from_seed(options.seed)
+    scores: dict[str, Any] = {"seed": options.seed}
+    try:
+        if options.calibration is not None:
+            path = options.calibration
+            calibration = parse_document(CalibrationDocument, path.read_bytes(), str(path))
+            if calibration.flange_T_camera is None:
+                raise MockError(f"{path} holds no flange_T_camera: only an eye-in-hand calibration can be scored")
+            scores["calibration"] = score_calibration(truth, calibration.flange_T_camera.transform())
+        if options.cloud is not None:
+            scores["cloud"] = score_cloud(truth, options.cloud.read_bytes())
+    except (ValueError, CalibrationError) as error:
+        raise MockError(str(error)) from error
+    _print(json.dumps(scores, indent=2))
+    return 0
+
+
+def _faults(options: argparse.Namespace) -> int:
+    from mock_robot.fault_boards import FaultRow
+    from mock_robot.fault_table import FAULTS
+    from mock_robot.http_devices_faults import DEVICE_FAULTS
+
+    faults: list[FaultRow] = [*FAULTS.values(), *DEVICE_FAULTS.values()]
+    rows = [(fault.name, fault.area, fault.summary) for fault in faults]
     if options.json:
-        _print(json.dumps([{"name": f.name, "area": f.area, "summary": f.summary} for f in FAULTS.values()], indent=2))
+        _print(json.dumps([dict(zip(("name", "area", "summary"), row, strict=True)) for row in rows], indent=2))
         return 0
-    width = max(map(len, FAULTS))
-    for fault in FAULTS.values():
-        _print(f"{fault.name:{width}}  {fault.summary}")
+    width = max(len(name) for name, _, _ in rows)
+    for name, _, summary in rows:
+        _print(f"{name:{width}}  {summary}")
     return 0
 
 

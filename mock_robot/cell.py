@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import AsyncExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 from time import monotonic
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from calibration.transforms import Array
 from mock_robot.announcement import Announcement
 from mock_robot.control_port import ControlPort
 from mock_robot.controller import Box, Controller
+from mock_robot.fault_boards import FaultBoards
 from mock_robot.fault_table import FAULTS
 from mock_robot.faults import FaultBoard
 from mock_robot.http_server import HttpServer
@@ -69,9 +70,10 @@ class MockCell:
             started_at_s=clock(),
             box=Box(*BOX_MM),
         )
-        self.faults = FaultBoard(FAULTS, truth.seed)
-        self._tcp = TcpShell(self.controller, self.faults, clock)
-        self._serial = SerialShell(self.controller, self.faults, clock)
+        robot_faults = FaultBoard(FAULTS, truth.seed)
+        self.faults = FaultBoards(self.controller, robot_faults)
+        self._tcp = TcpShell(self.controller, robot_faults, clock)
+        self._serial = SerialShell(self.controller, robot_faults, clock)
         self._closing = AsyncExitStack()
 
     async def start(self, ports: Ports) -> Announcement:
@@ -101,13 +103,12 @@ class MockCell:
         self, fault: str, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0
     ) -> None:
         """Switch a fault on, as `POST /faults/{name}` does."""
-        now_s = self.clock()
-        self.faults.switch_on(fault, self.controller, now_s, strikes=strikes, only=only, after_moves=after_moves)
+        self.faults.switch_on(fault, self.clock(), strikes=strikes, only=only, after_moves=after_moves)
         self.nudge()
 
     def mends(self, fault: str | None = None) -> None:
         """Switch a fault off, or all of them."""
-        self.faults.clear(self.controller, self.clock(), fault)
+        self.faults.clear(self.clock(), fault)
         self.nudge()
 
     def nudge(self) -> None:
@@ -117,8 +118,11 @@ class MockCell:
 
     def _devices(self) -> object:
         from mock_robot.http_devices import create_app  # renderer and ray caster: only where they are wanted
+        from mock_robot.http_devices_faults import DEVICE_FAULTS
 
-        return create_app(self.truth, self.flange_now)
+        application = create_app(self.truth, self.flange_now)
+        self.faults = replace(self.faults, devices=application.faults, device_rows=DEVICE_FAULTS)
+        return application
 
     async def _serve(self, application: object, host: str, port: int) -> str:
         server = HttpServer(application)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mock_robot.controller import Controller
 from mock_robot.errors import MockError, NoSuchState, UnknownFault
-from mock_robot.faults import FaultBoard
+from mock_robot.fault_boards import FaultBoards
 from mock_robot.panel import Mode
 from protocols.cb.codes import Command, Flag
 
@@ -31,7 +31,7 @@ class ControlPort:
     """The application. `nudge` tells the links that something changed."""
 
     controller: Controller
-    faults: FaultBoard
+    faults: FaultBoards
     clock: Callable[[], float]
     nudge: Callable[[], None]
 
@@ -92,7 +92,7 @@ class ControlPort:
             "emergency_stop": controller.panel.emergency_stop,
             "program_running": controller.panel.program_running,
             "speed_override": controller.panel.speed_override,
-            "faults": sorted(self.faults.active),
+            "faults": self.faults.active,
         }
 
     def _log(self, fields: Fields) -> Any:
@@ -101,24 +101,23 @@ class ControlPort:
     def _list_faults(self, fields: Fields) -> Any:
         return [
             {"name": fault.name, "area": fault.area, "summary": fault.summary, "on": fault.name in self.faults.active}
-            for fault in self.faults.table.values()
+            for fault in self.faults.rows.values()
         ]
 
     def _fault_on(self, fields: Fields) -> Any:
         only = fields.get("only")
         self.faults.switch_on(
             fields["name"],
-            self.controller,
             self.clock(),
             strikes=_count(fields, "strikes"),
             only=None if only is None else _command(str(only)),
             after_moves=_count(fields, "after_moves") or 0,
         )
-        return {"on": sorted(self.faults.active)}
+        return {"on": self.faults.active}
 
     def _fault_off(self, fields: Fields) -> Any:
-        self.faults.clear(self.controller, self.clock(), fields.get("name"))
-        return {"on": sorted(self.faults.active)}
+        self.faults.clear(self.clock(), fields.get("name"))
+        return {"on": self.faults.active}
 
     def _motors(self, fields: Fields) -> Any:
         self.controller.switch_motors(_switch(fields, "on"), self.clock())

@@ -22,12 +22,12 @@ async def _run(options: argparse.Namespace) -> int:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, told.set)
-    for fault in options.fault:
-        cell.breaks(fault)
     devices = None if options.robot_only else options.devices_port
     ports = Ports(options.host, options.robot_port, devices, options.control_port, options.serial)
     try:
         announcement = await cell.start(ports)
+        for fault in options.fault:
+            cell.breaks(fault)
         if options.ready_file is not None:
             announcement.write(options.ready_file)
         sys.stdout.write(announcement.line() + "\n")

@@ -6,22 +6,25 @@ import os
 import signal
 from pathlib import Path
 
+import cv2
 import httpx
 import numpy as np
 import pytest
 
 from calibration.arms import IRB_1600_6_145
+from calibration.detection.detect import detect
+from calibration.transforms import Array, inverse, map_points
 from mock_robot.__main__ import main
 from mock_robot.cell import MockCell
 from mock_robot.errors import UnknownFault
 from mock_robot.posture import START_DISTANCE_MM, target_middle_mm
-from mock_robot.truth import CellTruth
+from mock_robot.truth import CellNoise, CellTruth
 from protocols.cb import messages as cb
 from protocols.cb.codes import Command, Flag, Status
 from protocols.cb.events import SessionChanged
 from tests.mock_robot.bench import AWAY, HOME, move_to
 from tests.mock_robot.cb_client import over_serial, over_tcp
-from tests.mock_robot.running_cell import becomes, cell_process, running_cell
+from tests.mock_robot.running_cell import RunningCell, becomes, cell_process, running_cell
 
 
 def robot_only(**how: object):  # type: ignore[no-untyped-def]
@@ -165,6 +168,40 @@ async def test_the_control_port_says_what_is_wrong(method: str, path: str, statu
         assert response.headers["content-type"] == "application/problem+json"
 
 
+async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switched_here_too() -> None:
+    imprecise = CellTruth.from_seed(7, noise=CellNoise(robot_translation_mm=1.0, robot_rotation_deg=0.1))
+    async with (
+        running_cell(truth=imprecise) as cell,
+        httpx.AsyncClient(base_url=str(cell.announcement.devices_url), trust_env=False) as devices,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as bench,
+    ):
+        picture = await devices.get("/camera/snapshot.png")
+        image = cv2.imdecode(np.frombuffer(picture.content, np.uint8), cv2.IMREAD_GRAYSCALE)
+        seen = detect(image, cell.truth.target)
+        true, reported = (_projected(cell.truth, base_T_flange)[seen.ids] for base_T_flange in _flange_poses(cell))
+        assert np.sqrt(np.mean((seen.corners_px - true) ** 2)) < 0.1
+        assert np.sqrt(np.mean((seen.corners_px - reported) ** 2)) > 0.5, "nothing tells the arm's error"
+        assert (await bench.post("/faults/camera-away")).json() == {"on": ["camera-away"]}
+        assert (await devices.get("/camera/snapshot.png")).status_code == 503
+        assert (await devices.get("/camera/snapshot.png")).status_code == 200
+        cell.breaks("scanner-away", strikes=2)
+        cell.breaks("link-delay")
+        assert (await bench.get("/state")).json()["faults"] == ["link-delay", "scanner-away"]
+        assert (await bench.delete("/faults/scanner-away")).json() == {"on": ["link-delay"]}
+        assert (await devices.get("/scanner/cloud.ply")).status_code == 200
+        refused = await bench.post("/faults/camera-black?after_moves=2")
+        assert refused.status_code == 422
+
+
+def _flange_poses(cell: RunningCell) -> tuple[Array, Array]:
+    return cell.cell.flange_now().base_T_flange, cell.controller.arm.reported_base_T_flange(0.0)
+
+
+def _projected(truth: CellTruth, base_T_flange: Array) -> Array:
+    camera_T_target = inverse(base_T_flange @ truth.flange_T_camera) @ truth.base_T_target
+    return truth.camera.project(map_points(camera_T_target, truth.target.points_mm))
+
+
 @pytest.mark.parametrize("seed", [1, 7, 23])
 def test_at_the_start_the_camera_looks_at_the_target_from_600_mm(seed: int) -> None:
     cell = MockCell(CellTruth.from_seed(seed))
@@ -222,6 +259,21 @@ def test_truth_and_faults_are_printed_on_request(capsys: pytest.CaptureFixture[s
     assert "link-reply-lost" in capsys.readouterr().out
     assert main(["faults", "--json"]) == 0
     assert {"name", "area", "summary"} == set(json.loads(capsys.readouterr().out)[0])
+
+
+def test_a_calibration_is_scored_against_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    missing = tmp_path / "calibration.json"
+    assert main(["score", "--seed", "7"]) == 1
+    assert "--cloud" in capsys.readouterr().err
+    assert main(["score", "--seed", "7", "--calibration", str(missing)]) == 1
+    assert "calibration.json" in capsys.readouterr().err
+    missing.write_text("{}")
+    assert main(["score", "--seed", "7", "--calibration", str(missing)]) == 1
+    assert "id" in capsys.readouterr().err
+    cloud = tmp_path / "cloud.ply"
+    cloud.write_bytes(b"ply")
+    assert main(["score", "--seed", "7", "--cloud", str(cloud)]) == 1
+    assert capsys.readouterr().err.startswith("mock_robot: ")
 
 
 def test_a_wrong_fault_on_the_command_line_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,76 @@
+"""All named faults of a cell in one place: those of the controller and its links, and those of camera and scanner."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from mock_robot.controller import Controller
+from mock_robot.errors import NoSuchState, UnknownFault
+from mock_robot.faults import FaultBoard
+from protocols.cb.codes import Command
+
+
+class FaultRow(Protocol):
+    """What every fault tells of itself."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def area(self) -> str: ...
+
+    @property
+    def summary(self) -> str: ...
+
+
+class DeviceFaults(Protocol):
+    """The board of camera and scanner."""
+
+    @property
+    def active(self) -> tuple[str, ...]: ...
+
+    def switch_on(self, name: str, strikes: int | None = None) -> None: ...
+
+    def clear(self, name: str | None = None) -> None: ...
+
+
+@dataclass(frozen=True)
+class FaultBoards:
+    """Switches the right board. `devices` and `device_rows` are empty for a cell without camera and scanner."""
+
+    controller: Controller
+    robot: FaultBoard
+    devices: DeviceFaults | None = None
+    device_rows: Mapping[str, FaultRow] | None = None
+
+    @property
+    def rows(self) -> dict[str, FaultRow]:
+        """Every fault that can be switched on here."""
+        return {**self.robot.table, **(self.device_rows or {})}
+
+    @property
+    def active(self) -> list[str]:
+        """Names of those that are on."""
+        return sorted([*self.robot.active, *(self.devices.active if self.devices is not None else ())])
+
+    def switch_on(
+        self, name: str, now_s: float, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0
+    ) -> None:
+        """Switch a fault on. Raises UnknownFault, and NoSuchState for a condition that camera and scanner lack."""
+        if name not in self.rows:
+            raise UnknownFault(name, tuple(self.rows))
+        if self.devices is None or name in self.robot.table:
+            self.robot.switch_on(name, self.controller, now_s, strikes=strikes, only=only, after_moves=after_moves)
+            return
+        if only is not None or after_moves:
+            raise NoSuchState("condition of a camera or scanner fault", "only or after_moves", ("strikes",))
+        self.devices.switch_on(name, strikes)
+
+    def clear(self, now_s: float, name: str | None = None) -> None:
+        """Switch one fault off, or all of them. Raises UnknownFault."""
+        if name is not None and name not in self.rows:
+            raise UnknownFault(name, tuple(self.rows))
+        if name is None or name in self.robot.table:
+            self.robot.clear(self.controller, now_s, name)
+        if self.devices is not None and (name is None or name not in self.robot.table):
+            self.devices.clear(name)
