@@ -23,7 +23,8 @@ def share_below(level: Array, centre: Array, slope_x: Array, slope_y: Array) -> 
     a, b = np.abs(slope_x), np.abs(slope_y)
     wide = np.maximum(np.maximum(a, b), 1e-12)
     narrow = np.maximum(np.minimum(a, b), 1e-4 * wide)
-    s, outer, inner = level - centre, (wide + narrow) / 2, (wide - narrow) / 2
+    outer, inner = (wide + narrow) / 2, (wide - narrow) / 2
+    s = np.clip(level - centre, -outer, outer)  # far from the pixel the squares below would cancel
 
     def ramp(x: Array) -> Array:
         return np.square(np.maximum(x, 0.0))
