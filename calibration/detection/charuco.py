@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calibration.detection.image import Grey, at_full_size, reduced
 from calibration.detection.plane_view import fit_plane_view
 from calibration.detection.saddle import refine_saddles
+from calibration.detection.squares import narrowest_side, window_px
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import Charuco
@@ -17,8 +18,6 @@ from calibration.transforms import Array
 SEARCH_PIXELS = (1.5e6, np.inf)
 """Markers too small to be read in the reduced image may be readable in the full one."""
 FEWEST_CORNERS = 4
-WINDOW_OF_SPACING = 0.3
-SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX = 2, 9
 FURTHEST_OF_SPACING = 0.25
 """How far a corner may lie from where the others put it, before the lens is known."""
 
@@ -41,15 +40,18 @@ def detect_charuco(image: Grey, target: Charuco) -> Detection:
 
 def charuco_board(target: Charuco) -> Any:
     """OpenCV's board. Raises DetectionError `unknown-dictionary`."""
+    size = (target.columns, target.rows)
+    board = cv2.aruco.CharucoBoard(size, target.square_mm, target.marker_mm, _dictionary(target))
+    board.setLegacyPattern(target.legacy)
+    return board
+
+
+def _dictionary(target: Charuco) -> Any:
     number = getattr(cv2.aruco, target.dictionary, None) if target.dictionary.startswith("DICT_") else None
     if number is None:
         what = f"the dictionary {target.dictionary!r} is not known"
         raise DetectionError("unknown-dictionary", what, "use one of OpenCV's, like DICT_5X5_100")
-    dictionary = cv2.aruco.getPredefinedDictionary(number)
-    size = (target.columns, target.rows)
-    board = cv2.aruco.CharucoBoard(size, target.square_mm, target.marker_mm, dictionary)
-    board.setLegacyPattern(target.legacy)
-    return board
+    return cv2.aruco.getPredefinedDictionary(number)
 
 
 def _complete(image: Grey, target: Charuco, ids: NDArray[np.intp], rough: Array) -> Detection:
@@ -59,12 +61,19 @@ def _complete(image: Grey, target: Charuco, ids: NDArray[np.intp], rough: Array)
     view, _ = fit_plane_view(points[ids], rough, size)
     expected = view.map(points)
     expected[ids] = rough
-    sides = view.map(points + np.array([target.square_mm, 0.0])) - view.map(points)
-    downs = view.map(points + np.array([0.0, target.square_mm])) - view.map(points)
-    spacing = np.minimum(np.hypot(*sides.T), np.hypot(*downs.T))
-    half = int(np.clip(round(WINDOW_OF_SPACING * float(spacing[ids].min())), SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX))
+    right, down = np.array([target.square_mm, 0.0]), np.array([0.0, target.square_mm])
+    spacing = narrowest_side(view.map(points + right) - view.map(points), view.map(points + down) - view.map(points))
+    half = window_px(spacing[ids], _clear_of_square(target))
     inside = np.all((expected > half) & (expected < np.array(size) - 1 - half), axis=1)
     candidates = np.flatnonzero(inside)
     refined, settled = refine_saddles(image, expected[candidates], half)
     near = np.hypot(*(refined - expected[candidates]).T) < FURTHEST_OF_SPACING * spacing[candidates]
     return Detection(candidates[settled & near], refined[settled & near])
+
+
+def _clear_of_square(target: Charuco) -> float:
+    """How far from a corner, in squares, the markers' bits begin; their black rims look alike on both sides."""
+    modules = _dictionary(target).markerSize + 2
+    return float(
+        np.sqrt(2) * ((target.square_mm - target.marker_mm) / 2 + target.marker_mm / modules) / target.square_mm
+    )

@@ -16,7 +16,7 @@ from calibration.detection.lattice import Lattice, grow_lattices
 from calibration.detection.order import canonical
 from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.detection.saddle import refine_saddles
-from calibration.detection.squares import corner_contrast
+from calibration.detection.squares import corner_contrast, narrowest_side, window_px
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import Chessboard
@@ -29,8 +29,6 @@ LINES_AROUND = 2
 """Lines of corners looked for around the lattice: one that was missed, one more that must not be there."""
 STRAY_OF_SPACING, NEAR_OF_SPACING, NEAR_PX = 0.25, 0.15, 0.6
 LEAST_CONTRAST_OF_MEDIAN = 0.35
-WINDOW_OF_SPACING = 0.3
-SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX = 2, 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +84,10 @@ def _confirmed(image: Grey, lattice: Lattice) -> Board | None:
     expected = view.map(cells)
     along_u, along_v = view.map(cells + np.array([0.5, 0.0])), view.map(cells + np.array([0.0, 0.5]))
     along_u, along_v = 2 * (along_u - expected), 2 * (along_v - expected)
-    spacing = np.abs(np.cross(along_u, along_v)) / np.maximum(np.hypot(*along_u.T), np.hypot(*along_v.T))
+    spacing = narrowest_side(along_u, along_v)
     joined = np.zeros((rows, columns), bool)
     joined[tuple(lattice.cells.T[::-1] + LINES_AROUND)] = True
-    half = window_px(spacing[joined.ravel()])
+    half = window_px(spacing[joined.ravel()], 1.0)
     refined, settled = refine_saddles(image, expected, half)
     contrast = corner_contrast(image, refined, along_u, along_v) * np.where((u + v) % 2 == 0, 1, -1)
     level = float(np.median(contrast[joined.ravel()]))
@@ -141,8 +139,3 @@ def _plane(lattice: Lattice, image_size: tuple[int, int]) -> PlaneView | None:
             return view
         cells, points = cells[near], points[near]
     return None
-
-
-def window_px(spacing: Array) -> int:
-    """Half the window of the saddle fit: inside the squares, and no larger than it pays."""
-    return int(np.clip(round(WINDOW_OF_SPACING * float(spacing.min())), SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX))

@@ -20,6 +20,8 @@ SMALLEST_AREA_PX, LARGEST_AREA_SHARE = 12.0, 0.05
 ELLIPSE_TOLERANCE = 0.12
 NARROWEST = 0.12
 """Least ratio of an ellipse's axes."""
+SAME_DOT_RADIUS = 0.5
+"""A much smaller outline inside another is a dot of its own: the other may be the sheet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +69,12 @@ def _ellipses(image: Grey, window_of_side: float) -> list[tuple[float, ...]]:
 
 
 def _distinct(table: Array) -> Array:
-    """Which rows (n,) to keep: of those with one centre the largest, which comes first."""
+    """Which rows (n,) to keep: of outlines of one dot the largest, which comes first."""
     keep = np.ones(len(table), bool)
     if len(table) == 0:
         return keep
     radius = np.sqrt(table[:, 2] / np.pi)
     for i, close in enumerate(cKDTree(table[:, :2]).query_ball_point(table[:, :2], 0.5 * radius)):
         if keep[i]:
-            keep[[j for j in close if j > i]] = False
+            keep[[j for j in close if j > i and radius[j] > SAME_DOT_RADIUS * radius[i]]] = False
     return keep

@@ -14,7 +14,8 @@ LARGEST_RMS_PX, LARGEST_RMS_OF_PITCH = 0.3, 0.012
 LEAST_FORESHORTENING = 0.08
 """Beyond about 85° from frontal the points along the short axis fall together."""
 SMALLEST_PITCH_PX = 4.0
-STRAY_OF_RMS, LARGEST_STRAY_SHARE = 4.0, 0.15
+STRAY_OF_MEDIAN, LEAST_STRAY_PX, LARGEST_STRAY_SHARE = 6.0, 0.3, 0.25
+"""A point is astray (glare, something in front of it) when it lies this many times further off than most do."""
 
 
 def gate(detection: Detection, target: Target, image_size: tuple[int, int]) -> Detection:
@@ -48,7 +49,7 @@ def _strays(residual_px: Array, pitch_px: float) -> tuple[Array, float, float]:
     """Which points (n,) do not belong, the RMS and its limit per axis in px."""
     distance = np.hypot(*residual_px.T)
     rms_px, limit_px = float(np.sqrt(np.mean(distance**2) / 2)), LARGEST_RMS_PX + LARGEST_RMS_OF_PITCH * pitch_px
-    strays = distance > STRAY_OF_RMS * limit_px
+    strays = distance > max(STRAY_OF_MEDIAN * float(np.median(distance)), LEAST_STRAY_PX)
     if rms_px > limit_px and not strays.any():
         strays = distance == distance.max()
     return strays, rms_px, limit_px

@@ -1,4 +1,4 @@
-"""The colours around chessboard corners: which are black, and whether a point is a corner of the board at all."""
+"""The squares around chessboard corners: which are black, how much room they leave a corner."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 from calibration.detection.image import Grey
 from calibration.transforms import Array
 
+WINDOW_OF_ROOM = 0.3
+SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX = 2, 9
 PROBE = 0.25
 """How far along both sides of the square from its corner a colour is read: clear of blur, and of ChArUco markers."""
 
@@ -28,3 +30,15 @@ def _level(image: Grey, points: Array) -> NDArray[np.float64]:
     column = np.clip(np.rint(points[..., 0]).astype(np.intp), 0, image.shape[1] - 1)
     row = np.clip(np.rint(points[..., 1]).astype(np.intp), 0, image.shape[0] - 1)
     return image[row, column].astype(float)
+
+
+def narrowest_side(along_u: Array, along_v: Array) -> Array:
+    """Distance (n,) in px between opposite sides of foreshortened squares, given their sides (n, 2)."""
+    area = np.abs(along_u[:, 0] * along_v[:, 1] - along_u[:, 1] * along_v[:, 0])
+    return np.asarray(area / np.maximum(np.hypot(*along_u.T), np.hypot(*along_v.T)))
+
+
+def window_px(narrowest_px: Array, clear_of_square: float) -> int:
+    """Half the side of the window a corner is fitted in: within the squares, and no larger than pays."""
+    share = min(WINDOW_OF_ROOM, clear_of_square)
+    return int(np.clip(round(share * float(narrowest_px.min())), SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX))
