@@ -1,5 +1,7 @@
 """The one composition root: from settings to a running daemon."""
 
+import asyncio
+import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -7,16 +9,21 @@ from pathlib import Path
 from daemon.application import Application
 from daemon.cell import Cell, Devices
 from daemon.clock import Clock, time_ordered_id
+from daemon.devices import open_devices
 from daemon.events import EventLog
+from daemon.logs import log_to_stdout
 from daemon.metrics import Metrics
 from daemon.motion import MotionRules
 from daemon.operations import Operations
 from daemon.runs.supervisor import Supervisor
 from daemon.scans import Scans
+from daemon.server import Announce, Server, announce_in
 from daemon.settings import Settings
 from daemon.store.store import Store
 from daemon.systemd import Systemd
 from daemon.workers import Workers
+
+log = logging.getLogger(__name__)
 
 OpenDevices = Callable[[Settings, Clock], Devices]
 
@@ -52,3 +59,17 @@ def build(
         metrics=metrics,
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
     )
+
+
+def serve(settings: Settings, *, ready_file: Path | None = None) -> None:
+    """Run the daemon until SIGTERM or SIGINT. `ready_file` gets {"url", "pid"} once it answers.
+
+    Raises StorageError, DeviceError, PortTaken.
+    """
+    log_to_stdout()
+    asyncio.run(_serve(settings, announce_in(ready_file)))
+
+
+async def _serve(settings: Settings, announce: Announce) -> None:
+    application = build(settings, open_devices)
+    await Server(application, announce).serve()

@@ -2,6 +2,7 @@
 
 import ipaddress
 import tomllib
+from collections.abc import Callable
 from math import radians
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,8 +17,23 @@ from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.transforms import Array
+from drivers.catalogue import check_camera_address, check_robot_address, check_scanner_address
+from drivers.errors import AddressNotUnderstood
 
-Address = Annotated[str, Field(min_length=1, max_length=2000)]
+
+def _checked(check: Callable[[str], None]) -> AfterValidator:
+    """An address that the drivers understand."""
+
+    def checked(address: str) -> str:
+        try:
+            check(address)
+        except AddressNotUnderstood as error:
+            raise ValueError(f"{error.what}: {error.fix}") from None
+        return address
+
+    return AfterValidator(checked)
+
+
 Quarter = Annotated[int, Field(ge=-32, le=32)]
 Box = tuple[Vector, Vector]
 
@@ -50,7 +66,7 @@ class SettlingSettings(Document):
 class RobotSettings(Document):
     """The controller, and what the daemon may ask of the arm."""
 
-    address: Address
+    address: Annotated[str, _checked(check_robot_address)]
     model: Annotated[str, AfterValidator(_known_arm)] | None = None
     speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 100.0
     box_mm: Box
@@ -72,15 +88,19 @@ class RobotSettings(Document):
 class CameraSettings(Document):
     """The camera on the flange. Without intrinsics they are estimated with the rest."""
 
-    address: Address
+    address: Annotated[str, _checked(check_camera_address)]
     intrinsics: CameraDocument | None = None
 
 
 class ScannerSettings(Document):
-    """The scanner on the flange, and the poses a part is looked at from."""
+    """The scanner on the flange, and the poses a part is looked at from.
 
-    address: Address
+    `camera_T_scanner` None: the clouds are in the frame of the calibrated camera, as those of most scanners.
+    """
+
+    address: Annotated[str, _checked(check_scanner_address)]
     unit: Literal["mm", "m"] = "mm"
+    camera_T_scanner: PoseDocument | None = None
     poses: tuple[TaughtPose, ...] = ()
 
 

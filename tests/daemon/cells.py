@@ -89,10 +89,10 @@ async def serving(settings: Settings, parts: Parts | None = None, store: Store |
     task = asyncio.create_task(server.serve())
     await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=10)
     url = announced.result()
-    async with httpx.AsyncClient(base_url=url, timeout=30) as client:
-        try:
+    try:
+        async with httpx.AsyncClient(base_url=url, timeout=30) as client:
             yield Bench(application, server, client, parts.robot, parts.camera, parts.scanner, url)
-        finally:
-            server.should_exit = True
-            application.begin_stop("the test")
-    await task
+    finally:
+        server.should_exit = True
+        application.begin_stop("the test")
+        await task

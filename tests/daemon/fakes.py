@@ -57,7 +57,8 @@ class FakeRobot:
     goals: list[MoveGoal] = field(default_factory=list)
     stops: int = 0
     before_move: Callable[[int], Awaitable[None]] | None = None
-    jitter_mm: float = 0.0
+    drift_mm: float = 0.0
+    reads: int = 0
     broken_with: DeviceError | None = None
 
     @property
@@ -73,7 +74,8 @@ class FakeRobot:
     async def read_pose(self) -> PoseReading:
         self._alive()
         pose = self.base_T_flange.copy()
-        pose[0, 3] += np.random.default_rng().normal(0, self.jitter_mm) if self.jitter_mm else 0.0
+        self.reads += 1
+        pose[0, 3] += self.reads * self.drift_mm
         return PoseReading(pose, Configuration(0, 0, 0, 0), (UNUSED_AXIS,) * 6, True, time.monotonic())
 
     async def read_joints(self) -> Array:
