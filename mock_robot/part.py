@@ -11,6 +11,8 @@ from calibration.transforms import Array
 
 FOOT_ITERATIONS = 60
 FOOT_SETTLED_MM = 1e-9
+EDGE_ITERATIONS = 4
+EDGE_STEP_MM = 1e-5
 
 
 def polygon_distance(x: Array, y: Array, corners: Array) -> Array:
@@ -148,20 +150,20 @@ class Door:
         return step * damping[:, None]
 
     def onto_metal(self, foot: Array) -> Array:
-        """Points off the metal are brought to its edge along the distance's gradient."""
+        """Points off the metal are brought to its edge along the distance's gradient.
+
+        Its forward difference, unlike the central one, does not vanish in the middle of a cut-out.
+        """
         outside = np.flatnonzero(self.edge_distance(*foot.T) > 0)
-        for _ in range(3):
+        for _ in range(EDGE_ITERATIONS):
             if not len(outside):
                 break
             x, y = foot[outside].T
             distance = self.edge_distance(x, y)
-            step = 1e-4
-            gradient = np.column_stack(
-                [
-                    self.edge_distance(x + step, y) - self.edge_distance(x - step, y),
-                    self.edge_distance(x, y + step) - self.edge_distance(x, y - step),
-                ]
-            ) / (2 * step)
+            beside = np.stack(
+                [self.edge_distance(x + EDGE_STEP_MM, y), self.edge_distance(x, y + EDGE_STEP_MM)], axis=1
+            )
+            gradient = (beside - distance[:, None]) / EDGE_STEP_MM
             size = np.maximum(np.sum(gradient * gradient, axis=1, keepdims=True), 1e-6)
             foot[outside] -= np.maximum(distance, 0.0)[:, None] * gradient / size
         return foot
