@@ -160,6 +160,20 @@ def _given(corners_px: list[tuple[int, float, float]]) -> Detection:
     return Detection(rows[:, 0].astype(np.intp), rows[:, 1:].copy())
 
 
+def repeated_poses(document: SessionDocument) -> list[DocumentProblem]:
+    """Views whose robot pose is an earlier view's to the last digit: a pose that was not read again, most often."""
+    first: dict[tuple[float, ...], int] = {}
+    problems = []
+    for index, view in enumerate(document.views):
+        pose = (*view.base_T_flange.translation_mm, *view.base_T_flange.quaternion_wxyz)
+        earlier = first.setdefault(pose, index)
+        if earlier != index:
+            what = f"the same as that of views[{earlier}]"
+            fix = "read the pose again after each move, or remove one of the two"
+            problems.append(DocumentProblem(f"views[{index}].base_T_flange", what, fix))
+    return problems
+
+
 def _check_views(document: SessionDocument) -> list[DocumentProblem]:
     if document.views:
         return []

@@ -5,6 +5,8 @@ import os
 import typer
 
 from daemon.cli.assess import assess
+from daemon.cli.calibrate import calibrate
+from daemon.cli.mock import mock
 from daemon.cli.output import Commands
 from daemon.cli.plan import plan
 from daemon.cli.solve import solve
@@ -22,6 +24,10 @@ app.command(rich_help_panel="Offline")(solve)
 app.command(rich_help_panel="Offline")(assess)
 app.command(rich_help_panel="Offline")(plan)
 app.add_typer(target, name="target", rich_help_panel="Offline")
+app.command(rich_help_panel="In the cell")(calibrate)
+app.command(
+    rich_help_panel="Try it", context_settings={"ignore_unknown_options": True, "help_option_names": ["--about"]}
+)(mock)
 app.command()(version)
 
 

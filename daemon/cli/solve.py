@@ -58,13 +58,13 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     from calibration.solve import solve_hand_eye
     from calibration.verdict import judge
     from daemon.clock import Clock, time_ordered_id
-    from daemon.session_folder import load_problem, open_session
+    from daemon.session_folder import load_problem, open_session, repeated_poses
     from daemon.software import SOFTWARE
 
     clock, session = Clock(), open_session(folder)
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
-    for line in unseen(problem):
+    for line in (*repeated_poses(session.document), *unseen(problem)):
         error_line(f"{session.file}: {line}")
     solution = solve_hand_eye(problem, method=method)
     return calibration_document(
@@ -84,7 +84,16 @@ def unseen(problem: "Problem") -> list[str]:
         if view.missing is not None:
             code, sentence = view.missing
             by_reason.setdefault(code, (sentence, []))[1].append(view.index)
-    return [f"views[{', '.join(map(str, indices))}]: {sentence}" for sentence, indices in by_reason.values()]
+    return [f"views[{ranges(indices)}]: {sentence}" for sentence, indices in by_reason.values()]
+
+
+def ranges(indices: list[int]) -> str:
+    """0-59, 108: ascending numbers with their runs joined."""
+    starts = [at for at, index in enumerate(indices) if at == 0 or index != indices[at - 1] + 1]
+    runs = [
+        (indices[start], indices[stop - 1]) for start, stop in zip(starts, [*starts[1:], len(indices)], strict=True)
+    ]
+    return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in runs)
 
 
 def _print(folder: Path, document: "CalibrationDocument", json: bool) -> None:

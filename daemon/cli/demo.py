@@ -1,0 +1,91 @@
+"""`handeyed demo`: the main job against a mock cell, with the truth beside the answer."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from daemon.cli.errors import CommandError
+
+if TYPE_CHECKING:
+    from daemon.demo.children import Child
+
+
+def demo(
+    folder: Annotated[Path, typer.Option(help="Where the demo keeps its files; emptied at the start.")] = Path(".demo"),
+    keep: Annotated[bool, typer.Option("--keep", help="Leave cell and daemon running until Ctrl-C.")] = False,
+    seed: Annotated[int, typer.Option(help="Another number is another cell.")] = 7,
+    time_scale: Annotated[float, typer.Option(help="How many times faster than real the arm moves.")] = 10.0,
+) -> None:
+    """Calibrate and register against a mock ABB cell over real sockets; print the truth beside the answer."""
+    from daemon.demo.children import child, signals_as_exits
+    from daemon.demo.report import farewell, report
+    from daemon.demo.settings_file import settings_text
+    from daemon.demo.story import play
+    from daemon.demo.told import Teller
+
+    _empty(folder)
+    teller = Teller()
+    teller.line("\nhandeyed demo: a mock ABB cell, calibrated and used over real sockets\n")
+    mock = ["mock_robot", "run", "--with-parent", "--seed", str(seed), "--time-scale", str(time_scale)]
+    with (
+        signals_as_exits(),
+        teller.step("mock cell", "robot, camera and scanner") as starting,
+        child("mock-cell", mock, folder) as cell,
+    ):
+        robot, devices = cell.announcement["robot"], cell.announcement["devices"]
+        starting.done(f"tcp://{robot['host']}:{robot['port']}, {devices}; {time_scale:g} x real time")
+        settings = folder / "handeyed.toml"
+        settings.write_text(settings_text(cell.announcement, _port() if keep else 0))
+        serve = ["daemon.cli", "serve", str(settings)]
+        with teller.step("daemon", str(settings)) as step, child("daemon", serve, folder) as daemon:
+            url = daemon.announcement["url"]
+            step.done(url)
+            teller.line(report(play(url, folder, seed, teller)))
+            teller.line(farewell(url if keep else None, folder / "view.ply"))
+            if keep:
+                _until_told([cell, daemon])
+
+
+def _until_told(children: "list[Child]") -> None:
+    """Until Ctrl-C; a child that ends by itself is an error."""
+    try:
+        while True:
+            for process in children:
+                if process.ended():
+                    raise CommandError(process.name, "it ended by itself", f"see {process.log}")
+            time.sleep(0.5)
+    except KeyboardInterrupt:
+        typer.echo("\nEnding the cell ...")
+
+
+def _empty(folder: Path) -> None:
+    """Only what an earlier demo made is removed."""
+    import shutil
+
+    mark = folder / "made-by-handeyed-demo"
+    try:
+        if folder.exists() and any(folder.iterdir()):
+            if not mark.exists():
+                raise CommandError(str(folder), "this folder is not the demo's", "give an empty one with --folder")
+            shutil.rmtree(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CommandError(str(folder), f"cannot be used ({reason})", "give another one with --folder") from None
+
+
+def _port() -> int:
+    """The usual port when it is free, so that the curl lines are always the same; else one the system chooses."""
+    import socket
+
+    from daemon.settings import ServerSettings
+
+    usual = ServerSettings()
+    try:
+        with socket.create_server((usual.host, usual.port)):
+            return usual.port
+    except OSError:
+        return 0

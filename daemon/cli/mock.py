@@ -1,0 +1,20 @@
+"""`handeyed mock ...`: the mock cell, as a process of its own."""
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+
+def mock(
+    arguments: Annotated[
+        list[str] | None, typer.Argument(help="run (the default), truth, score, faults, and their options.")
+    ] = None,
+) -> None:
+    """Start the mock cell: an ABB controller, a camera and a scanner with known truth, on real sockets.
+
+    `handeyed mock run --help` lists its options; `handeyed mock faults` what can be broken.
+    """
+    # Its own program from here on: nothing of the daemon knows the mock, and signals reach it directly.
+    os.execv(sys.executable, [sys.executable, "-m", "mock_robot", *(arguments or ["run"])])

@@ -1,0 +1,60 @@
+"""What the demo prints in the end: what was found beside what is true, where the cloud lies, three curl lines."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from daemon.cli.client import DEFAULT_URL
+from daemon.demo.story import Found
+
+
+def report(found: Found) -> str:
+    """The result beside the truth, which the daemon never saw."""
+    x, truth = found.calibration.flange_T_camera, found.truth["flange_T_camera"]
+    assert x is not None  # an accepted eye-in-hand calibration has one
+    off, cloud = found.score["calibration"], found.score["cloud"]
+    uncertainty = found.calibration.uncertainty
+    predicted = f"{uncertainty.point_mm:.2f} mm predicted" if uncertainty else ""
+    rows = (
+        ("", "found", "truth", "off by"),
+        (
+            "camera on the flange",
+            _vector(x.translation_mm),
+            _vector(truth["translation_mm"]),
+            f"{off['translation_mm']:.3f} mm, {off['rotation_deg']:.4f} deg",
+        ),
+        ("a mapped point", predicted, "", f"{off['point_rms_mm']:.2f} mm RMS"),
+        (
+            "the door's surface",
+            f"{cloud['points']:,} points",
+            f"{cloud['covered']:.0%} of it covered",
+            f"{cloud['rms_mm']:.2f} mm RMS",
+        ),
+    )
+    table = "\n".join(f"  {name:<22}{a:<29}{b:<29}{c}".rstrip() for name, a, b, c in rows)
+    return f"\n{table}\n\n  merged cloud: {found.cloud_file} (base frame, mm; any viewer opens it)"
+
+
+def curl_lines(url: str, view: Path) -> str:
+    """Three commands that work as printed while a daemon listens at `url`."""
+    return "\n".join(
+        [
+            f"  curl -X POST -H 'Accept: text/plain' '{url}/calibrate?wait=60'",
+            f"  curl -X POST -H 'Content-Type: application/x-ply' --data-binary @{view} -o in_base.ply"
+            f" '{url}/register?pose=now'",
+            f"  curl -o frame.png {url}/camera/frame.png",
+        ]
+    )
+
+
+def farewell(kept_url: str | None, view: Path) -> str:
+    """How to go on."""
+    if kept_url is None:
+        return (
+            f"\nKeep the cell running with `make cell`; then, in another terminal:\n\n{curl_lines(DEFAULT_URL, view)}\n"
+        )
+    return f"\nThe cell keeps running until Ctrl-C. In another terminal:\n\n{curl_lines(kept_url, view)}\n"
+
+
+def _vector(values: Iterable[Any]) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in values) + ") mm"

@@ -1,0 +1,41 @@
+"""handeyed.toml for the mock cell: what an integrator would write from the cell's sheet. No truth is in it."""
+
+import json
+from typing import Any
+
+
+def settings_text(announcement: dict[str, Any], port: int) -> str:
+    """The settings of a daemon at `port` for the cell that announced itself."""
+    robot, devices, cell = announcement["robot"], announcement["devices"], announcement["cell"]
+    sections: dict[str, dict[str, Any]] = {
+        "robot": {
+            "address": f"tcp://{robot['host']}:{robot['port']}",
+            "model": cell["arm"],
+            "speed_mm_s": 250.0,
+            "box_mm": cell["box_mm"],
+        },
+        "camera": {"address": f"{devices}/camera/snapshot.png", "intrinsics": cell["camera"]},
+        "scanner": {"address": f"{devices}/scanner/cloud.ply", "unit": "mm", "poses": cell["scan_poses"]},
+        "target": cell["target"],
+        "calibration": {
+            "policy": "auto",
+            "flange_T_camera_guess": cell["flange_T_camera_guess"],
+            "base_T_target_guess": cell["base_T_target_guess"],
+        },
+        "server": {"port": port},
+        "storage": {"folder": "store", "reserve_mb": 50.0},
+    }
+    return "\n".join(f"[{name}]\n{_lines(values)}\n" for name, values in sections.items())
+
+
+def _lines(values: dict[str, Any]) -> str:
+    return "\n".join(f"{key} = {_toml(value)}" for key, value in values.items() if value is not None)
+
+
+def _toml(value: Any) -> str:
+    """Inline TOML; numbers, strings and truth values are written as in JSON."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    return json.dumps(value)
