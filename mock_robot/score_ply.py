@@ -26,7 +26,10 @@ def read_points(ply: bytes) -> Array:
     elements = [index for index, line in enumerate(words) if line[:1] == ["element"]]
     if endian is None or not elements or words[elements[0]][1:2] != ["vertex"]:
         raise UnreadablePly("its header names no format, or its first element is not the vertices")
-    count = int(words[elements[0]][2])
+    promised = b"".join(word.encode() for word in words[elements[0]][2:3])
+    if not promised.isdigit():
+        raise UnreadablePly("its header does not say how many vertices there are")
+    count = int(promised)
     until = elements[1] if len(elements) > 1 else len(words)
     fields = [(line[2], line[1]) for line in words[elements[0] : until] if line[:1] == ["property"]]
     names = [name for name, _ in fields]
@@ -42,7 +45,10 @@ def read_points(ply: bytes) -> Array:
 
 
 def _ascii(body: bytes, count: int, names: list[str]) -> Array:
-    values = np.array(body.split()[: count * len(names)], float)
+    try:
+        values = np.array(body.split()[: count * len(names)], float)
+    except ValueError as error:
+        raise UnreadablePly(f"a coordinate is not a number: {error}") from None
     if len(values) < count * len(names):
         raise UnreadablePly(f"its header promises {count} points, it ends after {len(values) // len(names)}")
     columns: Array = values.reshape(count, len(names))[:, [names.index(axis) for axis in "xyz"]]
