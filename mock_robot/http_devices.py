@@ -1,7 +1,8 @@
 """Camera and scanner of the mock cell over HTTP, as an ASGI application. The truth stays behind it.
 
 GET /camera/snapshot.png and /scanner/cloud.ply capture on request at the flange's true pose. Answers carry
-`X-Capture-Age-S` (seconds since the capture began) and `X-Capture-Id` (counts captures of that device).
+`X-Taken-At-Age-S` (how old the capture was when the request came: 0 for one made on request) and `X-Capture-Id`
+(counts captures of that device).
 """
 
 import asyncio
@@ -92,6 +93,7 @@ class _Station:
 
     async def answer(self, request: Request) -> Response:
         """Capture and answer the file."""
+        asked_s = monotonic()
         struck = self._faults.strike(self._device)
         status = max((fault.status for fault in struck), default=200)
         if status != 200:
@@ -100,9 +102,9 @@ class _Station:
             capture = await self._capture(struck)
         await asyncio.sleep(sum(fault.delay_s for fault in struck))
         lying = any(fault.repeats == "lying" for fault in struck)
-        age_s = EXPOSURE_S[self._device] if lying else monotonic() - capture.began_s
+        age_s = 0.0 if lying else max(0.0, asked_s - capture.began_s)
         number = self._captures if lying else capture.number
-        headers = {"X-Capture-Age-S": f"{age_s:.4f}", "X-Capture-Id": str(number), "Cache-Control": "no-store"}
+        headers = {"X-Taken-At-Age-S": f"{age_s:.4f}", "X-Capture-Id": str(number), "Cache-Control": "no-store"}
         return Response(capture.content, media_type=MEDIA_TYPES[self._device], headers=headers)
 
     async def _capture(self, struck: tuple[DeviceFault, ...]) -> Capture:
