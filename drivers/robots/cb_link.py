@@ -5,6 +5,7 @@ import asyncio
 from drivers.backoff import Backoff
 from drivers.errors import DeviceError, DeviceUnreachable, LinkLost
 from drivers.interfaces import LinkHealth
+from drivers.link_report import LinkReport
 from drivers.robots.conversation import Conversation
 from drivers.robots.transport import Connection, Transport
 from drivers.timing import Timing
@@ -20,9 +21,9 @@ class CbLink:
     def __init__(self, device: str, transport: Transport, timing: Timing) -> None:
         self._device, self._transport, self._timing = device, transport, timing
         self._backoff = Backoff(timing.chance)
-        self._health = LinkHealth(False, "not connected yet", timing.clock())
+        self._report = LinkReport(timing.clock)
         self._conversation: Conversation | None = None
-        self._changed = asyncio.Event()
+        self._connected = asyncio.Event()
         self._known_session: int | None = None
         self._last_seq = 0
         self._task: asyncio.Task[None] | None = None
@@ -30,7 +31,7 @@ class CbLink:
     @property
     def health(self) -> LinkHealth:
         """Is the controller there, and if not, why."""
-        return self._health
+        return self._report.health
 
     @property
     def controller_session(self) -> int | None:
@@ -44,14 +45,11 @@ class CbLink:
 
     async def connected(self, limit_s: float) -> None:
         """Wait until the link is up; raises DeviceUnreachable with the last reason."""
-        deadline_s = self._timing.clock() + limit_s
-        while not self._health.connected:
-            self._changed.clear()
-            changed = asyncio.ensure_future(self._changed.wait())
-            in_time = await self._timing.done_within(changed, max(0.0, deadline_s - self._timing.clock()))
-            changed.cancel()
-            if not in_time:
-                raise self._unreachable()
+        waiting = asyncio.ensure_future(self._connected.wait())
+        in_time = await self._timing.done_within(waiting, limit_s)
+        waiting.cancel()
+        if not in_time:
+            raise self._unreachable()
 
     def conversation(self) -> Conversation:
         """The living conversation; raises DeviceUnreachable."""
@@ -70,7 +68,7 @@ class CbLink:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
             self._task = None
-        self._report(False, "closed")
+        self._report.down("closed")
 
     async def _keep_connected(self) -> None:
         while True:
@@ -112,17 +110,14 @@ class CbLink:
         self._backoff.succeeded()
         self._conversation = conversation
         news = "the controller restarted since the last connection, " if restarted else ""
-        self._report(True, f"{news}connected in session {welcome.session}, disarmed")
+        self._report.up(f"{news}connected in session {welcome.session}, disarmed")
+        self._connected.set()
         await conversation.keep_alive()
 
     def _lost(self, error: DeviceError) -> None:
         self._conversation = None
-        self._report(False, f"{error.what}: {error.fix}")
-
-    def _report(self, connected: bool, detail: str) -> None:
-        since_s = self._timing.clock() if connected != self._health.connected else self._health.since_s
-        self._health = LinkHealth(connected, detail, since_s)
-        self._changed.set()
+        self._connected.clear()
+        self._report.down(f"{error.what}: {error.fix}")
 
     def _unreachable(self) -> DeviceUnreachable:
-        return DeviceUnreachable(self._device, self._health.detail, "it is dialled again by itself")
+        return DeviceUnreachable(self._device, self.health.detail, "it is dialled again by itself")

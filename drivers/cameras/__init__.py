@@ -1,0 +1,1 @@
+"""Cameras as the daemon sees them."""

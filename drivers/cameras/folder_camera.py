@@ -1,0 +1,62 @@
+"""A camera that leaves its pictures in a folder."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from drivers.cameras.decoding import decode
+from drivers.interfaces import Frame, LinkHealth
+from drivers.timing import Timing
+from drivers.watched_folder import LAG_S, WatchedFolder
+
+LIMIT_S = 5.0
+MAX_BYTES = 64 * 2**20
+SUFFIXES = (".png", ".jpg", ".jpeg")
+
+
+class FolderCamera:
+    """drivers.interfaces.Camera. A picture is as old as its file, and `lag_s` more for exposure and writing."""
+
+    def __init__(
+        self,
+        folder: Path,
+        timing: Timing | None = None,
+        *,
+        image_size: tuple[int, int] | None = None,
+        limit_s: float = LIMIT_S,
+        max_bytes: int = MAX_BYTES,
+        lag_s: float = LAG_S,
+        wall_clock: Callable[[], float] = time.time,
+        name: str = "camera",
+    ) -> None:
+        self._image_size = image_size
+        self._folder = WatchedFolder(
+            folder,
+            SUFFIXES,
+            timing or Timing(),
+            name=name,
+            limit_s=limit_s,
+            max_bytes=max_bytes,
+            lag_s=lag_s,
+            wall_clock=wall_clock,
+        )
+
+    @property
+    def link(self) -> LinkHealth:
+        """Is the folder there?"""
+        return self._folder.link
+
+    def start(self) -> None:
+        """Begin to watch."""
+        self._folder.start()
+
+    async def grab(self, newer_than_s: float) -> Frame:
+        """The newest whole picture from after `newer_than_s`; raises a DeviceError."""
+        image, encoded, taken_at_s = await self._folder.newest(
+            newer_than_s, lambda device, content: decode(device, content, self._image_size)
+        )
+        return Frame(image, taken_at_s, encoded)
+
+    async def close(self) -> None:
+        """Watch no more."""
+        await self._folder.close()

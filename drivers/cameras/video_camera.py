@@ -1,0 +1,151 @@
+"""A camera OpenCV can open: a V4L2 index or path, a stream's URL, a video file."""
+
+import asyncio
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.backoff import Backoff
+from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
+from drivers.interfaces import Frame, LinkHealth
+from drivers.link_report import LinkReport
+from drivers.timing import Timing
+
+LIMIT_S = 5.0
+LATENCY_S = 0.1
+"""From light to `read`: exposure, transfer, and the one buffer that is asked for. A network stream needs more."""
+SETTLE_S = 5.0
+"""Closing waits this long for a read that hangs; the thread is a daemon and ends with it."""
+
+
+class VideoCamera:
+    """drivers.interfaces.Camera. A thread reads for ever and keeps the newest frame only, with its time.
+
+    A frame came to life after the one before it had arrived, less `latency_s`: so the first frame after opening,
+    which may have lain in a buffer for any time, is never handed out.
+    """
+
+    def __init__(
+        self,
+        source: int | str,
+        timing: Timing | None = None,
+        *,
+        image_size: tuple[int, int] | None = None,
+        limit_s: float = LIMIT_S,
+        latency_s: float = LATENCY_S,
+        name: str = "camera",
+    ) -> None:
+        self._source, self._timing = source, timing or Timing()
+        self._image_size, self._limit_s, self._latency_s = image_size, limit_s, latency_s
+        self._device = f"{name} video:{source}"
+        self._report = LinkReport(self._timing.clock)
+        self._newest: Frame | None = None
+        self._arrived = asyncio.Event()
+        self._ending = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    @property
+    def link(self) -> LinkHealth:
+        """Do frames come?"""
+        return self._report.health
+
+    def start(self) -> None:
+        """Begin to read."""
+        if self._thread is None:
+            self._loop = asyncio.get_running_loop()
+            self._thread = threading.Thread(target=self._read_for_ever, name=f"reads {self._device}", daemon=True)
+            self._thread.start()
+
+    async def grab(self, newer_than_s: float) -> Frame:
+        """A frame exposed after `newer_than_s`; raises a DeviceError."""
+        deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
+        while True:
+            newest = self._newest
+            if newest is not None and newest.taken_at_s > newer_than_s:
+                self._require_size(newest.image)
+                return newest
+            self._arrived.clear()
+            arrived = asyncio.ensure_future(self._arrived.wait())
+            in_time = await self._timing.done_within(arrived, max(0.0, deadline_s - self._timing.clock()))
+            arrived.cancel()
+            if not in_time:
+                raise self._nothing_fresh()
+
+    async def close(self) -> None:
+        """Read no more."""
+        self._ending.set()
+        if self._thread is not None:
+            await asyncio.to_thread(self._thread.join, SETTLE_S)
+            self._thread = None
+        self._report.down("closed")
+
+    def _read_for_ever(self) -> None:
+        backoff = Backoff(self._timing.chance)
+        while not self._ending.is_set():
+            try:
+                self._read_until_lost(backoff)
+            except DeviceError as error:
+                self._report.down(f"{error.what}: {error.fix}")
+            except cv2.error as error:
+                self._report.down(f"OpenCV cannot read it ({error.err})")
+            self._ending.wait(backoff.next_wait_s())
+
+    def _read_until_lost(self, backoff: Backoff) -> None:
+        capture = self._open()
+        try:
+            period_s = self._file_period_s(capture)
+            arrived_before_s: float | None = None
+            while not self._ending.is_set():
+                came, image = capture.read()
+                if not came:
+                    raise LinkLost(self._device, "no more frames come", "it is opened again by itself")
+                arrived_s = self._timing.clock()
+                if arrived_before_s is not None:
+                    backoff.succeeded()
+                    self._hand_over(Frame(np.asarray(image, np.uint8), arrived_before_s - self._latency_s))
+                arrived_before_s = arrived_s
+                if period_s:
+                    self._ending.wait(period_s)
+        finally:
+            capture.release()
+
+    def _open(self) -> cv2.VideoCapture:
+        path = f"/dev/video{self._source}" if isinstance(self._source, int) else self._source
+        if "://" not in path and not Path(path).exists():
+            raise DeviceUnreachable(self._device, f"there is no {path}", "plug the camera in, or correct the address")
+        capture = cv2.VideoCapture(self._source)
+        if not capture.isOpened():
+            capture.release()
+            fix = "check that it is a camera or a video, and the right to use it (group video)"
+            raise DeviceUnreachable(self._device, "it cannot be opened", fix)
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        return capture
+
+    def _file_period_s(self, capture: cv2.VideoCapture) -> float:
+        """A file is played at its own speed; a device and a stream set theirs by making `read` wait."""
+        if isinstance(self._source, int) or not Path(self._source).is_file():
+            return 0.0
+        frames_per_s = float(capture.get(cv2.CAP_PROP_FPS))
+        return 1 / frames_per_s if 0 < frames_per_s < 1000 else 0.04
+
+    def _hand_over(self, frame: Frame) -> None:
+        self._newest = frame
+        if not self._report.health.connected:
+            self._report.up(f"frames of {frame.image.shape[1]}×{frame.image.shape[0]} come")
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._arrived.set)
+
+    def _require_size(self, image: NDArray[np.uint8]) -> None:
+        height, width = image.shape[:2]
+        if self._image_size is not None and (width, height) != self._image_size:
+            what = f"the frames are {width}×{height}, expected {self._image_size[0]}×{self._image_size[1]}"
+            raise GarbledAnswer(self._device, what, "set the camera to the size its intrinsics were found at")
+
+    def _nothing_fresh(self) -> DeviceError:
+        if not self.link.connected:
+            return DeviceUnreachable(self._device, self.link.detail, "it is opened again by itself")
+        return DeviceTimeout(self._device, f"no fresh frame in {self._limit_s:g} s", "check the camera and its cable")

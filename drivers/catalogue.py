@@ -1,0 +1,166 @@
+"""From an address in the settings to a driver: the schemes of each device in one table.
+
+robot:   tcp://host:port, serial:///dev/ttyUSB0?baud=115200&rtscts=0, socket://host:port, rfc2217://host:port, loop://
+camera:  http(s)://..., video:0, video:/dev/video0, video:/path/file.mp4, rtsp://..., folder:/path
+scanner: http(s)://..., folder:/path
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+from urllib.parse import SplitResult, parse_qsl, urlsplit
+
+from drivers.cameras.folder_camera import FolderCamera
+from drivers.cameras.http_camera import HttpCamera
+from drivers.cameras.video_camera import VideoCamera
+from drivers.errors import AddressNotUnderstood
+from drivers.robots.cb_robot import CbRobot
+from drivers.robots.serial_line import SerialTransport
+from drivers.robots.tcp import TcpTransport
+from drivers.robots.transport import Transport
+from drivers.scanners.folder_scanner import FolderScanner
+from drivers.scanners.http_scanner import HttpScanner
+from drivers.timing import Timing
+
+STREAM_LATENCY_S = 1.0
+"""A network stream shows the world of about a second ago: encoder, network and decoder each keep some frames."""
+
+AnyCamera = HttpCamera | VideoCamera | FolderCamera
+AnyScanner = HttpScanner | FolderScanner
+Entry = TypeVar("Entry")
+
+
+def open_robot(address: str, timing: Timing | None = None) -> CbRobot:
+    """The robot at an address, dialling in the background. Raises AddressNotUnderstood; needs a running loop."""
+    robot = CbRobot(_look_up(ROBOTS, "robot", address)(address), timing)
+    robot.start()
+    return robot
+
+
+def open_camera(
+    address: str, timing: Timing | None = None, *, image_size: tuple[int, int] | None = None, limit_s: float = 5.0
+) -> AnyCamera:
+    """The camera at an address, looked for in the background; `image_size` is (width, height).
+
+    Raises AddressNotUnderstood; needs a running loop.
+    """
+    parse, make = _look_up(CAMERAS, "camera", address)
+    camera = make(parse(address), timing, image_size=image_size, limit_s=limit_s)
+    camera.start()
+    return camera
+
+
+def open_scanner(
+    address: str, timing: Timing | None = None, *, limit_s: float = 60.0, max_bytes: int = 2**30
+) -> AnyScanner:
+    """The scanner at an address, looked for in the background. Raises AddressNotUnderstood; needs a running loop."""
+    parse, make = _look_up(SCANNERS, "scanner", address)
+    scanner = make(parse(address), timing, limit_s=limit_s, max_bytes=max_bytes)
+    scanner.start()
+    return scanner
+
+
+def check_robot_address(address: str) -> None:
+    """Raises AddressNotUnderstood; opens nothing."""
+    _look_up(ROBOTS, "robot", address)(address)
+
+
+def check_camera_address(address: str) -> None:
+    """Raises AddressNotUnderstood; opens nothing."""
+    _look_up(CAMERAS, "camera", address)[0](address)
+
+
+def check_scanner_address(address: str) -> None:
+    """Raises AddressNotUnderstood; opens nothing."""
+    _look_up(SCANNERS, "scanner", address)[0](address)
+
+
+def _look_up(table: dict[str, Entry], device: str, address: str) -> Entry:
+    scheme = address.partition(":")[0].lower()
+    if ":" not in address or scheme not in table:
+        known = ", ".join(f"{name}:" for name in table)
+        what = f"{scheme!r} is no scheme of a {device}" if ":" in address else f"a {device} needs a scheme"
+        raise AddressNotUnderstood(address, what, f"begin it with one of {known}")
+    return table[scheme]
+
+
+def _split(address: str) -> tuple[SplitResult, str, int]:
+    """Parts, host and port (0 when not given)."""
+    try:
+        parts = urlsplit(address)
+        return parts, parts.hostname or "", parts.port or 0
+    except ValueError as error:
+        raise AddressNotUnderstood(
+            address, str(error), "write scheme://host:port, with a port of 1 to 65535"
+        ) from error
+
+
+def _tcp(address: str) -> Transport:
+    parts, host, port = _split(address)
+    if not host or not port or parts.path or parts.query:
+        raise AddressNotUnderstood(address, "it is not a host and a port", "write tcp://host:port")
+    return TcpTransport(host, port)
+
+
+def _serial(address: str) -> Transport:
+    parts, host, _ = _split(address)
+    options = dict(parse_qsl(parts.query))
+    unknown = sorted(options.keys() - {"baud", "rtscts"})
+    baud, rtscts = options.get("baud", "115200"), options.get("rtscts", "0")
+    if unknown or host or not parts.path or not baud.isdecimal() or rtscts not in ("0", "1"):
+        what = f"unknown option {unknown[0]!r}" if unknown else "port, baud or rtscts cannot be read"
+        raise AddressNotUnderstood(address, what, "write serial:///dev/ttyUSB0?baud=115200&rtscts=0")
+    return SerialTransport(parts.path, int(baud), rtscts == "1")
+
+
+def _device_server(address: str) -> Transport:
+    parts, host, port = _split(address)
+    if not host or not port:
+        raise AddressNotUnderstood(address, "host and port are missing", f"write {parts.scheme}://host:port")
+    return SerialTransport(address)
+
+
+def _url(address: str) -> str:
+    _, host, _ = _split(address)
+    if not host:
+        raise AddressNotUnderstood(address, "the host is missing", "write scheme://host/path")
+    return address
+
+
+def _video(address: str) -> int | str:
+    source = address.partition(":")[2]
+    if not source:
+        raise AddressNotUnderstood(
+            address, "the device is missing", "write video:0, video:/dev/video0 or a file's path"
+        )
+    return int(source) if source.isdecimal() else source
+
+
+def _folder(address: str) -> Path:
+    path = address.partition(":")[2]
+    path = path.removeprefix("//") if path.startswith("///") else path
+    if not path or path.startswith("//"):
+        raise AddressNotUnderstood(address, "the path is missing", "write folder:/path")
+    return Path(path)
+
+
+ROBOTS: dict[str, Callable[[str], Transport]] = {
+    "tcp": _tcp,
+    "serial": _serial,
+    "socket": _device_server,
+    "rfc2217": _device_server,
+    "loop": SerialTransport,
+}
+CAMERAS: dict[str, tuple[Callable[[str], Any], Callable[..., AnyCamera]]] = {
+    "http": (_url, HttpCamera),
+    "https": (_url, HttpCamera),
+    "video": (_video, VideoCamera),
+    "rtsp": (_url, partial(VideoCamera, latency_s=STREAM_LATENCY_S)),
+    "folder": (_folder, FolderCamera),
+}
+SCANNERS: dict[str, tuple[Callable[[str], Any], Callable[..., AnyScanner]]] = {
+    "http": (_url, HttpScanner),
+    "https": (_url, HttpScanner),
+    "folder": (_folder, FolderScanner),
+}

@@ -1,0 +1,178 @@
+"""Content from a URL: bounded, aged by what the server says of it, asked again until it is fresh enough."""
+
+import asyncio
+from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
+
+import httpx
+
+from drivers.backoff import Backoff
+from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
+from drivers.interfaces import LinkHealth
+from drivers.link_report import LinkReport
+from drivers.timing import Timing
+
+LOOK_EVERY_S = 5.0
+CONNECT_LIMIT_S = 3.0
+ASK_AGAIN_S = 0.05
+HTTP_DATE_STEP_S = 1.0
+"""HTTP dates and Age count whole seconds: content may be that much older than they say."""
+EXACT_AGE = "x-taken-at-age-s"
+
+
+@dataclass(frozen=True)
+class Fetched:
+    """An answer's body, its media type without parameters, and the earliest moment the body can stem from."""
+
+    content: bytes
+    media_type: str
+    taken_at_s: float
+
+
+def age_s(headers: httpx.Headers) -> float:
+    """How old the server says its content is; 0 when it says nothing. Raises ValueError for a header that is none."""
+    if EXACT_AGE in headers:
+        return max(0.0, float(headers[EXACT_AGE]))
+    ages = [0.0]
+    if "age" in headers:
+        ages.append(float(headers["age"]) + HTTP_DATE_STEP_S)
+    if "last-modified" in headers and "date" in headers:
+        modified, sent = (parsedate_to_datetime(headers[name]) for name in ("last-modified", "date"))
+        ages.append((sent - modified).total_seconds() + HTTP_DATE_STEP_S)
+    return max(ages)
+
+
+class HttpSource:
+    """One URL. Between requests a look every 5 s tells whether somebody listens there."""
+
+    def __init__(self, url: str, timing: Timing, *, name: str, limit_s: float, max_bytes: int) -> None:
+        self._url = httpx.URL(url)
+        self.device = f"{name} {self._url.copy_with(userinfo=b'')}"
+        self._timing, self._limit_s, self._max_bytes = timing, limit_s, max_bytes
+        self._report = LinkReport(timing.clock)
+        self._client = httpx.AsyncClient(timeout=httpx.Timeout(limit_s, connect=CONNECT_LIMIT_S), follow_redirects=True)
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def link(self) -> LinkHealth:
+        """Does somebody listen there?"""
+        return self._report.health
+
+    def start(self) -> None:
+        """Begin to look."""
+        if self._task is None:
+            self._task = asyncio.create_task(self._look(), name=f"looks at {self.device}")
+
+    async def close(self) -> None:
+        """End all connections."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            self._task = None
+        await self._client.aclose()
+        self._report.down("closed")
+
+    async def fetch(self, newer_than_s: float) -> Fetched:
+        """Content from after `newer_than_s`; a server that is not there is tried again until the limit is over."""
+        deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
+        backoff = Backoff(self._timing.chance)
+        while True:
+            wait_s = ASK_AGAIN_S
+            error: DeviceError
+            try:
+                fetched = await self._within_limit(deadline_s)
+                if fetched.taken_at_s > newer_than_s:
+                    return fetched
+                late_s = newer_than_s - fetched.taken_at_s
+                what = f"the newest content is {late_s:.2f} s older than asked for, after {self._limit_s:g} s"
+                error = DeviceTimeout(self.device, what, "check that the device goes on taking pictures")
+            except DeviceUnreachable as unreachable:
+                error, wait_s = unreachable, backoff.next_wait_s()
+            if self._timing.clock() + wait_s >= deadline_s:
+                raise error
+            await self._timing.sleep(wait_s)
+
+    async def _within_limit(self, deadline_s: float) -> Fetched:
+        asking = asyncio.ensure_future(self._ask())
+        try:
+            in_time = await self._timing.done_within(asking, max(0.0, deadline_s - self._timing.clock()))
+        finally:
+            if not asking.done():
+                asking.cancel()
+        if not in_time:
+            raise self._no_answer()
+        return asking.result()
+
+    async def _ask(self) -> Fetched:
+        asked_at_s = self._timing.clock()
+        try:
+            async with self._client.stream("GET", self._url) as answer:
+                self._raise_for_status(answer)
+                content = await self._bounded(answer)
+        except httpx.TimeoutException as error:
+            raise self._no_answer() from error
+        except (httpx.RemoteProtocolError, httpx.DecodingError, httpx.TooManyRedirects) as error:
+            self._report.up("it answers, but not whole HTTP answers")
+            raise GarbledAnswer(
+                self.device, f"no whole HTTP answer ({error})", "check the device and the URL"
+            ) from error
+        except httpx.TransportError as error:
+            self._report.down(f"nobody answers ({error})")
+            what = f"nobody answers ({error or type(error).__name__})"
+            raise DeviceUnreachable(
+                self.device, what, "check that the device is on, the address and the port"
+            ) from error
+        try:
+            taken_at_s = asked_at_s - age_s(answer.headers)
+        except (ValueError, TypeError) as error:
+            what = f"an age that cannot be read ({error})"
+            raise GarbledAnswer(
+                self.device, what, "correct the server's Age, Last-Modified or X-Taken-At-Age-S"
+            ) from error
+        self._report.up("it answers")
+        media_type = answer.headers.get("content-type", "").partition(";")[0].strip().lower()
+        return Fetched(content, media_type, taken_at_s)
+
+    async def _bounded(self, answer: httpx.Response) -> bytes:
+        content = bytearray()
+        async for chunk in answer.aiter_bytes():
+            content += chunk
+            if len(content) > self._max_bytes:
+                what = f"more than {self._max_bytes} bytes came"
+                raise AnswerTooLarge(self.device, what, "raise the limit in the settings, or send less")
+        if not content:
+            raise GarbledAnswer(self.device, "the answer is empty", "check the device and the URL")
+        return bytes(content)
+
+    def _raise_for_status(self, answer: httpx.Response) -> None:
+        if answer.status_code == 200:
+            return
+        what = f"it answered {answer.status_code} {answer.reason_phrase}"
+        self._report.up(what)
+        if answer.status_code >= 500:
+            raise DeviceUnreachable(self.device, what, "the device is not ready; look at it")
+        raise GarbledAnswer(self.device, what, "check the URL, and user and password in it")
+
+    def _no_answer(self) -> DeviceTimeout:
+        what = f"no answer in {self._limit_s:g} s"
+        self._report.down(what)
+        return DeviceTimeout(self.device, what, "check that the device is on and not busy")
+
+    async def _look(self) -> None:
+        backoff = Backoff(self._timing.chance)
+        while True:
+            try:
+                async with asyncio.timeout(CONNECT_LIMIT_S):
+                    _, writer = await asyncio.open_connection(self._url.host, self._port())
+                writer.close()
+            except (OSError, TimeoutError) as error:
+                self._report.down(f"nobody listens ({error or 'no answer'})")
+                await self._timing.sleep(backoff.next_wait_s())
+            else:
+                if not self.link.connected:
+                    self._report.up("somebody listens")
+                backoff.succeeded()
+                await self._timing.sleep(LOOK_EVERY_S)
+
+    def _port(self) -> int:
+        return self._url.port or {"http": 80, "https": 443}[self._url.scheme]

@@ -1,0 +1,25 @@
+"""Is a device there, since when, and in which words: kept by each driver, read by everybody."""
+
+from collections.abc import Callable
+
+from drivers.interfaces import LinkHealth
+
+
+class LinkReport:
+    """The newest LinkHealth. `since_s` moves only when the device comes or goes, not with each new sentence."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self.health = LinkHealth(False, "not connected yet", clock())
+
+    def up(self, detail: str) -> None:
+        """The device is there."""
+        self._set(True, detail)
+
+    def down(self, detail: str) -> None:
+        """The device is not there, and why."""
+        self._set(False, detail)
+
+    def _set(self, connected: bool, detail: str) -> None:
+        since_s = self._clock() if connected != self.health.connected else self.health.since_s
+        self.health = LinkHealth(connected, detail, since_s)

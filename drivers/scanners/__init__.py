@@ -1,0 +1,1 @@
+"""3D scanners as the daemon sees them."""

@@ -1,0 +1,78 @@
+"""Is this a whole cloud file? PLY or PCD, by its header; the points themselves are registration's business."""
+
+import re
+from typing import Literal
+
+from drivers.errors import GarbledAnswer
+
+CloudMediaType = Literal["application/x-ply", "application/x-pcd"]
+PLY: CloudMediaType = "application/x-ply"
+PCD: CloudMediaType = "application/x-pcd"
+HEADER_MAX = 64 * 1024
+FIX = "check that the scanner writes whole PLY or PCD files"
+PLY_BYTES = {
+    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
+    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
+    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
+    **dict.fromkeys(("double", "float64"), 8),
+}
+
+
+def whole_cloud(device: str, content: bytes) -> CloudMediaType:
+    """The media type of a complete cloud file; raises GarbledAnswer for an empty, torn or foreign one."""
+    try:
+        if content.startswith(b"ply"):
+            _require(content, *_ply_needs(content))
+            return PLY
+        if re.match(rb"\s*(#[^\n]*\.PCD|VERSION)", content):
+            _require(content, *_pcd_needs(content))
+            return PCD
+    except (ValueError, KeyError, IndexError) as error:
+        raise GarbledAnswer(device, f"not a whole cloud file: {error}", FIX) from error
+    beginning = repr(content[:16]) if content else "nothing"
+    raise GarbledAnswer(device, f"neither PLY nor PCD, it begins with {beginning}", FIX)
+
+
+def _require(content: bytes, start: int, count: int, each: int) -> None:
+    """`count` points behind the header: of `each` bytes, or of a line each when `each` is 0."""
+    came = len(content) - start
+    if each and came < count * each:
+        raise ValueError(f"{came} bytes of points came, {count * each} are announced")
+    if not each:
+        lines = content.count(b"\n", start) + (not content.endswith(b"\n"))
+        if lines < count:
+            raise ValueError(f"{lines} lines of points came, {count} are announced")
+
+
+def _ply_needs(content: bytes) -> tuple[int, int, int]:
+    """(where the points begin, how many, bytes of each): the vertices, which come first in every scanner's file."""
+    end = re.search(rb"\nend_header\r?\n", content[:HEADER_MAX])
+    if end is None:
+        raise ValueError("the PLY header has no end")
+    lines = [line.split() for line in content[: end.start()].decode("ascii", "replace").splitlines()]
+    form = next((words[1] for words in lines if words[:1] == ["format"] and len(words) > 1), "")
+    count, each, element = 0, 0, ""
+    for words in lines:
+        if words[:1] == ["element"]:
+            element = words[1]
+            count = int(words[2]) if element == "vertex" else count
+        elif words[:1] == ["property"] and element == "vertex":
+            each += PLY_BYTES[words[1]]
+    return end.end(), count, 0 if form == "ascii" else each
+
+
+def _pcd_needs(content: bytes) -> tuple[int, int, int]:
+    """(where the points begin, how many, bytes of each)."""
+    end = re.search(rb"\nDATA (ascii|binary_compressed|binary)[ \t]*\r?\n", content[:HEADER_MAX])
+    if end is None:
+        raise ValueError("the PCD header has no DATA line")
+    lines = [line.split() for line in content[: end.start()].decode("ascii", "replace").splitlines()]
+    header = {words[0]: words[1:] for words in lines if words}
+    count = int(header["POINTS"][0])
+    if end.group(1) == b"ascii":
+        return end.end(), count, 0
+    if end.group(1) == b"binary_compressed":
+        return end.end() + 8, 1, int.from_bytes(content[end.end() : end.end() + 4], "little")
+    sizes = [int(size) for size in header["SIZE"]]
+    counts = [int(number) for number in header.get("COUNT", ["1"] * len(sizes))]
+    return end.end(), count, sum(size * number for size, number in zip(sizes, counts, strict=True))

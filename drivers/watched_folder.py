@@ -1,0 +1,161 @@
+"""The newest whole file in a folder that somebody else writes into."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
+from drivers.interfaces import LinkHealth
+from drivers.link_report import LinkReport
+from drivers.timing import Timing
+
+LOOK_EVERY_S = 0.1
+LAG_S = 0.2
+"""A file's time is when its writing ended; its content is older by the exposure and the writing."""
+TEMPORARY_ENDINGS = (".tmp", ".part", ".partial", ".crdownload", ".swp", "~")
+
+Content = TypeVar("Content")
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A file as it was seen; it is complete when the next look sees the same."""
+
+    path: Path
+    size: int
+    modified_ns: int
+
+
+@dataclass(frozen=True)
+class NewestFile:
+    """A file that stood still between two looks, and the earliest moment its content can stem from."""
+
+    sighting: Sighting
+    taken_at_s: float
+
+
+def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Sighting]:
+    """Every file of these kinds; hidden and temporary names do not count. Raises OSError."""
+    sightings = []
+    for path in folder.iterdir():
+        name = path.name.lower()
+        if name.startswith(".") or name.endswith(TEMPORARY_ENDINGS) or not name.endswith(suffixes):
+            continue
+        try:
+            seen = path.stat()
+        except FileNotFoundError:
+            continue  # renamed or removed between the listing and the look
+        sightings.append(Sighting(path, seen.st_size, seen.st_mtime_ns))
+    return sightings
+
+
+class WatchedFolder:
+    """Looks every 0.1 s. A file's age is its modification time, but never younger than when it was seen first."""
+
+    def __init__(
+        self,
+        folder: Path,
+        suffixes: tuple[str, ...],
+        timing: Timing,
+        *,
+        name: str,
+        limit_s: float,
+        max_bytes: int,
+        lag_s: float = LAG_S,
+        wall_clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._folder, self._suffixes, self._timing = folder, suffixes, timing
+        self.device = f"{name} folder:{folder}"
+        self._limit_s, self._max_bytes, self._lag_s, self._wall_clock = limit_s, max_bytes, lag_s, wall_clock
+        self._report = LinkReport(timing.clock)
+        self._first_seen_s: dict[Sighting, float] = {}
+        self._newest: NewestFile | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def link(self) -> LinkHealth:
+        """Is the folder there?"""
+        return self._report.health
+
+    def start(self) -> None:
+        """Begin to look."""
+        if self._task is None:
+            self._task = asyncio.create_task(self._look(), name=f"watches {self._folder}")
+
+    async def close(self) -> None:
+        """Look no more."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            self._task = None
+        self._report.down("closed")
+
+    async def newest(
+        self, newer_than_s: float, understand: Callable[[str, bytes], Content]
+    ) -> tuple[Content, bytes, float]:
+        """What `understand(device, content)` makes of the newest file from after `newer_than_s`, with content and time.
+
+        A file that is not whole yet (GarbledAnswer) is looked at again when it changed, until the limit is over.
+        """
+        deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
+        refused: NewestFile | None = None
+        garbled: DeviceError | None = None
+        while True:
+            newest = self._newest
+            if newest is not None and newest.taken_at_s > newer_than_s and newest != refused:
+                try:
+                    content, understood = await asyncio.to_thread(self._read, newest.sighting, understand)
+                    return understood, content, newest.taken_at_s
+                except GarbledAnswer as error:
+                    refused, garbled = newest, error
+            if self._timing.clock() >= deadline_s:
+                raise garbled or self._nothing_fresh(newest, newer_than_s)
+            await self._timing.sleep(LOOK_EVERY_S / 2)
+
+    def _read(self, sighting: Sighting, understand: Callable[[str, bytes], Content]) -> tuple[bytes, Content]:
+        device = f"{self.device}/{sighting.path.name}"
+        if sighting.size > self._max_bytes:
+            what = f"the file has {sighting.size} bytes, more than {self._max_bytes}"
+            raise AnswerTooLarge(device, what, "raise the limit in the settings, or write less")
+        try:
+            content = sighting.path.read_bytes()
+        except OSError as error:
+            raise GarbledAnswer(device, f"it cannot be read ({error.strerror})", "check the file's rights") from error
+        return content, understand(device, content)
+
+    async def _look(self) -> None:
+        while True:
+            try:
+                sightings = await asyncio.to_thread(files_in, self._folder, self._suffixes)
+            except OSError as error:
+                self._first_seen_s, self._newest = {}, None
+                self._report.down(f"the folder cannot be read ({error.strerror})")
+            else:
+                self._report.up("the folder is there" if sightings else "the folder is there, and empty so far")
+                self._note(sightings)
+            await self._timing.sleep(LOOK_EVERY_S)
+
+    def _note(self, sightings: list[Sighting]) -> None:
+        """The newest file that is the same as at the look before; others may be newer and still grow."""
+        now_s = self._timing.clock()
+        stood_still = [sighting for sighting in sightings if sighting in self._first_seen_s]
+        self._first_seen_s = {sighting: self._first_seen_s.get(sighting, now_s) for sighting in sightings}
+        newest = max(stood_still, key=lambda sighting: (sighting.modified_ns, sighting.path.name), default=None)
+        if newest is None:
+            self._newest = None
+        elif self._newest is None or self._newest.sighting != newest:
+            by_its_time_s = newest.modified_ns * 1e-9 - self._wall_clock() + now_s
+            self._newest = NewestFile(newest, min(by_its_time_s, self._first_seen_s[newest]) - self._lag_s)
+
+    def _nothing_fresh(self, newest: NewestFile | None, newer_than_s: float) -> DeviceError:
+        if not self.link.connected:
+            return DeviceUnreachable(self.device, self.link.detail, "check the folder's path and mount")
+        fix = "check that the device goes on writing, and that its clock and this one agree"
+        if newest is None:
+            return DeviceTimeout(self.device, f"no file came in {self._limit_s:g} s", fix)
+        late_s = newer_than_s - newest.taken_at_s
+        what = f"the newest file, {newest.sighting.path.name}, is {late_s:.2f} s older than asked for"
+        return DeviceTimeout(self.device, what, fix)
