@@ -6,12 +6,18 @@ import typer
 
 from daemon.cli.assess import assess
 from daemon.cli.calibrate import calibrate
+from daemon.cli.check import check
+from daemon.cli.demo import demo
 from daemon.cli.mock import mock
 from daemon.cli.output import Commands
 from daemon.cli.plan import plan
+from daemon.cli.serve import serve
 from daemon.cli.solve import solve
 from daemon.cli.target import app as target
 from daemon.cli.version import version
+
+AS_THEY_ARE = {"ignore_unknown_options": True, "help_option_names": ["--about"]}
+"""`handeyed mock` hands its arguments on, --help among them."""
 
 app = typer.Typer(
     cls=Commands,
@@ -20,14 +26,18 @@ app = typer.Typer(
     pretty_exceptions_show_locals=False,
     help="Makes an ABB robot cell see: eye-in-hand calibration with an uncertainty to trust, clouds in the base frame.",
 )
-app.command(rich_help_panel="Offline")(solve)
-app.command(rich_help_panel="Offline")(assess)
-app.command(rich_help_panel="Offline")(plan)
-app.add_typer(target, name="target", rich_help_panel="Offline")
-app.command(rich_help_panel="In the cell")(calibrate)
-app.command(
-    rich_help_panel="Try it", context_settings={"ignore_unknown_options": True, "help_option_names": ["--about"]}
-)(mock)
+
+TRY, CELL, OFFLINE = "Try it", "In the cell", "From files"
+
+app.command(rich_help_panel=TRY)(demo)
+app.command(rich_help_panel=TRY, context_settings=AS_THEY_ARE)(mock)
+app.command(rich_help_panel=CELL)(check)
+app.command(rich_help_panel=CELL)(serve)
+app.command(rich_help_panel=CELL)(calibrate)
+app.add_typer(target, name="target", rich_help_panel=CELL)
+app.command(rich_help_panel=OFFLINE)(solve)
+app.command(rich_help_panel=OFFLINE)(plan)
+app.command(rich_help_panel=OFFLINE)(assess)
 app.command()(version)
 
 

@@ -1,0 +1,35 @@
+"""`handeyed check CONFIG`: could the daemon work with these settings here and now?"""
+
+import asyncio
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daemon.cli.errors import ExitStatus
+from daemon.cli.output import Json
+
+
+def check(
+    config: Annotated[Path, typer.Argument(help="Settings, as in deploy/handeyed.example.toml.")],
+    config_only: Annotated[bool, typer.Option("--config-only", help="Do not ask the devices.")] = False,
+    json: Json = False,
+) -> None:
+    """Check the settings and every device, one line each, with what to do. Nothing moves.
+
+    Exit status: 0 everything is well, 1 something is not, 2 the settings cannot be read.
+    """
+    from daemon.cli.checks import Result, check_devices, check_storage
+    from daemon.settings import load_settings
+
+    settings = load_settings(config)
+    results = [Result("settings", True, f"{config} is complete and consistent")]
+    if not config_only:
+        results += [check_storage(settings), *asyncio.run(check_devices(settings))]
+    if json:
+        from json import dumps
+
+        typer.echo(dumps([vars(result) for result in results]))
+    else:
+        typer.echo("\n".join(result.line() for result in results))
+    raise typer.Exit(ExitStatus.OK if all(result.ok for result in results) else ExitStatus.FAILED)

@@ -1,0 +1,137 @@
+"""What `handeyed check` looks at, each as one Result. Devices are asked at the same time; nothing moves."""
+
+import asyncio
+import shutil
+import tempfile
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from calibration.detection.detect import detect
+from calibration.errors import DetectionError
+from daemon.cell import motion_obstacles
+from daemon.cli.client import DaemonClient
+from daemon.cli.errors import CommandError
+from daemon.clock import Clock
+from daemon.devices import open_devices
+from daemon.settings import Settings
+from drivers.errors import DeviceError, DeviceUnreachable
+from drivers.interfaces import Camera, Robot, Scanner
+
+CONNECT_LIMIT_S = 5.0
+RETRY_S = 0.1
+
+Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One thing looked at: `what` was found, and what to do when it is not well."""
+
+    name: str
+    ok: bool
+    what: str
+    fix: str = ""
+
+    def line(self) -> str:
+        """ok    robot     what"""
+        return f"{'ok' if self.ok else 'FAIL':<6}{self.name:<10}{self.what}" + (f": {self.fix}" if self.fix else "")
+
+
+def check_storage(settings: Settings) -> Result:
+    """Can files be written where the store will lie, and is there room?"""
+    folder = Path(settings.storage.folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        free_mb = shutil.disk_usage(folder).free / 1e6
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        return Result(
+            "storage", False, f"{folder} cannot be written ({reason})", "correct [storage] folder or its owner"
+        )
+    if free_mb < settings.storage.reserve_mb:
+        return Result("storage", False, f"only {free_mb:.0f} MB are left in {folder}", "free some space")
+    return Result("storage", True, f"{folder}, {free_mb / 1000:.1f} GB free")
+
+
+async def check_devices(settings: Settings) -> list[Result]:
+    """Every device, asked directly; or through a daemon that already runs with these settings and holds them."""
+    url = f"http://{settings.server.host}:{settings.server.port}"
+    try:
+        with DaemonClient(url, limit_s=CONNECT_LIMIT_S) as daemon:
+            return _through(daemon)
+    except CommandError:
+        pass  # no daemon runs: the devices are free
+    try:
+        devices = open_devices(settings, Clock())
+    except DeviceError as error:
+        return [Result("devices", False, f"{error.device}: {error.what}", error.fix)]
+    opened: list[Any] = [device for device in vars(devices).values() if device is not None]
+    try:
+        checks = [
+            _asked("robot", devices.robot, _robot_words),
+            _asked("camera", devices.camera, lambda camera: _camera_words(camera, settings)),
+        ]
+        if devices.scanner is not None:
+            checks.append(_asked("scanner", devices.scanner, _scanner_words))
+        return list(await asyncio.gather(*checks))
+    finally:
+        await asyncio.gather(*(device.close() for device in opened))
+
+
+def _through(daemon: DaemonClient) -> list[Result]:
+    software = daemon.get("/health")["software"]
+    readiness = daemon.get("/calibrate")
+    running = Result("daemon", True, f"{software} runs at {daemon.url} and holds the devices")
+    reasons = [Result("cell", False, reason, "put this right at the cell") for reason in readiness["reasons"]]
+    return [running, *(reasons or [Result("cell", True, "ready to calibrate")])]
+
+
+async def _asked(name: str, device: Answer, words: Callable[[Answer], Awaitable[Result]]) -> Result:
+    """`words` about the device, once it is connected."""
+    limit_s = asyncio.get_running_loop().time() + CONNECT_LIMIT_S
+    while True:
+        try:
+            return await words(device)
+        except DeviceUnreachable as error:
+            if asyncio.get_running_loop().time() > limit_s:
+                return Result(name, False, f"{error.device}: {error.what}", error.fix)
+            await asyncio.sleep(RETRY_S)
+        except DeviceError as error:
+            return Result(name, False, f"{error.device}: {error.what}", error.fix)
+
+
+async def _robot_words(robot: Robot) -> Result:
+    reasons = motion_obstacles(await robot.read_status())
+    pose = await robot.read_pose()
+    at = ", ".join(f"{value:.1f}" for value in pose.base_T_flange[:3, 3])
+    if reasons:
+        found = "; ".join(reason.removeprefix("robot: ") for reason in reasons)
+        return Result("robot", False, f"answers, but {found}", "put this right at the controller")
+    return Result("robot", True, f"answers and could move; the flange stands at ({at}) mm")
+
+
+async def _camera_words(camera: Camera, settings: Settings) -> Result:
+    frame = await camera.grab(Clock().monotonic_s())
+    height, width = frame.image.shape[:2]
+    picture = f"a picture of {width} x {height}"
+    expected = settings.camera.intrinsics
+    if expected is not None and (width, height) != expected.image_size:
+        size = f"{expected.image_size[0]} x {expected.image_size[1]}"
+        return Result("camera", False, f"{picture}, but the intrinsics are for {size}", "correct one of them")
+    target = settings.target.target()
+    try:
+        found = await asyncio.to_thread(detect, frame.image, target)
+    except DetectionError:
+        return Result("camera", True, f"{picture}; the target is not in view now")
+    return Result(
+        "camera", True, f"{picture}; it shows {len(found.ids)} of the target's {len(target.points_mm)} points"
+    )
+
+
+async def _scanner_words(scanner: Scanner) -> Result:
+    cloud = await scanner.scan(Clock().monotonic_s())
+    return Result("scanner", True, f"a cloud of {len(cloud.content) / 1e6:.1f} MB ({cloud.media_type})")

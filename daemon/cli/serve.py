@@ -1,0 +1,19 @@
+"""`handeyed serve CONFIG`: the daemon."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def serve(
+    config: Annotated[Path, typer.Argument(help="Settings, as in deploy/handeyed.example.toml.")],
+    ready_file: Annotated[
+        Path | None, typer.Option(help='Gets {"url", "pid"} once requests are answered; for programs that wait.')
+    ] = None,
+) -> None:
+    """Run the daemon until SIGTERM or Ctrl-C. Nothing moves until a request says so."""
+    from daemon.composition import serve as serve_settings
+    from daemon.settings import load_settings
+
+    serve_settings(load_settings(config), ready_file=ready_file)
