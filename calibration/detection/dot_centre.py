@@ -5,6 +5,7 @@ inside it is 1, further outside 0, so that noise, stains and neighbours there do
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calibration.detection.dots import Dots
 from calibration.detection.image import Grey, at_full_size, reduced_by
@@ -13,9 +14,10 @@ from calibration.transforms import Array
 ITERATIONS = 3
 COMFORTABLE_RADIUS_PX = 12.0
 """Larger dots are measured in a reduced image: averaging pixels moves no centroid."""
-BAND_OF_RADIUS, NARROWEST_BAND_PX, WIDEST_BAND_PX = 0.5, 2.0, 5.0
-PAPER_PX = 2.5
-"""Width of the ring outside the band in which the paper's brightness is read."""
+BAND_OF_RADIUS, BAND_OF_CLEARANCE, NARROWEST_BAND_PX, WIDEST_BAND_PX = 0.5, 0.5, 1.2, 5.0
+PAPER_OF_CLEARANCE, NARROWEST_PAPER_PX, WIDEST_PAPER_PX = 0.3, 1.2, 2.5
+"""Width of the ring outside the band in which the paper's brightness is read; both keep clear of the next dot."""
+NEIGHBOURS = 6
 GROUP_RATIO = 1.6
 
 
@@ -26,20 +28,36 @@ def refine_dots(image: Grey, dots: Dots) -> Dots:
     small = reduced_by(image, factor)
     centres, shapes = (dots.centres + 0.5) / factor - 0.5, dots.shapes / factor**2
     areas = np.full(len(radius), np.nan)
+    clearance = _clearance(centres, shapes)
     group = np.rint(np.log(radius / np.median(radius)) / np.log(GROUP_RATIO))
     for members in (np.flatnonzero(group == which) for which in np.unique(group)):
         for _ in range(ITERATIONS):
-            centres[members], areas[members] = _measure(small, centres[members], shapes[members])
+            centres[members], areas[members] = _measure(small, centres[members], shapes[members], clearance[members])
             grown = areas[members] / (np.pi * np.sqrt(np.linalg.det(shapes[members])))
             shapes[members] *= np.where(np.isfinite(grown), grown, 1.0)[:, None, None]
     return Dots(at_full_size(centres, factor), shapes * factor**2, areas * factor**2)
 
 
-def _measure(image: Grey, centres: Array, shapes: Array) -> tuple[Array, Array]:
+def _clearance(centres: Array, shapes: Array) -> Array:
+    """Paper (n,) in px between each dot's rim and the next dot's."""
+    _, near = cKDTree(centres).query(centres, k=min(NEIGHBOURS + 1, len(centres)))
+    near = near[:, 1:]
+    toward = centres[near] - centres[:, None]
+    distance = np.hypot(*np.moveaxis(toward, -1, 0))
+    toward = toward / distance[..., None]
+    inverse = np.linalg.inv(shapes)
+    own = 1 / np.sqrt(np.einsum("nki,nij,nkj->nk", toward, inverse, toward))
+    other = 1 / np.sqrt(np.einsum("nki,nkij,nkj->nk", toward, inverse[near], toward))
+    return np.asarray((distance - own - other).min(axis=1))
+
+
+def _measure(image: Grey, centres: Array, shapes: Array, clearance: Array) -> tuple[Array, Array]:
     """Centroids (n, 2) and areas (n,) of the ink near ellipses; NaN where paper and ink cannot be told apart."""
     minor = np.sqrt(np.linalg.eigvalsh(shapes)[:, 0])
-    band = np.clip(BAND_OF_RADIUS * minor, NARROWEST_BAND_PX, WIDEST_BAND_PX)[:, None, None]
-    half = int(np.ceil(np.sqrt(shapes[:, [0, 1], [0, 1]].max()) + band.max() + PAPER_PX + 1))
+    room = np.minimum(BAND_OF_RADIUS * minor, BAND_OF_CLEARANCE * clearance)
+    band = np.clip(room, NARROWEST_BAND_PX, WIDEST_BAND_PX)[:, None, None]
+    ring = np.clip(PAPER_OF_CLEARANCE * clearance, NARROWEST_PAPER_PX, WIDEST_PAPER_PX)[:, None, None]
+    half = int(np.ceil(np.sqrt(shapes[:, [0, 1], [0, 1]].max()) + (band + ring).max() + 1))
     usable = np.all(np.isfinite(centres), axis=1)
     base = np.rint(np.where(usable[:, None], centres, 0.0)).astype(np.intp)
     reach = np.arange(-half, half + 1)
@@ -50,7 +68,7 @@ def _measure(image: Grey, centres: Array, shapes: Array) -> tuple[Array, Array]:
     x = (columns - centres[:, :1])[:, None, :] + 0.0 * level
     y = (rows - centres[:, 1:])[:, :, None] + 0.0 * level
     distance = _distance_from_rim(x, y, shapes)
-    paper = (distance > band) & (distance < band + PAPER_PX) & inside
+    paper = (distance > band) & (distance < band + ring) & inside
     relative = level / np.maximum(_plane_through(level, x, y, paper), 1.0)
     ink = distance < -band
     ink_level = (relative * ink).sum(axis=(1, 2)) / np.maximum(ink.sum(axis=(1, 2)), 1)

@@ -49,10 +49,10 @@ def _ellipses(image: Grey, window_of_side: float) -> list[tuple[float, ...]]:
     mean = cv2.blur(image, (window, window))
     dark = cv2.subtract(mean, image)
     _, mask = cv2.threshold(dark, LEVELS_BELOW_MEAN, 255, cv2.THRESH_BINARY)
-    outlines, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    outlines, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     found: list[tuple[float, ...]] = []
-    for outline in outlines:
-        if len(outline) < 8:
+    for outline, (_, _, _, parent) in zip(outlines, hierarchy[0] if outlines else (), strict=True):
+        if len(outline) < 8 or parent >= 0:  # a hole is paper
             continue
         m = cv2.moments(outline)
         area = m["m00"]
