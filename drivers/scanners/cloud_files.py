@@ -39,9 +39,18 @@ def _require(content: bytes, start: int, count: int, each: int) -> None:
     if each and came < count * each:
         raise ValueError(f"{came} bytes of points came, {count * each} are announced")
     if not each:
-        lines = content.count(b"\n", start) + (not content.endswith(b"\n"))
+        lines = content.count(b"\n", start) + _has_whole_last_line(content, start)
         if lines < count:
             raise ValueError(f"{lines} lines of points came, {count} are announced")
+
+
+def _has_whole_last_line(content: bytes, start: int) -> bool:
+    """A last line without its end counts when it has as many numbers as the first one."""
+    if content.endswith(b"\n"):
+        return False
+    first = content[start : start + HEADER_MAX].split(b"\n", 1)[0]
+    last = content[max(start, content.rfind(b"\n") + 1) :]
+    return bool(last) and len(last.split()) == len(first.split())
 
 
 def _ply_needs(content: bytes) -> tuple[int, int, int]:
