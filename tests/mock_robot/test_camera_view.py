@@ -163,7 +163,7 @@ def test_a_part_of_the_target_outside_the_picture_does_not_move_the_rest() -> No
     wide = replace(
         STRONG, matrix=STRONG.matrix + np.array([[0, 0, 400.0], [0, 0, 300.0], [0, 0, 0]]), image_size=(2080, 1560)
     )
-    assert picture == pytest.approx(clean_picture(wide, BOARD, pose)[300:1260, 400:1680], abs=2e-5)
+    assert np.abs(picture - clean_picture(wide, BOARD, pose)[300:1260, 400:1680]).max() < 2e-5
 
 
 def test_the_back_of_a_sheet_is_blank() -> None:
@@ -187,5 +187,5 @@ def test_a_smeared_picture_is_the_mean_of_its_moments() -> None:
     moved = transform(np.eye(3), [3.0, 0.0, 0.0]) @ pose
     smeared = render_smeared(STRONG, BOARD, [pose, moved], CLEAN, np.random.default_rng(1)).astype(float)
     first, second = (render(STRONG, BOARD, p, CLEAN, np.random.default_rng(1)).astype(float) for p in (pose, moved))
-    assert smeared == pytest.approx((first + second) / 2, abs=1.01)
+    assert np.abs(smeared - (first + second) / 2).max() < 1.01
     assert np.abs(first - second).max() > 100
