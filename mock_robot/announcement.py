@@ -26,10 +26,14 @@ class Announcement:
             "seed": self.seed,
             "pid": os.getpid(),
             "robot": {"host": self.robot_host, "port": self.robot_port, "serial": self.serial_path},
-            "devices": self.devices_url,
+            "camera": self._device("camera/snapshot.png"),
+            "scanner": self._device("scanner/cloud.ply"),
             "control": self.control_url,
             "cell": self.sheet,
         }
+
+    def _device(self, path: str) -> str | None:
+        return None if self.devices_url is None else f"{self.devices_url}/{path}"
 
     def line(self) -> str:
         """One line."""

@@ -16,6 +16,8 @@ from mock_robot.wire import Close, Pause, Reset, Send, WireStep
 Clock = Callable[[], float]
 REFUSAL_S = 1.0
 """How long a client that is one too many is listened to."""
+FAREWELL_S = 0.05
+"""A client that hangs up and dials again at once shall not find its own place taken."""
 CHUNK = 4096
 
 
@@ -62,6 +64,8 @@ class TcpShell:
     async def _converse(
         self, task: asyncio.Task[None], reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
+        if self._link is not None:
+            await asyncio.sleep(FAREWELL_S)
         if self._link is not None and self._talking is not None:
             if self._clock() - self._link.heard_at_s < HEARTBEAT_S:
                 await _turn_away(reader, writer)

@@ -175,7 +175,9 @@ async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switc
         httpx.AsyncClient(base_url=str(cell.announcement.devices_url), trust_env=False) as devices,
         httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as bench,
     ):
-        picture = await devices.get("/camera/snapshot.png")
+        announced = cell.announcement.document()
+        assert (await devices.get(announced["scanner"])).content.startswith(b"ply")
+        picture = await devices.get(announced["camera"])
         image = cv2.imdecode(np.frombuffer(picture.content, np.uint8), cv2.IMREAD_GRAYSCALE)
         seen = detect(image, cell.truth.target)
         true, reported = (_projected(cell.truth, base_T_flange)[seen.ids] for base_T_flange in _flange_poses(cell))
