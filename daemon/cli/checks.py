@@ -1,8 +1,9 @@
 """What `handeyed check` looks at, each as one Result. Devices are asked at the same time; nothing moves."""
 
 import asyncio
+import getpass
+import os
 import shutil
-import tempfile
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,16 +43,11 @@ class Result:
 def check_storage(settings: Settings) -> Result:
     """Can files be written where the store will lie, and is there room?"""
     folder = Path(settings.storage.folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-        free_mb = shutil.disk_usage(folder).free / 1e6
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        return Result(
-            "storage", False, f"{folder} cannot be written ({reason})", "correct [storage] folder or its owner"
-        )
+    existing = next(place for place in (folder, *folder.parents) if place.exists())
+    if not os.access(existing, os.W_OK | os.X_OK) or not existing.is_dir():
+        what = f"{folder} cannot be written by user {getpass.getuser()}"
+        return Result("storage", False, what, "correct [storage] folder or its owner, or check as the daemon's user")
+    free_mb = shutil.disk_usage(existing).free / 1e6
     if free_mb < settings.storage.reserve_mb:
         return Result("storage", False, f"only {free_mb:.0f} MB are left in {folder}", "free some space")
     return Result("storage", True, f"{folder}, {free_mb / 1000:.1f} GB free")
@@ -98,10 +94,14 @@ async def _asked(name: str, device: Answer, words: Callable[[Answer], Awaitable[
             return await words(device)
         except DeviceUnreachable as error:
             if asyncio.get_running_loop().time() > limit_s:
-                return Result(name, False, f"{error.device}: {error.what}", error.fix)
+                return _failed(name, error)
             await asyncio.sleep(RETRY_S)
         except DeviceError as error:
-            return Result(name, False, f"{error.device}: {error.what}", error.fix)
+            return _failed(name, error)
+
+
+def _failed(name: str, error: DeviceError) -> Result:
+    return Result(name, False, f"{error.device.removeprefix(f'{name} ')}: {error.what}", error.fix)
 
 
 async def _robot_words(robot: Robot) -> Result:
@@ -134,4 +134,4 @@ async def _camera_words(camera: Camera, settings: Settings) -> Result:
 
 async def _scanner_words(scanner: Scanner) -> Result:
     cloud = await scanner.scan(Clock().monotonic_s())
-    return Result("scanner", True, f"a cloud of {len(cloud.content) / 1e6:.1f} MB ({cloud.media_type})")
+    return Result("scanner", True, f"a cloud of {len(cloud.content) / 1e3:.0f} kB ({cloud.media_type})")
