@@ -1,0 +1,89 @@
+"""Errors of the registration room. A cloud's error says file, place, what is wrong, and what to do.
+
+RegistrationError
+├── CloudError             something is wrong with one cloud; `file` and `place` say where
+│   ├── CloudFormatError       the bytes are not what the format (or the header) says
+│   ├── CloudTruncated         the bytes end before the cloud does
+│   ├── CloudTooLong           bytes follow after the cloud's end
+│   ├── CloudUnsupported       a valid cloud of a kind that is not handled, or an extra that is not installed
+│   └── CloudIOError           the operating system could not read or write (disk full, no such file)
+├── UnitUnknown            nobody said whether coordinates are metres or millimetres
+├── MotionError            a transform is not a rigid motion (mirrored, scaled, not finite)
+├── ScanError              views that cannot be registered together
+└── SphereError            the points are not a sphere of the stated radius
+"""
+
+
+class RegistrationError(Exception):
+    """Root of the room's errors. `code` is stable; `what` and `fix` are for people."""
+
+    code = "registration-error"
+
+    def __init__(self, what: str, fix: str) -> None:
+        self.what, self.fix = what, fix
+        super().__init__(f"{what}: {fix}")
+
+
+class CloudError(RegistrationError):
+    """Something is wrong with one cloud. `file` names it ('request body' for an upload), `place` a spot in it."""
+
+    code = "cloud-error"
+
+    def __init__(self, file: str, place: str, what: str, fix: str) -> None:
+        super().__init__(what, fix)
+        self.file, self.place = file, place
+        self.args = (f"{file}: {place}: {what}: {fix}",)
+
+
+class CloudFormatError(CloudError):
+    """The bytes are not what the format or the header says."""
+
+    code = "cloud-malformed"
+
+
+class CloudTruncated(CloudError):
+    """The bytes end before the cloud does."""
+
+    code = "cloud-truncated"
+
+
+class CloudTooLong(CloudError):
+    """Bytes follow after the cloud's end."""
+
+    code = "cloud-too-long"
+
+
+class CloudUnsupported(CloudError):
+    """A valid cloud of a kind that is not handled here, or whose optional library is not installed."""
+
+    code = "cloud-unsupported"
+
+
+class CloudIOError(CloudError):
+    """The operating system could not read or write the file."""
+
+    code = "cloud-io"
+
+
+class UnitUnknown(RegistrationError):
+    """Nobody said whether coordinates are metres or millimetres; it is never guessed."""
+
+    code = "unit-unknown"
+
+
+class MotionError(RegistrationError):
+    """A transform is not a rigid motion."""
+
+    code = "not-a-motion"
+
+
+class ScanError(RegistrationError):
+    """Views that cannot be registered together."""
+
+    code = "scan-unusable"
+
+
+class SphereError(RegistrationError):
+    """The points are not a sphere of the stated radius."""
+
+    code = "not-the-sphere"

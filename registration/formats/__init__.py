@@ -1,0 +1,1 @@
+"""The cloud formats: headers and bodies as bytes to records and back, without files."""

@@ -1,0 +1,211 @@
+"""Bodies: bytes in pieces of any size to blocks of records, and back to bytes."""
+
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+import numpy as np
+
+from registration.errors import CloudFormatError, CloudTooLong, CloudTruncated
+from registration.formats.header import CloudHeader, shorten
+from registration.layout import Layout, Records, scalar_columns
+
+LINE_LIMIT = 1 << 16
+"""Bytes of one line of text; more is damage, or another format."""
+
+RECORD_TEXT = {"f4": "%.9g", "f8": "%.17g"}
+"""Digits that bring the same bits back."""
+
+
+class BodyDecoder(Protocol):
+    """Takes the bytes of the points; `take` makes blocks, `taken` says how many of the bytes given it used."""
+
+    taken: int
+
+    @property
+    def done(self) -> bool: ...
+
+    @property
+    def points(self) -> int:
+        """Points given so far."""
+        ...
+
+    def take(self, data: memoryview) -> Iterator[Records]: ...
+
+    def finish(self) -> Iterator[Records]:
+        """The bytes have ended. Raises CloudTruncated when points are missing."""
+        ...
+
+
+class BinaryDecoder:
+    """Fixed records. Blocks are views of the bytes given, but for the record that a boundary cuts."""
+
+    def __init__(self, header: CloudHeader, file: str) -> None:
+        self._file = file
+        self._dtype = header.layout.dtype
+        self._count = header.count
+        self._cut = bytearray()
+        self.points = 0
+        self.taken = 0
+
+    @property
+    def done(self) -> bool:
+        return self.points == self._count
+
+    def take(self, data: memoryview) -> Iterator[Records]:
+        self.taken = 0
+        size = self._dtype.itemsize
+        if self._cut and not self.done:
+            self.taken = min(size - len(self._cut), len(data))
+            self._cut += data[: self.taken]
+            if len(self._cut) < size:
+                return
+            record, self._cut = np.frombuffer(self._cut, self._dtype), bytearray()
+            self.points += 1
+            yield record
+        whole = (len(data) - self.taken) // size
+        if self._count is not None:
+            whole = min(whole, self._count - self.points)
+        start, self.taken = self.taken, self.taken + whole * size
+        rest = len(data) - self.taken
+        self.points += whole
+        if not self.done and rest:
+            self._cut += data[self.taken :]
+            self.taken = len(data)
+        if whole:
+            yield np.frombuffer(data[start : start + whole * size], self._dtype)
+
+    def finish(self) -> Iterator[Records]:
+        if self._cut:
+            raise _truncated(
+                self._file, self.points, self._count, f"{len(self._cut)} bytes of a {self._dtype.itemsize}-byte point"
+            )
+        if self._count is not None and not self.done:
+            raise _truncated(self._file, self.points, self._count)
+        return iter(())
+
+
+class TextDecoder:
+    """One line of numbers for each record; blank lines do not count."""
+
+    def __init__(self, header: CloudHeader, file: str) -> None:
+        self._file = file
+        self._dtype = header.layout.dtype
+        self._columns = scalar_columns(header.layout.dtype)
+        self._width = len(self._columns.names or ())
+        self._separator = header.separator
+        self._count = header.count
+        self._cut = b""
+        self.points = 0
+        self.taken = 0
+
+    @property
+    def done(self) -> bool:
+        return self.points == self._count
+
+    def take(self, data: memoryview) -> Iterator[Records]:
+        self.taken = 0
+        if self.done:
+            return
+        content = self._cut + data
+        end = content.rfind(b"\n") + 1
+        if len(content) - end > LINE_LIMIT:
+            raise CloudFormatError(
+                self._file, f"point {self.points}", f"a line is longer than {LINE_LIMIT} bytes", "check the file's type"
+            )
+        lines = content[:end].split(b"\n")[:-1]
+        used = self._lines_used(lines)
+        if used < len(lines):
+            self.taken = sum(len(line) + 1 for line in lines[:used]) - len(self._cut)
+            self._cut = b""
+        else:
+            self.taken = len(data)
+            self._cut = content[end:]
+        yield from self._parse(lines[:used])
+
+    def _lines_used(self, lines: list[bytes]) -> int:
+        """How many of the lines the missing points need."""
+        if self._count is None or len(lines) <= self._count - self.points:
+            return len(lines)
+        missing = self._count - self.points
+        for index, line in enumerate(lines):
+            missing -= bool(line.strip())
+            if not missing:
+                return index + 1
+        return len(lines)
+
+    def finish(self) -> Iterator[Records]:
+        rest, self._cut = self._cut, b""
+        if not self.done:
+            yield from self._parse([rest])
+        if self._count is not None and not self.done:
+            raise _truncated(self._file, self.points, self._count)
+
+    def _parse(self, lines: list[bytes]) -> Iterator[Records]:
+        rows = [line for line in lines if line.strip()]
+        if not rows:
+            return
+        try:
+            block = self._numbers(rows)
+        except ValueError:
+            index, what = self._culprit(rows)
+            fix = f"every line needs {self._width} numbers"
+            raise CloudFormatError(self._file, f"point {self.points + index}", what, fix) from None
+        self.points += len(block)
+        yield block.view(self._dtype)
+
+    def _numbers(self, rows: list[bytes]) -> Records:
+        text = [row.decode("ascii") for row in rows]
+        with np.errstate(over="ignore"):
+            return np.loadtxt(text, self._columns, comments=None, delimiter=self._separator, ndmin=1)
+
+    def _culprit(self, rows: list[bytes]) -> tuple[int, str]:
+        for index, row in enumerate(rows):
+            try:
+                self._numbers([row])
+            except ValueError:
+                return (
+                    index,
+                    f"{shorten(row.decode('ascii', 'replace').strip())} is not {self._width} fitting numbers",
+                )
+        return 0, "the lines have different numbers of columns"
+
+
+def _truncated(file: str, points: int, count: int | None, cut: str = "") -> CloudTruncated:
+    promised = "" if count is None else f" of {count} promised"
+    rest = f" and {cut}" if cut else ""
+    return CloudTruncated(
+        file,
+        f"point {points}",
+        f"the data end after {points} points{promised}{rest}",
+        "send or copy the whole cloud again",
+    )
+
+
+def too_long(file: str, points: int, extra: int) -> CloudTooLong:
+    """Bytes follow after everything the header promised."""
+    what = f"at least {extra} bytes follow after everything the header promises"
+    return CloudTooLong(file, f"after point {points}", what, "check the header's count, or send the cloud again")
+
+
+def decoder_of(header: CloudHeader, file: str) -> BodyDecoder:
+    """The decoder for a header's encoding ('compressed' has no streaming form)."""
+    return TextDecoder(header, file) if header.encoding == "text" else BinaryDecoder(header, file)
+
+
+class TextEncoder:
+    """Records to lines of numbers."""
+
+    def __init__(self, layout: Layout, separator: str = " ") -> None:
+        columns = scalar_columns(layout.dtype)
+        self._names = columns.names or ()
+        self._columns = columns
+        self._row = separator.join(_text_of(columns[name]) for name in self._names) + "\n"
+
+    def encode(self, block: Records) -> bytes:
+        numbers = np.ascontiguousarray(block).view(self._columns)
+        rows = zip(*(numbers[name].tolist() for name in self._names), strict=True)
+        return "".join(map(self._row.__mod__, rows)).encode("ascii")
+
+
+def _text_of(column: np.dtype[Any]) -> str:
+    return RECORD_TEXT.get(column.str[1:], "%d")

@@ -1,0 +1,128 @@
+"""What stands beside the points in a PLY file (faces, edges, cameras): passed on unread, but measured.
+
+Elements with lists have records of different length. Most meshes are all triangles, so the walker measures one
+record and tests at once how many of the following have the same list lengths.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LIST_BYTES_LIMIT = 1 << 24
+"""A single record longer than this is taken for damage, so that memory stays bounded."""
+
+
+@dataclass(frozen=True)
+class Property:
+    """A number (`length` is None), or a list of `kind` led by its length."""
+
+    kind: np.dtype[Any]
+    length: np.dtype[Any] | None = None
+
+
+@dataclass(frozen=True)
+class Element:
+    """`count` records of some properties."""
+
+    name: str
+    count: int
+    properties: tuple[Property, ...]
+
+    @property
+    def lists(self) -> bool:
+        return any(item.length is not None for item in self.properties)
+
+    @property
+    def itemsize(self) -> int:
+        """Of elements without lists."""
+        return sum(item.kind.itemsize for item in self.properties)
+
+
+class RecordTooLong(Exception):
+    """A list's length is negative or absurd; `element` names the record's kind, `length` what was read."""
+
+    def __init__(self, element: str, length: int) -> None:
+        self.element, self.length = element, length
+        super().__init__(f"a list of {length} in element {element!r}")
+
+
+class BinaryWalker:
+    """Measures binary elements: `take` says how many of the bytes given are whole records."""
+
+    def __init__(self, elements: tuple[Element, ...]) -> None:
+        self._elements = [element for element in elements if element.count and element.properties]
+        self._left = [element.count for element in self._elements]
+
+    @property
+    def done(self) -> bool:
+        return not self._elements
+
+    @property
+    def place(self) -> str:
+        """The record that comes next."""
+        if self.done:
+            return "the end"
+        element = self._elements[0]
+        return f"{element.name} {element.count - self._left[0]}"
+
+    def take(self, data: memoryview) -> int:
+        """Bytes of `data` that belong to whole records. Raises RecordTooLong."""
+        position = 0
+        while self._elements:
+            element, left = self._elements[0], self._left[0]
+            if element.lists:
+                taken, size = _walk(element, left, data[position:])
+            else:
+                taken = min(left, (len(data) - position) // element.itemsize)
+                size = taken * element.itemsize
+            position += size
+            self._left[0] -= taken
+            if self._left[0]:
+                break
+            self._elements.pop(0), self._left.pop(0)
+        return position
+
+
+def _walk(element: Element, left: int, data: memoryview) -> tuple[int, int]:
+    """(records, bytes) that are whole."""
+    bytes_ = np.frombuffer(data, np.uint8)
+    taken = position = 0
+    while taken < left:
+        measured = _measure(element, data, position)
+        if measured is None:
+            break
+        size, lengths = measured
+        alike = min(left - taken, (len(data) - position) // size)
+        rows = bytes_[position : position + alike * size].reshape(alike, size)
+        for offset, length in lengths:
+            rows = rows[: _agreeing(rows[:, offset : offset + len(length)], length)]
+        taken += len(rows)
+        position += len(rows) * size
+    return taken, position
+
+
+def _agreeing(rows: NDArray[np.uint8], length: NDArray[np.uint8]) -> int:
+    """How many of the first rows are equal to `length`."""
+    same = (rows == length).all(axis=1)
+    return len(same) if same.all() else int(np.argmin(same))
+
+
+def _measure(element: Element, data: memoryview, start: int) -> tuple[int, list[tuple[int, NDArray[np.uint8]]]] | None:
+    """Size of the record at `start`, and the bytes of its list lengths with their offsets; None when it is cut."""
+    position = start
+    lengths: list[tuple[int, NDArray[np.uint8]]] = []
+    for item in element.properties:
+        count = 1
+        if item.length is not None:
+            raw = data[position : position + item.length.itemsize]
+            if len(raw) < item.length.itemsize:
+                return None
+            count = int(np.frombuffer(raw, item.length)[0])
+            if not 0 <= count * item.kind.itemsize <= LIST_BYTES_LIMIT:
+                raise RecordTooLong(element.name, count)
+            lengths.append((position - start, np.frombuffer(raw, np.uint8)))
+            position += item.length.itemsize
+        position += count * item.kind.itemsize
+    return None if position > len(data) else (position - start, lengths)

@@ -1,0 +1,69 @@
+"""What a point's record holds: its columns, and which of them are coordinates and normals."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Records = NDArray[Any]
+"""A block of points: a one-dimensional structured array. Valid until its producer makes the next one."""
+
+Triple = tuple[str, str, str]
+
+NORMALS: tuple[Triple, ...] = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A packed record type. `normals` names the columns that turn with the cloud, when there are any."""
+
+    dtype: np.dtype[Any]
+    xyz: Triple = ("x", "y", "z")
+    normals: Triple | None = None
+
+    @classmethod
+    def of(cls, dtype: np.dtype[Any]) -> "Layout":
+        """The layout of a record type whose coordinates are named x, y, z. Raises KeyError when one is missing."""
+        for name in ("x", "y", "z"):
+            if name not in (dtype.names or ()):
+                raise KeyError(name)
+        normals = next((names for names in NORMALS if set(names) <= set(dtype.names or ())), None)
+        return cls(dtype, ("x", "y", "z"), normals)
+
+    @property
+    def itemsize(self) -> int:
+        return self.dtype.itemsize
+
+    def kind(self, names: Triple) -> np.dtype[Any]:
+        """The widest scalar type among three columns."""
+        return np.result_type(*(self.dtype[name] for name in names))
+
+    def is_packed(self, names: Triple) -> bool:
+        """Three equal native floats side by side."""
+        fields = [self.dtype.fields[name] for name in names] if self.dtype.fields else []
+        first, size = fields[0][1], fields[0][0].itemsize
+        return all(
+            kind.kind == "f" and kind.isnative and kind == fields[0][0] and offset == first + index * size
+            for index, (kind, offset, *_) in enumerate(fields)
+        )
+
+    def offset(self, name: str) -> int:
+        """Where a column begins inside the record, in bytes."""
+        assert self.dtype.fields is not None
+        return int(self.dtype.fields[name][1])
+
+
+def scalar_columns(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """The same bytes with one column for each number: fields of several elements are spread out."""
+    columns: list[tuple[str, np.dtype[Any]]] = []
+    for name in dtype.names or ():
+        base, shape = dtype[name].subdtype or (dtype[name], ())
+        columns += (
+            [(f"{name}.{index}", base) for index in range(int(np.prod(shape, dtype=int)))] if shape else [(name, base)]
+        )
+    return np.dtype(columns)
+
+
+XYZ_FLOAT32 = Layout.of(np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]))
+XYZ_FLOAT64 = Layout.of(np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8")]))

@@ -1,0 +1,185 @@
+"""Moving blocks of points: P_base = base_T_camera @ P_camera at memory speed.
+
+A unit's scale lies in the matrix, so metres become millimetres in the same pass. `cv2.transform` runs at the speed
+of memcpy when it is given a destination that exists already and fits the cache; in place it would allocate.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibration.transforms import Array
+from registration.errors import MotionError, UnitUnknown
+from registration.layout import Layout, Records, Triple
+
+Unit = Literal["m", "mm"]
+
+MILLIMETRES: dict[str, float] = {"mm": 1.0, "m": 1000.0}
+
+RIGID_TOLERANCE = 1e-5
+"""How far R^T R may be from the identity: quaternions printed with six decimals stay within 4e-6."""
+
+FLOAT32_REACH_MM = 20_000.0
+"""Within a translation this long, float32 arithmetic loses less than the float32 storage does (1 µm at 16 m)."""
+
+
+LANES = 16
+"""Points that the widest vector instructions move at once (AVX-512, float32)."""
+
+
+def scale_to_mm(unit: str | None) -> float:
+    """Millimetres of one `unit`. Raises UnitUnknown when nobody said which it is."""
+    if unit not in MILLIMETRES:
+        said = "no unit is stated" if unit is None else f"unit {unit!r} is not known"
+        raise UnitUnknown(f"{said} for the cloud's coordinates", "say 'm' or 'mm'; it is never guessed")
+    return MILLIMETRES[unit]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A rigid motion with a change of unit: `matrix` (3, 4) maps stored coordinates to coordinates to store."""
+
+    matrix: Array
+    rotation: Array
+
+    @classmethod
+    def of(cls, base_T_camera: ArrayLike, unit: str | None, out_unit: str | None = "mm") -> "Motion":
+        """From a transform in mm, the unit of the cloud, and the unit wanted. Raises MotionError, UnitUnknown."""
+        a_T_b = np.asarray(base_T_camera, float)
+        _require_rigid(a_T_b)
+        scale, out_scale = scale_to_mm(unit), scale_to_mm(out_unit)
+        matrix = np.hstack([a_T_b[:3, :3] * (scale / out_scale), a_T_b[:3, 3:] / out_scale])
+        return cls(matrix, a_T_b[:3, :3].copy())
+
+    @property
+    def fits_float32(self) -> bool:
+        """May float32 coordinates be moved in float32 arithmetic?"""
+        return bool(np.linalg.norm(self.matrix[:, 3]) <= FLOAT32_REACH_MM)
+
+
+def _require_rigid(a_T_b: Array) -> None:
+    fix = "give a 4×4 rigid transform in mm with the last row 0 0 0 1"
+    if a_T_b.shape != (4, 4):
+        raise MotionError(f"the transform has the shape {a_T_b.shape}", fix)
+    if not np.all(np.isfinite(a_T_b)):
+        raise MotionError("the transform has elements that are not finite", fix)
+    if not np.array_equal(a_T_b[3], [0, 0, 0, 1]):
+        raise MotionError(f"the transform's last row is {a_T_b[3].tolist()}", fix)
+    rotation = a_T_b[:3, :3]
+    off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if off > RIGID_TOLERANCE:
+        raise MotionError(f"the transform scales or shears (R^T R is off by {off:.2g})", fix)
+    if np.linalg.det(rotation) < 0:
+        raise MotionError("the transform mirrors (determinant -1)", "check for a swapped axis or a left-handed frame")
+
+
+def move_points(matrix: Array, points: NDArray[Any], out: NDArray[Any]) -> None:
+    """`out` (n, 3) = matrix (3, 4 or 3, 3) @ points (n, 3): C-contiguous, the same float type, not the same memory.
+
+    A point comes out with the same bits wherever it stands in a block of any length: OpenCV rounds the last few
+    points of a call differently, so these are moved again in front of `LANES` idle points.
+    """
+    if not len(points):
+        return
+    cv2.transform(points[None], matrix, out[None])
+    last = max(0, len(points) - LANES)
+    row = np.zeros((1, 2 * LANES, 3), points.dtype)
+    row[0, : len(points) - last] = points[last:]
+    out[last:] = cv2.transform(row, matrix)[0, : len(points) - last]
+
+
+class BlockMover:
+    """Moves blocks of one layout; owns its scratch memory.
+
+    `move` gives back records that stay valid until the next call: the block itself, changed in place where it must
+    be writable, or a block of its own. `points` and `non_finite` count what went through: a point with a NaN or
+    infinite coordinate is moved as it is (it comes out non-finite) and counted.
+    """
+
+    def __init__(self, motion: Motion, layout: Layout) -> None:
+        self.points = 0
+        self.non_finite = 0
+        self._layout = layout
+        self._xyz = _TripleMover(motion.matrix, layout, layout.xyz, motion.fits_float32)
+        self._normals = layout.normals and _TripleMover(motion.rotation, layout, layout.normals, True)
+
+    @property
+    def in_place(self) -> bool:
+        """Does `move` write into the block it is given?"""
+        return not self._xyz.whole_record
+
+    def move(self, block: Records) -> Records:
+        self.points += len(block)
+        moved = self._xyz.move(block)
+        self.non_finite += _count_non_finite(moved)
+        if self._xyz.whole_record:
+            return moved.view(self._layout.dtype)[:, 0]
+        self._xyz.store(moved, block)
+        if self._normals:
+            self._normals.store(self._normals.move(block), block)
+        return block
+
+
+def _count_non_finite(points: NDArray[Any]) -> int:
+    """One cheap sum tells whether there is anything to count."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(points.sum()):
+            return 0
+    return int(len(points) - np.count_nonzero(np.isfinite(points).all(axis=1)))
+
+
+class _TripleMover:
+    """Moves one triple of columns through two scratch blocks that alternate."""
+
+    def __init__(self, matrix: Array, layout: Layout, names: Triple, fits_float32: bool) -> None:
+        self._matrix = matrix
+        self._names = names
+        kind = layout.kind(names).newbyteorder("=")
+        self._kind = (
+            np.dtype(np.float32) if kind.itemsize <= 4 and kind.kind == "f" and fits_float32 else np.dtype(float)
+        )
+        packed = layout.is_packed(names) and layout.dtype[names[0]] == self._kind
+        self.whole_record = packed and layout.itemsize == 3 * self._kind.itemsize
+        self._record = _void_view(layout, names, self._kind) if packed else None
+        self._source = np.empty((0, 3), self._kind)
+        self._target = np.empty((0, 3), self._kind)
+
+    def move(self, block: Records) -> NDArray[Any]:
+        """The triple of every record, moved: (n, 3) of this mover's own."""
+        count = len(block)
+        if len(self._target) < count:
+            self._source, self._target = np.empty((count, 3), self._kind), np.empty((count, 3), self._kind)
+        source, target = self._source[:count], self._target[:count]
+        if self.whole_record and block.flags.aligned and block.flags.c_contiguous:
+            source = block.view(self._kind).reshape(count, 3)
+        elif self._record is not None:
+            _as_void(source)[:] = block.view(self._record)["triple"]
+        else:
+            for axis, name in enumerate(self._names):
+                source[:, axis] = block[name]
+        move_points(self._matrix, source, target)
+        return target
+
+    def store(self, moved: NDArray[Any], block: Records) -> None:
+        """Write (n, 3) back into the records."""
+        if self._record is not None:
+            block.view(self._record)["triple"] = _as_void(moved)
+        else:
+            with np.errstate(over="ignore", invalid="ignore"):
+                for axis, name in enumerate(self._names):
+                    block[name] = moved[:, axis]
+
+
+def _void_view(layout: Layout, names: Triple, kind: np.dtype[Any]) -> np.dtype[Any]:
+    """Three packed numbers as one opaque item: copying items is three times as fast as copying columns."""
+    void = np.dtype(f"V{3 * kind.itemsize}")
+    return np.dtype(
+        {"names": ["triple"], "formats": [void], "offsets": [layout.offset(names[0])], "itemsize": layout.itemsize}
+    )
+
+
+def _as_void(points: NDArray[Any]) -> NDArray[Any]:
+    return points.view(np.dtype(f"V{3 * points.itemsize}"))[:, 0]
