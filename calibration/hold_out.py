@@ -1,7 +1,7 @@
 """How well the solution predicts a view it has not seen.
 
-For each view the solution without it is one Newton step away: the view's part is taken out of the normal equations.
-The error of the left-out view is then between where its target points are seen and where the rest says they are:
+For each view the solution without it is one Newton step away (`likelihood.leave_one_out`). The error of the left-out
+view is then between where its target points are seen and where the rest says they are:
 
 - base error: the target points through the view's own camera_T_target (from its pixels alone), X of the rest and the
   robot's pose as reported, against the target's pose of the rest; RMS distance in the anchor (base or flange), mm;
@@ -11,34 +11,36 @@ The error of the left-out view is then between where its target points are seen 
 import numpy as np
 
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.mixed_model import covariance_of
-from calibration.likelihood.pixels import pixel_residuals, with_intrinsics
+from calibration.likelihood.estimate import Estimate, measured
+from calibration.likelihood.leave_one_out import LeftOut, leave_one_out, without_each_view
+from calibration.likelihood.pixels import PixelStatistics
 from calibration.observations import Observations
 from calibration.solution import HoldOut
 from calibration.transforms import Array, inverse, map_points
-from calibration.view_poses import refined_poses
+from calibration.view_poses import moved
 
 FEWEST_VIEWS = 4
 """Three views without one are two, which determine nothing."""
 
 
 def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> HoldOut | None:
-    """RMS over all points of all views, each predicted by the others; None below four views."""
+    """RMS over all points of all views, each predicted by the others; None below four views.
+
+    `camera_T_target` (n, 4, 4): each view's own pose, by its pixels alone and the estimated camera.
+    """
     if len(seen) < FEWEST_VIEWS:
         return None
-    distances, pixels, counts = 0.0, 0.0, 0.0
-    for row in range(len(seen)):
-        chain, camera = _without(best, row)
-        view = seen.take(np.array([row]))
-        pose = camera_T_target[[row]] if camera is best.camera else refined_poses(view, camera, camera_T_target[[row]])
-        weights = view.weights[0]
-        errors = base_errors(view, chain, pose)[0]
-        residuals = pixel_residuals(view, camera, chain.camera_T_target())[0]
-        distances += float(weights @ np.sum(errors**2, axis=-1))
-        pixels += float(weights @ np.sum(residuals**2, axis=-1))
-        counts += float(weights.sum())
-    return HoldOut(float(np.sqrt(distances / counts)), float(np.sqrt(pixels / counts)))
+    left_out = leave_one_out(best.step)
+    chain = without_each_view(best, left_out)
+    pixels = measured(seen, best.free)
+    own = _own_poses(pixels(camera_T_target, best.camera), left_out)
+    errors = base_errors(seen, chain, moved(camera_T_target, own))
+    predicted = pixels(chain.camera_T_target(), best.camera)
+    corners = float(np.count_nonzero(seen.weights))
+    return HoldOut(
+        float(np.sqrt(np.sum(seen.weights * np.sum(errors**2, axis=-1)) / corners)),
+        float(np.sqrt(np.sum(_squares(predicted, left_out)) / corners)),
+    )
 
 
 def base_errors(seen: Observations, chain: Chain, camera_T_target: Array) -> Array:
@@ -50,13 +52,15 @@ def base_errors(seen: Observations, chain: Chain, camera_T_target: Array) -> Arr
     return errors
 
 
-def _without(best: Estimate, row: int):  # type: ignore[no-untyped-def]
-    step = best.step
-    left = covariance_of(step.information - step.view_information[row])
-    b = -left @ (step.view_gradient.sum(axis=0) - step.view_gradient[row])
-    chain = best.chain.moved(b[:12], np.zeros((1, 6)))
-    chain = Chain(
-        chain.setup, chain.base_T_flange[[row]], chain.mount_T_camera, chain.anchor_T_target, np.zeros((1, 6))
-    )
-    camera = with_intrinsics(best.camera, b[12:]) if len(b) > 12 else best.camera
-    return chain, camera
+def _own_poses(statistics: PixelStatistics, left_out: LeftOut) -> Array:
+    """How each view's own pose (n, 6) moves with the intrinsics of the others."""
+    towards = (statistics.normal[:, :6, 6:] @ left_out.b[:, 12:, None])[..., 0]
+    return -np.asarray(np.linalg.solve(statistics.normal[:, :6, :6], towards[..., None])[..., 0])
+
+
+def _squares(statistics: PixelStatistics, left_out: LeftOut) -> Array:
+    """Each view's summed squares (n,) with the intrinsics of the others."""
+    k = left_out.b[:, 12:]
+    towards = (statistics.normal[:, 6:, 6:] @ k[..., None])[..., 0]
+    squares: Array = statistics.square + np.sum((2 * statistics.gradient[:, 6:] + towards) * k, axis=1)
+    return squares

@@ -10,7 +10,6 @@ import numpy as np
 
 from calibration.closed_forms.motions import SMALLEST_TURN_RAD
 from calibration.errors import UndeterminedError
-from calibration.problem import Setup
 from calibration.transforms import Array, rotation_angle_rad, vector_from_rotation
 
 LEAST_TURN_RAD = np.radians(10.0)
@@ -68,8 +67,9 @@ def motion_of(base_T_flange: Array) -> Motion:
     return Motion(len(distinct), largest, spread, float(from_main), vectors[:, 2])
 
 
-def require_determined(motion: Motion, setup: Setup, base_T_flange: Array) -> None:
-    """Raises UndeterminedError when no method could find X from such motions."""
+def require_determined(base_T_flange: Array) -> None:
+    """Raises UndeterminedError when no method could find X from the motions between poses (n, 4, 4)."""
+    motion = motion_of(base_T_flange)
     if motion.distinct < 3:
         raise UndeterminedError(
             "too-few-poses",

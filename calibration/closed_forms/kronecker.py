@@ -9,32 +9,38 @@ Eq. 15 (the Kronecker form); M. Shah, J. Mechanisms Robotics 5(3) 2013, Eq. 24 (
 
 import numpy as np
 
-from calibration.transforms import Array, nearest_rotation, transform
+from calibration.transforms import Array, transform
 
 
 def kronecker(anchor_T_mount: Array, camera_T_target: Array) -> Array:
-    """X (4, 4): rotation over all pairs, then translation where the target's points scatter least."""
-    rotation = rotation_of_all_pairs(anchor_T_mount[:, :3, :3], camera_T_target[:, :3, :3])
-    turned = anchor_T_mount[:, :3, :3]
+    """X (..., 4, 4) of poses (..., n, 4, 4): rotation over all pairs, then translation where the target scatters least.
+
+    Leading dimensions are separate sessions.
+    """
+    turned = anchor_T_mount[..., :3, :3]
+    products = summed_products(turned, camera_T_target[..., :3, :3])
+    vectors = np.linalg.svd(products)[2][..., 0, :]
+    rotation = as_rotation(vectors.reshape(*vectors.shape[:-1], 3, 3))
     # R_i t + R_i R s_i + t_i is the target's origin in the anchor, the same for every view: remove its mean.
-    offset = (turned @ rotation @ camera_T_target[:, :3, 3:])[..., 0] + anchor_T_mount[:, :3, 3]
-    mean_turn, mean_offset = turned.mean(axis=0), offset.mean(axis=0)
-    n = len(turned)
-    normal = n * (np.eye(3) - mean_turn.T @ mean_turn)
-    right_hand = n * mean_turn.T @ mean_offset - np.einsum("nji,nj->i", turned, offset, optimize=False)
-    return transform(rotation, np.linalg.lstsq(normal, right_hand, rcond=None)[0])
-
-
-def rotation_of_all_pairs(anchor_R_mount: Array, camera_R_target: Array) -> Array:
-    """Rotation of X (3, 3) from orientations (n, 3, 3) each."""
-    vector = np.linalg.svd(summed_products(anchor_R_mount, camera_R_target))[2][0].reshape(3, 3)
-    return nearest_rotation(vector * np.sign(np.linalg.det(vector)))[0]
+    offset = (turned @ rotation[..., None, :, :] @ camera_T_target[..., :3, 3:]) + anchor_T_mount[..., :3, 3:]
+    mean_turn, mean_offset = turned.mean(axis=-3), offset.mean(axis=-3)
+    normal = np.eye(3) - np.swapaxes(mean_turn, -1, -2) @ mean_turn
+    right_hand = np.swapaxes(mean_turn, -1, -2) @ mean_offset - (np.swapaxes(turned, -1, -2) @ offset).mean(axis=-3)
+    return transform(rotation, (np.linalg.pinv(normal, rcond=1e-12, hermitian=True) @ right_hand)[..., 0])
 
 
 def summed_products(anchor_R_mount: Array, camera_R_target: Array) -> Array:
-    """sum_i R_i ⊗ S_i' (9, 9), so that it maps vec(X), row by row, to vec(sum_i R_i X S_i)."""
-    n = len(anchor_R_mount)
-    products = anchor_R_mount.reshape(n, 9).T @ camera_R_target.reshape(n, 9)
+    """sum_i R_i ⊗ S_i' (..., 9, 9), so that it maps vec(X), row by row, to vec(sum_i R_i X S_i)."""
+    lead, n = anchor_R_mount.shape[:-3], anchor_R_mount.shape[-3]
+    left = np.swapaxes(anchor_R_mount.reshape(*lead, n, 9), -1, -2)
+    products = left @ camera_R_target.reshape(*lead, n, 9)
     # products[a b, c d] = sum R[a, b] S[c, d] and (R X S)[a, d] = R[a, b] X[b, c] S[c, d].
-    summed: Array = products.reshape(3, 3, 3, 3).transpose(0, 3, 1, 2).reshape(9, 9)
-    return summed
+    summed: Array = np.swapaxes(products.reshape(*lead, 3, 3, 3, 3), -1, -3)
+    return np.asarray(np.swapaxes(summed, -1, -2)).reshape(*lead, 9, 9)
+
+
+def as_rotation(matrices: Array) -> Array:
+    """The rotations nearest to multiples, of either sign, of rotations (..., 3, 3)."""
+    u, _, vt = np.linalg.svd(matrices)
+    product: Array = u @ vt
+    return product * np.sign(np.linalg.det(product))[..., None, None]

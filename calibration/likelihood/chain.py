@@ -7,7 +7,7 @@ C_i acts about the flange's origin, where a robot's rotation error and translati
 Perturbations: X @ exp(.), Y @ exp(.), exp(.) @ Z. Model: K. Strobl & G. Hirzinger, IROS 2006.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,18 +56,26 @@ class Chain:
         base_T_flange = anchor_T_mount if self.setup == "eye-in-hand" else inverse(anchor_T_mount)
         correction = inverse(self.base_T_flange) @ base_T_flange
         vectors = np.concatenate([vector_from_rotation(correction[:, :3, :3]), correction[:, :3, 3]], axis=1)
-        return Chain(self.setup, self.base_T_flange, self.mount_T_camera, self.anchor_T_target, vectors)
+        return replace(self, corrections=vectors)
 
     def moved(self, step: Array, corrections: Array) -> "Chain":
-        """X and Y moved by a step (12,), with new corrections (n, 6)."""
-        moves = transform(rotation_from_vector(step.reshape(2, 6)[:, :3]), step.reshape(2, 6)[:, 3:])
+        """X and Y moved by a step (..., 12), with new corrections (n, 6); one step a view gives one X a view."""
+        by_x, by_y = step[..., :6], step[..., 6:]
         return Chain(
             self.setup,
             self.base_T_flange,
-            self.mount_T_camera @ moves[0],
-            self.anchor_T_target @ moves[1],
+            self.mount_T_camera @ transform(rotation_from_vector(by_x[..., :3]), by_x[..., 3:]),
+            self.anchor_T_target @ transform(rotation_from_vector(by_y[..., :3]), by_y[..., 3:]),
             corrections,
         )
+
+    def as_reported(self) -> "Chain":
+        """The same X and Y with the robot's poses as they came."""
+        return replace(self, corrections=np.zeros_like(self.corrections))
+
+    def of_views(self, base_T_flange: Array) -> "Chain":
+        """The same X and Y for other robot poses (n, 4, 4)."""
+        return replace(self, base_T_flange=base_T_flange, corrections=np.zeros((len(base_T_flange), 6)))
 
 
 def correction_transforms(corrections: Array) -> Array:

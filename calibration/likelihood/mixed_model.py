@@ -117,9 +117,9 @@ def woodbury(model: MixedModel, variances: Variances) -> Array:
 
 
 def covariance_of(information: Array) -> Array:
-    """Inverse of a symmetric positive matrix whose unknowns have different units."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information), 1e-300))
-    values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
-    vectors = scale[:, None] * vectors
-    covariance: Array = (vectors / np.maximum(values, 1e-14)) @ vectors.T
+    """Inverses of symmetric positive matrices (..., k, k) whose unknowns have different units."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-300))
+    values, vectors = np.linalg.eigh(scale[..., :, None] * information * scale[..., None, :])
+    vectors = scale[..., :, None] * vectors
+    covariance: Array = (vectors / np.maximum(values, 1e-14)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     return covariance

@@ -1,0 +1,81 @@
+"""The largest part of a session that agrees with itself: least median of squares over triples of views.
+
+P. Rousseeuw, "Least median of squares regression", JASA 79, 1984. Three views give X and the target's pose; the other
+views vote with the distance between where they see the target's points and where the triple has them.
+"""
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.closed_forms.kronecker import as_rotation, kronecker
+from calibration.transforms import Array, map_points, transform
+
+FEWEST_VIEWS = 4
+"""Three views are one triple: nobody is left to vote."""
+
+MOST_TRIPLES = 80
+CANDIDATE_TRIPLES = 600
+"""Of this many triples drawn, those with the best spread of axes are tried."""
+
+OUTLYING = 4.0
+"""In robust deviations; generous, because a triple's own error adds to the views'."""
+
+SEED = 1
+
+
+def agreeing_views(anchor_T_mount: Array, camera_T_target: Array, points_mm: Array) -> NDArray[np.bool_]:
+    """Which views (n,) agree with the best triple, then with all that agreed. `points_mm` (k, 3) on the target."""
+    n = len(anchor_T_mount)
+    if n < FEWEST_VIEWS:
+        return np.ones(n, bool)
+    corners = points_mm[[0, -1]] if len(points_mm) < 4 else points_mm[_extremes(points_mm)]
+    triples = _spread_triples(anchor_T_mount[:, :3, :3])
+    distances = _distances(anchor_T_mount, camera_T_target, triples, corners)
+    majority = n // 2 + 1
+    ranked = np.sort(distances, axis=1)[:, majority - 1]
+    best = int(np.argmin(ranked))
+    agreeing = _within(distances[best], n)
+    for _ in range(3):
+        rows = np.flatnonzero(agreeing)[None]
+        agreeing = _within(_distances(anchor_T_mount, camera_T_target, rows, corners)[0], n)
+    return agreeing
+
+
+def _within(distances: Array, n: int) -> NDArray[np.bool_]:
+    majority = n // 2 + 1
+    middle = float(np.sort(distances)[majority - 1])
+    # Rousseeuw's finite-sample factor; a distance of six summed squares has its median near its deviation.
+    scale = middle * (1 + 5 / max(n - 3, 1))
+    return distances <= OUTLYING * max(scale, 1e-6)
+
+
+def _extremes(points_mm: Array) -> list[int]:
+    sums, differences = points_mm[:, 0] + points_mm[:, 1], points_mm[:, 0] - points_mm[:, 1]
+    return [int(np.argmin(sums)), int(np.argmax(differences)), int(np.argmax(sums)), int(np.argmin(differences))]
+
+
+def _spread_triples(rotations: Array) -> NDArray[np.intp]:
+    """Triples of views (t, 3) whose turns have the best spread of axes."""
+    n = len(rotations)
+    if n <= 12:
+        triples = np.array(list(combinations(range(n), 3)))
+    else:
+        rng = np.random.default_rng(SEED)
+        triples = np.argsort(rng.random((CANDIDATE_TRIPLES, n)), axis=1)[:, :3]
+    # The second singular value of the stacked (R_A - I) says how well the worse translation is determined.
+    turned = rotations[triples] - rotations[triples].mean(axis=1, keepdims=True)
+    spread = np.linalg.svd(turned.reshape(len(triples), 9, 3), compute_uv=False)[:, 2]
+    return triples[np.argsort(-spread)[:MOST_TRIPLES]]
+
+
+def _distances(anchor_T_mount: Array, camera_T_target: Array, groups: NDArray[np.intp], corners: Array) -> Array:
+    """RMS distance in the anchor (g, n) between each view's corners and those of each group's solution."""
+    mount_T_camera = kronecker(anchor_T_mount[groups], camera_T_target[groups])
+    seen = anchor_T_mount @ mount_T_camera[:, None] @ camera_T_target  # (g, n, 4, 4)
+    members = np.take_along_axis(seen, groups[:, :, None, None], axis=1)
+    target = transform(as_rotation(members[..., :3, :3].mean(axis=1)), members[..., :3, 3].mean(axis=1))
+    apart = map_points(seen, corners) - map_points(target, corners)[:, None]
+    distances: Array = np.sqrt(np.mean(np.sum(apart**2, axis=-1), axis=-1))
+    return distances

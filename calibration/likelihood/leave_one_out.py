@@ -1,0 +1,65 @@
+"""Each view against the solution of all the others, one Newton step from the full one.
+
+The step is exact for the linearised model: the view's part is taken out of the normal equations.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.likelihood.chain import Chain
+from calibration.likelihood.estimate import Estimate
+from calibration.likelihood.mixed_model import Step, covariance_of
+from calibration.likelihood.pixels import pixel_statistics
+from calibration.observations import Observations
+from calibration.transforms import Array, inverse, vector_from_rotation
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """`b` (n, p): what the others' solution differs by from the estimate; `covariance` (n, p, p) of it."""
+
+    b: Array
+    covariance: Array
+
+
+def leave_one_out(step: Step) -> LeftOut:
+    """For every view the solution without it."""
+    covariance = covariance_of(step.information - step.view_information)
+    gradient = step.view_gradient.sum(axis=0) - step.view_gradient
+    return LeftOut(-(covariance @ gradient[..., None])[..., 0] - step.b, covariance)
+
+
+def without_each_view(best: Estimate, left_out: LeftOut) -> Chain:
+    """The chain of each view (stacked) by X and Y of the others, with the robot's pose as it was reported."""
+    chain = best.chain
+    return chain.moved(left_out.b[:, :12], np.zeros_like(chain.corrections))
+
+
+def disagreement(best: Estimate, left_out: LeftOut, by_shared: Array) -> Array:
+    """Squared Mahalanobis distance (n,) of each view's own pose from where the others expect it; 6 degrees of freedom.
+
+    `by_shared` (n, 6, 12) is the derivative of camera_T_target by (X, Y).
+    """
+    step = best.step
+    gradient = step.view_gradient + (step.view_information @ (left_out.b + step.b)[..., None])[..., 0]
+    # A view's pose moves by -1 with X in the camera's frame: X's block is the information about the pose itself.
+    own = covariance_of(step.view_information[:, :6, :6])
+    off = (own @ gradient[:, :6, None])[..., 0]
+    spread = own + by_shared @ left_out.covariance[:, :12, :12] @ np.swapaxes(by_shared, 1, 2)
+    squared: Array = np.einsum("ni,ni->n", off, (covariance_of(spread) @ off[..., None])[..., 0])
+    return squared
+
+
+def outside_disagreement(best: Estimate, seen: Observations, camera_T_target: Array) -> Array:
+    """The same (k,) for views that took no part, from their own poses (k, 4, 4)."""
+    chain = best.chain.of_views(seen.base_T_flange)
+    expected = chain.camera_T_target()
+    off = camera_T_target @ inverse(expected)
+    vector = np.concatenate([vector_from_rotation(off[:, :3, :3]), off[:, :3, 3]], axis=1)
+    own = covariance_of(pixel_statistics(seen, best.camera, camera_T_target).normal / best.variances.pixel)
+    by_robot, by_shared = chain.by_correction(expected) * best.variances.deviations(), chain.by_shared(expected)
+    spread = own + by_robot @ np.swapaxes(by_robot, 1, 2)
+    spread += by_shared @ best.step.covariance[:12, :12] @ np.swapaxes(by_shared, 1, 2)
+    squared: Array = np.einsum("ni,ni->n", vector, (covariance_of(spread) @ vector[..., None])[..., 0])
+    return squared

@@ -1,0 +1,78 @@
+"""From a problem to what an estimator works on: clean corners, a camera, each view's own pose of the target."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.consistency.corners import without_bad_corners
+from calibration.consistency.readings import best_readings
+from calibration.intrinsics.estimate import estimate_camera
+from calibration.likelihood.pixels import INTRINSICS
+from calibration.observability import require_determined
+from calibration.observations import Observations, Unusable, observe
+from calibration.problem import Problem, Setup
+from calibration.transforms import Array, inverse
+from calibration.view_poses import candidate_poses
+
+IMAGE_DISAGREES = Unusable("image-disagrees", "its corners do not lie as the corners of this target do")
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """n views that can be used, and by position in `problem.views` why the others cannot.
+
+    `camera_T_target` (n, 4, 4): each view's own pose; `turned` (n,): the board was read the wrong way round;
+    `free` (9,): which intrinsics are unknown.
+    """
+
+    setup: Setup
+    points_mm: Array
+    seen: Observations
+    camera: CameraModel
+    free: NDArray[np.bool_]
+    camera_T_target: Array
+    turned: NDArray[np.bool_]
+    refused: dict[int, Unusable]
+
+    @property
+    def anchor_T_mount(self) -> Array:
+        """(n, 4, 4)"""
+        return self.seen.base_T_flange if self.setup == "eye-in-hand" else inverse(self.seen.base_T_flange)
+
+    def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> "Prepared":
+        """Only the chosen views."""
+        return replace(
+            self,
+            seen=self.seen.take(chosen),
+            camera_T_target=self.camera_T_target[chosen],
+            turned=self.turned[chosen],
+        )
+
+
+def prepare(problem: Problem) -> Prepared:
+    """Raises UndeterminedError when the views' poses, or their images, cannot determine X or the camera."""
+    seen, refused = observe(problem)
+    require_determined(seen.base_T_flange)
+    camera, free = _camera(problem, seen)
+    poses, errors = candidate_poses(seen, camera)
+    clean = without_bad_corners(seen, camera, poses[:, 0])
+    kept = np.setdiff1d(np.arange(len(seen)), clean.refused)
+    refused |= {int(seen.positions[row]): IMAGE_DISAGREES for row in clean.refused}
+    require_determined(seen.base_T_flange[kept])
+    seen, candidates = clean.seen.take(kept), np.stack([clean.camera_T_target, poses[:, 1]], axis=1)[kept]
+    anchor_T_mount = seen.base_T_flange if problem.setup == "eye-in-hand" else inverse(seen.base_T_flange)
+    read = best_readings(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)
+    return Prepared(
+        problem.setup, problem.target.points_mm, read.seen, camera, free, read.camera_T_target, read.turned, refused
+    )
+
+
+def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, NDArray[np.bool_]]:
+    """The given camera, or one from all views; a lens term that the views cannot tell from zero stays zero."""
+    if problem.camera is not None:
+        return problem.camera, np.zeros(INTRINSICS, bool)
+    detections = [problem.views[position].detection for position in seen.positions]
+    found = estimate_camera(problem.target, [d for d in detections if d is not None], problem.image_size)
+    return found.camera, np.concatenate([np.ones(4, bool), found.camera.distortion != 0.0])

@@ -1,0 +1,130 @@
+"""What the estimator found, put into a Solution."""
+
+import numpy as np
+
+from calibration.consistency.outliers import Selection
+from calibration.errors import UndeterminedError
+from calibration.hold_out import base_errors, hold_out
+from calibration.likelihood.estimate import Estimate
+from calibration.likelihood.pixels import pixel_residuals
+from calibration.observability import axis_in_words, motion_of
+from calibration.observations import Unusable, observe
+from calibration.prepare import Prepared
+from calibration.problem import Problem
+from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
+from calibration.starts import Start
+from calibration.transforms import Array, map_points
+from calibration.uncertainty import uncertainty_of
+from calibration.view_poses import refined_poses
+
+
+def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start, selection: Selection) -> Solution:
+    """The whole answer of a session that determines X."""
+    best, rows = selection.best, prepared.take(selection.used)
+    own_poses = rows.camera_T_target
+    if problem.camera is None:
+        own_poses = refined_poses(rows.seen, best.camera, own_poses)
+    centre = problem.target.points_mm.mean(axis=0, keepdims=True)
+    distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
+    covariance = best.step.covariance[:6, :6]
+    return Solution(
+        setup=problem.setup,
+        method=method,
+        mount_T_camera=best.chain.mount_T_camera,
+        anchor_T_target=best.chain.anchor_T_target,
+        camera=best.camera,
+        camera_source="given" if problem.camera else "estimated",
+        uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, best.camera, distance_mm),
+        noise=_noise(best),
+        views=_views(problem, prepared, selection, own_poses),
+        observability=_observability(problem, rows, best, covariance),
+        hold_out=hold_out(rows.seen, best, own_poses),
+        findings=(),
+    )
+
+
+def refused_solution(problem: Problem, method: str, why: UndeterminedError) -> Solution:
+    """No transform, and the reason."""
+    seen, refused = observe(problem)
+    motion = motion_of(seen.base_T_flange)
+    return Solution(
+        setup=problem.setup,
+        method=method,
+        mount_T_camera=None,
+        anchor_T_target=None,
+        camera=problem.camera,
+        camera_source="given" if problem.camera else "estimated",
+        uncertainty=None,
+        noise=Noise(None, None, None),
+        views=tuple(
+            _without_numbers(problem, position, refused.get(position)) for position in range(len(problem.views))
+        ),
+        observability=Observability(len(seen), motion.max_rotation_rad, motion.axis_spread, why.what),
+        hold_out=None,
+        findings=(Finding(why.code, "error", why.what, why.fix),),
+    )
+
+
+def _noise(best: Estimate) -> Noise:
+    levels = best.variances
+    return Noise(*(float(np.sqrt(level)) for level in (levels.pixel, levels.rotation, levels.translation)))
+
+
+def _observability(problem: Problem, rows: Prepared, best: Estimate, covariance: Array) -> Observability:
+    motion = motion_of(rows.seen.base_T_flange)
+    weakest = np.linalg.eigh(covariance[3:, 3:])[1][:, -1]
+    direction = best.chain.mount_T_camera[:3, :3] @ weakest
+    words = (
+        axis_in_words(direction, rows.seen.base_T_flange)
+        if problem.setup == "eye-in-hand"
+        else axis_in_words(np.linalg.inv(rows.seen.base_T_flange[0, :3, :3]) @ direction, rows.seen.base_T_flange)
+    )
+    return Observability(len(rows.seen), motion.max_rotation_rad, motion.axis_spread, f"translation along {words}")
+
+
+def _views(problem: Problem, prepared: Prepared, selection: Selection, own_poses: Array) -> tuple[ViewResult, ...]:
+    best, rows = selection.best, prepared.take(selection.used)
+    residuals = pixel_residuals(rows.seen, best.camera, best.chain.camera_T_target())
+    errors = base_errors(rows.seen, best.chain.as_reported(), own_poses)
+    results = [_without_numbers(problem, position, why) for position, why in prepared.refused.items()]
+    results += [_rejected(problem, prepared, int(row), best) for row in np.flatnonzero(~selection.used)]
+    for row, position in enumerate(rows.seen.positions):
+        weights = rows.seen.weights[row] / rows.seen.weights[row].sum()
+        view = problem.views[position]
+        results.append(
+            ViewResult(
+                index=view.index,
+                image=view.image,
+                status="corrected" if rows.turned[row] else "used",
+                reason="board-turned" if rows.turned[row] else None,
+                reprojection_px=float(np.sqrt(weights @ np.sum(residuals[row] ** 2, axis=-1))),
+                base_error_mm=float(np.sqrt(weights @ np.sum(errors[row] ** 2, axis=-1))),
+                robot_correction=(best.chain.corrections[row, 3:], best.chain.corrections[row, :3]),
+            )
+        )
+    return tuple(sorted(results, key=lambda result: result.index))
+
+
+def _rejected(problem: Problem, prepared: Prepared, row: int, best: Estimate) -> ViewResult:
+    only = prepared.take(np.array([row]))
+    chain = best.chain.of_views(only.seen.base_T_flange)
+    errors = base_errors(only.seen, chain, only.camera_T_target)[0]
+    residuals = pixel_residuals(only.seen, best.camera, chain.camera_T_target())[0]
+    correction = chain.with_corrections_from(only.camera_T_target).corrections[0]
+    weights = only.seen.weights[0] / only.seen.weights[0].sum()
+    view = problem.views[only.seen.positions[0]]
+    return ViewResult(
+        index=view.index,
+        image=view.image,
+        status="rejected",
+        reason="pose-disagrees",
+        reprojection_px=float(np.sqrt(weights @ np.sum(residuals**2, axis=-1))),
+        base_error_mm=float(np.sqrt(weights @ np.sum(errors**2, axis=-1))),
+        robot_correction=(correction[3:], correction[:3]),
+    )
+
+
+def _without_numbers(problem: Problem, position: int, why: Unusable | None) -> ViewResult:
+    view = problem.views[position]
+    status, reason = ("used", None) if why is None else ("rejected", why.code)
+    return ViewResult(view.index, view.image, status, reason, None, None, None)  # type: ignore[arg-type]
