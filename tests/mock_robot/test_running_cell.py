@@ -13,11 +13,15 @@ import pytest
 
 from calibration.arms import IRB_1600_6_145
 from calibration.detection.detect import detect
-from calibration.transforms import Array, inverse, map_points
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array, inverse, map_points, transform
 from mock_robot.__main__ import main
 from mock_robot.cell import MockCell
 from mock_robot.errors import UnknownFault
+from mock_robot.part import DOOR
+from mock_robot.part_mesh import surface_samples
 from mock_robot.posture import START_DISTANCE_MM, target_middle_mm
+from mock_robot.scanner_view import cloud_ply
 from mock_robot.truth import CellNoise, CellTruth
 from protocols.cb import messages as cb
 from protocols.cb.codes import Command, Flag, Status
@@ -263,7 +267,46 @@ def test_truth_and_faults_are_printed_on_request(capsys: pytest.CaptureFixture[s
     assert {"name", "area", "summary"} == set(json.loads(capsys.readouterr().out)[0])
 
 
-def test_a_calibration_is_scored_against_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def calibration_json(flange_T_camera: Array) -> str:
+    """A calibration.json with that X."""
+    return json.dumps(
+        {
+            "id": "c1",
+            "created_at": "2026-01-01T00:00:00Z",
+            "software": "handeyed",
+            "setup": "eye-in-hand",
+            "method": "test",
+            "flange_T_camera": PoseDocument.of(flange_T_camera).model_dump(mode="json"),
+            "camera": None,
+            "uncertainty": None,
+            "noise": {"image_px": None, "robot_rotation_deg": None, "robot_translation_mm": None},
+            "views": [],
+            "observability": {
+                "views_used": 3,
+                "max_rotation_deg": 30.0,
+                "axis_spread": 0.5,
+                "weakest_direction": "none",
+            },
+            "hold_out": None,
+            "verdict": {"accepted": True, "findings": []},
+        }
+    )
+
+
+def test_results_are_scored_against_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = CellTruth.from_seed(7)
+    calibration, cloud = tmp_path / "calibration.json", tmp_path / "merged.ply"
+    calibration.write_text(calibration_json(truth.flange_T_camera @ transform(np.eye(3), [0.0, 0.0, 0.25])))
+    points = map_points(truth.base_T_part, surface_samples(10.0, DOOR)).astype(np.float32)
+    cloud.write_bytes(cloud_ply(points))
+    arguments = ["score", "--seed", "7", "--cloud", str(cloud), "--calibration", str(calibration)]
+    assert main(arguments) == 0
+    scores = json.loads(capsys.readouterr().out)
+    assert scores["calibration"]["translation_mm"] == pytest.approx(0.25, abs=1e-6)
+    assert scores["cloud"]["rms_mm"] < 0.01
+
+
+def test_what_cannot_be_scored_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     missing = tmp_path / "calibration.json"
     assert main(["score", "--seed", "7"]) == 1
     assert "--cloud" in capsys.readouterr().err
