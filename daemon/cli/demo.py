@@ -34,8 +34,7 @@ def demo(
         teller.step("mock cell", "robot, camera and scanner") as starting,
         child("mock-cell", mock, folder) as cell,
     ):
-        robot, devices = cell.announcement["robot"], cell.announcement["devices"]
-        starting.done(f"tcp://{robot['host']}:{robot['port']}, {devices}; {time_scale:g} x real time")
+        starting.done(f"on real sockets, the arm {time_scale:g} x as fast as real")
         settings = folder / "handeyed.toml"
         settings.write_text(settings_text(cell.announcement, _port() if keep else 0))
         serve = ["daemon.cli", "serve", str(settings)]

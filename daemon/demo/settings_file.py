@@ -6,7 +6,7 @@ from typing import Any
 
 def settings_text(announcement: dict[str, Any], port: int) -> str:
     """The settings of a daemon at `port` for the cell that announced itself."""
-    robot, devices, cell = announcement["robot"], announcement["devices"], announcement["cell"]
+    robot, cell = announcement["robot"], announcement["cell"]
     sections: dict[str, dict[str, Any]] = {
         "robot": {
             "address": f"tcp://{robot['host']}:{robot['port']}",
@@ -14,8 +14,8 @@ def settings_text(announcement: dict[str, Any], port: int) -> str:
             "speed_mm_s": 250.0,
             "box_mm": cell["box_mm"],
         },
-        "camera": {"address": f"{devices}/camera/snapshot.png", "intrinsics": cell["camera"]},
-        "scanner": {"address": f"{devices}/scanner/cloud.ply", "unit": "mm", "poses": cell["scan_poses"]},
+        "camera": {"address": announcement["camera"], "intrinsics": cell["camera"]},
+        "scanner": {"address": announcement["scanner"], "unit": "mm", "poses": cell["scan_poses"]},
         "target": cell["target"],
         "calibration": {
             "policy": "auto",

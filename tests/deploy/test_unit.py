@@ -1,0 +1,88 @@
+"""deploy/: what systemd and the shell say of our files."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
+UNIT = DEPLOY / "handeyed.service"
+
+
+def _said(*command: str | Path) -> str:
+    """What a command prints; it must succeed."""
+    ran = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return ran.stdout + ran.stderr
+
+
+def _need(program: str, package: str) -> None:
+    if shutil.which(program) is None:
+        pytest.skip(f"{program} is not here (Debian: {package})")
+
+
+def _settings() -> dict[str, list[str]]:
+    """The unit's [Service] settings."""
+    settings: dict[str, list[str]] = {}
+    for key, value in re.findall(r"^(\w+)=(.*)$", UNIT.read_text(), re.MULTILINE):
+        settings.setdefault(key, []).append(value)
+    return settings
+
+
+def test_systemd_finds_nothing_wrong_with_the_unit(tmp_path: Path) -> None:
+    _need("systemd-analyze", "systemd")
+    program = tmp_path / "handeyed"
+    program.symlink_to(sys.executable)
+    copy = tmp_path / "handeyed.service"
+    copy.write_text(UNIT.read_text().replace("/opt/handeyed/current/bin/handeyed", str(program)))
+
+    assert _said("systemd-analyze", "verify", "--man=no", copy) == ""
+
+
+def test_the_unit_is_exposed_no_more_than_it_must_be() -> None:
+    _need("systemd-analyze", "systemd")
+    said = _said("systemd-analyze", "security", "--offline=true", "--no-pager", UNIT)
+
+    exposure = re.search(r"Overall exposure level for handeyed.service: ([\d.]+)", said)
+    assert exposure is not None
+    assert float(exposure[1]) <= 1.5
+
+
+def test_network_serial_lines_and_cameras_still_work() -> None:
+    settings = _settings()
+
+    assert {"AF_INET", "AF_INET6", "AF_UNIX"} <= set(settings["RestrictAddressFamilies"][0].split())
+    assert {"char-ttyS rw", "char-ttyUSB rw", "char-ttyACM rw", "char-video4linux rw"} == set(settings["DeviceAllow"])
+    assert settings["SupplementaryGroups"] == ["dialout video"]
+    assert "PrivateNetwork" not in settings
+    assert "PrivateDevices" not in settings
+    assert "192.168.0.0/16" in settings["IPAddressAllow"][0]
+
+
+def test_the_watchdog_is_fed_by_the_daemon_and_state_lies_where_the_settings_say() -> None:
+    settings = _settings()
+
+    assert settings["Type"] == ["notify"]
+    assert int(settings["WatchdogSec"][0]) >= 10
+    assert settings["StateDirectory"] == settings["ConfigurationDirectory"] == ["handeyed"]
+    assert "PYTHONSAFEPATH=1" in settings["Environment"][0].split()
+    assert 'folder = "/var/lib/handeyed"' in (DEPLOY / "handeyed.example.toml").read_text()
+
+
+@pytest.mark.parametrize("script", ["deploy/install.sh", ".ci/run"])
+def test_the_shell_finds_nothing_wrong_with_the_scripts(script: str) -> None:
+    _need("shellcheck", "shellcheck")
+
+    assert _said("shellcheck", DEPLOY.parent / script) == ""
+
+
+def test_the_installer_wants_root_and_knows_its_options() -> None:
+    script = (DEPLOY / "install.sh").read_text()
+
+    _said("sh", "-n", DEPLOY / "install.sh")
+    for place in ("handeyed.service", "99-handeyed.rules", "handeyed.example.toml", "requirements.lock", "build.lock"):
+        assert place in script
+        assert (DEPLOY / place).exists()
