@@ -1,6 +1,7 @@
 """The newest whole file in a folder that somebody else writes into."""
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -72,6 +73,7 @@ class WatchedFolder:
         self._limit_s, self._max_bytes, self._lag_s, self._wall_clock = limit_s, max_bytes, lag_s, wall_clock
         self._report = LinkReport(timing.clock)
         self._first_seen_s: dict[Sighting, float] = {}
+        self._looked = False
         self._newest: NewestFile | None = None
         self._task: asyncio.Task[None] | None = None
 
@@ -131,7 +133,7 @@ class WatchedFolder:
             try:
                 sightings = await asyncio.to_thread(files_in, self._folder, self._suffixes)
             except OSError as error:
-                self._first_seen_s, self._newest = {}, None
+                self._first_seen_s, self._newest, self._looked = {}, None, False
                 self._report.down(f"the folder cannot be read ({error.strerror})")
             else:
                 self._report.up("the folder is there" if sightings else "the folder is there, and empty so far")
@@ -140,9 +142,14 @@ class WatchedFolder:
 
     def _note(self, sightings: list[Sighting]) -> None:
         """The newest file that is the same as at the look before; others may be newer and still grow."""
-        now_s = self._timing.clock()
+        now_s, wall_ns = self._timing.clock(), self._wall_clock() * 1e9
         stood_still = [sighting for sighting in sightings if sighting in self._first_seen_s]
-        self._first_seen_s = {sighting: self._first_seen_s.get(sighting, now_s) for sighting in sightings}
+        for sighting in sightings:
+            # A time in the future says nothing; what lay here before the first look may be of any age.
+            unknown = not self._looked and sighting.modified_ns > wall_ns
+            self._first_seen_s.setdefault(sighting, -math.inf if unknown else now_s)
+        self._first_seen_s = {sighting: self._first_seen_s[sighting] for sighting in sightings}
+        self._looked = True
         newest = max(stood_still, key=lambda sighting: (sighting.modified_ns, sighting.path.name), default=None)
         if newest is None:
             self._newest = None
