@@ -145,16 +145,58 @@ def test_every_kind_agrees_with_brute_force_sampling(kind: str) -> None:
     assert np.any((truth > 0.05) & (truth < 0.95)), "some pixels must lie on edges"
 
 
+def test_pixels_at_a_turned_corner_have_their_share_of_both_edges() -> None:
+    """Multiplying the two edges' shares, as if they were independent, would be off by up to 0.1 here."""
+    steps = (np.arange(64) + 0.5) / 64 - 0.5
+    dx, dy = np.meshgrid(steps, steps)
+    board = Chessboard(2, 2, 100.0)
+    for corner_x, corner_y in ((320.0, 240.0), (320.3, 240.1), (319.8, 240.4), (320.45, 239.6)):
+        place = [corner_x - 319.5, corner_y - 239.5, 800.0]
+        picture = clean_picture(PLAIN, board, transform(rotation_from_vector([0.0, 0.0, 0.7]), place))
+        for row in (239, 240, 241):
+            for column in (319, 320, 321):
+                x, y = column + dx - corner_x, row + dy - corner_y
+                u, v = np.cos(0.7) * x + np.sin(0.7) * y, np.cos(0.7) * y - np.sin(0.7) * x
+                assert picture[row, column] == pytest.approx(np.mean((u < 0) != (v < 0)), abs=0.01)
+
+
 def test_a_target_behind_the_camera_or_beside_the_picture_leaves_its_surroundings() -> None:
     for place in ([0.0, 0.0, -400.0], [5000.0, 0.0, 400.0], [0.0, -3000.0, 10.0]):
         assert np.all(clean_picture(STRONG, BOARD, transform(np.eye(3), place)) == np.float32(0.35))
 
 
-def test_a_target_through_the_camera_plane_is_drawn_where_it_is_in_front() -> None:
-    steep = transform(rotation_from_vector([1.35, 0.0, 0.0]), [-75.0, -40.0, 60.0])
-    picture = clean_picture(STRONG, BOARD, steep)
-    assert np.isfinite(picture).all()
-    assert 0.0 < np.mean(picture == 0.0) < 1.0
+def test_a_target_through_the_camera_plane_is_drawn_where_it_is_in_front_only() -> None:
+    """Its far side would show mirrored above the horizon if rays were followed backwards."""
+    board = Chessboard(7, 5, 100.0)
+    steep = transform(rotation_from_vector([1.35, 0.0, 0.0]), [-300.0, -40.0, -100.0])
+    picture = clean_picture(STRONG, board, steep)
+    y, x = (axis.ravel() for axis in np.mgrid[3:960:7, 3:1280:7])
+    rays = STRONG.normalise(np.column_stack([x, y]).astype(float))
+    u, v, w = np.linalg.inv(steep[:3, [0, 1, 3]]) @ np.column_stack([rays, np.ones(len(rays))]).T
+    on_plane = np.where(w > 0, printed(board).reflectance(u / w, v / w), np.nan)
+    ghosts = np.isfinite(printed(board).reflectance(u / w, v / w)) & (w < 0)
+
+    assert ghosts.sum() > 100, "this view must be able to show a ghost"
+    assert np.isfinite(on_plane).sum() > 1000
+    agrees = np.abs(picture[y, x] - np.nan_to_num(on_plane, nan=0.35)) < 1e-6
+    assert agrees.mean() > 0.97, "all but the pixels on edges"
+    assert np.all(picture[y, x][ghosts] == np.float32(0.35))
+
+
+def test_small_dots_have_their_whole_area() -> None:
+    """Edges taken as straight across a whole pixel would lose 1 / (12 radius squared) of it."""
+    dots = CircleGrid("symmetric", 6, 5, 20.0)
+    for distance in (800.0, 1300.0):
+        pose = transform(np.eye(3), [-50.3, -40.1, distance])
+        dark = (1.0 - clean_picture(PLAIN, dots, pose)) * (clean_picture(PLAIN, dots, pose) != np.float32(0.35))
+        outline = printed(dots).outline_mm
+        left, top, right, bottom = np.rint(
+            PLAIN.project(map_points(pose, np.column_stack([outline, np.zeros(4)])))[[0, 2]].ravel()
+        ).astype(int)
+        radius_px = 5.0 * 800.0 / distance
+        assert dark[top + 3 : bottom - 2, left + 3 : right - 2].sum() == pytest.approx(
+            30 * np.pi * radius_px**2, rel=1e-3
+        )
 
 
 def test_a_part_of_the_target_outside_the_picture_does_not_move_the_rest() -> None:

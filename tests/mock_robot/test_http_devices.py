@@ -127,14 +127,22 @@ async def test_a_picture_taken_in_motion_is_smeared(at: At) -> None:
     assert sharpness(smeared) < 0.75 * sharpness(still)
 
 
-async def test_the_loop_goes_on_while_a_picture_is_rendered(at: At) -> None:
-    pose, beats = looking_at_the_target(), 0
+async def test_the_loop_goes_on_while_a_picture_is_rendered(at: At, monkeypatch: pytest.MonkeyPatch) -> None:
+    rendering, loop_turned = threading.Event(), threading.Event()
+    seen: list[bool] = []
+
+    def slow_picture(*_: object) -> NDArray[np.uint8]:
+        rendering.set()
+        seen.append(loop_turned.wait(5.0))
+        return np.zeros((4, 4), np.uint8)
+
+    monkeypatch.setattr("mock_robot.http_devices.picture", slow_picture)
+    pose = looking_at_the_target()
     asking = asyncio.create_task(at(lambda: pose).ask(PICTURE))
-    while not asking.done():
-        await asyncio.sleep(0)
-        beats += 1
-    assert beats > 200, "the loop must turn often while the thread renders"
-    assert threading.current_thread() is threading.main_thread()
+    await asyncio.to_thread(rendering.wait, 5.0)
+    loop_turned.set()
+    await asking
+    assert seen == [True]
 
 
 async def test_the_truth_is_served_nowhere(at: At) -> None:
