@@ -192,6 +192,8 @@ class Arm:
 
         Raises as `inverse`, and OtherConfiguration when the pose can only be reached with another one.
         """
+        if len(configuration) != 4:
+            raise GeometryError(f"confdata has four numbers (cf1, cf4, cf6, cfx), got {len(configuration)}")
         wanted = Configuration(*configuration)
         near = _middle_of(wanted) if near_rad is None else _joints(near_rad)
         solutions = self._within_limits(np.asarray(base_T_flange, float), near, SINGULAR_ON_THE_WIRE)
@@ -242,7 +244,9 @@ class Arm:
         slack = QUADRANT_SLACK_RAD
         in_quadrants = np.all((quarters >= -slack) & (quarters <= 1 + slack))
         bits = np.array([wanted.cfx & _BEHIND_AXIS_1, wanted.cfx & _BEHIND_LOWER_ARM, wanted.cfx & _AXIS_5_NEGATIVE])
-        return bool(in_quadrants and np.all(np.where(bits, -1, 1) * self._sides(joints) >= -slack))
+        return bool(
+            wanted.cfx in _CFX and in_quadrants and np.all(np.where(bits, -1, 1) * self._sides(joints) >= -slack)
+        )
 
     def _excess_rad(self, joints: Array) -> Array:
         excess: Array = np.maximum(np.array(self.lower_rad) - joints, joints - np.array(self.upper_rad))

@@ -189,6 +189,14 @@ def test_what_is_no_pose_is_a_geometry_error(pose: Array) -> None:
         LARGE.inverse(pose)
 
 
+def test_what_is_no_confdata_is_refused() -> None:
+    pose = LARGE.forward(np.radians([10, 20, 15, 30, 40, 20]))
+    with pytest.raises(GeometryError, match="four numbers"):
+        LARGE.matching(pose, (0, 0, 0))  # type: ignore[arg-type]
+    with pytest.raises(OtherConfiguration):
+        LARGE.matching(pose, (0, 0, 0, 8))
+
+
 @pytest.mark.parametrize("joints", [np.zeros(5), np.full(6, np.nan), 0.0])
 def test_what_are_no_joints_is_a_geometry_error(joints: Array) -> None:
     with pytest.raises(GeometryError):
