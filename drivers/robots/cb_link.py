@@ -27,6 +27,7 @@ class CbLink:
         self._known_session: int | None = None
         self._last_seq = 0
         self._task: asyncio.Task[None] | None = None
+        self._hanging_up: set[asyncio.Task[None]] = set()
 
     @property
     def health(self) -> LinkHealth:
@@ -68,6 +69,7 @@ class CbLink:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
             self._task = None
+        await asyncio.gather(*self._hanging_up)
         self._report.down("closed")
 
     async def _keep_connected(self) -> None:
@@ -96,8 +98,10 @@ class CbLink:
             self._last_seq = session.last_seq
             for task in (listening, beating):
                 task.cancel()
-            await asyncio.gather(listening, beating, return_exceptions=True)
-            await connection.close()
+            hanging_up = asyncio.create_task(_hang_up(connection, listening, beating), name=f"leaves {self._device}")
+            self._hanging_up.add(hanging_up)
+            hanging_up.add_done_callback(self._hanging_up.discard)
+            await asyncio.shield(hanging_up)  # a close that comes now must not leave the port open
 
     async def _greet_and_keep_alive(self, conversation: Conversation) -> None:
         try:
@@ -121,3 +125,8 @@ class CbLink:
 
     def _unreachable(self) -> DeviceUnreachable:
         return DeviceUnreachable(self._device, self.health.detail, "it is dialled again by itself")
+
+
+async def _hang_up(connection: Connection, *tasks: "asyncio.Task[None]") -> None:
+    await asyncio.gather(*tasks, return_exceptions=True)
+    await connection.close()

@@ -23,6 +23,7 @@ class SerialConnection:
         self._loop = asyncio.get_running_loop()
         self._received: asyncio.Queue[bytes | LinkLost] = asyncio.Queue()
         self._ending = threading.Event()
+        self._writing = threading.Lock()
         self._closed = False
         self._thread = threading.Thread(target=self._read, name=f"reads {device}", daemon=True)
         self._thread.start()
@@ -30,7 +31,7 @@ class SerialConnection:
     async def send(self, data: bytes) -> None:
         """Raises LinkLost."""
         try:
-            await asyncio.to_thread(self._port.write, data)
+            await asyncio.to_thread(self._write, data)
         except (serial.SerialException, OSError) as error:
             raise self._lost(error) from error
 
@@ -48,6 +49,10 @@ class SerialConnection:
             self._closed = True
             self._ending.set()
             await asyncio.to_thread(self._end)
+
+    def _write(self, data: bytes) -> None:
+        with self._writing:  # a cancelled request's write goes on in its thread; a STOP must not get in between
+            self._port.write(data)
 
     def _end(self) -> None:
         self._thread.join()
@@ -91,8 +96,12 @@ class SerialTransport:
 
     async def connect(self) -> SerialConnection:
         """Raises DeviceUnreachable."""
+        opening = asyncio.ensure_future(asyncio.to_thread(self._open))
         try:
-            port = await asyncio.to_thread(self._open)
+            port = await asyncio.shield(opening)
+        except asyncio.CancelledError:
+            opening.add_done_callback(_close_what_opened)
+            raise
         except (serial.SerialException, OSError, ValueError) as error:
             fix = "check the port's name, that the adapter is plugged in, and the right to use it (group dialout)"
             raise DeviceUnreachable(self.address, f"the port cannot be opened ({error})", fix) from error
@@ -110,3 +119,9 @@ class SerialTransport:
         )
         port.reset_input_buffer()
         return port
+
+
+def _close_what_opened(opening: "asyncio.Future[Any]") -> None:
+    """Nobody waits for this port any more; an error has no reader either."""
+    if not opening.cancelled() and opening.exception() is None:
+        opening.result().close()

@@ -1,7 +1,6 @@
 """The CB link over TCP."""
 
 import asyncio
-import contextlib
 import os
 import socket
 from dataclasses import dataclass
@@ -42,9 +41,13 @@ class TcpConnection:
     async def close(self) -> None:
         """Close; what is still unsent is dropped when the peer does not take it."""
         self._writer.close()
-        with contextlib.suppress(OSError, TimeoutError):
+        try:
             async with asyncio.timeout(CLOSE_LIMIT_S):
                 await self._writer.wait_closed()
+        except TimeoutError:
+            self._writer.transport.abort()
+        except OSError:
+            pass  # it broke before: that is closed, too
 
     def _lost(self, error: OSError) -> LinkLost:
         return LinkLost(self._device, f"the connection broke ({error})", "check the network cable and the controller")

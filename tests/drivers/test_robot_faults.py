@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import itertools
+import time
 
 import pytest
 
@@ -10,7 +11,7 @@ from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost, MoveFaile
 from drivers.interfaces import Configuration, MoveGoal
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.conversation import REPLY_LIMIT_S
-from drivers.robots.serial_line import SerialTransport
+from drivers.robots.serial_line import SerialConnection, SerialTransport
 from drivers.robots.tcp import TcpTransport
 from protocols.cb.codes import Command, Status
 from protocols.cb.controller import ControllerSession
@@ -190,6 +191,45 @@ async def test_the_second_client_is_told_that_it_is_one():
         assert not robot.link.connected
 
 
+async def test_a_line_that_echoes_is_no_controller():
+    async with driver(SerialTransport("loop://")) as robot:
+        await eventually(lambda: "0x02 is no reply" in robot.link.detail)
+        assert not robot.link.connected
+
+
+async def test_two_writers_on_a_slow_line_do_not_mix_their_bytes():
+    port = SlowPort()
+    connection = SerialConnection("slow", port)
+    first = asyncio.create_task(connection.send(b"a" * 20))
+    await eventually(lambda: bool(port.written))
+    first.cancel()
+    await asyncio.gather(first, return_exceptions=True)
+    await connection.send(b"b" * 20)
+    await connection.close()
+    assert bytes(port.written) == b"a" * 20 + b"b" * 20
+
+
+class SlowPort:
+    """A port that takes one byte after the other and never has anything to read."""
+
+    in_waiting = 0
+
+    def __init__(self):
+        self.written = bytearray()
+
+    def write(self, data):
+        for byte in data:
+            self.written.append(byte)
+            time.sleep(0.001)
+
+    def read(self, count):
+        time.sleep(0.005)
+        return b""
+
+    def close(self):
+        pass
+
+
 async def test_a_serial_port_that_is_not_there():
     async with driver(SerialTransport("/dev/ttyNONE7")) as robot:
         await eventually(lambda: "cannot be opened" in robot.link.detail)
@@ -241,7 +281,9 @@ class MemoryLine:
         self.controller, self.resynchronise = controller, resynchronise
         self.deaf = self.refusing = False
         self.sent = []
-        self.attempts = 0
+        self.attempts = self.closed = 0
+        self.may_close = asyncio.Event()
+        self.may_close.set()
 
     async def connect(self):
         self.attempts += 1
@@ -261,30 +303,31 @@ class MemoryLine:
         return await self._arriving.get()
 
     async def close(self):
-        pass
+        await self.may_close.wait()
+        self.closed += 1
 
 
 @contextlib.asynccontextmanager
 async def on_a_memory_line(controller=None):
-    line, time = MemoryLine(controller or FakeController()), FakeTime()
-    robot = CbRobot(line, time.timing)
+    line, fake = MemoryLine(controller or FakeController()), FakeTime()
+    robot = CbRobot(line, fake.timing)
     robot.start()
     await settle()
-    yield robot, line, time
+    yield robot, line, fake
     line.deaf = False
     closing = asyncio.create_task(robot.close())
-    await time.advance(5)
+    await fake.advance(5)
     await closing
 
 
 async def test_two_seconds_without_a_reply_are_a_lost_link():
-    async with on_a_memory_line() as (robot, line, time):
+    async with on_a_memory_line() as (robot, line, fake):
         line.deaf = True
         reading = asyncio.create_task(robot.read_pose())
-        await time.advance(REPLY_LIMIT_S - 0.01)
+        await fake.advance(REPLY_LIMIT_S - 0.01)
         assert not reading.done()
         assert robot.link.connected
-        await time.advance(0.02)
+        await fake.advance(0.02)
         with pytest.raises(LinkLost, match="no reply for 2 s"):
             await reading
         assert not robot.link.connected
@@ -294,51 +337,51 @@ async def test_two_seconds_without_a_reply_are_a_lost_link():
 
 
 async def test_silence_is_noticed_without_anybody_asking():
-    async with on_a_memory_line() as (robot, line, time):
+    async with on_a_memory_line() as (robot, line, fake):
         line.deaf = True
-        await time.advance(0.5 + REPLY_LIMIT_S + 0.01)
+        await fake.advance(0.5 + REPLY_LIMIT_S + 0.01)
         assert not robot.link.connected
         assert "no reply for 2 s" in robot.link.detail
 
 
 async def test_a_ping_every_half_second_when_nobody_asks():
-    async with on_a_memory_line() as (_, line, time):
-        await time.advance(5.01)
+    async with on_a_memory_line() as (_, line, fake):
+        await fake.advance(5.01)
         assert line.controller.arm.count(Ping) == 10
 
 
 async def test_no_ping_while_others_ask():
-    async with on_a_memory_line() as (robot, line, time):
+    async with on_a_memory_line() as (robot, line, fake):
         for _ in range(20):
             await robot.read_pose()
-            await time.advance(0.25)
+            await fake.advance(0.25)
         assert line.controller.arm.count(Ping) == 0
 
 
 async def test_it_dials_again_after_half_one_two_and_then_every_five_seconds():
-    async with on_a_memory_line() as (robot, line, time):
+    async with on_a_memory_line() as (robot, line, fake):
         line.refusing = line.deaf = True
-        await time.advance(0.5 + REPLY_LIMIT_S)
+        await fake.advance(0.5 + REPLY_LIMIT_S)
         attempts = []
         for _ in range(1950):
-            await time.advance(0.01)
+            await fake.advance(0.01)
             attempts.append(line.attempts)
         rises = [k for k in range(1, len(attempts)) if attempts[k] > attempts[k - 1]]
         waits_s = [(b - a) * 0.01 for a, b in itertools.pairwise(rises)]
         assert waits_s[:4] == pytest.approx([1, 2, 5, 5], abs=0.021)
         line.refusing = line.deaf = False
-        await time.advance(5)
+        await fake.advance(5)
         assert robot.link.connected
-        assert robot.link.since_s == pytest.approx(time.now_s, abs=5)
+        assert robot.link.since_s == pytest.approx(fake.now_s, abs=5)
 
 
 async def test_the_link_is_disarmed_and_numbers_go_on_after_a_reconnect():
-    async with on_a_memory_line() as (robot, line, time):
+    async with on_a_memory_line() as (robot, line, fake):
         await robot.set_armed(True)
         line.deaf = True
-        await time.advance(2.6)
+        await fake.advance(2.6)
         line.deaf = False
-        await time.advance(1)
+        await fake.advance(1)
         assert robot.link.connected
         assert not (await robot.read_status()).armed
         numbers = [int.from_bytes(data[4:6], "little") for data in line.sent]
@@ -349,16 +392,16 @@ async def test_the_link_is_disarmed_and_numbers_go_on_after_a_reconnect():
 async def test_a_move_over_a_dying_link_is_lost_and_never_asked_again():
     controller = FakeController()
     controller.arm.polls_per_move = None
-    async with on_a_memory_line(controller) as (robot, line, time):
+    async with on_a_memory_line(controller) as (robot, line, fake):
         await robot.set_armed(True)
         moving = asyncio.create_task(robot.move_to(GOAL))
-        await time.advance(0.5)
+        await fake.advance(0.5)
         line.deaf = True
-        await time.advance(2.6)
+        await fake.advance(2.6)
         with pytest.raises(LinkLost):
             await moving
         line.deaf = False
-        await time.advance(20)
+        await fake.advance(20)
         assert robot.link.connected
         assert len(controller.arm.moves) == 1
 
@@ -366,13 +409,13 @@ async def test_a_move_over_a_dying_link_is_lost_and_never_asked_again():
 async def test_a_controller_that_forgot_the_move_does_not_hold_it_for_ever():
     controller = FakeController()
     controller.arm.polls_per_move = None
-    async with on_a_memory_line(controller) as (robot, _, time):
+    async with on_a_memory_line(controller) as (robot, _, fake):
         await robot.set_armed(True)
         moving = asyncio.create_task(robot.move_to(GOAL))
-        await time.advance(10)
+        await fake.advance(10)
         assert not moving.done(), "a long move is a long move"
         controller.arm.running_seq = 0
-        await time.advance(3)
+        await fake.advance(3)
         with pytest.raises(MoveFailed, match="does not know move"):
             await moving
 
@@ -380,14 +423,14 @@ async def test_a_controller_that_forgot_the_move_does_not_hold_it_for_ever():
 async def test_an_error_under_way_stops_the_arm():
     controller = FakeController()
     controller.arm.polls_per_move = None
-    async with on_a_memory_line(controller) as (robot, _, time):
+    async with on_a_memory_line(controller) as (robot, _, fake):
         await robot.set_armed(True)
         moving = asyncio.create_task(robot.move_to(GOAL))
-        await time.advance(0.2)
+        await fake.advance(0.2)
         controller.mangle = lambda request, reply: (
             [Frame(0x86, int.from_bytes(reply[4:6], "little")).encode()] if isinstance(request, GetStatus) else [reply]
         )
-        await time.advance(0.2)
+        await fake.advance(0.2)
         with pytest.raises(GarbledAnswer):
             await moving
         assert controller.arm.count(Stop) == 1
@@ -395,7 +438,7 @@ async def test_an_error_under_way_stops_the_arm():
 
 async def test_a_stop_does_not_wait_behind_a_question_without_an_answer():
     controller = FakeController()
-    async with on_a_memory_line(controller) as (robot, _, time):
+    async with on_a_memory_line(controller) as (robot, _, fake):
         controller.mangle = lambda request, reply: [] if isinstance(request, GetPose) else [reply]
         reading = asyncio.create_task(robot.read_pose())
         also_waiting = asyncio.create_task(robot.read_status())
@@ -403,5 +446,19 @@ async def test_a_stop_does_not_wait_behind_a_question_without_an_answer():
         await robot.stop()
         assert [type(request) for request in controller.arm.heard[-2:]] == [GetPose, Stop]
         controller.mangle = lambda request, reply: [reply]
-        await time.advance(0.5)
+        await fake.advance(0.5)
         await asyncio.gather(reading, also_waiting)
+
+
+async def test_closing_in_the_moment_of_a_loss_leaves_no_connection_open():
+    async with on_a_memory_line() as (robot, line, fake):
+        line.may_close.clear()
+        line.deaf = True
+        await fake.advance(0.5 + REPLY_LIMIT_S + 0.01)
+        assert not robot.link.connected
+        closing = asyncio.create_task(robot.close())
+        await settle()
+        assert not closing.done()
+        line.may_close.set()
+        await closing
+        assert line.closed == 1
