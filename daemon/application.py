@@ -19,6 +19,9 @@ from daemon.workers import Workers
 
 log = logging.getLogger(__name__)
 
+LINKS_LIMIT_S = 2.0
+"""Devices that are there answer well within this; one that is not must not keep the daemon from starting."""
+
 JOB_LIMIT_S = 600.0
 """No detection or solution of a run takes ten minutes: a job that does hangs."""
 
@@ -46,6 +49,7 @@ class Application:
         """Tell off what an earlier daemon left behind, and feed the watchdog. Nothing moves."""
         self._started_s = self.clock.monotonic_s()
         await self.supervisor.recover()
+        await self.cell.links_come_up(LINKS_LIMIT_S)
         self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
 
     def begin_stop(self, by: str) -> None:

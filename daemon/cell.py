@@ -18,6 +18,8 @@ log = logging.getLogger(__name__)
 STATUS_LIMIT_S = 1.0
 """A controller answers a status request in milliseconds; one that needs longer is as good as gone."""
 
+LOOK_S = 0.02
+
 SAFE_LIMIT_S = 3.0
 """How long leaving the arm stopped and disarmed may take; the robot does both by itself after 2 s of silence."""
 
@@ -142,6 +144,17 @@ class Cell:
         """Every device by the name the settings give it."""
         devices: dict[str, Robot | Camera | Scanner] = {"robot": self.robot, "camera": self._camera}
         return devices if self._scanner is None else {**devices, "scanner": self._scanner}
+
+    async def links_come_up(self, limit_s: float) -> None:
+        """Returns when every device answers, at the latest after `limit_s`: they are dialled in the background."""
+        ends_s = self._clock.monotonic_s() + limit_s
+        while self._clock.monotonic_s() < ends_s:
+            if all(device.link.connected for device in self.links().values()):
+                return
+            await self._clock.sleep(LOOK_S)
+        for name, device in self.links().items():
+            if not device.link.connected:
+                log.warning("%s: %s", name, device.link.detail)
 
     async def close(self) -> None:
         """Close every device; one that fails does not keep the others open."""

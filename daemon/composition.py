@@ -72,4 +72,4 @@ def serve(settings: Settings, *, ready_file: Path | None = None) -> None:
 
 async def _serve(settings: Settings, announce: Announce) -> None:
     application = build(settings, open_devices)
-    await Server(application, announce).serve()
+    await Server(application, announce).listen()

@@ -23,6 +23,7 @@ DaemonError
 ├── StorageError          the store could not be read or written; nothing stored before is lost
 │   ├── StorageFull       the disk is full
 │   └── StorageTooNew     written by a newer handeyed
+├── PortTaken             the daemon cannot listen where the settings say
 └── Stopping              the daemon is shutting down
 """
 
@@ -208,6 +209,12 @@ class StorageTooNew(StorageError):
     """Written by a newer handeyed."""
 
     code = "storage-too-new"
+
+
+class PortTaken(DaemonError):
+    """The daemon cannot listen where the settings say."""
+
+    code = "port-taken"
 
 
 class Stopping(DaemonError):

@@ -9,8 +9,12 @@ from typing import BinaryIO
 
 import numpy as np
 
+from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array
 from daemon.clock import Clock
+from daemon.errors import ScanEmpty
+from daemon.merging import PlacedCloud, write_merged
 from daemon.settings import ScannerSettings
 from daemon.store.database import storage_errors
 from daemon.store.files import make_folder
@@ -22,6 +26,8 @@ from registration.stream import CloudStream
 
 SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".xyz32"}
 """By media type; octets are float32 x, y, z."""
+
+MEDIA_TYPES = {suffix: media_type for media_type, suffix in SUFFIXES.items()}
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,29 @@ class Scans:
         await self._write_document(scan_id)
         return view
 
+    async def merged(self, scan_id: str, calibration: CalibrationDocument) -> Path:
+        """Every view of a scan as one PLY in the base frame; the file is made anew. Raises ScanEmpty, NotFound…"""
+        views = await self.store.scan_views(scan_id)
+        if not views:
+            await self.store.scan(scan_id)
+            raise ScanEmpty(f"scan {scan_id} has no views yet", f"send some to POST /scans/{scan_id}/views")
+        folder = self.store.scan_folder(scan_id)
+        clouds = [self._placed(folder, view, calibration) for view in views]
+        return await self.workers.run(_merge, clouds, folder / f"merged-{self.new_id(self.clock)}.ply")
+
+    def _placed(self, folder: Path, view: ScanView, calibration: CalibrationDocument) -> PlacedCloud:
+        file = folder / view.file
+        pose = view.base_T_flange.transform() @ self.flange_T_scanner(calibration)
+        return PlacedCloud(file, MEDIA_TYPES[file.suffix], view.unit, pose)
+
+    def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
+        """(4, 4): the camera's place on the flange, and the scanner's beside it when it is a device of its own."""
+        assert calibration.flange_T_camera is not None  # Operations.calibration refuses any other
+        flange_T_camera = calibration.flange_T_camera.transform()
+        if self.scanner is None or self.scanner.camera_T_scanner is None:
+            return flange_T_camera
+        return flange_T_camera @ self.scanner.camera_T_scanner.transform()
+
     async def _write_document(self, scan_id: str) -> None:
         """scan.json, from the rows."""
         views = [
@@ -100,3 +129,14 @@ def _append(file: BinaryIO, path: Path, check: CloudStream, chunk: bytes) -> Non
         pass
     with storage_errors(path):
         file.write(chunk)
+
+
+def _merge(clouds: list[PlacedCloud], file: Path) -> Path:
+    with storage_errors(file):
+        try:
+            with file.open("wb") as out:
+                write_merged(clouds, out)
+        except BaseException:
+            file.unlink(missing_ok=True)
+            raise
+    return file

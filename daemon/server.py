@@ -13,6 +13,7 @@ import uvicorn
 
 from daemon.api.app import create_api
 from daemon.application import Application
+from daemon.errors import PortTaken
 from daemon.store.files import write_durably
 
 GRACE_S = 4
@@ -20,6 +21,8 @@ GRACE_S = 4
 
 HEADER_LIMIT_S = 10
 """An idle connection is closed after this."""
+
+PORT_FIX = "see who listens there already (ss -ltnp), or choose another [server] host or port; 0 takes any port"
 
 Announce = Callable[[str], None]
 """Called with the URL once requests are answered."""
@@ -32,8 +35,6 @@ class Server(uvicorn.Server):
         super().__init__(
             uvicorn.Config(
                 create_api(application),
-                host=application.settings.server.host,
-                port=application.settings.server.port,
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=HEADER_LIMIT_S,
                 log_config=None,
@@ -44,6 +45,13 @@ class Server(uvicorn.Server):
         )
         self._application, self._announce = application, announce
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._listener: socket.socket | None = None
+
+    async def listen(self) -> None:
+        """Serve until a signal comes or `should_exit` is set. Raises PortTaken."""
+        settings = self._application.settings.server
+        with listener_at(settings.host, settings.port) as self._listener:
+            await self.serve([self._listener])
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """As uvicorn's, then the announcement."""
@@ -55,7 +63,8 @@ class Server(uvicorn.Server):
 
     def url(self) -> str:
         """Where it really listens: port 0 lets the system choose."""
-        host, port = self.servers[0].sockets[0].getsockname()[:2]
+        assert self._listener is not None
+        host, port = self._listener.getsockname()[:2]
         return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
@@ -64,6 +73,16 @@ class Server(uvicorn.Server):
             name = signal.Signals(sig).name
             self._loop.call_soon_threadsafe(self._application.begin_stop, f"the daemon, which is stopping ({name})")
         super().handle_exit(sig, frame)
+
+
+def listener_at(host: str, port: int) -> socket.socket:
+    """A socket that listens there; port 0 lets the system choose. Raises PortTaken."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family, backlog=512)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise PortTaken(f"cannot listen on {host} port {port} ({reason})", PORT_FIX) from None
 
 
 def announce_in(ready_file: Path | None) -> Announce:

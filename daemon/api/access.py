@@ -49,7 +49,7 @@ def _json(content: bytes) -> Any:
     if not content.strip():
         return {}
     try:
-        return json.loads(content)
+        return json.loads(content.decode())
     except UnicodeDecodeError as error:
         raise BodyMalformed(f"the body is not UTF-8 (byte {error.start})", "send JSON as UTF-8") from None
     except json.JSONDecodeError as error:

@@ -10,7 +10,7 @@ from starlette.routing import Match
 from starlette.types import ASGIApp
 
 from calibration.errors import CalibrationError
-from daemon.api import calibrate, calibrations, cell, events, health, openapi, problems, register, runs
+from daemon.api import calibrate, calibrations, cell, events, health, openapi, problems, register, runs, scans
 from daemon.api.access import only_known_queries
 from daemon.api.guards import Guards
 from daemon.application import Application
@@ -27,6 +27,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     cell.router,
     events.router,
     register.router,
+    scans.router,
 )
 
 ABOUT = (

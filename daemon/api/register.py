@@ -29,9 +29,8 @@ async def register(
     media_type = media_type_of(request)
     document = await app.operations.calibration(calibration)
     base_T_flange = await app.operations.pose_now() if pose == "now" else parse_pose(pose)
-    assert document.flange_T_camera is not None  # Operations.calibration has refused any other
-    base_T_camera = base_T_flange.transform() @ document.flange_T_camera.transform()
+    base_T_scanner = base_T_flange.transform() @ app.scans.flange_T_scanner(document)
     numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x:.9g}" for x in numbers)}
-    stream = CloudStream(media_type, base_T_camera, unit)
+    stream = CloudStream(media_type, base_T_scanner, unit)
     return MovedCloud(stream, media_type, headers, app.store.folder, app.metrics.registered)

@@ -2,8 +2,9 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
+from starlette.background import BackgroundTask
 
 from calibration.documents.pose import PoseDocument
 from daemon.api.access import App, Identifier, Limit, Wait, body_of, takes
@@ -93,13 +94,13 @@ def _has_no_body(request: Request) -> bool:
                      "content": {"application/x-ply": {"schema": {"type": "string", "format": "binary"}}}},
                **documented(404, 409, 500, 507)},
 )  # fmt: skip
-async def cloud(
-    app: App,
-    scan_id: Identifier,
-    calibration: Which = "current",
-    refine: Annotated[bool, Query(description="fine registration of the views against each other")] = False,
-) -> Response:
+async def cloud(app: App, scan_id: Identifier, calibration: Which = "current") -> Response:
     """All views in one cloud, in the robot's base frame."""
     document = await app.operations.calibration(calibration)
-    merged = await app.scans.merged(scan_id, document, refine=refine)
-    return FileResponse(merged, media_type="application/x-ply", headers={"Handeyed-Calibration": document.id})
+    merged = await app.scans.merged(scan_id, document)
+    return FileResponse(
+        merged,
+        media_type="application/x-ply",
+        headers={"Handeyed-Calibration": document.id},
+        background=BackgroundTask(app.workers.run, merged.unlink, missing_ok=True),
+    )

@@ -86,7 +86,7 @@ async def serving(settings: Settings, parts: Parts | None = None, store: Store |
     application = build(settings, lambda _settings, _clock: devices, store=store)
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     server = Server(application, announced.set_result)
-    task = asyncio.create_task(server.serve())
+    task = asyncio.create_task(server.listen())
     await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=10)
     url = announced.result()
     try:
