@@ -9,7 +9,8 @@ from calibration.transforms import Array, quaternion_from_rotation, rotation_fro
 from drivers.errors import GarbledAnswer, MoveRefused
 from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, PoseReading, RobotStatus
 from protocols.cb.codes import Flag, MoveKind, Status
-from protocols.cb.messages import Joints, Move, Pose, Report
+from protocols.cb.errors import FieldOutOfRange
+from protocols.cb.messages import Joints, Move, Pose, Report, pack
 
 UNUSED_FROM = 8.9e9
 """9E9 crosses the wire as float32 8999999488: at least this is an axis that is not there."""
@@ -65,10 +66,10 @@ def move_of(device: str, goal: MoveGoal) -> Move:
     """The request that means this goal; raises MoveRefused (BAD_FIELD) for a goal that no controller can be told."""
     wrong = _wrong_with(goal)
     if wrong:
-        raise MoveRefused(device, f"the goal was not sent: {wrong}", "correct the goal", Status.BAD_FIELD.name)
+        raise _not_sent(device, wrong)
     position = goal.base_T_flange[:3, 3]
     quaternion = quaternion_from_rotation(goal.base_T_flange[:3, :3])
-    return Move(
+    move = Move(
         position_mm=(float(position[0]), float(position[1]), float(position[2])),
         quaternion_wxyz=(float(quaternion[0]), float(quaternion[1]), float(quaternion[2]), float(quaternion[3])),
         configuration=goal.configuration,
@@ -76,6 +77,11 @@ def move_of(device: str, goal: MoveGoal) -> Move:
         speed_mm_s=float(goal.speed_mm_s),
         kind=KINDS[goal.path],
     )
+    try:
+        pack(move)
+    except FieldOutOfRange as error:
+        raise _not_sent(device, error.reason) from error
+    return move
 
 
 def _wrong_with(goal: MoveGoal) -> str:
@@ -104,6 +110,10 @@ def _axis(value: float) -> float:
 def _six(axes: tuple[float, ...]) -> tuple[float, float, float, float, float, float]:
     a, b, c, d, e, f = (float(axis) for axis in axes)
     return a, b, c, d, e, f
+
+
+def _not_sent(device: str, wrong: str) -> MoveRefused:
+    return MoveRefused(device, f"the goal was not sent: {wrong}", "correct the goal", Status.BAD_FIELD.name)
 
 
 def _garbled(device: str, what: str) -> GarbledAnswer:

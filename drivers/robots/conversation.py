@@ -10,6 +10,7 @@ from drivers.robots.turnstile import Turnstile
 from drivers.timing import Timing
 from protocols.cb.client import ClientSession
 from protocols.cb.codes import VERSION, Status
+from protocols.cb.errors import NotAllowedNow
 from protocols.cb.events import ClientEvent, GarbledReply, GreetingLost, ReplyReceived
 from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.messages import Hello, Ping, Refused, Reply, Request, Stop, Welcome
@@ -97,7 +98,10 @@ class Conversation:
         outcome: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
         self._outcome = outcome
         asked_at_s = self._timing.clock()
-        encoded = self._session.request(request)
+        try:
+            encoded = self._session.request(request)
+        except NotAllowedNow as error:
+            raise LinkLost(self._device, "the link is being closed", "open it again to go on") from error
         while not outcome.done():
             remaining_s = asked_at_s + REPLY_LIMIT_S - self._timing.clock()
             if remaining_s <= 0:
@@ -166,7 +170,7 @@ class Conversation:
         for event in events:
             match event:
                 case ReplyReceived():
-                    self._answered_at_s = self._timing.clock()
+                    self._answered_at_s, self._garbage_bytes = self._timing.clock(), 0
                     self._settle(event)
                 case GarbledReply(seq=seq, reason=reason) if seq == self._session.outstanding_seq:
                     fix = "the controller's program and this release do not belong together"

@@ -80,11 +80,27 @@ def test_a_number_that_is_none_is_refused(garbled):
         (MoveGoal(BASE_T_FLANGE, Configuration(0, 0, 0, 99999)), "configuration"),
         (MoveGoal(BASE_T_FLANGE, POSTURE, speed_mm_s=0.0), "speed of 0.0"),
         (MoveGoal(BASE_T_FLANGE, POSTURE, speed_mm_s=math.nan), "speed of nan"),
+        (MoveGoal(BASE_T_FLANGE, POSTURE, speed_mm_s=1e39), "too large"),
+        (MoveGoal(BASE_T_FLANGE, Configuration(0, 0.5, 0, 0)), "integer"),
         (MoveGoal(BASE_T_FLANGE, POSTURE, external_axes=(9e9,)), "six numbers"),
         (MoveGoal(BASE_T_FLANGE, POSTURE, path="circular"), "joint or linear"),
         (MoveGoal(transform(np.eye(3), (1e9, 0, 0)), POSTURE), "positions are millimetres"),
     ],
-    ids=["nan", "3x3", "bent", "mirrored", "scaled", "posture", "speed 0", "speed nan", "axes", "path", "far"],
+    ids=[
+        "nan",
+        "3x3",
+        "bent",
+        "mirrored",
+        "scaled",
+        "posture",
+        "speed 0",
+        "speed nan",
+        "speed huge",
+        "half quarter",
+        "axes",
+        "path",
+        "far",
+    ],
 )
 def test_a_goal_that_no_controller_can_be_told(goal, reason):
     with pytest.raises(MoveRefused, match=reason) as refused:

@@ -462,3 +462,12 @@ async def test_closing_in_the_moment_of_a_loss_leaves_no_connection_open():
         line.may_close.set()
         await closing
         assert line.closed == 1
+
+
+async def test_who_asks_while_the_link_is_closed_gets_a_lost_link():
+    async with on_a_memory_line() as (robot, _, _fake):
+        closing = asyncio.create_task(robot.close())
+        await asyncio.sleep(0)
+        asked = await asyncio.gather(*(robot.read_pose() for _ in range(3)), return_exceptions=True)
+        await closing
+        assert all(isinstance(error, LinkLost | DeviceUnreachable) for error in asked)
