@@ -25,7 +25,7 @@ FURTHEST_OF_SPACING = 0.25
 def detect_charuco(image: Grey, target: Charuco) -> Detection:
     """The inner corners in view, ids as OpenCV numbers them.
 
-    Raises DetectionError `not-found`, `unknown-dictionary`.
+    Raises DetectionError `not-found`, `unknown-dictionary`, `dictionary-too-small`.
     """
     detector = cv2.aruco.CharucoDetector(charuco_board(target))
     for pixels in SEARCH_PIXELS:
@@ -39,19 +39,18 @@ def detect_charuco(image: Grey, target: Charuco) -> Detection:
 
 
 def charuco_board(target: Charuco) -> Any:
-    """OpenCV's board. Raises DetectionError `unknown-dictionary`."""
-    size = (target.columns, target.rows)
-    board = cv2.aruco.CharucoBoard(size, target.square_mm, target.marker_mm, _dictionary(target))
-    board.setLegacyPattern(target.legacy)
-    return board
-
-
-def _dictionary(target: Charuco) -> Any:
+    """OpenCV's board. Raises DetectionError `unknown-dictionary`, `dictionary-too-small`."""
     number = getattr(cv2.aruco, target.dictionary, None) if target.dictionary.startswith("DICT_") else None
     if number is None:
         what = f"the dictionary {target.dictionary!r} is not known"
         raise DetectionError("unknown-dictionary", what, "use one of OpenCV's, like DICT_5X5_100")
-    return cv2.aruco.getPredefinedDictionary(number)
+    dictionary, needed = cv2.aruco.getPredefinedDictionary(number), target.columns * target.rows // 2
+    if needed > len(dictionary.bytesList):
+        what = f"{target.dictionary} has {len(dictionary.bytesList)} markers, the board of this size {needed}"
+        raise DetectionError("dictionary-too-small", what, "check the dictionary, columns and rows")
+    board = cv2.aruco.CharucoBoard((target.columns, target.rows), target.square_mm, target.marker_mm, dictionary)
+    board.setLegacyPattern(target.legacy)
+    return board
 
 
 def _complete(image: Grey, target: Charuco, ids: NDArray[np.intp], rough: Array) -> Detection:
@@ -72,8 +71,5 @@ def _complete(image: Grey, target: Charuco, ids: NDArray[np.intp], rough: Array)
 
 
 def _clear_of_square(target: Charuco) -> float:
-    """How far from a corner, in squares, the markers' bits begin; their black rims look alike on both sides."""
-    modules = _dictionary(target).markerSize + 2
-    return float(
-        np.sqrt(2) * ((target.square_mm - target.marker_mm) / 2 + target.marker_mm / modules) / target.square_mm
-    )
+    """How far from a corner, in squares, the markers begin."""
+    return float(np.sqrt(0.5) * (target.square_mm - target.marker_mm) / target.square_mm)

@@ -12,6 +12,7 @@ from calibration.detection.chessboard import detect_chessboard
 from calibration.detection.circles import detect_circles
 from calibration.detection.gate import gate
 from calibration.detection.image import Grey, grey_image
+from calibration.detection.quiet import quiet_opencv
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
@@ -33,7 +34,8 @@ def detect(image: NDArray[Any], target: Target) -> Detection:
     """
     grey = grey_image(image)
     try:
-        found = DETECTORS[type(target)](grey, target)
+        with quiet_opencv():
+            found = DETECTORS[type(target)](grey, target)
     except cv2.error as error:
         what = f"OpenCV could not search the image ({error.err})"
         raise DetectionError("not-found", what, "check the target's description and the image") from error

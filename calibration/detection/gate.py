@@ -1,6 +1,7 @@
 """Whether what was found is the target: no wrong detection gets through, and a reason is given."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.errors import DetectionError
@@ -14,8 +15,10 @@ LARGEST_RMS_PX, LARGEST_RMS_OF_PITCH = 0.3, 0.012
 LEAST_FORESHORTENING = 0.08
 """Beyond about 85° from frontal the points along the short axis fall together."""
 SMALLEST_PITCH_PX = 4.0
-STRAY_OF_MEDIAN, LEAST_STRAY_PX, LARGEST_STRAY_SHARE = 6.0, 0.3, 0.25
-"""A point is astray (glare, something in front of it) when it lies this many times further off than most do."""
+STRAY_OF_MEDIAN, LEAST_STRAY_PX, LARGEST_STRAY_SHARE = 6.0, 0.3, 0.4
+"""A point is astray when it lies this many times further off than most do: glare, something in front of it."""
+WRONG_OF_PITCH, LARGEST_WRONG_SHARE = 0.2, 0.08
+"""Further off than this it is not that point at all; of those there may be very few."""
 
 
 def gate(detection: Detection, target: Target, image_size: tuple[int, int]) -> Detection:
@@ -24,18 +27,19 @@ def gate(detection: Detection, target: Target, image_size: tuple[int, int]) -> D
     Raises DetectionError `too-few-points`, `points-in-a-line`, `edge-on`, `too-far-away`, `not-planar`.
     """
     points, pixels = target.points_mm[detection.ids, :2], detection.corners_px
-    keep = np.ones(len(points), bool)
+    keep, wrong = np.ones(len(points), bool), 0
     while True:
         _require_enough(points[keep])
         view, residual_px = fit_plane_view(points[keep], pixels[keep], image_size)
-        pitch_px, foreshortening = _scale(view, points[keep])
-        strays, rms_px, limit_px = _strays(residual_px, pitch_px)
+        pitch_px, foreshortening = _scale(view, points[keep], pixels[keep])
+        strays = _strays(residual_px, pitch_px)
         if not strays.any():
             break
         keep[np.flatnonzero(keep)[strays]] = False
-        if (~keep).sum() > LARGEST_STRAY_SHARE * len(points):
-            what = f"the points found miss a plane's by {rms_px:.2f} px RMS, the limit is {limit_px:.2f} px"
-            raise DetectionError("not-planar", what, "check the target's columns, rows and kind, and that it is flat")
+        wrong += int((np.hypot(*residual_px[strays].T) > WRONG_OF_PITCH * pitch_px).sum())
+        if (~keep).sum() > LARGEST_STRAY_SHARE * len(points) or wrong > LARGEST_WRONG_SHARE * len(points):
+            what = f"{(~keep).sum()} of the {len(points)} points found do not lie where a plane would have them"
+            raise DetectionError("not-planar", what, "check the target's description, that it is flat, and for glare")
     if foreshortening < LEAST_FORESHORTENING:
         what = f"the target is seen edge-on ({np.degrees(np.arccos(foreshortening)):.0f}° from frontal)"
         raise DetectionError("edge-on", what, "turn the target towards the camera")
@@ -45,14 +49,14 @@ def gate(detection: Detection, target: Target, image_size: tuple[int, int]) -> D
     return Detection(detection.ids[keep], pixels[keep])
 
 
-def _strays(residual_px: Array, pitch_px: float) -> tuple[Array, float, float]:
-    """Which points (n,) do not belong, the RMS and its limit per axis in px."""
+def _strays(residual_px: Array, pitch_px: float) -> NDArray[np.bool_]:
+    """Which points (n,) do not belong."""
     distance = np.hypot(*residual_px.T)
-    rms_px, limit_px = float(np.sqrt(np.mean(distance**2) / 2)), LARGEST_RMS_PX + LARGEST_RMS_OF_PITCH * pitch_px
     strays = distance > max(STRAY_OF_MEDIAN * float(np.median(distance)), LEAST_STRAY_PX)
-    if rms_px > limit_px and not strays.any():
+    rms_px = float(np.sqrt(np.mean(distance**2) / 2))
+    if rms_px > LARGEST_RMS_PX + LARGEST_RMS_OF_PITCH * pitch_px and not strays.any():
         strays = distance == distance.max()
-    return strays, rms_px, limit_px
+    return np.asarray(strays)
 
 
 def _require_enough(points: Array) -> None:
@@ -66,9 +70,11 @@ def _require_enough(points: Array) -> None:
         )
 
 
-def _scale(view: PlaneView, points: Array) -> tuple[float, float]:
+def _scale(view: PlaneView, points: Array, pixels: Array) -> tuple[float, float]:
     """Distance between neighbouring points in px, and how much shorter the short axis is than the long one."""
     long, short = np.linalg.svd(view.jacobian(points.mean(axis=0)), compute_uv=False)
     away = np.abs(points - points[0]).max(axis=1)
     pitch_mm = float(away[away > 1e-9 * away.max()].min())
-    return float(np.sqrt(long * short)) * pitch_mm, float(short / long)
+    # a homography fitted to nonsense may be of any scale, the points themselves are not
+    overall = float(np.hypot(*np.ptp(pixels, axis=0)) / np.hypot(*np.ptp(points, axis=0)))
+    return min(float(np.sqrt(long * short)), 2 * overall) * pitch_mm, float(short / long)

@@ -54,26 +54,34 @@ def fit_plane_view(points: Array, pixels: Array, image_size: tuple[int, int]) ->
     weight = np.diag(np.append(np.full(8, 1e-14), np.full(2, NO_DISTORTION_WEIGHT)))
     for _ in range(ITERATIONS):
         residual, jacobian = _residual(parameters, plane, image)
+        if not np.all(np.isfinite(jacobian)):
+            raise _no_plane()
         prior = weight @ np.append(np.zeros(8), parameters[8:])
-        step = np.linalg.solve(jacobian.T @ jacobian + weight, jacobian.T @ residual + prior)
+        step = np.linalg.lstsq(jacobian.T @ jacobian + weight, jacobian.T @ residual + prior, rcond=None)[0]
         parameters -= step
         if np.abs(step).max() < 1e-10:
             break
     residual, _ = _residual(parameters, plane, image)
     if not np.all(np.isfinite(residual)):
-        raise DetectionError("not-planar", "the points found fit no plane in front of the camera", "check the target")
+        raise _no_plane()
     to_plane = np.array([[1, 0, -middle[0]], [0, 1, -middle[1]], [0, 0, size]]) / size
     homography = np.append(parameters[:8], 1.0).reshape(3, 3) @ to_plane
     return PlaneView(homography, parameters[8:], centre, scale), residual.reshape(2, -1).T * scale
+
+
+def _no_plane() -> DetectionError:
+    return DetectionError("not-planar", "the points found fit no plane in front of the camera", "check the target")
 
 
 def _direct_linear(plane: Array, image: Array) -> Array:
     """The first eight elements of the homography with h33 = 1, by the direct linear transform."""
     zero, one = np.zeros((len(plane), 3)), np.column_stack([plane, np.ones(len(plane))])
     rows = np.vstack([np.hstack([one, zero, -image[:, :1] * one]), np.hstack([zero, one, -image[:, 1:] * one])])
+    if not np.all(np.isfinite(rows)):
+        raise _no_plane()
     homography = np.linalg.eigh(rows.T @ rows)[1][:, 0]
     if abs(homography[8]) < 1e-9 * np.abs(homography).max():
-        raise DetectionError("not-planar", "the points found fit no plane in front of the camera", "check the target")
+        raise _no_plane()
     return np.asarray(homography[:8] / homography[8])
 
 

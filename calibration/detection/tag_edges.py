@@ -39,7 +39,7 @@ def _refined(image: Grey, plane: Array, corners: Array, along: Array, reach_px: 
     on_edge = view.map((start + along[:, None] * side).reshape(-1, 2)).reshape(*plane.shape[:2], len(along), 2)
     tangent = np.gradient(on_edge, axis=2)
     outward = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) / np.hypot(*np.moveaxis(tangent, -1, 0))[..., None]
-    shift = _edge_shift(image, on_edge, outward, reach_px)
+    shift = _edge_shift(image, on_edge, outward, along, reach_px)
     slope, middle = _line(along, shift)
     at_start, at_end = middle - slope * 0.5, middle + slope * 0.5
     # a corner is where the edge that ends in it and the edge that starts in it cross
@@ -51,20 +51,26 @@ def _refined(image: Grey, plane: Array, corners: Array, along: Array, reach_px: 
     return np.where(usable[:, None, None], expected + np.nan_to_num(move), corners)
 
 
-def _edge_shift(image: Grey, on_edge: Array, outward: Array, reach_px: float) -> Array:
+def _edge_shift(image: Grey, on_edge: Array, outward: Array, along: Array, reach_px: float) -> Array:
     """How far outward (n, 4, samples) of `on_edge` the edge lies in px, from the paper's share of a profile across."""
     count = int(np.ceil(2 * reach_px))
     across = (np.arange(count) + 0.5) / count * 2 * reach_px - reach_px
     at = on_edge[..., None, :] + across[:, None] * outward[..., None, :]
     level = map_coordinates(image, [at[..., 1], at[..., 0]], order=1, mode="nearest", output=float)
-    ink = level[..., across < -PLATEAU * reach_px].mean(axis=(2, 3), keepdims=True)
-    paper = level[..., across > PLATEAU * reach_px].mean(axis=(2, 3), keepdims=True)
+    ink = _along_the_edge(along, level[..., across < -PLATEAU * reach_px].mean(axis=3))[..., None]
+    paper = _along_the_edge(along, level[..., across > PLATEAU * reach_px].mean(axis=3))[..., None]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(paper > ink, (level - ink) / (paper - ink), np.nan).mean(axis=3)
     return np.asarray(reach_px - 2 * reach_px * share)
 
 
-def _line(along: Array, shift: Array) -> tuple[Array, Array]:
-    """Slope and middle (n, 4) of the line through the shifts along each edge, the edge's length being 1."""
+def _along_the_edge(along: Array, level: Array) -> Array:
+    """The line (n, 4, samples) through grey values along each edge: light falls unevenly, noise is left behind."""
+    slope, middle = _line(along, level)
+    return middle[..., None] + slope[..., None] * (along - 0.5)
+
+
+def _line(along: Array, value: Array) -> tuple[Array, Array]:
+    """Slope and middle (n, 4) of the lines through values (n, 4, samples) along edges, their length being 1."""
     centred = along - 0.5
-    return np.asarray(shift @ centred / (centred @ centred)), np.asarray(shift.mean(axis=2))
+    return np.asarray(value @ centred / (centred @ centred)), np.asarray(value.mean(axis=2))
