@@ -2,7 +2,6 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from drivers.interfaces import Configuration, MoveGoal
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
-from drivers.robots.transport import Connection, Transport
 from mock_robot.part_views import suggested_scan_poses
 from mock_robot.posture import target_middle_mm
 from protocols.cb.codes import Command
@@ -22,40 +20,18 @@ from tests.mock_robot.bench import AWAY, HOME
 from tests.mock_robot.running_cell import RunningCell, becomes, running_cell
 
 
-class Kept:
-    """A transport that closes at the end what its robot left open: a close that is cancelled is not finished."""
-
-    def __init__(self, transport: Transport) -> None:
-        self._transport = transport
-        self._connections: list[Connection] = []
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._transport, name)
-
-    async def connect(self) -> Connection:
-        connection = await self._transport.connect()
-        self._connections.append(connection)
-        return connection
-
-    async def close(self) -> None:
-        for connection in self._connections:
-            await connection.close()
-
-
 @asynccontextmanager
 async def robot_at(cell: RunningCell, *, serial: bool = False) -> AsyncIterator[CbRobot]:
     wire = cell.announcement
-    transport = Kept(
+    robot = CbRobot(
         SerialTransport(str(wire.serial_path)) if serial else TcpTransport(wire.robot_host, wire.robot_port)
     )
-    robot = CbRobot(transport)  # type: ignore[arg-type]
     robot.start()
     try:
         await robot.connected(10.0)
         yield robot
     finally:
         await robot.close()
-        await transport.close()
 
 
 def goal_at(cell: RunningCell, joints: np.ndarray, **how: float) -> MoveGoal:
