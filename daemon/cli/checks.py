@@ -20,7 +20,7 @@ from daemon.settings import Settings
 from drivers.errors import DeviceError, DeviceUnreachable
 from drivers.interfaces import Camera, Robot, Scanner
 
-CONNECT_LIMIT_S = 5.0
+CONNECT_LIMIT_S = 4.0
 RETRY_S = 0.1
 
 Answer = TypeVar("Answer")

@@ -22,7 +22,7 @@ def demo(
     from daemon.demo.children import child, signals_as_exits
     from daemon.demo.report import farewell, report
     from daemon.demo.settings_file import settings_text
-    from daemon.demo.story import play
+    from daemon.demo.story import VIEW_FILE, play
     from daemon.demo.told import Teller
 
     _empty(folder)
@@ -42,7 +42,7 @@ def demo(
             url = daemon.announcement["url"]
             step.done(url)
             teller.line(report(play(url, folder, seed, teller)))
-            teller.line(farewell(url if keep else None, folder / "view.ply"))
+            teller.line(farewell(url if keep else None, folder / VIEW_FILE))
             if keep:
                 _until_told([cell, daemon])
 

@@ -9,12 +9,12 @@ from daemon.demo.story import Found
 
 
 def report(found: Found) -> str:
-    """The result beside the truth, which the daemon never saw."""
+    """The result beside the truth."""
     x, truth = found.calibration.flange_T_camera, found.truth["flange_T_camera"]
     assert x is not None  # an accepted eye-in-hand calibration has one
     off, cloud = found.score["calibration"], found.score["cloud"]
     uncertainty = found.calibration.uncertainty
-    predicted = f"{uncertainty.point_mm:.2f} mm predicted" if uncertainty else ""
+    predicted = f"within {uncertainty.point_mm:.2f} mm, it says" if uncertainty else ""
     rows = (
         ("", "found", "truth", "off by"),
         (
@@ -32,16 +32,19 @@ def report(found: Found) -> str:
         ),
     )
     table = "\n".join(f"  {name:<22}{a:<29}{b:<29}{c}".rstrip() for name, a, b, c in rows)
-    return f"\n{table}\n\n  merged cloud: {found.cloud_file} (base frame, mm; any viewer opens it)"
+    return (
+        f"\nWhat the daemon found, beside the truth that it never saw:\n\n{table}\n\n"
+        f"The merged cloud: {found.cloud_file} (base frame, mm; any viewer opens it)"
+    )
 
 
 def curl_lines(url: str, view: Path) -> str:
     """Three commands that work as printed while a daemon listens at `url`."""
+    ply = f"-H 'Content-Type: application/x-ply' --data-binary @{view}"
     return "\n".join(
         [
+            f"  curl {ply} -o in_base.ply '{url}/register?pose=now'",
             f"  curl -X POST -H 'Accept: text/plain' '{url}/calibrate?wait=60'",
-            f"  curl -X POST -H 'Content-Type: application/x-ply' --data-binary @{view} -o in_base.ply"
-            f" '{url}/register?pose=now'",
             f"  curl -o frame.png {url}/camera/frame.png",
         ]
     )
@@ -49,11 +52,10 @@ def curl_lines(url: str, view: Path) -> str:
 
 def farewell(kept_url: str | None, view: Path) -> str:
     """How to go on."""
-    if kept_url is None:
-        return (
-            f"\nKeep the cell running with `make cell`; then, in another terminal:\n\n{curl_lines(DEFAULT_URL, view)}\n"
-        )
-    return f"\nThe cell keeps running until Ctrl-C. In another terminal:\n\n{curl_lines(kept_url, view)}\n"
+    first = (
+        "The cell keeps running until Ctrl-C." if kept_url else "`make cell` does the same and keeps the cell running."
+    )
+    return f"\n{first} In another terminal, in this folder:\n\n{curl_lines(kept_url or DEFAULT_URL, view)}\n"
 
 
 def _vector(values: Iterable[Any]) -> str:

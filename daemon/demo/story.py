@@ -1,6 +1,7 @@
 """What the MES would do: calibrate, scan a part from several sides, fetch the merged cloud. Then ask for the truth."""
 
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -12,6 +13,9 @@ from calibration.documents.calibration import CalibrationDocument
 from daemon.cli.client import DaemonClient, Event
 from daemon.cli.errors import CommandError
 from daemon.demo.told import Teller
+
+VIEW_FILE = "view.ply"
+"""The last view as the scanner gave it: the arm still stands where it was taken."""
 
 POSES = 3
 """As the seed: three positions."""
@@ -36,6 +40,8 @@ def play(url: str, folder: Path, seed: int, teller: Teller) -> Found:
         calibration_file = folder / "calibration.json"
         calibration_file.write_text(calibration.model_dump_json(indent=1) + "\n")
         scan_id, cloud_file = _scan(daemon, folder / "door.ply", teller)
+        last_view = daemon.get(f"/scans/{scan_id}")["views"][-1]["file"]
+    shutil.copy(folder / "store" / "scans" / scan_id / last_view, folder / VIEW_FILE)
     truth = mock_says(["truth", "--seed", str(seed)])
     files = ["--calibration", str(calibration_file), "--cloud", str(cloud_file)]
     score = mock_says(["score", "--seed", str(seed), *files])
