@@ -1,0 +1,182 @@
+"""Causes that touch every robot pose alike: another convention, another unit, another order."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.closed_forms.kronecker import kronecker
+from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.trial import Trial
+from calibration.transforms import (
+    Array,
+    inverse,
+    quaternion_from_rotation,
+    rotation_angle_rad,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    transform,
+    vector_from_rotation,
+)
+
+
+@dataclass(frozen=True)
+class Convention:
+    """`undo`: robot poses (n, 4, 4) as they came, and the images' poses, to robot poses as they should be."""
+
+    code: str
+    message: str
+    fix: str
+    undo: Callable[[Array, Array], Array]
+
+
+def _w_last(base_T_flange: Array, _: Array) -> Array:
+    w_first = np.roll(quaternion_from_rotation(base_T_flange[:, :3, :3]), 1, axis=1)
+    return transform(rotation_from_quaternion(w_first), base_T_flange[:, :3, 3])
+
+
+def _inverted(base_T_flange: Array, _: Array) -> Array:
+    return inverse(base_T_flange)
+
+
+def _scaled(factor: float) -> Callable[[Array, Array], Array]:
+    def undo(base_T_flange: Array, _: Array) -> Array:
+        return transform(base_T_flange[:, :3, :3], factor * base_T_flange[:, :3, 3])
+
+    return undo
+
+
+def _radians_read_as_degrees(base_T_flange: Array, _: Array) -> Array:
+    vectors = np.degrees(vector_from_rotation(base_T_flange[:, :3, :3]))
+    return transform(rotation_from_vector(vectors), base_T_flange[:, :3, 3])
+
+
+def _degrees_read_as_radians(base_T_flange: Array, camera_T_target: Array) -> Array:
+    """A vector of up to 180 (degrees) taken as radians has wrapped up to 28 times: the images tell how often."""
+    vectors = vector_from_rotation(base_T_flange[:, :3, :3])
+    wrapped = np.linalg.norm(vectors, axis=1)
+    axes = vectors / np.maximum(wrapped, 1e-12)[:, None]
+    turns = 2 * np.pi * np.arange(29)
+    degrees = np.concatenate([wrapped[:, None] + turns, wrapped[:, None] - turns[1:]], axis=1)  # (n, 57)
+    rotations = rotation_from_vector((np.radians(degrees)[..., None] * axes[:, None]).reshape(-1, 3))
+    rotations = rotations.reshape(len(vectors), -1, 3, 3)
+    seen = rotation_angle_rad(camera_T_target[:1, :3, :3] @ np.swapaxes(camera_T_target[1:, :3, :3], 1, 2))
+    best_cost, best = np.inf, np.zeros(len(vectors), np.intp)
+    for first in range(rotations.shape[1]):
+        relative = np.swapaxes(rotations[0, first], 0, 1) @ rotations[1:]
+        cosine = np.clip((np.trace(relative, axis1=2, axis2=3) - 1) / 2, -1, 1)
+        off = np.abs(np.arccos(cosine) - seen[:, None])
+        if (cost := float(off.min(axis=1).sum())) < best_cost:
+            best_cost, best = cost, np.concatenate([[first], off.argmin(axis=1)])
+    return transform(rotations[np.arange(len(vectors)), best], base_T_flange[:, :3, 3])
+
+
+LARGEST_CELL_MM = 20_000.0
+"""No arm reaches further; a unit that says so is not the right one."""
+
+PITCH_FACTORS = (0.2, 5.0)
+"""Beyond these a unit is wrong, not the print."""
+
+CONVENTIONS = (
+    Convention(
+        "quaternion-w-last",
+        "the quaternions are written x, y, z, w; here the scalar comes first",
+        "write every quaternion as w, x, y, z",
+        _w_last,
+    ),
+    Convention(
+        "poses-inverted",
+        "the poses are inverted: they map base coordinates to the flange (flange_T_base)",
+        "give base_T_flange: the flange's position and orientation in the base",
+        _inverted,
+    ),
+    Convention(
+        "poses-in-metres",
+        "the robot's translations are in metres",
+        "multiply every translation by 1000: translation_mm is in millimetres",
+        _scaled(1000.0),
+    ),
+    Convention(
+        "poses-in-micrometres",
+        "the robot's translations are 1000 times too large",
+        "divide every translation by 1000: translation_mm is in millimetres",
+        _scaled(0.001),
+    ),
+    Convention(
+        "poses-in-inches",
+        "the robot's translations are in inches",
+        "multiply every translation by 25.4: translation_mm is in millimetres",
+        _scaled(25.4),
+    ),
+    Convention(
+        "radians-read-as-degrees",
+        "the rotation vectors were in radians and were read as degrees: all orientations are 57 times too alike",
+        "convert the rotation vectors without the factor pi/180",
+        _radians_read_as_degrees,
+    ),
+    Convention(
+        "degrees-read-as-radians",
+        "the rotation vectors were in degrees and were read as radians",
+        "convert the rotation vectors to radians first (times pi/180)",
+        _degrees_read_as_radians,
+    ),
+)
+
+
+def convention_trials(evidence: Evidence) -> Iterator[Trial]:
+    """One trial a convention, then the poses one off, and the target's size."""
+    for convention in CONVENTIONS:
+        corrected = evidence.with_robot_poses(convention.undo(evidence.base_T_flange, evidence.camera_T_target))
+        if np.median(np.linalg.norm(corrected.base_T_flange[:, :3, 3], axis=1)) > LARGEST_CELL_MM:
+            continue
+        yield Trial(
+            convention.code, (), corrected, evidence, convention.message, convention.fix, alternatives=len(CONVENTIONS)
+        )
+    yield from _one_off(evidence)
+    yield _pitch(evidence)
+
+
+def _one_off(evidence: Evidence) -> Iterator[Trial]:
+    n = len(evidence)
+    for images, poses, message in (
+        (np.arange(n - 1), np.arange(1, n), "image k was taken at pose k + 1"),
+        (np.arange(1, n), np.arange(n - 1), "image k was taken at pose k - 1"),
+    ):
+        baseline = evidence.take(images)
+        yield Trial(
+            "poses-off-by-one",
+            (),
+            baseline.with_robot_poses(evidence.base_T_flange[poses]),
+            baseline,
+            f"the poses are off by one: {message}",
+            "pair every image with the pose it was taken at; a missing or doubled first row is the usual cause",
+            alternatives=2,
+        )
+
+
+def _pitch(evidence: Evidence) -> Trial:
+    factor = target_scale(evidence)
+    return Trial(
+        "wrong-pitch",
+        (),
+        evidence.scaled(factor),
+        evidence,
+        f"the target is {factor:.4f} times as large as it was said to be",
+        f"measure the printed target with a ruler; multiply its pitch (and tag or square size) by {factor:.4f}",
+        unknowns=1,
+        bonus=3 * len(evidence) * float(np.log(factor)),
+    )
+
+
+def target_scale(evidence: Evidence) -> float:
+    """By how much the target must grow for the camera's motions to match the robot's, by least squares.
+
+    R_i t + s R_i R u_i + t_i is the target's origin in the anchor for every view: linear in (t, s, origin).
+    """
+    anchor_T_mount = evidence.anchor_T_mount()
+    rotation = kronecker(anchor_T_mount, evidence.camera_T_target)[:3, :3]
+    turned = anchor_T_mount[:, :3, :3]
+    seen = turned @ rotation @ evidence.camera_T_target[:, :3, 3:]
+    rows = np.concatenate([turned, seen, -np.broadcast_to(np.eye(3), turned.shape)], axis=2).reshape(-1, 7)
+    solution = np.linalg.lstsq(rows, -anchor_T_mount[:, :3, 3].reshape(-1), rcond=None)[0]
+    return float(np.clip(solution[3], *PITCH_FACTORS))

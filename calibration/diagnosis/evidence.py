@@ -1,0 +1,75 @@
+"""What every suspected cause is tried on: robot poses, and where each image alone puts the target.
+
+An image tells its target's pose to within a covariance of its own, so that a trial needs no pixels any more.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.likelihood.pixels import pixel_statistics
+from calibration.observations import Observations
+from calibration.problem import Setup
+from calibration.transforms import Array, inverse
+
+SMALLEST_PIXEL = 1e-4
+"""Pixels that fit better than this come from a simulation; the robot's error is what remains."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """n views. `covariance` (n, 6, 6) of exp(.) @ camera_T_target, [rotation rad, translation mm].
+
+    `positions` (n,) index `problem.views`.
+    """
+
+    setup: Setup
+    positions: NDArray[np.intp]
+    base_T_flange: Array
+    camera_T_target: Array
+    covariance: Array
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> "Evidence":
+        """Only the chosen views."""
+        return Evidence(
+            self.setup,
+            self.positions[chosen],
+            self.base_T_flange[chosen],
+            self.camera_T_target[chosen],
+            self.covariance[chosen],
+        )
+
+    def with_robot_poses(self, base_T_flange: Array) -> "Evidence":
+        """The same images at other robot poses (n, 4, 4)."""
+        return replace(self, base_T_flange=base_T_flange)
+
+    def with_camera_poses(self, camera_T_target: Array) -> "Evidence":
+        """The same robot poses with other poses (n, 4, 4) from the images."""
+        return replace(self, camera_T_target=camera_T_target)
+
+    def anchor_T_mount(self) -> Array:
+        """(n, 4, 4), see `calibration.problem`."""
+        return self.base_T_flange if self.setup == "eye-in-hand" else inverse(self.base_T_flange)
+
+    def scaled(self, factor: float) -> "Evidence":
+        """As if the target were `factor` times as large."""
+        grow = np.repeat([1.0, factor], 3)
+        camera_T_target = self.camera_T_target.copy()
+        camera_T_target[:, :3, 3] *= factor
+        return replace(self, camera_T_target=camera_T_target, covariance=grow[:, None] * self.covariance * grow)
+
+
+def evidence_of(setup: Setup, seen: Observations, camera: CameraModel, camera_T_target: Array) -> Evidence:
+    """From corners and each view's own pose (n, 4, 4); the pixel noise is what those poses leave."""
+    statistics = pixel_statistics(seen, camera, camera_T_target)
+    redundancy = np.maximum(statistics.count.sum() - 6 * len(seen), 1.0)
+    pixel = max(float(np.sqrt(statistics.square.sum() / redundancy)), SMALLEST_PIXEL)
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(statistics.normal, axis1=1, axis2=2), 1e-12))
+    scaled = statistics.normal * scale[:, :, None] * scale[:, None, :] + 1e-12 * np.eye(6)
+    covariance = pixel**2 * scale[:, :, None] * np.linalg.inv(scaled) * scale[:, None, :]
+    return Evidence(setup, seen.positions, seen.base_T_flange, camera_T_target, covariance)

@@ -1,0 +1,122 @@
+"""One view whose robot pose is wrong, and, where it can be told, which of its seven numbers."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.fit import Fit, fit, predicted_base_T_flange, residuals_of
+from calibration.diagnosis.trial import Outcome, Trial
+from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
+
+FREE_POSE = 6
+NUMBERS = ("x", "y", "z", "q1 (w)", "q2 (x)", "q3 (y)", "q4 (z)")
+PLAUSIBLE = 22.5
+"""A view that is in order has a smaller squared distance in 999 of 1000 cases (chi², 6 degrees of freedom)."""
+
+TOLD_APART = 6.0
+"""Squared distances differ by this much where one number explains the view and another does not."""
+
+STEPS = np.array([1e-2] * 3 + [1e-5] * 4)
+"""For differences in mm and in quaternion elements."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """What the other views say of one: their fit, the view's residual (6,) and its information (6, 6)."""
+
+    view: Evidence
+    fitted: Fit
+    residual: Array
+    information: Array
+    log_determinant: float
+
+
+def mistyped_outcomes(evidence: Evidence, suspects: Sequence[int], baseline: float) -> Iterator[Outcome]:
+    """For each suspect the better of: its pose is wrong somehow, one of its numbers is wrong."""
+    for row in suspects:
+        fitted = fit(evidence.take(np.delete(np.arange(len(evidence)), row)))
+        view = evidence.take(np.array([row]))
+        residual, covariance = residuals_of(view, fitted)
+        log_determinant = float(np.linalg.slogdet(covariance[0])[1])
+        rest = Rest(view, fitted, residual[0], np.linalg.inv(covariance[0]), log_determinant)
+        n = len(evidence)
+        best = _best(_whole_pose(rest, n), [*_numbers(rest, n), *_signs(rest, n)])
+        gain = fitted.log_likelihood - 0.5 * (log_determinant + best.misfit) - baseline - best.price
+        trial = Trial("pose-mistyped", (int(view.positions[0]),), view, view, best.message, FIX)
+        yield Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad)
+
+
+FIX = "read that pose on the controller again; if it was typed rightly, the arm had not settled or the image is another"
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    misfit: float
+    price: float
+    message: str
+
+
+def _best(whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
+    """The one number that explains the view, if there is one and no other does as well; else the pose as a whole."""
+    first, second = sorted(numbers, key=lambda candidate: candidate.misfit + 2 * candidate.price)[:2]
+    told = first.misfit < PLAUSIBLE and second.misfit > first.misfit + TOLD_APART
+    return first if told else whole
+
+
+def _whole_pose(rest: Rest, n: int) -> _Candidate:
+    where = int(rest.view.positions[0])
+    expected = predicted_base_T_flange(rest.view, rest.fitted, 0)
+    off = expected[:3, 3] - rest.view.base_T_flange[0, :3, 3]
+    turn = np.degrees(
+        np.arccos(np.clip((np.trace(expected[:3, :3].T @ rest.view.base_T_flange[0, :3, :3]) - 1) / 2, -1, 1))
+    )
+    message = f"the pose of view {where} disagrees with all others by {np.linalg.norm(off):.2f} mm and {turn:.2f} deg"
+    return _Candidate(0.0, 0.5 * FREE_POSE * np.log(6 * n) + np.log(n), message)
+
+
+def _numbers(rest: Rest, n: int) -> Iterator[_Candidate]:
+    """One of the seven numbers off by what fits best, to first order: a larger slip in a quaternion breaks its norm."""
+    given = _printed(rest.view.base_T_flange[0])
+    price = 0.5 * np.log(6 * n) + np.log(7 * n)
+    for index, name in enumerate(NUMBERS):
+        slope = (_residual(rest, given + STEPS * np.eye(7)[index]) - _residual(rest, given)) / STEPS[index]
+        change = -float(slope @ rest.information @ rest.residual) / float(slope @ rest.information @ slope)
+        right = given + change * np.eye(7)[index]
+        if index >= 3 and abs(change) > 0.1:
+            continue
+        residual = _residual(rest, right)
+        yield _Candidate(
+            float(residual @ rest.information @ residual), price, _message(rest, name, given, right, index)
+        )
+
+
+def _signs(rest: Rest, n: int) -> Iterator[_Candidate]:
+    """A sign lost in one of the quaternion's elements."""
+    given = _printed(rest.view.base_T_flange[0])
+    for index in range(3, 7):
+        right = given * np.where(np.arange(7) == index, -1.0, 1.0)
+        residual = _residual(rest, right)
+        message = _message(rest, NUMBERS[index], given, right, index)
+        yield _Candidate(float(residual @ rest.information @ residual), float(np.log(7 * n)), message)
+
+
+def _message(rest: Rest, name: str, given: Array, right: Array, index: int) -> str:
+    digits = 2 if index < 3 else 5
+    return (
+        f"the pose of view {int(rest.view.positions[0])} has a wrong number: "
+        f"{name} is {given[index]:.{digits}f} and should be about {right[index]:.{digits}f}"
+    )
+
+
+def _printed(base_T_flange: Array) -> Array:
+    """The seven numbers of a pose: x y z w x y z."""
+    return np.concatenate([base_T_flange[:3, 3], quaternion_from_rotation(base_T_flange[:3, :3])])
+
+
+def _residual(rest: Rest, numbers: Array) -> Array:
+    quaternion = numbers[3:] / np.linalg.norm(numbers[3:])
+    pose = transform(rotation_from_quaternion(quaternion), numbers[:3])
+    residual: Array = residuals_of(rest.view.with_robot_poses(pose[None]), rest.fitted)[0][0]
+    return residual

@@ -1,0 +1,152 @@
+"""Causes that touch one view, two views, or every view from one on."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.fit import Fit, fit
+from calibration.diagnosis.trial import Trial
+from calibration.transforms import Array, transform
+
+SUSPECTS = 10
+"""Views that fit worst, among which mistyped and swapped ones are sought."""
+
+STRETCH = 2
+"""Fewest views before and after a change."""
+
+CHANGES = 40
+"""Change points tried at first when there are more; the best one's neighbours follow."""
+
+
+def suspects_of(evidence: Evidence, fitted: Fit) -> list[int]:
+    """Rows of the views that fit worst: under the fit to all, and under a fit to the half that agrees best.
+
+    The half is found by concentration from several starts (Rousseeuw & Van Driessen, Technometrics 41(3), 1999),
+    for a gross error spoils the fit to all.
+    """
+    n = len(evidence)
+    half = max(4, (n + 7) // 2)
+    if n < half + 1:
+        return list(range(n))
+    rng = np.random.default_rng(0)
+    best: tuple[float, Array] | None = None
+    for start in [fitted] + [fit(evidence.take(rng.choice(n, 4, replace=False))) for _ in range(8)]:
+        off = _distances(evidence, start)
+        for _ in range(3):
+            off = _distances(evidence, fit(evidence.take(np.sort(np.argsort(off)[:half]))))
+        value = float(np.sort(off)[:half].sum())
+        if best is None or value < best[0]:
+            best = value, off
+    assert best is not None
+    worst = np.concatenate([np.argsort(-best[1])[:SUSPECTS], np.argsort(-fitted.distances())[:SUSPECTS]])
+    return [int(row) for row in dict.fromkeys(worst.tolist())][: SUSPECTS + 4]
+
+
+def _distances(evidence: Evidence, fitted: Fit) -> Array:
+    """How far every view (n,) is off under a fit to some: millimetres over the target's distance, plain and robust."""
+    anchor_T_mount = evidence.anchor_T_mount()
+    off = anchor_T_mount @ fitted.mount_T_camera[0] @ evidence.camera_T_target
+    shift = np.linalg.norm(off[:, :3, 3] - fitted.anchor_T_target[0][:3, 3], axis=1)
+    turn = np.linalg.norm(off[:, :3, :3] - fitted.anchor_T_target[0][:3, :3], axis=(1, 2))
+    distance = np.linalg.norm(evidence.camera_T_target[:, :3, 3], axis=1)
+    result: Array = shift / np.median(distance) + turn
+    return result
+
+
+def swapped_trials(evidence: Evidence, suspects: Sequence[int]) -> Iterator[Trial]:
+    """Two views whose poses were exchanged."""
+    pairs = list(combinations(sorted(suspects), 2))
+    for i, j in pairs:
+        poses = evidence.base_T_flange.copy()
+        poses[[i, j]] = poses[[j, i]]
+        where = int(evidence.positions[i]), int(evidence.positions[j])
+        yield Trial(
+            "poses-swapped",
+            where,
+            evidence.with_robot_poses(poses),
+            evidence,
+            f"the poses of views {where[0]} and {where[1]} are swapped",
+            "exchange the two poses",
+            alternatives=len(evidence) * (len(evidence) - 1) // 2,
+        )
+
+
+def turned_trials(evidence: Evidence, suspects: Sequence[int], centre_mm: Array) -> Iterator[Trial]:
+    """The board turned by 180 degrees in one view."""
+    turn = np.diag([-1.0, -1.0, 1.0])
+    half_turn = transform(turn, centre_mm - turn @ centre_mm)
+    for row in suspects:
+        seen = evidence.camera_T_target.copy()
+        seen[row] = seen[row] @ half_turn
+        where = int(evidence.positions[row])
+        yield Trial(
+            "board-turned",
+            (where,),
+            evidence.with_camera_poses(seen),
+            evidence,
+            f"the board stands turned by 180 degrees in view {where}",
+            "leave that view out; do not touch the board during a run",
+            alternatives=len(evidence),
+        )
+
+
+def change_points(n: int) -> list[int]:
+    """Where a change is sought at first."""
+    every = list(range(STRETCH, n - STRETCH + 1))
+    step = max(1, -(-len(every) // CHANGES))
+    return every[::step]
+
+
+@dataclass(frozen=True)
+class Change:
+    """What it means that X, or the target's pose, is another one from some view on."""
+
+    code: str
+    of_x: bool
+    message: str
+    fix: str
+
+
+CHANGED = {
+    "eye-in-hand": (
+        Change("board-moved", False, "the board moved before view {}", "fasten the board and take the views again"),
+        Change(
+            "camera-or-tool-changed",
+            True,
+            "from view {} on the camera sits elsewhere on the flange, or another tool was active",
+            "fasten the camera, make tool0 active in every view, and take the views again",
+        ),
+    ),
+    "eye-to-hand": (
+        Change(
+            "board-or-tool-changed",
+            False,
+            "from view {} on the board sits elsewhere on the flange, or another tool was active",
+            "fasten the board, make tool0 active in every view, and take the views again",
+        ),
+        Change("camera-moved", True, "the camera moved before view {}", "fasten the camera and take the views again"),
+    ),
+}
+
+
+def moved_trials(evidence: Evidence, points: Sequence[int]) -> Iterator[Trial]:
+    """The target, or the camera (or the active tool), is elsewhere from some view on."""
+    for point in points:
+        labels = (np.arange(len(evidence)) >= point).astype(np.intp)
+        where = int(evidence.positions[point])
+        for change in CHANGED[evidence.setup]:
+            yield Trial(
+                change.code,
+                (where,),
+                evidence,
+                evidence,
+                change.message.format(where) + ": the views before and after it agree among themselves",
+                change.fix + ", or keep only the views on one side",
+                x_labels=labels if change.of_x else None,
+                y_labels=None if change.of_x else labels,
+                unknowns=6,
+                alternatives=2 * len(evidence),
+            )
