@@ -31,11 +31,13 @@ def grow_lattices(crossings: Crossings, fewest: int) -> list[Lattice]:
     if len(crossings.points) < fewest:
         return []
     neighbours = _neighbours(crossings)
-    free = np.ones(len(neighbours), bool)
+    links = neighbours.tolist()
+    degree = (neighbours >= 0).sum(axis=1)
+    free = degree > 0
     lattices = []
-    for start in np.argsort(-(neighbours >= 0).sum(axis=1), kind="stable"):
+    for start in np.argsort(-degree, kind="stable").tolist():
         if free[start]:
-            cells = _walk(int(start), neighbours)
+            cells = _walk(start, links)
             free[list(cells)] = False
             if len(cells) >= fewest:
                 index, cell = np.array(list(cells)), np.array(list(cells.values()))
@@ -70,9 +72,8 @@ def _angle_between_lines(a: Array, b: Array) -> Array:
     return np.abs((a - b + np.pi / 2) % np.pi - np.pi / 2)
 
 
-def _walk(start: int, neighbours: NDArray[np.intp]) -> dict[int, tuple[int, int]]:
+def _walk(start: int, links: list[list[int]]) -> dict[int, tuple[int, int]]:
     """Cell of every crossing reached from `start`, breadth first; a crossing that would take a taken cell is left."""
-    links = neighbours.tolist()
     cells, taken, frames = {start: (0, 0)}, {(0, 0)}, {start: 0}
     queue = [start]
     for here in queue:

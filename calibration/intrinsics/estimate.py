@@ -110,14 +110,13 @@ def _without_insignificant(seen: Observations, fit: Adjusted, free: NDArray[np.b
 
 
 def _without_strays(seen: Observations, fit: Adjusted) -> Observations | None:
-    """The observations less the views and points that contradict the rest; None when there are none."""
+    """The observations less the worse half of the stray views, else less the stray points; None when there are none."""
     distance = np.hypot(*np.moveaxis(pixel_residuals(seen, fit.camera, fit.poses), -1, 0))
     used = seen.weights > 0
-    views_rms = np.sqrt((distance**2 * used).sum(axis=1) / used.sum(axis=1))
-    stray_views = views_rms > STRAY_VIEW_OF_MEDIAN * max(float(np.median(views_rms)), LEAST_NOISE_PX)
+    typical = np.array([np.median(row[mask]) for row, mask in zip(distance, used, strict=True)])
+    stray_views = typical > STRAY_VIEW_OF_MEDIAN * max(float(np.median(typical)), LEAST_NOISE_PX)
     if stray_views.any():
-        worst = views_rms >= max(float(np.median(views_rms[stray_views])), LEAST_NOISE_PX)
-        return seen.take(~(stray_views & worst))
+        return seen.take(typical < np.median(typical[stray_views]))
     noise_px = max(1.2 * float(np.median(distance[used])), LEAST_NOISE_PX)
     stray_points = used & (distance > STRAY_POINT_SIGMAS * noise_px)
     if not stray_points.any():

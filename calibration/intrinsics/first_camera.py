@@ -9,18 +9,24 @@ from calibration.observations import Observations
 
 USUAL_FOCAL_OF_WIDTH = 1.2
 FOCAL_RANGE_OF_WIDTH = (0.3, 20.0)
+LARGEST_RMS_OF_EXTENT = 0.02
+"""No lens bends a plane's image by more of its size, beyond two radial coefficients."""
 
 
 def plane_views(seen: Observations, image_size: tuple[int, int]) -> list[PlaneView | None]:
     """Each view's homography; None where the points are no plane's."""
-    views: list[PlaneView | None] = []
-    for row in range(len(seen)):
-        used = seen.weights[row] > 0
-        try:
-            views.append(fit_plane_view(seen.points_mm[row, used, :2], seen.pixels[row, used], image_size)[0])
-        except DetectionError:
-            views.append(None)
-    return views
+    return [_plane_view(seen, row, image_size) for row in range(len(seen))]
+
+
+def _plane_view(seen: Observations, row: int, image_size: tuple[int, int]) -> PlaneView | None:
+    used = seen.weights[row] > 0
+    pixels = seen.pixels[row, used]
+    try:
+        view, residual = fit_plane_view(seen.points_mm[row, used, :2], pixels, image_size)
+    except DetectionError:
+        return None
+    rms_px = float(np.sqrt(np.mean(residual**2)))
+    return view if rms_px < LARGEST_RMS_OF_EXTENT * float(np.ptp(pixels, axis=0).max()) else None
 
 
 def first_camera(views: list[PlaneView], image_size: tuple[int, int]) -> CameraModel:
