@@ -22,6 +22,9 @@ log = logging.getLogger(__name__)
 LINKS_LIMIT_S = 2.0
 """Devices that are there answer well within this; one that is not must not keep the daemon from starting."""
 
+LAST_EVENT_LIMIT_S = 0.8
+"""Stopping and disarming an arm that answers takes a few milliseconds."""
+
 JOB_LIMIT_S = 600.0
 """No detection or solution of a run takes ten minutes: a job that does hangs."""
 
@@ -57,8 +60,14 @@ class Application:
         if self._stopping is None:
             log.info("stopping: %s", by)
             self.systemd.notify("STOPPING=1")
-            self.events.close()
-            self._stopping = asyncio.create_task(self.supervisor.stop(by))
+            self._stopping = asyncio.create_task(self._end_work(by))
+
+    async def _end_work(self, by: str) -> None:
+        """The run's end is told to every listener before their streams end, but they do not wait long for it."""
+        ending = asyncio.create_task(self.supervisor.stop(by))
+        await asyncio.wait([ending], timeout=LAST_EVENT_LIMIT_S)
+        self.events.close()
+        await ending
 
     async def stop(self) -> None:
         """The arm is at rest, everything is stored, every device is closed."""

@@ -1,0 +1,159 @@
+"""A whole plant for stories: the mock cell, the daemon, an operator with an HTTP client, joined by real sockets."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from calibration.arms import arm_named
+from calibration.documents.plan import PlanDocument
+from calibration.documents.validation import validate_document
+from calibration.planning.plan import plan_poses
+from daemon.application import Application
+from daemon.composition import build
+from daemon.devices import open_devices
+from daemon.motion import MotionRules
+from daemon.server import Server
+from daemon.settings import RobotSettings, Settings, TaughtPose
+from mock_robot.announcement import Announcement
+from mock_robot.truth import CellTruth
+from mock_robot.truth_sheet import cell_sheet
+from tests.mock_robot.running_cell import RunningCell, running_cell
+
+TEXT = {"accept": "text/plain"}
+
+
+def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
+    """What an integrator would write after reading the cell's sheet."""
+    sheet = cell.sheet
+    sections: dict[str, Any] = {
+        "robot": {
+            "address": f"tcp://{cell.robot_host}:{cell.robot_port}",
+            "model": sheet["arm"],
+            "box_mm": sheet["box_mm"],
+            "speed_mm_s": 250,
+            "settling": {"gap_s": 0.01, "translation_mm": 0.5, "rotation_deg": 0.05},
+        },
+        "camera": {"address": f"{cell.devices_url}/camera/snapshot.png", "intrinsics": sheet["camera"]},
+        "scanner": {"address": f"{cell.devices_url}/scanner/cloud.ply", "poses": sheet["scan_poses"]},
+        "target": sheet["target"],
+        "calibration": {
+            "flange_T_camera_guess": sheet["flange_T_camera_guess"],
+            "base_T_target_guess": sheet["base_T_target_guess"],
+            "policy": "auto",
+        },
+        "server": {"port": 0},
+        "storage": {"folder": str(folder), "reserve_mb": 0},
+    }
+    for section, values in changes.items():
+        sections[section] = {**sections[section], **values}
+    return validate_document(Settings, sections, "story settings")
+
+
+@cache
+def poses_taught_for(seed: int) -> tuple[TaughtPose, ...]:
+    """Eight poses as an operator would teach them: stories about something else need not wait for the planner."""
+    sheet = cell_sheet(CellTruth.from_seed(seed))
+    question = PlanDocument.model_validate(
+        {
+            "schema_version": 1,
+            **{key: sheet[key] for key in ("target", "camera", "flange_T_camera_guess", "base_T_target_guess")},
+            "limits": {"box_mm": sheet["box_mm"]},
+        }
+    )
+    rules = MotionRules(RobotSettings(address="tcp://x:1", box_mm=sheet["box_mm"]), arm_named(sheet["arm"]))
+    plan = plan_poses(question.scene(), question.limits.limits(), 8, reachable=rules.reachable)
+    return tuple(TaughtPose.of(pose) for pose in plan.base_T_flange)
+
+
+@dataclass
+class Operator:
+    """Somebody with an HTTP client."""
+
+    client: httpx.AsyncClient
+
+    async def starts(self, path: str, **body: Any) -> dict[str, Any]:
+        answer = await self.client.post(path, json=body)
+        assert answer.status_code == 202, answer.text
+        run: dict[str, Any] = answer.json()
+        return run
+
+    async def sees(self, run: dict[str, Any]) -> dict[str, Any]:
+        found: dict[str, Any] = (await self.client.get(run["links"]["self"])).json()
+        return found
+
+    async def waits_for_the_end_of(self, run: dict[str, Any], within_s: float = 60.0) -> dict[str, Any]:
+        ended: dict[str, Any] = (await self.client.get(run["links"]["self"], params={"wait": within_s})).json()
+        assert ended["over"], ended
+        return ended
+
+    async def waits_until_station(self, run: dict[str, Any], station: int, within_s: float = 30.0) -> None:
+        """Listens to the events, as a page would."""
+        async with (
+            asyncio.timeout(within_s),
+            self.client.stream("GET", "/events", headers={"last-event-id": "0"}) as events,
+        ):
+            async for line in events.aiter_lines():
+                if line.startswith("data:") and f'"station": {station},' in line and run["id"] in line:
+                    return
+
+    async def waits_until_ready(self, within_s: float = 20.0) -> None:
+        """The devices are dialled in the background."""
+        ends_s = time.monotonic() + within_s
+        while not (ready := (await self.client.get("/ready")).json())["calibrate"]["ready"]:
+            assert time.monotonic() < ends_s, ready
+            await asyncio.sleep(0.02)
+
+
+@dataclass
+class Plant:
+    """The three of them."""
+
+    cell: RunningCell
+    application: Application
+    operator: Operator
+    folder: Path
+    url: str
+
+    @property
+    def truth(self) -> CellTruth:
+        return self.cell.truth
+
+
+@asynccontextmanager
+async def daemon_for(cell: RunningCell, folder: Path, **changes: Any) -> AsyncIterator[Plant]:
+    """The daemon beside a cell that runs already."""
+    application = build(settings_of(cell.announcement, folder, **changes), open_devices)
+    announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+    server = Server(application, announced.set_result)
+    task = asyncio.create_task(server.listen())
+    try:
+        await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=20)
+        async with httpx.AsyncClient(base_url=announced.result(), timeout=90) as client:
+            operator = Operator(client)
+            await operator.waits_until_ready()
+            yield Plant(cell, application, operator, folder, announced.result())
+    finally:
+        server.should_exit = True
+        application.begin_stop("the end of the story")
+        await task
+
+
+@asynccontextmanager
+async def plant(
+    folder: Path, *, seed: int = 7, time_scale: float = 100.0, planned: bool = False, **changes: Any
+) -> AsyncIterator[Plant]:
+    """Cell and daemon from nothing. `planned`: no poses are taught."""
+    if not planned:
+        changes["calibration"] = {"poses": poses_taught_for(seed), **changes.get("calibration", {})}
+    async with (
+        running_cell(seed, time_scale) as cell,
+        daemon_for(cell, folder, **changes) as running,
+    ):
+        yield running
