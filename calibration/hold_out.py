@@ -14,7 +14,7 @@ from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, measured
 from calibration.likelihood.leave_one_out import LeftOut, leave_one_out, without_each_view
 from calibration.likelihood.pixels import PixelStatistics
-from calibration.observations import Observations
+from calibration.observations import Observations, scaled
 from calibration.solution import HoldOut
 from calibration.transforms import Array, inverse, map_points
 from calibration.view_poses import moved
@@ -33,9 +33,9 @@ def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> Hold
     left_out = leave_one_out(best.step)
     chain = without_each_view(best, left_out)
     pixels = measured(seen, best.free)
-    own = _own_poses(pixels(camera_T_target, best.camera), left_out)
-    errors = base_errors(seen, chain, moved(camera_T_target, own))
-    predicted = pixels(chain.camera_T_target(), best.camera)
+    own = _own_poses(pixels(camera_T_target, best.camera, best.scale), left_out)
+    errors = base_errors(scaled(seen, best.scale), chain, moved(camera_T_target, own))
+    predicted = pixels(chain.camera_T_target(), best.camera, best.scale)
     corners = float(np.count_nonzero(seen.weights))
     return HoldOut(
         float(np.sqrt(np.sum(seen.weights * np.sum(errors**2, axis=-1)) / corners)),

@@ -16,12 +16,13 @@ FEWEST_CORNERS = 4
 class Observations:
     """n views of up to m points; views with fewer are padded with weight 0.
 
-    `positions` (n,) in `problem.views`; `base_T_flange` (n, 4, 4); `points_mm` (n, m, 3) on the target;
+    `positions` (n,) in `problem.views`; `base_T_flange` (n, 4, 4); `ids` and `points_mm` (n, m, 3) on the target;
     `pixels` (n, m, 2); `weights` (n, m), 1 where a corner is used and 0 elsewhere.
     """
 
     positions: NDArray[np.intp]
     base_T_flange: Array
+    ids: NDArray[np.intp]
     points_mm: Array
     pixels: Array
     weights: Array
@@ -36,6 +37,11 @@ class Observations:
     def weighted(self, weights: Array) -> "Observations":
         """The same corners with other weights (n, m)."""
         return replace(self, weights=weights)
+
+
+def scaled(seen: Observations, scale: float) -> Observations:
+    """The same pictures of a target `scale` times as large."""
+    return seen if scale == 1.0 else replace(seen, points_mm=scale * seen.points_mm)
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,9 @@ def _corners(problem: Problem, view: View) -> tuple[NDArray[np.intp], Array] | U
 def _padded(problem: Problem, kept: list[tuple[int, NDArray[np.intp], Array]]) -> Observations:
     n, m = len(kept), max((len(ids) for _, ids, _ in kept), default=0)
     points, pixels, weights = np.zeros((n, m, 3)), np.zeros((n, m, 2)), np.zeros((n, m))
+    names = np.zeros((n, m), np.intp)
     for row, (_, ids, corners) in enumerate(kept):
+        names[row] = np.concatenate([ids, np.full(m - len(ids), ids[0])])
         points[row, : len(ids)] = problem.target.points_mm[ids]
         pixels[row, : len(ids)] = corners
         weights[row, : len(ids)] = 1.0
@@ -95,4 +103,4 @@ def _padded(problem: Problem, kept: list[tuple[int, NDArray[np.intp], Array]]) -
         points[row, len(ids) :], pixels[row, len(ids) :] = points[row, 0], pixels[row, 0]
     positions = np.array([position for position, _, _ in kept], dtype=np.intp)
     poses = np.array([problem.views[position].base_T_flange for position in positions]).reshape(-1, 4, 4)
-    return Observations(positions, poses, points, pixels, weights)
+    return Observations(positions, poses, names, points, pixels, weights)

@@ -9,12 +9,14 @@ from calibration.camera import CameraModel
 from calibration.consistency.corners import without_bad_corners
 from calibration.consistency.readings import best_readings
 from calibration.intrinsics.estimate import estimate_camera
+from calibration.likelihood.estimate import HELD
 from calibration.likelihood.pixels import INTRINSICS
 from calibration.observability import require_determined
-from calibration.observations import Observations, Unusable, observe
+from calibration.observations import Observations, Unusable, observe, scaled
 from calibration.problem import Problem, Setup
+from calibration.target_shape import TargetShape, deviates, shaped
 from calibration.transforms import Array, inverse
-from calibration.view_poses import candidate_poses
+from calibration.view_poses import candidate_poses, refined_poses
 
 IMAGE_DISAGREES = Unusable("image-disagrees", "its corners do not lie as the corners of this target do")
 
@@ -23,18 +25,21 @@ IMAGE_DISAGREES = Unusable("image-disagrees", "its corners do not lie as the cor
 class Prepared:
     """n views that can be used, and by position in `problem.views` why the others cannot.
 
-    `camera_T_target` (n, 4, 4): each view's own pose; `turned` (n,): the board was read the wrong way round;
-    `free` (9,): which intrinsics are unknown.
+    `drawn_mm` (k, 3): the target as described; `camera_T_target` (n, 4, 4): each view's own pose; `turned` (n,): the
+    board was read the wrong way round; `free` (10,): which intrinsics are unknown, and whether the target's scale is;
+    `shape`: the target as it is, when that is not as it was drawn.
     """
 
     setup: Setup
-    points_mm: Array
+    drawn_mm: Array
     seen: Observations
     camera: CameraModel
     free: NDArray[np.bool_]
     camera_T_target: Array
     turned: NDArray[np.bool_]
     refused: dict[int, Unusable]
+    shape: TargetShape | None = None
+    scale: float = 1.0
 
     @property
     def anchor_T_mount(self) -> Array:
@@ -64,15 +69,32 @@ def prepare(problem: Problem) -> Prepared:
     seen, candidates = clean.seen.take(kept), np.stack([clean.camera_T_target, poses[:, 1]], axis=1)[kept]
     anchor_T_mount = seen.base_T_flange if problem.setup == "eye-in-hand" else inverse(seen.base_T_flange)
     read = best_readings(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)
-    return Prepared(
+    drawn = Prepared(
         problem.setup, problem.target.points_mm, read.seen, camera, free, read.camera_T_target, read.turned, refused
     )
+    if not deviates(drawn.seen, drawn.camera, drawn.camera_T_target, free[:INTRINSICS]):
+        return drawn
+    return _shaped(drawn, free)
+
+
+def with_real_target(prepared: Prepared) -> Prepared:
+    """The target's shape estimated anew with the camera held at its present estimate."""
+    seen = scaled(replace(prepared.seen, points_mm=prepared.drawn_mm[prepared.seen.ids]), prepared.scale)
+    poses = refined_poses(seen, prepared.camera, prepared.camera_T_target)
+    again = _shaped(replace(prepared, seen=seen, camera_T_target=poses), HELD)
+    return replace(again, seen=scaled(again.seen, 1 / prepared.scale))
+
+
+def _shaped(prepared: Prepared, free: NDArray[np.bool_]) -> Prepared:
+    drawn_mm = prepared.scale * prepared.drawn_mm
+    real = shaped(prepared.seen, prepared.camera, prepared.camera_T_target, free[:INTRINSICS], drawn_mm)
+    return replace(prepared, seen=real.seen, camera=real.camera, camera_T_target=real.camera_T_target, shape=real.shape)
 
 
 def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, NDArray[np.bool_]]:
-    """The given camera, or one from all views; a lens term that the views cannot tell from zero stays zero."""
+    """The given camera, or one from all views; all of whose terms are unknown."""
     if problem.camera is not None:
-        return problem.camera, np.zeros(INTRINSICS, bool)
+        return problem.camera, HELD
     detections = [problem.views[position].detection for position in seen.positions]
     found = estimate_camera(problem.target, [d for d in detections if d is not None], problem.image_size)
-    return found.camera, np.concatenate([np.ones(4, bool), found.camera.distortion != 0.0])
+    return found.camera, np.concatenate([np.ones(INTRINSICS, bool), [False]])

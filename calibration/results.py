@@ -8,25 +8,26 @@ from calibration.hold_out import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.pixels import pixel_residuals
 from calibration.observability import axis_in_words, motion_of
-from calibration.observations import Unusable, observe
+from calibration.observations import Unusable, observe, scaled
 from calibration.prepare import Prepared
 from calibration.problem import Problem
 from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
 from calibration.starts import Start
 from calibration.transforms import Array, map_points
-from calibration.uncertainty import uncertainty_of
+from calibration.uncertainty import honest_covariance, uncertainty_of
 from calibration.view_poses import refined_poses
 
 
 def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start, selection: Selection) -> Solution:
     """The whole answer of a session that determines X."""
     best, rows = selection.best, prepared.take(selection.used)
+    real = scaled(rows.seen, best.scale)
     own_poses = rows.camera_T_target
-    if problem.camera is None:
-        own_poses = refined_poses(rows.seen, best.camera, own_poses)
+    if np.any(best.free):
+        own_poses = refined_poses(real, best.camera, own_poses)
     centre = problem.target.points_mm.mean(axis=0, keepdims=True)
     distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
-    covariance = best.step.covariance[:6, :6]
+    covariance = honest_covariance(best)
     return Solution(
         setup=problem.setup,
         method=method,
@@ -84,8 +85,8 @@ def _observability(problem: Problem, rows: Prepared, best: Estimate, covariance:
 
 def _views(problem: Problem, prepared: Prepared, selection: Selection, own_poses: Array) -> tuple[ViewResult, ...]:
     best, rows = selection.best, prepared.take(selection.used)
-    residuals = pixel_residuals(rows.seen, best.camera, best.chain.camera_T_target())
-    errors = base_errors(rows.seen, best.chain.as_reported(), own_poses)
+    residuals = pixel_residuals(scaled(rows.seen, best.scale), best.camera, best.chain.camera_T_target())
+    errors = base_errors(scaled(rows.seen, best.scale), best.chain.as_reported(), own_poses)
     results = [_without_numbers(problem, position, why) for position, why in prepared.refused.items()]
     results += [_rejected(problem, prepared, int(row), best) for row in np.flatnonzero(~selection.used)]
     for row, position in enumerate(rows.seen.positions):

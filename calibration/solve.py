@@ -1,16 +1,22 @@
 """From a calibration session to X: `solve_hand_eye(problem) -> Solution`, pure and never raising for bad data."""
 
+from dataclasses import replace
+
 from calibration.closed_forms.registry import CLOSED_FORMS
-from calibration.consistency.outliers import agreeing_rows, select
+from calibration.consistency.outliers import Selection, agreeing_rows, select
 from calibration.errors import UndeterminedError
 from calibration.observability import require_determined
-from calibration.prepare import prepare
+from calibration.prepare import Prepared, prepare, with_real_target
 from calibration.problem import Problem
 from calibration.results import refused_solution, solution_of
 from calibration.solution import Solution
-from calibration.starts import best_start
+from calibration.starts import Start, best_start
+from calibration.target_scale import scale_error, with_scale
 
 METHODS = ("auto", *CLOSED_FORMS)
+
+MOST_ROUNDS = 3
+"""Camera and target shape are estimated in turn, the camera with the robot's help; each round gains less."""
 
 
 def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
@@ -22,11 +28,27 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}: one of {', '.join(METHODS)}")
     try:
-        prepared = prepare(problem)
-        used = agreeing_rows(prepared)
-        require_determined(prepared.seen.base_T_flange[used])
-        start = best_start(prepared.take(used))
-        selection = select(prepared, used, start.chain, start.variances)
+        return solution_of(problem, method, *estimated(problem))
     except UndeterminedError as undetermined:
         return refused_solution(problem, method, undetermined)
-    return solution_of(problem, method, prepared, start, selection)
+
+
+def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:
+    """The session as it is best understood, where the estimate started, and the estimate. Raises UndeterminedError."""
+    prepared = prepare(problem)
+    used = agreeing_rows(prepared)
+    require_determined(prepared.seen.base_T_flange[used])
+    start = best_start(prepared.take(used))
+    selection = select(prepared, used, start.chain, start.variances)
+    if share := scale_error(prepared, selection):
+        prepared = with_scale(prepared, share)
+        selection = _again(prepared, selection)
+    if prepared.shape is not None and problem.camera is None:
+        for _ in range(MOST_ROUNDS):
+            prepared = with_real_target(replace(prepared, camera=selection.best.camera, scale=selection.best.scale))
+            selection = _again(prepared, selection)
+    return prepared, start, selection
+
+
+def _again(prepared: Prepared, selection: Selection) -> Selection:
+    return select(prepared, selection.used, selection.best.chain, selection.best.variances)

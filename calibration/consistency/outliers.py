@@ -8,7 +8,7 @@ from scipy.stats import f as fisher
 
 from calibration.consistency.consensus import agreeing_views
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.estimate import Estimate, estimate, measured
+from calibration.likelihood.estimate import Estimate, averaged_over_noise, estimate, measured
 from calibration.likelihood.leave_one_out import disagreement, leave_one_out, outside_disagreement
 from calibration.likelihood.mixed_model import Variances
 from calibration.prepare import Prepared
@@ -30,7 +30,7 @@ class Selection:
 
 def agreeing_rows(prepared: Prepared) -> NDArray[np.bool_]:
     """A first, robust choice (n,) before anything is estimated; all when there is no majority that agrees."""
-    agreeing = agreeing_views(prepared.anchor_T_mount, prepared.camera_T_target, prepared.points_mm)
+    agreeing = agreeing_views(prepared.anchor_T_mount, prepared.camera_T_target, prepared.drawn_mm)
     return agreeing if np.count_nonzero(agreeing) >= fewest(len(agreeing)) else np.ones(len(agreeing), bool)
 
 
@@ -47,14 +47,14 @@ def select(prepared: Prepared, used: NDArray[np.bool_], chain: Chain, variances:
         rows = prepared.take(used)
         pixels = measured(rows.seen, prepared.free)
         start = closed_form_chain(rows, chain.mount_T_camera)
-        best = estimate(pixels, prepared.camera, start, variances, prepared.free)
+        best = estimate(pixels, prepared.camera, start, variances, prepared.free, prepared.scale)
         chain, variances = best.chain, best.variances
         seen_before.add(used.tobytes())
         changed = _changed(prepared, used, best)
         if np.array_equal(changed, used) or changed.tobytes() in seen_before:
             break
         used = changed
-    return Selection(used, best)
+    return Selection(used, averaged_over_noise(best))
 
 
 def _changed(prepared: Prepared, used: NDArray[np.bool_], best: Estimate) -> NDArray[np.bool_]:

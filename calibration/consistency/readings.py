@@ -67,8 +67,10 @@ def best_readings(
     turned = chosen % len(symmetries) > 0
     # Z p = (Z S) (S^-1 p): with the corners relabelled by S^-1 the pose Z S has the same residuals.
     relabel = inverse(symmetries[chosen % len(symmetries)])
-    points = np.where(turned[:, None, None], map_points(relabel, seen.points_mm), seen.points_mm)
-    return Readings(replace(seen, points_mm=points), readings[np.arange(len(seen)), chosen], turned)
+    points = map_points(relabel, points_mm)
+    permuted = np.argmin(np.linalg.norm(points[:, :, None] - points_mm, axis=-1), axis=2)  # (n, k)
+    ids = np.take_along_axis(permuted, seen.ids, axis=1)
+    return Readings(replace(seen, ids=ids, points_mm=points_mm[ids]), readings[np.arange(len(seen)), chosen], turned)
 
 
 def symmetries_of(points_mm: Array) -> Array:

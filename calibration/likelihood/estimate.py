@@ -8,29 +8,33 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
+from calibration.likelihood.few_views import MOST_VIEWS, averaged
 from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearised, solve
 from calibration.likelihood.pixels import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
 from calibration.likelihood.variance_components import estimate_variances
-from calibration.observations import Observations
+from calibration.observations import Observations, scaled
 from calibration.transforms import Array, inverse, vector_from_rotation
 
 MOST_ITERATIONS = 25
 SMALL_STEP = 1e-3
 """In units of the estimate's own standard deviation."""
 
-Pixels = Callable[[Array, CameraModel], PixelStatistics]
-"""What the pixels say at poses (n, 4, 4) with a camera."""
+Pixels = Callable[[Array, CameraModel, float], PixelStatistics]
+"""What the pixels say at poses (n, 4, 4) with a camera and a scale of the target."""
 
 Free = NDArray[np.bool_]
-HELD = np.zeros(INTRINSICS, bool)
+"""Which of fx fy cx cy k1 k2 p1 p2 k3 and the target's scale are unknown (10,)."""
+
+HELD = np.zeros(INTRINSICS + 1, bool)
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The chain at the optimum, the camera, the noise, and the model linearised there with its covariance."""
+    """The chain at the optimum, camera, target scale and noise, and the model linearised there with its covariance."""
 
     chain: Chain
     camera: CameraModel
+    scale: float
     free: Free
     variances: Variances
     model: MixedModel
@@ -39,22 +43,25 @@ class Estimate:
 
 
 def measured(seen: Observations, free: Free) -> Pixels:
-    """The pixels themselves, with the `free` (9,) intrinsics among the unknowns."""
-    if not np.any(free):
-        return lambda poses, camera: pixel_statistics(seen, camera, poses)
-    return lambda poses, camera: _only(free, pixel_statistics(seen, camera, poses, free_intrinsics=True))
+    """The pixels themselves, with the `free` (10,) among the unknowns."""
+    intrinsics, sized = bool(np.any(free[:INTRINSICS])), bool(free[INTRINSICS])
+    keep = np.concatenate([np.ones(6, bool), free[:INTRINSICS] if intrinsics else [], free[INTRINSICS:][[0] * sized]])
+    keep = keep.astype(bool)
 
+    def at(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
+        sums = pixel_statistics(scaled(seen, scale), camera, poses, free_intrinsics=intrinsics, free_scale=sized)
+        if np.all(keep):
+            return sums
+        return replace(sums, normal=sums.normal[:, keep][:, :, keep], gradient=sums.gradient[:, keep])
 
-def _only(free: Free, statistics: PixelStatistics) -> PixelStatistics:
-    keep = np.concatenate([np.ones(6, bool), free])
-    return replace(statistics, normal=statistics.normal[:, keep][:, :, keep], gradient=statistics.gradient[:, keep])
+    return at
 
 
 def frozen(statistics: PixelStatistics, camera_T_target: Array) -> Pixels:
     """The pixels as a quadratic about the views' own poses: nearly exact, and no point is touched any more."""
     own = inverse(camera_T_target)
 
-    def expand(poses: Array, camera: CameraModel) -> PixelStatistics:
+    def expand(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
         off = poses @ own
         off = np.concatenate([vector_from_rotation(off[:, :3, :3]), off[:, :3, 3]], axis=1)
         normal = statistics.normal[:, :6, :6]
@@ -66,31 +73,66 @@ def frozen(statistics: PixelStatistics, camera_T_target: Array) -> Pixels:
     return expand
 
 
-def estimate(pixels: Pixels, camera: CameraModel, start: Chain, variances: Variances, free: Free = HELD) -> Estimate:
+def estimate(
+    pixels: Pixels,
+    camera: CameraModel,
+    start: Chain,
+    variances: Variances,
+    free: Free = HELD,
+    scale: float = 1.0,
+) -> Estimate:
     """From a start whose corrections reproduce each view's own pose, to the maximum of the likelihood."""
     chain, converged = start, False
     for _ in range(MOST_ITERATIONS):
-        model = _linearise(pixels, camera, chain)
+        model = linearise(pixels, chain, camera, scale)
         variances = estimate_variances(model, variances)
         step = solve(model, variances)
-        if step.b @ step.information @ step.b < SMALL_STEP**2 * len(step.b):
+        small = step.b @ step.information @ step.b < SMALL_STEP**2 * len(step.b)
+        # The last step is far below its deviation: taking it needs no new linearisation.
+        chain, camera, scale = _stepped(chain, camera, scale, free, step)
+        if small:
             converged = True
             break
-        chain, camera = _stepped(chain, camera, free, step)
-    # The last step is far below its deviation: taking it needs no new linearisation.
-    chain, camera = _stepped(chain, camera, free, step)
-    return Estimate(chain, camera, free, variances, model, step, converged)
+    return Estimate(chain, camera, scale, free, variances, model, step, converged)
 
 
-def _stepped(chain: Chain, camera: CameraModel, free: Free, step: Step) -> tuple[Chain, CameraModel]:
-    moved = chain.moved(step.b[:12], step.corrections)
-    if not np.any(free):
-        return moved, camera
-    change = np.zeros(INTRINSICS)
-    change[free] = step.b[12:]
-    return moved, with_intrinsics(camera, change)
+def averaged_over_noise(best: Estimate) -> Estimate:
+    """The estimate of very few views with X averaged over the noise levels; the others as they are."""
+    if len(best.model.count) > MOST_VIEWS:
+        return best
+    mean = averaged(best.model, best.variances.pixel)
+    step = solve(best.model, mean.variances)
+    off = mean.b - best.step.b  # the chain already took the last step
+    corrections = step.corrections + (step.K @ model_shift(best.model, step.b - mean.b))[..., 0]
+    moved = replace(step, b=off, corrections=corrections, covariance=mean.covariance)
+    chain, camera, scale = _stepped(best.chain, best.camera, best.scale, best.free, moved)
+    return replace(
+        best,
+        chain=chain,
+        camera=camera,
+        scale=scale,
+        variances=mean.variances,
+        step=replace(step, b=mean.b, covariance=mean.covariance),
+    )
 
 
-def _linearise(pixels: Pixels, camera: CameraModel, chain: Chain) -> MixedModel:
+def model_shift(model: MixedModel, b: Array) -> Array:
+    """U'A b (n, 6, 1)."""
+    return (model.UA @ b)[..., None]
+
+
+def linearise(pixels: Pixels, chain: Chain, camera: CameraModel, scale: float) -> MixedModel:
+    """The model around the present chain, camera and scale."""
     poses = chain.camera_T_target()
-    return linearised(pixels(poses, camera), chain, poses)
+    return linearised(pixels(poses, camera, scale), chain, poses)
+
+
+def _stepped(
+    chain: Chain, camera: CameraModel, scale: float, free: Free, step: Step
+) -> tuple[Chain, CameraModel, float]:
+    moved = chain.moved(step.b[:12], step.corrections)
+    change = np.zeros(INTRINSICS + 1)
+    change[free] = step.b[12:]
+    if np.any(free[:INTRINSICS]):
+        camera = with_intrinsics(camera, change[:INTRINSICS])
+    return moved, camera, scale * (1 + float(change[INTRINSICS]))

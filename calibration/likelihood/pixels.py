@@ -1,7 +1,8 @@
 """What the pixels of every view say, condensed to one small matrix a view.
 
 Residuals are predicted minus measured pixels; their derivatives are by the view's pose (6: exp(.) @ camera_T_target,
-[rotation rad, translation mm]) and, when they are free, by the intrinsics (9: fx fy cx cy k1 k2 p1 p2 k3).
+[rotation rad, translation mm]) and, when they are free, by the intrinsics (9: fx fy cx cy k1 k2 p1 p2 k3) and by the
+target's relative scale (1).
 All views are one padded batch, so the cost is a few array operations however many views there are.
 """
 
@@ -35,24 +36,45 @@ def pixel_residuals(seen: Observations, camera: CameraModel, camera_T_target: Ar
 
 
 def pixel_statistics(
-    seen: Observations, camera: CameraModel, camera_T_target: Array, *, free_intrinsics: bool = False
+    seen: Observations,
+    camera: CameraModel,
+    camera_T_target: Array,
+    *,
+    free_intrinsics: bool = False,
+    free_scale: bool = False,
 ) -> PixelStatistics:
     """The sums of every view at the given poses (n, 4, 4)."""
+    rows = pixel_rows(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, free_scale=free_scale)
+    rows = rows.reshape(len(seen), -1, rows.shape[-1])
+    sums = np.swapaxes(rows, 1, 2) @ rows
+    count = 2 * np.count_nonzero(seen.weights, axis=1).astype(float)
+    return PixelStatistics(sums[:, :-1, :-1], sums[:, :-1, -1], sums[:, -1, -1], count)
+
+
+def pixel_rows(
+    seen: Observations,
+    camera: CameraModel,
+    camera_T_target: Array,
+    *,
+    free_intrinsics: bool = False,
+    free_scale: bool = False,
+) -> Array:
+    """Derivatives and, last, residual of every pixel coordinate, times the root of its weight: (n, m, 2, k + 1)."""
     points = _in_front(map_points(camera_T_target, seen.points_mm))
     n, m = points.shape[:2]
     flat = points.reshape(-1, 3)
     xy = flat[:, :2] / flat[:, 2:]
-    rows = np.empty((n * m, 2, 6 + (INTRINSICS if free_intrinsics else 0) + 1))
+    rows = np.empty((n * m, 2, 6 + (INTRINSICS if free_intrinsics else 0) + free_scale + 1))
     rows[:, :, :6] = _by_pose(camera, flat, xy)
     if free_intrinsics:
-        rows[:, :, 6:-1] = _by_intrinsics(camera, xy)
+        rows[:, :, 6 : 6 + INTRINSICS] = _by_intrinsics(camera, xy)
+    if free_scale:
+        arms = (points - camera_T_target[:, None, :3, 3]).reshape(-1, 3, 1)
+        rows[:, :, -2] = (rows[:, :, 3:6] @ arms)[..., 0]
     rows[:, :, -1] = _pixels_of(camera, xy) - seen.pixels.reshape(-1, 2)
     if not np.all(seen.weights == 1.0):
         rows *= np.sqrt(seen.weights).reshape(-1, 1, 1)
-    rows = rows.reshape(n, 2 * m, -1)
-    sums = np.swapaxes(rows, 1, 2) @ rows
-    count = 2 * np.count_nonzero(seen.weights, axis=1).astype(float)
-    return PixelStatistics(sums[:, :-1, :-1], sums[:, :-1, -1], sums[:, -1, -1], count)
+    return rows.reshape(n, m, 2, -1)
 
 
 def _in_front(points: Array) -> Array:

@@ -1,0 +1,48 @@
+"""Is the target as large as it was said to be? The robot measures it.
+
+A printer that scales by half a percent, or a pitch typed wrong, makes every distance before the camera wrong by the
+same share; the robot's travel is in true millimetres and tells. Only a share that is far beyond chance is taken up,
+because an unneeded unknown costs accuracy.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from calibration.consistency.outliers import Selection
+from calibration.likelihood.estimate import linearise, measured
+from calibration.likelihood.mixed_model import solve
+from calibration.likelihood.pixels import INTRINSICS
+from calibration.likelihood.variance_components import estimate_variances
+from calibration.prepare import Prepared
+from calibration.transforms import Array
+
+FEWEST_VIEWS = 6
+CHANCE = 1e-5
+SMALLEST = 2e-4
+"""Less than this share is paper that breathes."""
+
+
+def scale_error(prepared: Prepared, selection: Selection) -> float:
+    """By what share the target is larger than described (negative: smaller); 0 when that is not beyond doubt."""
+    best, rows = selection.best, prepared.take(selection.used)
+    if len(rows.seen) < FEWEST_VIEWS or best.free[INTRINSICS]:
+        return 0.0
+    free = best.free.copy()
+    free[INTRINSICS] = True
+    model = linearise(measured(rows.seen, free), best.chain, best.camera, best.scale)
+    # A wrong scale looks like a poor robot: the noise is estimated anew with the scale free.
+    step = solve(model, estimate_variances(model, best.variances))
+    share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
+    beyond_doubt = abs(share) > deviation * float(student.isf(CHANCE / 2, 3 * len(rows.seen) - 7))
+    return share if beyond_doubt and abs(share) > SMALLEST else 0.0
+
+
+def with_scale(prepared: Prepared, share: float) -> Prepared:
+    """The same session with the target's scale unknown, starting from the given share."""
+    free = prepared.free.copy()
+    free[INTRINSICS] = True
+    poses: Array = prepared.camera_T_target.copy()
+    poses[:, :3, 3] *= 1 + share
+    return replace(prepared, free=free, scale=1 + share, camera_T_target=poses)
