@@ -113,35 +113,23 @@ class TextDecoder:
                 self._file, f"point {self.points}", f"a line is longer than {LINE_LIMIT} bytes", "check the file's type"
             )
         lines = content[:end].split(b"\n")[:-1]
-        used = self._lines_used(lines)
-        if used < len(lines):
-            self.taken = sum(len(line) + 1 for line in lines[:used]) - len(self._cut)
-            self._cut = b""
+        rows = [line for line in lines if line.strip()]
+        if self._count is not None and self.points + len(rows) >= self._count:
+            rows = rows[: self._count - self.points]
+            used = _through_row(lines, len(rows))
+            self.taken, self._cut = sum(len(line) + 1 for line in lines[:used]) - len(self._cut), b""
         else:
-            self.taken = len(data)
-            self._cut = content[end:]
-        yield from self._parse(lines[:used])
-
-    def _lines_used(self, lines: list[bytes]) -> int:
-        """How many of the lines the missing points need."""
-        if self._count is None or len(lines) <= self._count - self.points:
-            return len(lines)
-        missing = self._count - self.points
-        for index, line in enumerate(lines):
-            missing -= bool(line.strip())
-            if not missing:
-                return index + 1
-        return len(lines)
+            self.taken, self._cut = len(data), content[end:]
+        yield from self._parse(rows)
 
     def finish(self) -> Iterator[Records]:
         rest, self._cut = self._cut, b""
         if not self.done:
-            yield from self._parse([rest])
+            yield from self._parse([rest] if rest.strip() else [])
         if self._count is not None and not self.done:
             raise _truncated(self._file, self.points, self._count)
 
-    def _parse(self, lines: list[bytes]) -> Iterator[Records]:
-        rows = [line for line in lines if line.strip()]
+    def _parse(self, rows: list[bytes]) -> Iterator[Records]:
         if not rows:
             return
         try:
@@ -168,6 +156,15 @@ class TextDecoder:
                     f"{shorten(row.decode('ascii', 'replace').strip())} is not {self._width} fitting numbers",
                 )
         return 0, "the lines have different numbers of columns"
+
+
+def _through_row(lines: list[bytes], rows: int) -> int:
+    """How many lines there are up to and with the last of `rows` lines that are not blank."""
+    for index, line in enumerate(lines):
+        rows -= bool(line.strip())
+        if not rows:
+            return index + 1
+    return len(lines)
 
 
 def _truncated(file: str, points: int, count: int | None, cut: str = "") -> CloudTruncated:

@@ -125,10 +125,11 @@ PADDING = re.compile(r"_\d+")
 
 
 def format_header(layout: Layout, count: int, encoding: str = "binary") -> bytes:
-    """A PCD v0.7 header for records of `layout`."""
+    """A PCD v0.7 header for records of `layout`; as long for every `count`."""
     fields = [(name, *_field(layout.dtype[name])) for name in layout.dtype.names or ()]
     lines = [
         "# .PCD v0.7 - Point Cloud Data file format",
+        "# lengths in mm".ljust(60 - 2 * len(str(count))),
         "VERSION 0.7",
         "FIELDS " + " ".join("_" if PADDING.fullmatch(name) else name for name, *_ in fields),
         "SIZE " + " ".join(str(size) for _, size, _, _ in fields),

@@ -124,11 +124,9 @@ class _Reading:
         )
 
 
-def format_header(
-    layout: Layout, count: int, encoding: str = "binary_little_endian", comments: tuple[str, ...] = ()
-) -> bytes:
-    """A PLY header for records of `layout`, whose columns must be scalars that PLY has names for."""
-    lines = ["ply", f"format {encoding} 1.0", *(f"comment {comment}" for comment in comments)]
+def format_header(layout: Layout, count: int, encoding: str = "binary_little_endian") -> bytes:
+    """A header for records of `layout`, all scalars that PLY has names for; as long for every `count`."""
+    lines = ["ply", f"format {encoding} 1.0", "comment lengths in mm".ljust(41 - len(str(count)))]
     lines.append(f"element vertex {count}")
     for name in layout.dtype.names or ():
         lines.append(f"property {NAMES[layout.dtype[name].str[1:]]} {name}")

@@ -1,0 +1,110 @@
+"""Files whose trouble is told by name, and new files that are whole or not there."""
+
+import os
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, NoReturn, Self
+
+from registration.errors import CloudIOError
+
+
+class GuardedFile:
+    """A binary file whose OSErrors become CloudIOError with the cloud's name and the place."""
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self._file = file
+        self.name = name
+
+    @classmethod
+    def reading(cls, path: Path, name: str) -> Self:
+        """Raises CloudIOError when the file cannot be opened."""
+        try:
+            return cls(path.open("rb", buffering=0), name)
+        except OSError as error:
+            raise _error(name, "file", "opened", error) from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def read(self, size: int) -> bytes:
+        """Exactly `size` bytes, fewer only at the end."""
+        pieces = bytearray(size)
+        return bytes(pieces[: self.readinto(memoryview(pieces))])
+
+    def readinto(self, buffer: memoryview) -> int:
+        """Fill the buffer; fewer bytes only at the end."""
+        filled = 0
+        try:
+            while filled < len(buffer) and (more := self._file.readinto(buffer[filled:])):  # type: ignore[attr-defined]
+                filled += more
+        except OSError as error:
+            self._fail("read", error)
+        return filled
+
+    def write(self, data: bytes | memoryview) -> None:
+        """All of `data`."""
+        view = memoryview(data)
+        try:
+            while len(view):
+                view = view[self._file.write(view) :]
+        except OSError as error:
+            self._fail("written", error)
+
+    def seek(self, position: int, whence: int = 0) -> int:
+        """To a position; gives it."""
+        try:
+            return self._file.seek(position, whence)
+        except OSError as error:
+            self._fail("positioned", error)
+
+    def _fail(self, verb: str, error: OSError) -> NoReturn:
+        try:
+            place = f"byte {self._file.tell()}"
+        except OSError:
+            place = "file"
+        raise _error(self.name, place, verb, error) from None
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[GuardedFile]:
+    """A file under a temporary name beside `path`: synced and renamed at the end, removed when anything fails."""
+    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    try:
+        raw = part.open("xb", buffering=0)
+    except OSError as error:
+        raise _error(path.name, "file", "created", error) from None
+    try:
+        with raw:
+            yield GuardedFile(raw, path.name)
+            _settle(lambda: os.fsync(raw.fileno()), path.name)
+        _settle(lambda: part.replace(path), path.name)
+        _settle(lambda: _sync_folder(path.parent), path.name)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _settle(step: Callable[[], object], name: str) -> None:
+    try:
+        step()
+    except OSError as error:
+        raise _error(name, "file", "completed", error) from None
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _error(name: str, place: str, verb: str, error: OSError) -> CloudIOError:
+    return CloudIOError(name, place, f"it cannot be {verb} ({error.strerror})", "check path, rights and free space")

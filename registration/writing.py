@@ -1,0 +1,76 @@
+"""Writing clouds in blocks; the number of points may be unknown until the end."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from registration.disk import GuardedFile, new_file
+from registration.errors import CloudUnsupported
+from registration.formats import npy, pcd, ply, rows
+from registration.formats.bodies import TextEncoder
+from registration.layout import XYZ_FLOAT32, Layout, Records
+
+
+def _raw(block: Records) -> bytes | memoryview:
+    return np.ascontiguousarray(block).view(np.uint8).data
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a format is written: its header for a number of points (of constant length), and its blocks."""
+
+    layout: Layout
+    header: Callable[[int], bytes]
+    encode: Callable[[Records], bytes | memoryview]
+
+
+FORMS: dict[str, Callable[[Layout], Form]] = {
+    ".ply": lambda layout: Form(layout, lambda count: ply.format_header(layout, count), _raw),
+    ".pcd": lambda layout: Form(layout, lambda count: pcd.format_header(layout, count), _raw),
+    ".npy": lambda layout: Form(layout, lambda count: npy.format_header(layout, count), _raw),
+    ".xyz": lambda layout: Form(layout, lambda count: rows.format_header(layout, " "), TextEncoder(layout).encode),
+    ".csv": lambda layout: Form(layout, lambda count: rows.format_header(layout, ","), TextEncoder(layout, ",").encode),
+    ".bin": lambda layout: Form(XYZ_FLOAT32, lambda count: b"", _raw),
+}
+"""By suffix; `.bin` is raw float32 x, y, z and holds no other column."""
+
+
+def form_of(path: Path, layout: Layout) -> Form:
+    """How a cloud of common columns is written to `path`. Raises CloudUnsupported."""
+    suffix = path.suffix.lower()
+    if suffix not in FORMS:
+        fix = f"use one of {', '.join(FORMS)}"
+        raise CloudUnsupported(path.name, "suffix", f"clouds of type {suffix!r} are not written", fix)
+    return FORMS[suffix](layout)
+
+
+class CloudWriter:
+    """Takes blocks of `form.layout`."""
+
+    def __init__(self, file: GuardedFile, form: Form) -> None:
+        self._file = file
+        self.form = form
+        self.points = 0
+        file.write(form.header(0))
+
+    def write(self, block: Records) -> None:
+        self.points += len(block)
+        self._file.write(self.form.encode(block))
+
+    def finish(self) -> None:
+        """Put the number of points into the header."""
+        self._file.seek(0)
+        self._file.write(self.form.header(self.points))
+
+
+@contextmanager
+def new_cloud(path: Path, layout: Layout) -> Iterator[CloudWriter]:
+    """A cloud file that is whole under its name, or not there. Raises CloudUnsupported, CloudIOError."""
+    form = form_of(path, layout)
+    with new_file(path) as file:
+        writer = CloudWriter(file, form)
+        yield writer
+        writer.finish()
