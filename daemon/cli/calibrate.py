@@ -21,7 +21,7 @@ def calibrate(
     apply: Annotated[bool, typer.Option("--apply", help="Put it in force when the verdict accepts it.")] = False,
     json: Json = False,
 ) -> None:
-    """Let the daemon calibrate: THE ROBOT MOVES. Shows progress, then the verdict.
+    """Let the daemon calibrate: THE ROBOT MOVES. Shows progress, then the verdict. Ctrl-C stops the arm.
 
     Exit status: 0 accepted, 3 solved or refused but not accepted, 1 the run failed.
     """
@@ -64,5 +64,7 @@ def _tell(event: dict[str, Any]) -> None:
     if not sys.stderr.isatty():
         return
     line = f"station {min(event['station'] + 1, event['stations'])} of {event['stations']}: {event['state']}"
-    over = event["state"] in ("finished", "failed", "aborted")
+    from daemon.cli.client import OVER
+
+    over = event["state"] in OVER
     typer.echo(f"\r\033[K{'' if over else line}", nl=False, err=True)

@@ -1,6 +1,7 @@
 """The daemon's REST interface as commands use it: problems become lines on standard error."""
 
 import json
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,9 @@ from daemon.cli.errors import CommandError, ExitStatus
 DEFAULT_URL = "http://127.0.0.1:8372"
 ANSWER_LIMIT_S = 30.0
 """Nothing but a run takes longer, and runs are followed through their events."""
+
+OVER = ("finished", "failed", "aborted")
+"""States after which nothing more comes of a run."""
 
 Event = dict[str, Any]
 
@@ -57,14 +61,21 @@ class DaemonClient:
         ):
             events = sse(news.iter_lines())
             next(events)  # the greeting: from here on nothing is missed
-            started = self.post(path, body)
-            run = started.get("run") or started
-            for event in events:
-                if event.get("id") != run["id"]:
-                    continue
-                told(event)
-                if event["state"] in ("finished", "failed", "aborted"):
-                    return self.get(f"/runs/{run['id']}")
+            run: Any = None
+            try:
+                with interrupts_deferred():
+                    started = self.post(path, body)
+                    run = started.get("run") or started
+                for event in events:
+                    if event.get("id") != run["id"]:
+                        continue
+                    told(event)
+                    if event["state"] in OVER:
+                        return self.get(f"/runs/{run['id']}")
+            except (KeyboardInterrupt, SystemExit):
+                if run is not None:  # whoever started the arm and leaves does not leave it moving
+                    self.post(f"/runs/{run['id']}/abort")
+                raise
         raise CommandError(
             self.url, f"the daemon stopped during run {run['id']}", "start it again; what it saw is stored"
         )
@@ -92,6 +103,23 @@ class DaemonClient:
             raise CommandError(self.url, "not an address", fix, ExitStatus.UNREADABLE) from None
         except httpx.HTTPError as error:
             raise CommandError(self.url, f"the connection broke ({error})", "look at the daemon's log") from None
+
+
+@contextmanager
+def interrupts_deferred() -> Iterator[None]:
+    """Ctrl-C and SIGTERM wait for the block's end: a request that may start the arm is not left half known."""
+    caught: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, frame: caught.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if caught:
+        signal.raise_signal(caught[0])
 
 
 def sse(lines: Iterator[str]) -> Iterator[Event]:

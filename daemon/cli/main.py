@@ -38,7 +38,7 @@ app.add_typer(target, name="target", rich_help_panel=CELL)
 app.command(rich_help_panel=OFFLINE)(solve)
 app.command(rich_help_panel=OFFLINE)(plan)
 app.command(rich_help_panel=OFFLINE)(assess)
-app.command()(version)
+app.command(rich_help_panel=OFFLINE)(version)
 
 
 def main() -> None:

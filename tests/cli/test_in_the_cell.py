@@ -1,7 +1,11 @@
 """`check`, `serve` and `calibrate` against a mock cell and a daemon, each a process of its own."""
 
 import json
+import signal
 import socket
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,6 +73,20 @@ def test_calibrate_in_words_says_whether_it_is_in_force(running: Running) -> Non
     assert ran.status == 0
     assert "accepted" in ran.out.splitlines()[0]
     assert ran.out.rstrip().endswith("in force now")
+
+
+def test_ctrl_c_stops_the_arm(running: Running) -> None:
+    command = [sys.executable, "-m", "daemon.cli", "calibrate", "--url", running.url, "--count", "6"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as asking:
+        while (run := httpx.get(f"{running.url}/runs?limit=1").json()["runs"][0])["over"]:
+            assert asking.poll() is None
+            time.sleep(0.02)
+        asking.send_signal(signal.SIGINT)
+        asking.communicate(timeout=30)
+
+    assert asking.returncode == 130
+    assert httpx.get(f"{running.url}/runs/{run['id']}?wait=20").json()["state"] == "aborted"
+    assert httpx.get(f"{running.url}/robot").json()["armed"] is False
 
 
 def test_a_calibration_folder_of_the_daemon_can_be_solved_again(running: Running) -> None:
