@@ -5,6 +5,7 @@ both ends would wait for each other as soon as the sockets' buffers are full.
 """
 
 import asyncio
+import os
 import tempfile
 from collections import deque
 from pathlib import Path
@@ -21,9 +22,9 @@ PIECE_BYTES = 1 << 18
 class Spool:
     """One writer, one reader, first in first out."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, memory_bytes: int = MEMORY_BYTES) -> None:
         """`folder`: where a temporary file may grow as large as the answer."""
-        self._folder = folder
+        self._folder, self._memory_bytes = folder, memory_bytes
         self._memory: deque[bytes] = deque()
         self._in_memory = 0
         self._file: IO[bytes] | None = None
@@ -33,7 +34,7 @@ class Spool:
 
     async def put(self, content: bytes) -> None:
         """Raises StorageError when the file cannot grow."""
-        if self._in_file or self._in_memory + len(content) > MEMORY_BYTES:
+        if self._in_file or self._in_memory + len(content) > self._memory_bytes:
             await asyncio.to_thread(self._append, content)
         else:
             self._memory.append(content)
@@ -71,16 +72,16 @@ class Spool:
     def _append(self, content: bytes) -> None:
         with storage_errors(self._folder):
             if self._file is None:
-                self._file = tempfile.TemporaryFile(dir=self._folder)  # noqa: SIM115 - closed by `close`
-            self._file.seek(self._written)
-            self._file.write(content)
-            self._file.flush()
+                self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115 - closed by `close`
+            rest = memoryview(content)
+            while rest:
+                rest = rest[os.pwrite(self._file.fileno(), rest, self._written + len(content) - len(rest)) :]
             self._written += len(content)
 
     def _next(self) -> bytes:
+        """Positions are named in each call: writer and reader use the file at the same time."""
         assert self._file is not None
         with storage_errors(self._folder):
-            self._file.seek(self._read)
-            content = self._file.read(min(PIECE_BYTES, self._written - self._read))
+            content = os.pread(self._file.fileno(), min(PIECE_BYTES, self._written - self._read), self._read)
         self._read += len(content)
         return content

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from daemon.clock import Clock
-from daemon.errors import CellBusy, RunInProgress, RunOver, Stopping
+from daemon.errors import CellBusy, RunInProgress, RunOver, Stopping, StorageError
 from daemon.events import EventLog
 from daemon.logs import about_run
 from daemon.runs.causes import aborted, cause_of, interrupted
@@ -62,10 +62,13 @@ class Supervisor:
         left = await self._store.unfinished_runs()
         for run in left:
             cause = interrupted(run, str(self._store.run_folder(run.id)))
-            await self._store.save_run(
-                replace(run, state=RunState.FAILED, cause=cause, updated_at=self._clock.timestamp())
-            )
+            ended = replace(run, state=RunState.FAILED, cause=cause, updated_at=self._clock.timestamp())
             log.warning("run %s: %s", run.id, cause.what)
+            try:
+                await self._store.save_run(ended)
+            except StorageError as error:
+                self._unsaved[run.id] = ended
+                log.error("this could not be stored: %s", error)
         return left
 
     async def start(

@@ -9,8 +9,11 @@ from typing import Any
 
 import pytest
 
+from daemon.errors import StorageFull
+from daemon.runs.states import RunState
 from daemon.session_folder import load_problem, open_session
 from daemon.store.files import write_durably
+from daemon.store.records import RunRecord
 from daemon.store.store import Store
 from drivers.errors import DeviceTimeout, GarbledAnswer, MoveRefused
 from tests.daemon.cells import Parts, pose_json, serving, settings_for
@@ -273,6 +276,46 @@ async def test_a_database_that_cannot_take_a_run_does_not_start_it(tmp_path: Pat
         assert (answer.status_code, answer.json()["code"]) == (507, "storage-full")
         assert len(bench.robot.goals) == 5
         assert (await bench.client.get(f"/runs/{before['id']}")).status_code == 200
+
+
+class DiskThatFills(Store):
+    """A store whose rows cannot be written while `full`."""
+
+    full = False
+
+    async def save_run(self, run: RunRecord) -> None:
+        if self.full:
+            raise StorageFull("the disk is full", "free some space")
+        await super().save_run(run)
+
+
+async def test_a_run_whose_end_cannot_be_stored_is_told_from_memory_and_stored_later(tmp_path: Path) -> None:
+    parts, store = Parts(), DiskThatFills(tmp_path)
+
+    async def fill(move: int) -> None:
+        store.full = move == 2
+
+    parts.robot.before_move = fill
+    async with serving(settings_for(tmp_path), parts, store) as bench:
+        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        assert (run["state"], run["cause"]["code"]) == ("failed", "storage-full")
+        assert (await store.run(run["id"])).state == "moving"
+        assert (await bench.client.post("/calibrate")).status_code == 507
+        assert (await bench.client.get(run["links"]["self"])).json()["state"] == "failed"
+        assert (await bench.client.get("/runs")).json()["runs"][0]["state"] == "failed"
+        store.full = False
+        parts.robot.before_move = None
+        assert (await bench.client.post("/calibrate", params={"wait": 30})).json()["state"] == "finished"
+        assert (await store.run(run["id"])).state == "failed"
+
+
+async def test_a_daemon_whose_disk_is_full_starts_and_tells_what_was_interrupted(tmp_path: Path) -> None:
+    store = DiskThatFills(tmp_path)
+    await store.save_run(RunRecord("r1", "calibration", RunState.MOVING, 1, 3, "2026", "2026"))
+    store.full = True
+    async with serving(settings_for(tmp_path), store=store) as bench:
+        run = (await bench.client.get("/runs/r1")).json()
+        assert (run["state"], run["cause"]["code"]) == ("failed", "interrupted")
 
 
 async def test_policy_auto_applies_what_the_verdict_accepts(tmp_path: Path) -> None:

@@ -1,0 +1,78 @@
+"""When does the arm stand?"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from calibration.transforms import Array, rotation_from_vector, transform
+from daemon.clock import Clock
+from daemon.errors import NotStill
+from daemon.settings import SettlingSettings
+from daemon.settling import require_still, settle
+from drivers.interfaces import UNUSED_AXIS, Configuration, PoseReading
+from tests.daemon.fakes import FakeRobot
+
+SETTLING = SettlingSettings()
+
+
+def reading(x_mm: float = 0.0, turn_deg: float = 0.0, still: bool = True) -> PoseReading:
+    pose: Array = transform(rotation_from_vector([0, 0, np.radians(turn_deg)]), [x_mm, 0.0, 0])
+    return PoseReading(pose, Configuration(0, 0, 0, 0), (UNUSED_AXIS,) * 6, still, 0.0)
+
+
+@dataclass
+class Scripted(FakeRobot):
+    """Gives the readings one after another, then the last for ever."""
+
+    readings: list[PoseReading] = field(default_factory=list)
+
+    async def read_pose(self) -> PoseReading:
+        return self.readings.pop(0) if len(self.readings) > 1 else self.readings[0]
+
+
+@dataclass
+class Time:
+    """A clock that a sleep moves."""
+
+    now_s: float = 0.0
+
+    async def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+
+    def clock(self) -> Clock:
+        return replace(Clock(), monotonic_s=lambda: self.now_s, sleep=self.sleep)
+
+
+@pytest.mark.parametrize(
+    ("readings", "looks"),
+    [
+        ([reading(0), reading(0)], 1),
+        ([reading(0), reading(0.019)], 1),
+        ([reading(0), reading(0.021), reading(0.021)], 2),
+        ([reading(0), reading(turn_deg=0.0049)], 1),
+        ([reading(0), reading(turn_deg=0.0051), reading(turn_deg=0.0051)], 2),
+        ([reading(0, still=False), reading(0), reading(0)], 2),
+        ([reading(0), reading(0, still=False), reading(0), reading(0)], 3),
+        ([reading(5), reading(3), reading(1), reading(0), reading(0)], 4),
+    ],
+)
+async def test_two_readings_that_agree_while_the_controller_says_still(readings: list[PoseReading], looks: int) -> None:
+    time, last = Time(), readings[-1]
+    assert await settle(Scripted(readings=readings), SETTLING, time.clock()) is last
+    assert time.now_s == pytest.approx(looks * SETTLING.gap_s)
+
+
+async def test_an_arm_that_never_rests_is_told_with_how_far_it_moves() -> None:
+    time = Time()
+    readings = [reading(k % 2) for k in range(1000)]
+    with pytest.raises(NotStill, match=r"did not come to rest within 10 s.*1\.000 mm"):
+        await settle(Scripted(readings=readings), SETTLING, time.clock())
+    assert time.now_s == pytest.approx(10, abs=0.2)
+
+
+def test_what_was_seen_while_the_arm_moved_belongs_to_no_pose() -> None:
+    require_still(reading(0), reading(0.01), SETTLING)
+    for after in (reading(0.03), reading(turn_deg=0.01), reading(0, still=False)):
+        with pytest.raises(NotStill, match="while it was looked at"):
+            require_still(reading(0), after, SETTLING)
