@@ -17,7 +17,8 @@ class Observations:
     """n views of up to m points; views with fewer are padded with weight 0.
 
     `positions` (n,) in `problem.views`; `base_T_flange` (n, 4, 4); `ids` and `points_mm` (n, m, 3) on the target;
-    `pixels` (n, m, 2); `weights` (n, m), 1 where a corner is used and 0 elsewhere.
+    `pixels` (n, m, 2); `weights` (n, m), 1 where a corner is used and 0 elsewhere; `present` (n, m), 1 where
+    there is one.
     """
 
     positions: NDArray[np.intp]
@@ -26,6 +27,7 @@ class Observations:
     points_mm: Array
     pixels: Array
     weights: Array
+    present: Array
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -103,4 +105,4 @@ def _padded(problem: Problem, kept: list[tuple[int, NDArray[np.intp], Array]]) -
         points[row, len(ids) :], pixels[row, len(ids) :] = points[row, 0], pixels[row, 0]
     positions = np.array([position for position, _, _ in kept], dtype=np.intp)
     poses = np.array([problem.views[position].base_T_flange for position in positions]).reshape(-1, 4, 4)
-    return Observations(positions, poses, names, points, pixels, weights)
+    return Observations(positions, poses, names, points, pixels, weights, weights.copy())

@@ -4,6 +4,7 @@ import numpy as np
 
 from calibration.consistency.outliers import Selection
 from calibration.errors import UndeterminedError
+from calibration.findings import findings_of
 from calibration.hold_out import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.pixels import pixel_residuals
@@ -40,7 +41,7 @@ def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start,
         views=_views(problem, prepared, selection, own_poses),
         observability=_observability(problem, rows, best, covariance),
         hold_out=hold_out(rows.seen, best, own_poses),
-        findings=(),
+        findings=findings_of(problem, prepared, start, selection),
     )
 
 

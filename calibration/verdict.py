@@ -1,11 +1,124 @@
 """May a solution be used? A table of rules over the solution; judging never solves."""
 
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.observability import motion_of
 from calibration.problem import Problem
-from calibration.solution import Solution, Verdict
+from calibration.solution import Finding, Solution, Verdict
 
 
-def judge(problem: Problem, solution: Solution) -> Verdict:
-    """The solution's own findings and those of the rules; accepted when none of them is an error."""
-    findings = solution.findings
+@dataclass(frozen=True)
+class Limits:
+    """What is still acceptable. `point_mm` decides; the others warn of what usually stands behind a poor one."""
+
+    point_mm: float = 2.0
+    point_warning_mm: float = 0.5
+    axis_angle_rad: float = float(np.radians(15.0))
+    robot_translation_mm: float = 1.0
+    robot_rotation_rad: float = float(np.radians(0.1))
+    image_px: float = 0.5
+    rejected_share: float = 0.34
+    hold_out_ratio: float = 3.0
+
+
+DEFAULT_LIMITS = Limits()
+
+Rule = Callable[[Problem, Solution, Limits], Iterator[Finding]]
+
+
+def judge(problem: Problem, solution: Solution, limits: Limits = DEFAULT_LIMITS) -> Verdict:
+    """The solution's own findings and those of the rules; accepted when there is X and no finding is an error."""
+    rules = RULES if solution.mount_T_camera is not None else ()
+    findings = (*solution.findings, *(finding for rule in rules for finding in rule(problem, solution, limits)))
     accepted = solution.mount_T_camera is not None and not any(finding.severity == "error" for finding in findings)
     return Verdict(accepted, findings)
+
+
+def _point(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+    if solution.uncertainty is None:
+        return
+    point_mm = solution.uncertainty.point_mm
+    if point_mm > limits.point_warning_mm:
+        weakest = solution.observability.weakest_direction
+        yield Finding(
+            "point-uncertain",
+            "error" if not point_mm <= limits.point_mm else "warning",
+            f"a mapped point is uncertain by {point_mm:.2g} mm (limit {limits.point_mm:g}), most by {weakest}",
+            "add views turned by 30 degrees or more about different axes, or let the poses be planned",
+        )
+
+
+def _axes(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+    used = {view.index for view in solution.views if view.status != "rejected"}
+    poses = np.array([view.base_T_flange for view in problem.views if view.index in used])
+    angle = motion_of(poses).axis_angle_rad
+    if angle < limits.axis_angle_rad:
+        yield Finding(
+            "axes-nearly-parallel",
+            "warning",
+            f"the axes of the robot's motions are within {np.degrees(angle):.1f} degrees of each other",
+            "choose poses that turn the flange about different axes: 60 degrees apart or more is good",
+        )
+
+
+def _robot(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+    rotation, translation = solution.noise.robot_rotation_rad, solution.noise.robot_translation_mm
+    if (translation or 0.0) > limits.robot_translation_mm or (rotation or 0.0) > limits.robot_rotation_rad:
+        yield Finding(
+            "robot-noise",
+            "warning",
+            f"the robot's poses scatter by {translation:.2g} mm and {np.degrees(rotation or 0.0):.2g} degrees",
+            "check tool and work object of the reported pose, the settling time, the camera mount and the arm's zero",
+        )
+
+
+def _image(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+    if (solution.noise.image_px or 0.0) > limits.image_px:
+        yield Finding(
+            "image-noise",
+            "warning",
+            f"corners scatter by {solution.noise.image_px:.2g} px",
+            "check focus, motion blur, the target's flatness, and the camera's intrinsics when they were given",
+        )
+
+
+def _rejections(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+    seen = [view for view in solution.views if view.reason is None or view.reprojection_px is not None]
+    rejected = sum(view.status == "rejected" for view in seen)
+    if rejected > limits.rejected_share * len(seen):
+        yield Finding(
+            "many-rejected",
+            "error",
+            f"{rejected} of {len(seen)} views contradict the others: which of the two are right is not certain",
+            "check the reported poses and the target, and run the calibration again",
+        )
+
+
+def _hold_out(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+    if solution.hold_out is None:
+        yield Finding(
+            "nothing-held-out",
+            "info",
+            "three views leave none to check the others with",
+            "take four or more views to have the solution checked",
+        )
+        return
+    expected = _expected_base_error(solution)
+    if expected and solution.hold_out.base_error_mm > limits.hold_out_ratio * expected:
+        yield Finding(
+            "hold-out-large",
+            "warning",
+            f"views left out are missed by {solution.hold_out.base_error_mm:.2g} mm, {expected:.2g} mm was expected",
+            "look for views with a large base error, or a target or camera that moved during the session",
+        )
+
+
+def _expected_base_error(solution: Solution) -> float | None:
+    errors = [view.base_error_mm for view in solution.views if view.status != "rejected" and view.base_error_mm]
+    return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+
+
+RULES: tuple[Rule, ...] = (_point, _axes, _robot, _image, _rejections, _hold_out)
