@@ -9,7 +9,7 @@ from calibration.diagnosis.conventions import convention_trials
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit
 from calibration.diagnosis.mistyped import mistyped_outcomes
-from calibration.diagnosis.trial import Outcome, Trial, outcome_of
+from calibration.diagnosis.trial import Outcome, Trial, outcomes_of
 from calibration.diagnosis.views import change_points, moved_trials, suspects_of, swapped_trials, turned_trials
 from calibration.transforms import Array
 
@@ -57,26 +57,13 @@ def diagnose(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
 
 
 def _outcomes(evidence: Evidence, as_it_came: Fit, target_centre_mm: Array) -> Iterator[Outcome]:
-    for trial in convention_trials(evidence):
-        same = trial.baseline is evidence
-        baseline = as_it_came if same else fit(trial.baseline)
-        yield outcome_of(trial, baseline.log_likelihood)
     suspects = suspects_of(evidence, as_it_came)
-    before = as_it_came.log_likelihood
-    for trial in swapped_trials(evidence, suspects):
-        yield outcome_of(trial, before)
-    for trial in turned_trials(evidence, suspects, target_centre_mm):
-        yield outcome_of(trial, before)
-    yield from _changes(evidence, before)
-    yield from mistyped_outcomes(evidence, suspects, before)
-
-
-def _changes(evidence: Evidence, before: float) -> Iterator[Outcome]:
     points = change_points(len(evidence))
-    found = [outcome_of(trial, before) for trial in moved_trials(evidence, points)]
-    yield from found
-    if found and len(points) > 1 and (step := points[1] - points[0]) > 1:
-        best = max(range(len(found)), key=lambda index: found[index].gain)
-        middle = points[best // 2]
-        near = [k for k in range(middle - step + 1, middle + step) if points[0] <= k <= points[-1] and k != middle]
-        yield from (outcome_of(trial, before) for trial in moved_trials(evidence, near))
+    trials = [
+        *convention_trials(evidence),
+        *swapped_trials(evidence, suspects),
+        *turned_trials(evidence, suspects, target_centre_mm),
+        *moved_trials(evidence, points),
+    ]
+    yield from outcomes_of(trials, evidence, as_it_came)
+    yield from mistyped_outcomes(evidence, suspects, as_it_came.log_likelihood)

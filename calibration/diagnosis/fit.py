@@ -2,8 +2,10 @@
 
 Robot errors have two unknown levels (rotation, translation), so a wrong assumption shows as a large level, and two
 assumptions are compared by their likelihoods at their own best levels. X or the target's pose may change once.
+Assumptions of the same shape are fitted together: the cost is a few array operations, however many there are.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,24 +13,20 @@ from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
-from calibration.prediction import adjoint
-from calibration.transforms import (
-    Array,
-    inverse,
-    nearest_rotation,
-    rotation_from_vector,
-    transform,
-    vector_from_rotation,
-)
+from calibration.problem import Setup
+from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, transform, vector_from_rotation
 
 ITERATIONS = 8
-GROUPS = (slice(0, 3), slice(3, 6))
+SETTLED = 1e-2
+"""A change of the log-likelihood that decides nothing."""
+
 SMALLEST_VARIANCE = np.array([1e-7**2, 1e-4**2])
 """rad², mm²: below what any controller prints."""
 
 LARGEST_VARIANCE = np.array([1.0**2, 1e5**2])
 """rad², mm²: beyond any robot; a wrong assumption needs no better number."""
 
+FIRST_VARIANCE = np.array([1e-4**2, 0.1**2])
 LONGEST_STEP = np.repeat([0.5, 2000.0], 3)
 """rad, mm"""
 
@@ -37,13 +35,17 @@ Labels = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """`mount_T_camera` (g, 4, 4) and `anchor_T_target` (h, 4, 4), one a label; robot variances (2,) in rad² and mm²."""
+    """`mount_T_camera` (g, 4, 4) and `anchor_T_target` (h, 4, 4), one a label; robot variances (2,) in rad² and mm².
+
+    Residuals (n, 6) with their covariance (n, 6, 6) and derivatives by the shared unknowns (n, 6, p).
+    """
 
     mount_T_camera: Array
     anchor_T_target: Array
     variances: Array
     residuals: Array
     covariance: Array
+    by_shared: Array
     log_likelihood: float
 
     @property
@@ -58,27 +60,64 @@ class Fit:
 
     def distances(self) -> Array:
         """Squared Mahalanobis distance (n,) of every view."""
-        return _squared(self.residuals, self.covariance)
+        information: Array = np.linalg.inv(self.covariance)
+        return _squared(self.residuals, information)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stack:
+    """t assumptions about n views each: mounts and seen (t, n, 4, 4), covariance (t, n, 6, 6), labels (t, n)."""
+
+    setup: Setup
+    anchor_T_mount: Array
+    camera_T_target: Array
+    covariance: Array
+    x_labels: Labels
+    y_labels: Labels
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """Residuals (t, n, 6), their derivatives by the shared unknowns (t, n, 6, p), by the robot's error (t, n, 6, 6)."""
+
+    residuals: Array
+    by_shared: Array
+    by_robot: Array
 
 
 def fit(evidence: Evidence, x_labels: Labels | None = None, y_labels: Labels | None = None) -> Fit:
     """`x_labels`, `y_labels` (n,): which X and which target pose holds in each view; one of each by default."""
-    n = len(evidence)
-    x_labels = np.zeros(n, np.intp) if x_labels is None else x_labels
-    y_labels = np.zeros(n, np.intp) if y_labels is None else y_labels
-    X, Y = _start(evidence, x_labels, y_labels)
-    variances = np.array([1e-4**2, 0.1**2])
-    for _ in range(ITERATIONS):
-        residuals, by_shared, by_robot = _linearised(evidence, X, Y, x_labels, y_labels)
-        covariance = _covariance(evidence, by_robot, variances)
-        step, left = _step(residuals, by_shared, covariance)
-        X, Y = _moved(X, step[: 6 * len(X)]), _moved(Y, step[6 * len(X) :])
-        variances = _variances(evidence, left, by_robot, covariance, by_shared.shape[-1])
-    residuals, _, by_robot = _linearised(evidence, X, Y, x_labels, y_labels)
-    covariance = _covariance(evidence, by_robot, variances)
-    _, log_determinant = np.linalg.slogdet(covariance)
-    log_likelihood = -0.5 * float(np.sum(log_determinant + _squared(residuals, covariance)))
-    return Fit(X, Y, variances, residuals, covariance, log_likelihood)
+    return fits([evidence], [x_labels], [y_labels])[0]
+
+
+def fits(
+    evidences: Sequence[Evidence],
+    x_labels: Sequence[Labels | None] | None = None,
+    y_labels: Sequence[Labels | None] | None = None,
+    iterations: int = ITERATIONS,
+) -> list[Fit]:
+    """One fit for each, all with the same number of views and of labels."""
+    stack = _stacked(evidences, x_labels or [None] * len(evidences), y_labels or [None] * len(evidences))
+    X, Y = _start(stack)
+    variances = np.tile(FIRST_VARIANCE, (len(evidences), 1))
+    before = np.full(len(evidences), -np.inf)
+    for _ in range(iterations):
+        linear = _linearised(stack, X, Y)
+        information, value = _weighted(stack, linear, variances)
+        if np.all(np.abs(value - before) < SETTLED):
+            break
+        step, left = _step(linear, information)
+        x_numbers = 6 * X.shape[1]
+        X, Y = _moved(X, step[:, :x_numbers]), _moved(Y, step[:, x_numbers:])
+        variances = _variances(stack, left, linear, information)
+        before = value
+    linear = _linearised(stack, X, Y)
+    covariance = _covariance(stack.covariance, linear.by_robot, variances)
+    _, value = _weighted(stack, linear, variances)
+    return [
+        Fit(X[t], Y[t], variances[t], linear.residuals[t], covariance[t], linear.by_shared[t], float(value[t]))
+        for t in range(len(evidences))
+    ]
 
 
 def predicted_base_T_flange(evidence: Evidence, fitted: Fit, view: int) -> Array:
@@ -89,92 +128,127 @@ def predicted_base_T_flange(evidence: Evidence, fitted: Fit, view: int) -> Array
 
 def residuals_of(evidence: Evidence, fitted: Fit) -> tuple[Array, Array]:
     """Residuals (n, 6) and their covariance (n, 6, 6) of views that need not have taken part in the fit."""
-    zeros = np.zeros(len(evidence), np.intp)
-    residuals, _, by_robot = _linearised(evidence, fitted.mount_T_camera, fitted.anchor_T_target, zeros, zeros)
-    return residuals, _covariance(evidence, by_robot, fitted.variances)
+    stack = _stacked([evidence], [None], [None])
+    linear = _linearised(stack, fitted.mount_T_camera[None, :1], fitted.anchor_T_target[None, :1])
+    return linear.residuals[0], _covariance(stack.covariance, linear.by_robot, fitted.variances[None])[0]
 
 
-def _start(evidence: Evidence, x_labels: Labels, y_labels: Labels) -> tuple[Array, Array]:
-    """Closed form for X from the longest stretch with one X and one target pose, then the mean of what it says of Y."""
-    anchor_T_mount = evidence.anchor_T_mount()
-    stretch = x_labels * (y_labels.max() + 1) + y_labels
-    longest = stretch == np.bincount(stretch).argmax()
-    X = np.repeat(
-        kronecker(anchor_T_mount[longest], evidence.camera_T_target[longest])[None], x_labels.max() + 1, axis=0
+def _stacked(
+    evidences: Sequence[Evidence], x_labels: Sequence[Labels | None], y_labels: Sequence[Labels | None]
+) -> _Stack:
+    one = np.zeros(len(evidences[0]), np.intp)
+    return _Stack(
+        evidences[0].setup,
+        np.stack([evidence.anchor_T_mount() for evidence in evidences]),
+        np.stack([evidence.camera_T_target for evidence in evidences]),
+        np.stack([evidence.covariance for evidence in evidences]),
+        np.stack([one if labels is None else labels for labels in x_labels]),
+        np.stack([one if labels is None else labels for labels in y_labels]),
     )
-    anchor_T_target = anchor_T_mount @ X[x_labels] @ evidence.camera_T_target
-    Y = np.array([_mean(anchor_T_target[y_labels == label]) for label in range(y_labels.max() + 1)])
-    return X, Y
 
 
-def _mean(poses: Array) -> Array:
-    return transform(nearest_rotation(poses[:, :3, :3].mean(axis=0))[0], poses[:, :3, 3].mean(axis=0))
+def _start(stack: _Stack) -> tuple[Array, Array]:
+    """Closed form for X from the longest stretch with one X and one target pose, then the mean of what it says of Y."""
+    t, n = stack.x_labels.shape
+    g, h = int(stack.x_labels.max()) + 1, int(stack.y_labels.max()) + 1
+    rows = np.tile(np.arange(n), (t, 1))
+    if g * h > 1:
+        for index, stretch in enumerate(stack.x_labels * h + stack.y_labels):
+            # Repeating views of the stretch fills the row and changes no more than their weights.
+            rows[index] = np.resize(np.flatnonzero(stretch == np.bincount(stretch).argmax()), n)
+    chosen = np.arange(t)[:, None], rows
+    X = np.repeat(kronecker(stack.anchor_T_mount[chosen], stack.camera_T_target[chosen])[:, None], g, axis=1)
+    anchor_T_target = stack.anchor_T_mount @ X[:, :1] @ stack.camera_T_target
+    share = (stack.y_labels[:, None] == np.arange(h)[:, None]).astype(float)  # (t, h, n)
+    share /= np.maximum(share.sum(axis=-1, keepdims=True), 1.0)
+    mean = np.einsum("thn,tnij->thij", share, anchor_T_target)
+    u, _, vt = np.linalg.svd(mean[..., :3, :3])
+    u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
+    return X, transform(u @ vt, mean[..., :3, 3])
 
 
-def _linearised(
-    evidence: Evidence, X: Array, Y: Array, x_labels: Labels, y_labels: Labels
-) -> tuple[Array, Array, Array]:
-    """Residuals (n, 6), their derivatives by the shared unknowns (n, 6, p) and by the robot's error (n, 6, 6)."""
-    n = len(evidence)
-    camera_T_target = inverse(evidence.anchor_T_mount() @ X[x_labels]) @ Y[y_labels]
-    off = camera_T_target @ inverse(evidence.camera_T_target)
-    residuals = np.concatenate([vector_from_rotation(off[:, :3, :3]), off[:, :3, 3]], axis=1)
-    rows = np.arange(n)
-    by_x, by_y = np.zeros((n, 6, len(X), 6)), np.zeros((n, 6, len(Y), 6))
-    by_x[rows, :, x_labels] = -np.eye(6)
-    by_y[rows, :, y_labels] = adjoint(camera_T_target)
-    if evidence.setup == "eye-in-hand":
-        by_robot = -adjoint(inverse(X))[x_labels]
+def _linearised(stack: _Stack, X: Array, Y: Array) -> _Linear:
+    t, n = stack.x_labels.shape
+    g, h = X.shape[1], Y.shape[1]
+    rows = np.arange(t)[:, None]
+    camera_T_target = inverse(stack.anchor_T_mount @ X[rows, stack.x_labels]) @ Y[rows, stack.y_labels]
+    off = camera_T_target @ inverse(stack.camera_T_target)
+    turns = vector_from_rotation(off[..., :3, :3].reshape(-1, 3, 3)).reshape(t, n, 3)
+    of_x = (stack.x_labels[..., None] == np.arange(g))[:, :, None, :, None]
+    of_y = (stack.y_labels[..., None] == np.arange(h))[:, :, None, :, None]
+    by_x = of_x * -np.eye(6)[:, None]
+    by_y = of_y * adjoint(camera_T_target)[:, :, :, None]
+    if stack.setup == "eye-in-hand":
+        by_robot = -adjoint(inverse(X))[rows, stack.x_labels]
     else:
-        by_robot = adjoint(camera_T_target @ inverse(Y)[y_labels])
-    return residuals, np.concatenate([by_x.reshape(n, 6, -1), by_y.reshape(n, 6, -1)], axis=-1), by_robot
+        by_robot = adjoint(camera_T_target @ inverse(Y)[rows, stack.y_labels])
+    by_shared = np.concatenate([by_x.reshape(t, n, 6, -1), by_y.reshape(t, n, 6, -1)], axis=-1)
+    return _Linear(np.concatenate([turns, off[..., :3, 3]], axis=-1), by_shared, by_robot)
 
 
-def _covariance(evidence: Evidence, by_robot: Array, variances: Array) -> Array:
-    deviation = np.sqrt(np.repeat(np.maximum(variances, SMALLEST_VARIANCE), 3))
-    spread = by_robot * deviation
-    return evidence.covariance + spread @ np.swapaxes(spread, 1, 2)
+def _covariance(by_images: Array, by_robot: Array, variances: Array) -> Array:
+    deviation = np.sqrt(np.repeat(np.maximum(variances, SMALLEST_VARIANCE), 3, axis=-1))
+    spread = by_robot * deviation[:, None, None]
+    by_robots: Array = spread @ np.swapaxes(spread, -1, -2)
+    return by_images + by_robots
 
 
-def _step(residuals: Array, by_shared: Array, covariance: Array) -> tuple[Array, Array]:
-    """Gauss-Newton step (p,) and the residuals it leaves (n, 6)."""
-    weighted = np.linalg.solve(covariance, by_shared)
-    normal = np.einsum("nij,nik->jk", by_shared, weighted)
-    gradient = np.einsum("nij,ni->j", weighted, residuals)
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
-    scaled = scale[:, None] * normal * scale + 1e-12 * np.eye(len(scale))
-    step = -scale * np.linalg.solve(scaled, scale * gradient)
+def _weighted(stack: _Stack, linear: _Linear, variances: Array) -> tuple[Array, Array]:
+    """Inverse covariance (t, n, 6, 6) and the log-likelihood (t,)."""
+    covariance = _covariance(stack.covariance, linear.by_robot, variances)
+    information: Array = np.linalg.inv(covariance)
+    _, log_determinant = np.linalg.slogdet(covariance)
+    return information, -0.5 * np.sum(log_determinant + _squared(linear.residuals, information), axis=-1)
+
+
+def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
+    """Gauss-Newton step (t, p) and the residuals it leaves (t, n, 6)."""
+    t, n, _, p = linear.by_shared.shape
+    weighted = np.swapaxes((information @ linear.by_shared).reshape(t, 6 * n, p), -1, -2)
+    normal = weighted @ linear.by_shared.reshape(t, 6 * n, p)
+    gradient = (weighted @ linear.residuals.reshape(t, 6 * n, 1))[..., 0]
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=-2, axis2=-1), 1e-300))
+    scaled = scale[:, :, None] * normal * scale[:, None, :] + 1e-12 * np.eye(p)
+    step = -scale * np.linalg.solve(scaled, (scale * gradient)[..., None])[..., 0]
     # A wrong assumption may have no sensible fit: keep the steps within what still is a cell.
-    step = np.clip(step, -np.tile(LONGEST_STEP, len(step) // 6), np.tile(LONGEST_STEP, len(step) // 6))
-    left: Array = residuals + by_shared @ step
+    longest = np.tile(LONGEST_STEP, p // 6)
+    step = np.clip(step, -longest, longest)
+    left: Array = linear.residuals + (linear.by_shared @ step[:, None, :, None])[..., 0]
     return step, left
 
 
-def _variances(evidence: Evidence, residuals: Array, by_robot: Array, covariance: Array, shared: int) -> Array:
-    """Fisher scoring of the two robot variances (2,), neither below zero, corrected for the unknowns spent.
+def _variances(stack: _Stack, residuals: Array, linear: _Linear, information: Array) -> Array:
+    """Fisher scoring of the two robot variances (t, 2), neither below zero, corrected for the unknowns spent.
 
     Of quadratic = sum |U_g' W r|² the images' own noise explains tr(U_g' W S_image W U_g), the robot the rest.
     """
-    weighted = np.linalg.solve(covariance, by_robot)
-    seen = np.einsum("nij,ni->nj", weighted, residuals)
-    inner = np.swapaxes(by_robot, 1, 2) @ weighted
-    by_images = np.einsum("nij,nik,nkj->nj", weighted, evidence.covariance, weighted)
-    spent = residuals.size / max(residuals.size - shared, 1)
-    explained = np.array([np.sum(seen[:, g] ** 2) * spent - np.sum(by_images[:, g]) for g in GROUPS])
-    fisher = np.array([[np.sum(inner[:, g, h] ** 2) for h in GROUPS] for g in GROUPS])
-    scale = 1 / np.sqrt(np.diagonal(fisher))
-    both = scale * np.linalg.solve(scale[:, None] * fisher * scale, scale * explained)
-    alone = np.where(scale * explained == np.max(scale * explained), np.maximum(scale**2 * explained, 0.0), 0.0)
-    return np.minimum(np.where(np.all(both >= 0), both, alone), LARGEST_VARIANCE)
+    t, n, _, shared = linear.by_shared.shape
+    weighted = information @ linear.by_robot
+    seen = (np.swapaxes(weighted, -1, -2) @ residuals[..., None])[..., 0]
+    inner = np.swapaxes(linear.by_robot, -1, -2) @ weighted
+    by_images = np.sum(weighted * (stack.covariance @ weighted), axis=-2)
+    spent = 6 * n / max(6 * n - shared, 1)
+    explained = (seen**2 * spent - by_images).reshape(t, n, 2, 3).sum(axis=(1, 3))
+    fisher = np.sum((inner**2).reshape(t, n, 2, 3, 2, 3), axis=(1, 3, 5))
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(fisher, axis1=-2, axis2=-1), 1e-300))
+    score = scale * explained
+    correlation = np.minimum(scale[:, 0] * fisher[:, 0, 1] * scale[:, 1], 1 - 1e-9)
+    both = scale * (score - correlation[:, None] * score[:, ::-1]) / (1 - correlation**2)[:, None]
+    larger = score == score.max(axis=-1, keepdims=True)
+    alone = np.where(larger, np.maximum(scale**2 * explained, 0.0), 0.0)
+    accepted = np.where(np.all(both >= 0, axis=-1, keepdims=True), both, alone)
+    limited: Array = np.minimum(accepted, LARGEST_VARIANCE)
+    return limited
 
 
 def _moved(a_T_b: Array, step: Array) -> Array:
-    """T @ exp(step), for stacks (g, 4, 4) and a flat step (6 g,)."""
-    steps = step.reshape(-1, 6)
-    moved: Array = a_T_b @ transform(rotation_from_vector(steps[:, :3]), steps[:, 3:])
+    """T @ exp(step), for stacks (t, g, 4, 4) and flat steps (t, 6 g)."""
+    steps = step.reshape(*a_T_b.shape[:2], 6)
+    turn = rotation_from_vector(steps[..., :3].reshape(-1, 3)).reshape(*a_T_b.shape[:2], 3, 3)
+    moved: Array = a_T_b @ transform(turn, steps[..., 3:])
     return moved
 
 
-def _squared(residuals: Array, covariance: Array) -> Array:
-    distances: Array = np.einsum("ni,ni->n", residuals, np.linalg.solve(covariance, residuals[..., None])[..., 0])
+def _squared(residuals: Array, information: Array) -> Array:
+    distances: Array = np.sum(residuals * (information @ residuals[..., None])[..., 0], axis=-1)
     return distances

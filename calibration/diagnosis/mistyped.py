@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, fit, predicted_base_T_flange, residuals_of
+from calibration.diagnosis.fit import Fit, fits, predicted_base_T_flange, residuals_of
 from calibration.diagnosis.trial import Outcome, Trial
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 
@@ -17,6 +17,9 @@ PLAUSIBLE = 22.5
 
 TOLD_APART = 6.0
 """Squared distances differ by this much where one number explains the view and another does not."""
+
+LARGEST_SLIP = 0.1
+"""In a quaternion element: a larger one breaks the norm, and the pose is refused where it is read."""
 
 STEPS = np.array([1e-2] * 3 + [1e-5] * 4)
 """For differences in mm and in quaternion elements."""
@@ -35,8 +38,8 @@ class Rest:
 
 def mistyped_outcomes(evidence: Evidence, suspects: Sequence[int], baseline: float) -> Iterator[Outcome]:
     """For each suspect the better of: its pose is wrong somehow, one of its numbers is wrong."""
-    for row in suspects:
-        fitted = fit(evidence.take(np.delete(np.arange(len(evidence)), row)))
+    others = [evidence.take(np.delete(np.arange(len(evidence)), row)) for row in suspects]
+    for row, fitted in zip(suspects, fits(others), strict=True):
         view = evidence.take(np.array([row]))
         residual, covariance = residuals_of(view, fitted)
         log_determinant = float(np.linalg.slogdet(covariance[0])[1])
@@ -80,33 +83,29 @@ def _numbers(rest: Rest, n: int) -> Iterator[_Candidate]:
     """One of the seven numbers off by what fits best, to first order: a larger slip in a quaternion breaks its norm."""
     given = _printed(rest.view.base_T_flange[0])
     price = 0.5 * np.log(6 * n) + np.log(7 * n)
-    for index, name in enumerate(NUMBERS):
-        slope = (_residual(rest, given + STEPS * np.eye(7)[index]) - _residual(rest, given)) / STEPS[index]
-        change = -float(slope @ rest.information @ rest.residual) / float(slope @ rest.information @ slope)
-        right = given + change * np.eye(7)[index]
-        if index >= 3 and abs(change) > 0.1:
-            continue
-        residual = _residual(rest, right)
-        yield _Candidate(
-            float(residual @ rest.information @ residual), price, _message(rest, name, given, right, index)
-        )
+    stepped = _residuals(rest, np.concatenate([given[None], given + np.diag(STEPS)]))
+    slopes = (stepped[1:] - stepped[0]) / STEPS[:, None]
+    changes = -(slopes @ rest.information @ rest.residual) / np.einsum("ki,ij,kj->k", slopes, rest.information, slopes)
+    told = (np.arange(7) < 3) | (np.abs(changes) < LARGEST_SLIP)
+    right = given + np.diag(np.where(told, changes, 0.0))
+    misfits = _misfits(rest, right)
+    for index in np.flatnonzero(told).tolist():
+        yield _Candidate(misfits[index], price, _message(rest, given, right[index], index))
 
 
 def _signs(rest: Rest, n: int) -> Iterator[_Candidate]:
     """A sign lost in one of the quaternion's elements."""
     given = _printed(rest.view.base_T_flange[0])
-    for index in range(3, 7):
-        right = given * np.where(np.arange(7) == index, -1.0, 1.0)
-        residual = _residual(rest, right)
-        message = _message(rest, NUMBERS[index], given, right, index)
-        yield _Candidate(float(residual @ rest.information @ residual), float(np.log(7 * n)), message)
+    right = given * (1 - 2 * np.eye(7)[3:])
+    for index, misfit in enumerate(_misfits(rest, right)):
+        yield _Candidate(misfit, float(np.log(7 * n)), _message(rest, given, right[index], 3 + index))
 
 
-def _message(rest: Rest, name: str, given: Array, right: Array, index: int) -> str:
+def _message(rest: Rest, given: Array, right: Array, index: int) -> str:
     digits = 2 if index < 3 else 5
     return (
         f"the pose of view {int(rest.view.positions[0])} has a wrong number: "
-        f"{name} is {given[index]:.{digits}f} and should be about {right[index]:.{digits}f}"
+        f"{NUMBERS[index]} is {given[index]:.{digits}f} and should be about {right[index]:.{digits}f}"
     )
 
 
@@ -115,8 +114,15 @@ def _printed(base_T_flange: Array) -> Array:
     return np.concatenate([base_T_flange[:3, 3], quaternion_from_rotation(base_T_flange[:3, :3])])
 
 
-def _residual(rest: Rest, numbers: Array) -> Array:
-    quaternion = numbers[3:] / np.linalg.norm(numbers[3:])
-    pose = transform(rotation_from_quaternion(quaternion), numbers[:3])
-    residual: Array = residuals_of(rest.view.with_robot_poses(pose[None]), rest.fitted)[0][0]
-    return residual
+def _misfits(rest: Rest, numbers: Array) -> list[float]:
+    residuals = _residuals(rest, numbers)
+    return [float(misfit) for misfit in np.einsum("ki,ij,kj->k", residuals, rest.information, residuals)]
+
+
+def _residuals(rest: Rest, numbers: Array) -> Array:
+    """The view's residual (k, 6) if its pose were what these numbers (k, 7) say."""
+    quaternions = numbers[:, 3:] / np.linalg.norm(numbers[:, 3:], axis=1, keepdims=True)
+    poses = transform(rotation_from_quaternion(quaternions), numbers[:, :3])
+    copies = rest.view.take(np.zeros(len(numbers), np.intp)).with_robot_poses(poses)
+    residuals: Array = residuals_of(copies, rest.fitted)[0]
+    return residuals

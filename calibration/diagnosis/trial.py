@@ -1,11 +1,15 @@
 """One suspected cause, applied to the evidence: what would have to be true, and what a person should do about it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Labels, fit
+from calibration.diagnosis.fit import Fit, Labels, fit, fits
+
+TOGETHER = 2000
+"""Views fitted at once: enough to make numpy's overhead small, few enough for the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +44,38 @@ class Outcome:
     robot_rotation_rad: float
 
 
-def outcome_of(trial: Trial, baseline_log_likelihood: float) -> Outcome:
-    """Fit the trial and compare."""
-    fitted = fit(trial.evidence, trial.x_labels, trial.y_labels)
+def outcomes_of(trials: Sequence[Trial], evidence: Evidence, as_it_came: Fit) -> list[Outcome]:
+    """Fit the trials, those of one shape together, and compare each with its baseline.
+
+    `as_it_came` is the fit to the `evidence` that most trials start from; another baseline is fitted here.
+    """
+    fitted: dict[int, Fit] = {}
+    for group in _groups(trials):
+        chosen = [trials[index] for index in group]
+        after = fits(
+            [trial.evidence for trial in chosen],
+            [trial.x_labels for trial in chosen],
+            [trial.y_labels for trial in chosen],
+        )
+        fitted |= dict(zip(group, after, strict=True))
+    before = [as_it_came if trial.baseline is evidence else fit(trial.baseline) for trial in trials]
+    return [_outcome(trial, fitted[index], before[index]) for index, trial in enumerate(trials)]
+
+
+def _outcome(trial: Trial, fitted: Fit, before: Fit) -> Outcome:
     price = 0.5 * trial.unknowns * np.log(6 * len(trial.evidence)) + np.log(trial.alternatives)
-    gain = fitted.log_likelihood + trial.bonus - baseline_log_likelihood - price
+    gain = fitted.log_likelihood + trial.bonus - before.log_likelihood - price
     return Outcome(trial, float(gain), fitted.robot_translation_mm, fitted.robot_rotation_rad)
+
+
+def _groups(trials: Sequence[Trial]) -> list[list[int]]:
+    """Trials with the same number of views and of labels, at most `TOGETHER` views in one."""
+    by_shape: dict[tuple[int, bool, bool], list[int]] = {}
+    for index, trial in enumerate(trials):
+        shape = len(trial.evidence), trial.x_labels is None, trial.y_labels is None
+        by_shape.setdefault(shape, []).append(index)
+    groups = []
+    for (views, _, _), members in by_shape.items():
+        size = max(1, TOGETHER // views)
+        groups += [members[start : start + size] for start in range(0, len(members), size)]
+    return groups

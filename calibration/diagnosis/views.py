@@ -7,12 +7,16 @@ from itertools import combinations
 import numpy as np
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, fit
+from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.trial import Trial
 from calibration.transforms import Array, transform
 
 SUSPECTS = 10
 """Views that fit worst, among which mistyped and swapped ones are sought."""
+
+STARTS = 8
+CONCENTRATING = 4
+"""Iterations while the half that agrees is sought: it need not be exact."""
 
 STRETCH = 2
 """Fewest views before and after a change."""
@@ -32,16 +36,13 @@ def suspects_of(evidence: Evidence, fitted: Fit) -> list[int]:
     if n < half + 1:
         return list(range(n))
     rng = np.random.default_rng(0)
-    best: tuple[float, Array] | None = None
-    for start in [fitted] + [fit(evidence.take(rng.choice(n, 4, replace=False))) for _ in range(8)]:
-        off = _distances(evidence, start)
-        for _ in range(3):
-            off = _distances(evidence, fit(evidence.take(np.sort(np.argsort(off)[:half]))))
-        value = float(np.sort(off)[:half].sum())
-        if best is None or value < best[0]:
-            best = value, off
-    assert best is not None
-    worst = np.concatenate([np.argsort(-best[1])[:SUSPECTS], np.argsort(-fitted.distances())[:SUSPECTS]])
+    few = [evidence.take(rng.choice(n, 4, replace=False)) for _ in range(STARTS)]
+    off = np.array([_distances(evidence, start) for start in [fitted, *fits(few, iterations=CONCENTRATING)]])
+    for _ in range(3):
+        halves = [evidence.take(np.sort(np.argsort(row)[:half])) for row in off]
+        off = np.array([_distances(evidence, start) for start in fits(halves, iterations=CONCENTRATING)])
+    best = off[np.argmin(np.sort(off, axis=1)[:, :half].sum(axis=1))]
+    worst = np.concatenate([np.argsort(-best)[:SUSPECTS], np.argsort(-fitted.distances())[:SUSPECTS]])
     return [int(row) for row in dict.fromkeys(worst.tolist())][: SUSPECTS + 4]
 
 
