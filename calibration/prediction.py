@@ -2,11 +2,11 @@
 
 The maximum-likelihood estimate has the covariance of the Cramér-Rao bound, the inverse of the information
 
-    F = sum_i  H_yy - H_ym (H_mm + S^-1)^-1 H_my        H = J' J / s_px²        y = (X, target's pose, [intrinsics])
+    F = sum_i A_i' V_i^-1 A_i        V_i = s_px² I + U_i D U_i'        A by (X, target's pose[, intrinsics])
 
-where m is the robot's pose error in view i with prior covariance S, marginalised by its Schur complement.
-Every perturbation is on the right, [rotation rad, translation mm]: T @ exp(.). Sources: Strobl & Hirzinger,
-IROS 2006 (the model); Nahvi & Hollerbach, ICRA 1996 (the idea of choosing poses by it).
+where U_i D U_i' is the robot's error in view i: the very sums that the estimator makes (calibration.likelihood), at
+the poses that are planned. Sources: Strobl & Hirzinger, IROS 2006 (the model); Nahvi & Hollerbach, ICRA 1996 (the
+idea of choosing poses by it).
 """
 
 from dataclasses import dataclass
@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.camera import CameraModel
+from calibration.likelihood.chain import Chain
+from calibration.likelihood.mixed_model import Variances, linearised, solve
+from calibration.likelihood.pixels import pixel_statistics
+from calibration.observations import Observations
 from calibration.problem import Setup
 from calibration.targets import Target
 from calibration.transforms import Array, inverse, map_points, skew
-
-SMALLEST_DEVIATION = 1e-9
-"""A noise-free robot is a very good one: keeps the information finite."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,10 @@ class ExpectedNoise:
     image_px: float
     robot_rotation_rad: float
     robot_translation_mm: float
+
+    def variances(self) -> Variances:
+        """px², rad², mm²"""
+        return Variances(self.image_px**2, self.robot_rotation_rad**2, self.robot_translation_mm**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +47,11 @@ class Scene:
     anchor_T_target: Array
     noise: ExpectedNoise
     intrinsics_free: bool = False
+
+    @property
+    def unknowns(self) -> int:
+        """X, the target's pose, and the intrinsics when they are free."""
+        return 21 if self.intrinsics_free else 12
 
     def camera_T_target(self, base_T_flange: Array) -> Array:
         """(n, 4, 4) from robot poses (n, 4, 4)."""
@@ -90,68 +100,24 @@ def covariance_of(information: Array) -> Array:
 
 def view_information(scene: Scene, base_T_flange: Array) -> Array:
     """Information (n, k, k) that each view carries on (X, target's pose[, intrinsics]); k = 12 or 21."""
-    camera_T_target = scene.camera_T_target(base_T_flange)
-    pixels_by_view, pixels_by_camera = _pixel_jacobians(scene, camera_T_target)
-    view_by_x = -adjoint(inverse(camera_T_target))
-    view_by_robot = _view_by_robot(scene, base_T_flange)
-    pixels_by_x = pixels_by_view @ view_by_x
-    shared = [pixels_by_x, pixels_by_view] + ([pixels_by_camera] if scene.intrinsics_free else [])
-    by_shared = np.concatenate(shared, axis=-1) / scene.noise.image_px
-    by_robot = pixels_by_view @ view_by_robot / scene.noise.image_px
-    prior = np.repeat([scene.noise.robot_rotation_rad, scene.noise.robot_translation_mm], 3)
-    prior_information = np.diag(np.maximum(prior, SMALLEST_DEVIATION) ** -2)
-    cross = np.swapaxes(by_shared, -1, -2) @ by_robot
-    marginal = np.swapaxes(by_robot, -1, -2) @ by_robot + prior_information
-    information: Array = np.swapaxes(by_shared, -1, -2) @ by_shared
-    return information - cross @ np.linalg.solve(marginal, np.swapaxes(cross, -1, -2))
+    if not len(base_T_flange):
+        return np.zeros((0, scene.unknowns, scene.unknowns))
+    nothing_corrected = np.zeros((len(base_T_flange), 6))
+    chain = Chain(scene.setup, base_T_flange, scene.mount_T_camera, scene.anchor_T_target, nothing_corrected)
+    camera_T_target = chain.camera_T_target()
+    statistics = pixel_statistics(
+        _whole_target(scene, base_T_flange), scene.camera, camera_T_target, free_intrinsics=scene.intrinsics_free
+    )
+    return solve(linearised(statistics, chain, camera_T_target), scene.noise.variances()).view_information
 
 
-def adjoint(a_T_b: Array) -> Array:
-    """(..., 6, 6): a_T_b @ exp(v) = exp(adjoint(a_T_b) @ v) @ a_T_b, for v = [rotation, translation]."""
-    rotation = a_T_b[..., :3, :3]
-    result = np.zeros((*a_T_b.shape[:-2], 6, 6))
-    result[..., :3, :3] = result[..., 3:, 3:] = rotation
-    result[..., 3:, :3] = skew(a_T_b[..., :3, 3]) @ rotation
-    return result
-
-
-def _view_by_robot(scene: Scene, base_T_flange: Array) -> Array:
-    """How camera_T_target turns with the error of base_T_flange (n, 6, 6)."""
-    if scene.setup == "eye-in-hand":
-        return -adjoint(inverse(scene.anchor_T_target) @ base_T_flange)
-    return adjoint(inverse(scene.anchor_T_target))[None].repeat(len(base_T_flange), axis=0)
-
-
-def _pixel_jacobians(scene: Scene, camera_T_target: Array) -> tuple[Array, Array]:
-    """d pixels by view (n, 2m, 6) and by intrinsics fx fy cx cy k1 k2 p1 p2 k3 (n, 2m, 9)."""
-    points_target = scene.target.points_mm
-    points = map_points(camera_T_target, points_target)
-    n, m = points.shape[:2]
-    flat = points.reshape(-1, 3)
-    xy = flat[:, :2] / flat[:, 2:]
-    fx, fy = scene.camera.matrix[0, 0], scene.camera.matrix[1, 1]
-    by_xy = scene.camera.distortion_jacobian(xy) * np.array([fx, fy])[:, None]
-    xy_by_point = np.zeros((n * m, 2, 3))
-    xy_by_point[:, 0, 0] = xy_by_point[:, 1, 1] = 1 / flat[:, 2]
-    xy_by_point[:, :, 2] = -xy / flat[:, 2:]
-    point_by_view = np.concatenate([-skew(points_target), np.eye(3)[None].repeat(m, axis=0)], axis=-1)
-    by_point = (by_xy @ xy_by_point).reshape(n, m, 2, 3) @ camera_T_target[:, None, :3, :3]
-    by_view = (by_point @ point_by_view).reshape(n, 2 * m, 6)
-    return by_view, _pixels_by_intrinsics(scene.camera, xy).reshape(n, 2 * m, 9)
-
-
-def _pixels_by_intrinsics(camera: CameraModel, xy: Array) -> Array:
-    """(n, 2, 9)"""
-    fx, fy = camera.matrix[0, 0], camera.matrix[1, 1]
-    x, y = xy.T
-    r2 = x * x + y * y
-    distorted = camera.distort(xy)
-    result = np.zeros((len(xy), 2, 9))
-    result[:, 0, 0], result[:, 1, 1] = distorted[:, 0], distorted[:, 1]
-    result[:, 0, 2] = result[:, 1, 3] = 1.0
-    result[:, 0, 4:] = fx * np.column_stack([x * r2, x * r2**2, 2 * x * y, r2 + 2 * x * x, x * r2**3])
-    result[:, 1, 4:] = fy * np.column_stack([y * r2, y * r2**2, r2 + 2 * y * y, 2 * x * y, y * r2**3])
-    return result
+def _whole_target(scene: Scene, base_T_flange: Array) -> Observations:
+    """Every point of the target, in every view; where in the image does not matter here."""
+    n, m = len(base_T_flange), len(scene.target.points_mm)
+    points = np.broadcast_to(scene.target.points_mm, (n, m, 3))
+    ids = np.broadcast_to(np.arange(m), (n, m))
+    ones = np.ones((n, m))
+    return Observations(np.arange(n), base_T_flange, ids, points, np.zeros((n, m, 2)), ones, ones)
 
 
 def median_distance_mm(scene: Scene, base_T_flange: Array) -> float:

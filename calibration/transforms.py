@@ -99,6 +99,15 @@ def skew(vector: ArrayLike) -> Array:
     return result - np.swapaxes(result, -1, -2)
 
 
+def adjoint(a_T_b: Array) -> Array:
+    """(..., 6, 6): a_T_b @ exp(v) = exp(adjoint(a_T_b) @ v) @ a_T_b, for v = [rotation, translation]."""
+    rotation = a_T_b[..., :3, :3]
+    result = np.zeros((*a_T_b.shape[:-2], 6, 6))
+    result[..., :3, :3] = result[..., 3:, 3:] = rotation
+    result[..., 3:, :3] = skew(a_T_b[..., :3, 3]) @ rotation
+    return result
+
+
 def difference(a_T_b: Array, a_T_c: Array) -> tuple[float, float]:
     """How far two transforms are apart: (translation in mm, rotation in rad)."""
     b_T_c = inverse(a_T_b) @ a_T_c

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.prediction import adjoint
 from calibration.problem import Setup
-from calibration.transforms import Array, inverse, rotation_from_vector, skew, transform, vector_from_rotation
+from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, skew, transform, vector_from_rotation
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,8 +43,7 @@ def plan_poses(
 
     `start` (4, 4) is where the flange stands now. The same input gives the same plan. Raises PlanningError.
     """
-    size = 21 if scene.intrinsics_free else 12
-    known = np.zeros((size, size)) if taken is None else view_information(scene, taken).sum(axis=0)
+    known = view_information(scene, np.empty((0, 4, 4)) if taken is None else taken).sum(axis=0)
     chosen = best_set(Search(scene, limits, reachable, np.random.default_rng(seed)), count, known)
     poses = chosen.base_T_flange
     if len(poses) < count:
