@@ -59,6 +59,7 @@ class FakeRobot:
     before_move: Callable[[int], Awaitable[None]] | None = None
     drift_mm: float = 0.0
     reads: int = 0
+    arrived_at_s: float = 0.0
     broken_with: DeviceError | None = None
 
     @property
@@ -100,6 +101,7 @@ class FakeRobot:
             await self.before_move(len(self.goals))
         self._alive()
         self.base_T_flange = goal.base_T_flange.copy()
+        self.arrived_at_s = time.monotonic()
 
     async def stop(self) -> None:
         self.stops += 1
@@ -118,6 +120,8 @@ class FakeCamera:
     failing: DeviceError | None = None
     size: tuple[int, int] = CAMERA.image_size
     pictures: int = 0
+    asked: list[tuple[float, float]] = field(default_factory=list)
+    """When the arm was last moved, and how new a picture was asked for."""
 
     @property
     def link(self) -> LinkHealth:
@@ -127,6 +131,7 @@ class FakeCamera:
         if self.failing is not None:
             raise self.failing
         self.pictures += 1
+        self.asked.append((self.robot.arrived_at_s, newer_than_s))
         taken_at_s = time.monotonic()
         image: Any = np.full(self.size[::-1], 128, np.uint8)
         if not self.blind(self.pictures):

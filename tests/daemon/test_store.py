@@ -70,13 +70,13 @@ async def test_the_history_of_what_was_applied_is_kept(tmp_path: Path) -> None:
         await store.current()
     for name in ("c1", "c2"):
         await store.save_calibration(record(name))
-    for name in ("c1", "c2", "c1"):
+    for name in ("c1", "c2", "c1", "c2"):
         await store.apply(Applied(name, AT, "x"))
-    assert [row.calibration_id for row in await store.applied(10)] == ["c1", "c2", "c1"]
-    assert (await store.current())[1].id == "c1"
+    assert [row.calibration_id for row in await store.applied(10)] == ["c2", "c1", "c2", "c1"]
+    assert (await store.current())[1].id == "c2"
     with pytest.raises(StorageError):
         await store.apply(Applied("never stored", AT, "x"))
-    assert (await store.current())[1].id == "c1"
+    assert (await store.current())[1].id == "c2"
     await store.close()
 
 

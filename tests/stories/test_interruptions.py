@@ -84,9 +84,9 @@ async def test_a_robot_that_answers_garbage_fails_the_run_and_the_next_one_works
     ("fault", "says"),
     [
         ("camera-target-hidden", "the target was seen from"),
-        ("camera-empty-file", ""),
-        ("camera-half-file", ""),
-        ("camera-wrong-size", ""),
+        ("camera-empty-file", "the answer is empty"),
+        ("camera-half-file", "the PNG ends early"),
+        ("camera-wrong-size", "960×600, expected 1920×1200"),
     ],
 )
 async def test_what_the_camera_does_wrong_is_said(tmp_path: Path, fault: str, says: str) -> None:
