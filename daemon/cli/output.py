@@ -25,6 +25,7 @@ class Commands(typer.core.TyperGroup):
         from daemon.errors import DaemonError
         from daemon.target_print.errors import PrintRefused
         from drivers.errors import DeviceError
+        from registration.errors import RegistrationError
 
         try:
             return super().invoke(ctx)
@@ -34,7 +35,7 @@ class Commands(typer.core.TyperGroup):
         except CommandError as error:
             error_line(str(error))
             raise typer.Exit(error.status) from None
-        except PrintRefused as error:
+        except (PrintRefused, RegistrationError) as error:
             error_line(str(error))
             raise typer.Exit(ExitStatus.UNREADABLE) from None
         except (CalibrationError, DaemonError, DeviceError) as error:
