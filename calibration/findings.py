@@ -4,6 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calibration.closed_form_solution import THREE_POSE
+from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.consistency.outliers import Selection
 from calibration.likelihood.few_views import MOST_VIEWS, STATED_DEVIATIONS
 from calibration.observability import distinct_stations
@@ -115,6 +117,23 @@ def _estimate(prepared: Prepared, start: Start, selection: Selection) -> Iterato
             f" {translation:g} mm and {np.degrees(rotation):g} degrees were assumed as likely",
             "take eight or more views to have it measured",
         )
+
+
+def method_findings(method: str, rows: Prepared) -> tuple[Finding, ...]:
+    """What the seed's method says of itself."""
+    if method != THREE_POSE:
+        return ()
+    seed = solve_three_pose(rows.anchor_T_mount, rows.camera_T_target)
+    return (
+        Finding(
+            "three-pose",
+            "info",
+            f"Eq. 7 gave a matrix {seed.distance:.2g} from a rotation (Frobenius norm), which was projected to one;"
+            f" the axes of the two motions are {np.degrees(seed.axis_angle_rad):.1f} degrees apart;"
+            " the paper's X is camera_T_flange, the inverse of the transform given here",
+            "use the method auto, which is more accurate from the same views",
+        ),
+    )
 
 
 def _views(indices: list[int]) -> str:

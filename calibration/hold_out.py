@@ -36,10 +36,13 @@ def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> Hold
     own = _own_poses(pixels(camera_T_target, best.camera, best.scale), left_out)
     errors = base_errors(scaled(seen, best.scale), chain, moved(camera_T_target, own))
     predicted = pixels(chain.camera_T_target(), best.camera, best.scale)
-    corners = float(np.count_nonzero(seen.weights))
+    used = seen.weights > 0
+    # Views differ in weight, corners of one view do not: back from weighted squares to plain ones.
+    per_view = 1 / np.maximum(seen.weights.max(axis=1), 1e-300)
+    corners = float(np.count_nonzero(used))
     return HoldOut(
-        float(np.sqrt(np.sum(seen.weights * np.sum(errors**2, axis=-1)) / corners)),
-        float(np.sqrt(np.sum(_squares(predicted, left_out)) / corners)),
+        float(np.sqrt(np.sum(used * np.sum(errors**2, axis=-1)) / corners)),
+        float(np.sqrt(np.sum(per_view * _squares(predicted, left_out)) / corners)),
     )
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.consistency.corners import without_bad_corners
+from calibration.consistency.image_weights import weighted_by_view
 from calibration.consistency.readings import best_readings
 from calibration.intrinsics.estimate import estimate_camera
 from calibration.likelihood.estimate import HELD
@@ -72,9 +73,9 @@ def prepare(problem: Problem) -> Prepared:
     drawn = Prepared(
         problem.setup, problem.target.points_mm, read.seen, camera, free, read.camera_T_target, read.turned, refused
     )
-    if not deviates(drawn.seen, drawn.camera, drawn.camera_T_target, free[:INTRINSICS]):
-        return drawn
-    return _shaped(drawn, free)
+    if deviates(drawn.seen, drawn.camera, drawn.camera_T_target, free[:INTRINSICS]):
+        drawn = _shaped(drawn, free)
+    return replace(drawn, seen=weighted_by_view(drawn.seen, drawn.camera, drawn.camera_T_target))
 
 
 def with_real_target(prepared: Prepared) -> Prepared:

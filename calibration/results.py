@@ -1,10 +1,12 @@
 """What the estimator found, put into a Solution."""
 
 import numpy as np
+from numpy.typing import NDArray
 
+from calibration.closed_form_solution import closed_form_solution
 from calibration.consistency.outliers import Selection
 from calibration.errors import UndeterminedError
-from calibration.findings import findings_of
+from calibration.findings import findings_of, method_findings
 from calibration.hold_out import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.pixels import pixel_residuals
@@ -20,7 +22,13 @@ from calibration.view_poses import refined_poses
 
 
 def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start, selection: Selection) -> Solution:
-    """The whole answer of a session that determines X."""
+    """The whole answer of a session that determines X. Raises UndeterminedError when a closed form cannot."""
+    findings = findings_of(problem, prepared, start, selection)
+    agreeing = selection.used
+    closed_form = None if method == "auto" else closed_form_solution(prepared, selection, method)
+    if closed_form is not None:
+        selection = closed_form.selection
+        findings += method_findings(method, prepared.take(selection.used))
     best, rows = selection.best, prepared.take(selection.used)
     real = scaled(rows.seen, best.scale)
     own_poses = rows.camera_T_target
@@ -28,7 +36,7 @@ def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start,
         own_poses = refined_poses(real, best.camera, own_poses)
     centre = problem.target.points_mm.mean(axis=0, keepdims=True)
     distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
-    covariance = honest_covariance(best)
+    covariance = honest_covariance(best) if closed_form is None else closed_form.covariance
     return Solution(
         setup=problem.setup,
         method=method,
@@ -38,10 +46,10 @@ def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start,
         camera_source="given" if problem.camera else "estimated",
         uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, best.camera, distance_mm),
         noise=_noise(best),
-        views=_views(problem, prepared, selection, own_poses),
+        views=_views(problem, prepared, selection, agreeing, own_poses),
         observability=_observability(problem, rows, best, covariance),
-        hold_out=hold_out(rows.seen, best, own_poses),
-        findings=findings_of(problem, prepared, start, selection),
+        hold_out=hold_out(rows.seen, best, own_poses) if closed_form is None else closed_form.hold_out,
+        findings=findings,
     )
 
 
@@ -84,46 +92,57 @@ def _observability(problem: Problem, rows: Prepared, best: Estimate, covariance:
     return Observability(len(rows.seen), motion.max_rotation_rad, motion.axis_spread, f"translation along {words}")
 
 
-def _views(problem: Problem, prepared: Prepared, selection: Selection, own_poses: Array) -> tuple[ViewResult, ...]:
+def _views(
+    problem: Problem, prepared: Prepared, selection: Selection, agreeing: NDArray[np.bool_], own_poses: Array
+) -> tuple[ViewResult, ...]:
     best, rows = selection.best, prepared.take(selection.used)
     residuals = pixel_residuals(scaled(rows.seen, best.scale), best.camera, best.chain.camera_T_target())
     errors = base_errors(scaled(rows.seen, best.scale), best.chain.as_reported(), own_poses)
     results = [_without_numbers(problem, position, why) for position, why in prepared.refused.items()]
-    results += [_rejected(problem, prepared, int(row), best) for row in np.flatnonzero(~selection.used)]
-    for row, position in enumerate(rows.seen.positions):
-        weights = rows.seen.weights[row] / rows.seen.weights[row].sum()
+    for row in np.flatnonzero(~selection.used):
+        reason = "beyond-the-first-three" if agreeing[row] else "pose-disagrees"
+        results.append(_rejected(problem, prepared, int(row), best, reason))
+    for kept, position in enumerate(rows.seen.positions):
+        weights = _shares(rows, kept)
         view = problem.views[position]
         results.append(
             ViewResult(
                 index=view.index,
                 image=view.image,
-                status="corrected" if rows.turned[row] else "used",
-                reason="board-turned" if rows.turned[row] else None,
-                reprojection_px=float(np.sqrt(weights @ np.sum(residuals[row] ** 2, axis=-1))),
-                base_error_mm=float(np.sqrt(weights @ np.sum(errors[row] ** 2, axis=-1))),
-                robot_correction=(best.chain.corrections[row, 3:], best.chain.corrections[row, :3]),
+                status="corrected" if rows.turned[kept] else "used",
+                reason="board-turned" if rows.turned[kept] else None,
+                reprojection_px=float(np.sqrt(weights @ np.sum(residuals[kept] ** 2, axis=-1))),
+                base_error_mm=float(np.sqrt(weights @ np.sum(errors[kept] ** 2, axis=-1))),
+                robot_correction=(best.chain.corrections[kept, 3:], best.chain.corrections[kept, :3]),
             )
         )
     return tuple(sorted(results, key=lambda result: result.index))
 
 
-def _rejected(problem: Problem, prepared: Prepared, row: int, best: Estimate) -> ViewResult:
+def _rejected(problem: Problem, prepared: Prepared, row: int, best: Estimate, reason: str) -> ViewResult:
     only = prepared.take(np.array([row]))
     chain = best.chain.of_views(only.seen.base_T_flange)
     errors = base_errors(only.seen, chain, only.camera_T_target)[0]
     residuals = pixel_residuals(only.seen, best.camera, chain.camera_T_target())[0]
     correction = chain.with_corrections_from(only.camera_T_target).corrections[0]
-    weights = only.seen.weights[0] / only.seen.weights[0].sum()
+    weights = _shares(only, 0)
     view = problem.views[only.seen.positions[0]]
     return ViewResult(
         index=view.index,
         image=view.image,
         status="rejected",
-        reason="pose-disagrees",
+        reason=reason,
         reprojection_px=float(np.sqrt(weights @ np.sum(residuals**2, axis=-1))),
         base_error_mm=float(np.sqrt(weights @ np.sum(errors**2, axis=-1))),
         robot_correction=(correction[3:], correction[:3]),
     )
+
+
+def _shares(rows: Prepared, row: int) -> Array:
+    """Weights (m,) of the mean over a view's used corners."""
+    used = rows.seen.weights[row] > 0
+    shares: Array = used / np.count_nonzero(used)
+    return shares
 
 
 def _without_numbers(problem: Problem, position: int, why: Unusable | None) -> ViewResult:

@@ -26,6 +26,9 @@ class Limits:
 
 DEFAULT_LIMITS = Limits()
 
+CONTRADICTIONS = ("pose-disagrees", "image-disagrees")
+"""Reasons for which a view in which a target was found is still not used."""
+
 Rule = Callable[[Problem, Solution, Limits], Iterator[Finding]]
 
 
@@ -86,7 +89,7 @@ def _image(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Fin
 
 
 def _rejections(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
-    seen = [view for view in solution.views if view.reason is None or view.reprojection_px is not None]
+    seen = [view for view in solution.views if view.status != "rejected" or view.reason in CONTRADICTIONS]
     rejected = sum(view.status == "rejected" for view in seen)
     if rejected > limits.rejected_share * len(seen):
         yield Finding(

@@ -36,8 +36,8 @@ def summed_products(anchor_R_mount: Array, camera_R_target: Array) -> Array:
     products = left @ camera_R_target.reshape(*lead, n, 9)
     # products[a b, c d] = sum R[a, b] S[c, d] and (R X S)[a, d] = R[a, b] X[b, c] S[c, d].
     summed: Array = np.swapaxes(products.reshape(*lead, 3, 3, 3, 3), -1, -3)
-    result: Array = np.asarray(np.swapaxes(summed, -1, -2).reshape(*lead, 9, 9))
-    return result
+    result: Array = np.ascontiguousarray(np.swapaxes(summed, -1, -2))
+    return result.reshape(*lead, 9, 9)
 
 
 def as_rotation(matrices: Array) -> Array:
