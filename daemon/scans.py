@@ -24,10 +24,8 @@ from daemon.workers import Workers
 from drivers.interfaces import ScannedCloud
 from registration.stream import CloudStream
 
-SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".xyz32"}
+SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".f32"}
 """By media type; octets are float32 x, y, z."""
-
-MEDIA_TYPES = {suffix: media_type for media_type, suffix in SUFFIXES.items()}
 
 
 @dataclass(frozen=True)
@@ -89,9 +87,8 @@ class Scans:
         return await self.workers.run(_merge, clouds, folder / f"merged-{self.new_id(self.clock)}.ply")
 
     def _placed(self, folder: Path, view: ScanView, calibration: CalibrationDocument) -> PlacedCloud:
-        file = folder / view.file
-        pose = view.base_T_flange.transform() @ self.flange_T_scanner(calibration)
-        return PlacedCloud(file, MEDIA_TYPES[file.suffix], view.unit, pose)
+        base_T_scanner = view.base_T_flange.transform() @ self.flange_T_scanner(calibration)
+        return PlacedCloud(folder / view.file, view.unit, base_T_scanner)
 
     def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
         """(4, 4): the camera's place on the flange, and the scanner's beside it when it is a device of its own."""
@@ -132,11 +129,5 @@ def _append(file: BinaryIO, path: Path, check: CloudStream, chunk: bytes) -> Non
 
 
 def _merge(clouds: list[PlacedCloud], file: Path) -> Path:
-    with storage_errors(file):
-        try:
-            with file.open("wb") as out:
-                write_merged(clouds, out)
-        except BaseException:
-            file.unlink(missing_ok=True)
-            raise
+    write_merged(clouds, file)
     return file

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calibration.transforms import map_points, transform_from_quaternion
+from daemon.scan_folder import open_scan
 from drivers.errors import DeviceTimeout
 from registration.formats.ply import parse_header
 from tests.daemon.cells import Bench, Parts, pose_json, serving, settings_for
@@ -53,9 +54,10 @@ async def test_views_sent_from_several_poses_become_one_cloud(tmp_path: Path) ->
         seen = (await bench.client.get(scan["links"]["self"])).json()
         assert [(view["file"], view["unit"]) for view in seen["views"]] == [
             ("view_000.ply", "mm"),
-            ("view_001.xyz32", "m"),
+            ("view_001.f32", "m"),
         ]
-        assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply", "view_001.xyz32"]
+        assert len(open_scan(tmp_path / "scans" / scan["id"]).document.views) == 2
+        assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply", "view_001.f32"]
 
 
 def names(folder: Path) -> list[str]:

@@ -1,0 +1,62 @@
+"""The daemon as a process sees the world: its port, its announcement, its log."""
+
+import asyncio
+import json
+import logging
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from daemon.errors import PortTaken
+from daemon.logs import OneLine, about_run
+from daemon.server import announce_in, listener_at
+from daemon.settings import Settings
+from daemon.workers import Workers
+from tests.daemon.cells import serving, settings_for
+
+
+def test_a_port_that_is_taken_is_told_with_what_to_do() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        with pytest.raises(PortTaken, match=r"address already in use.*ss -ltnp"):
+            listener_at("127.0.0.1", other.getsockname()[1])
+
+
+def test_port_0_takes_any_also_on_ipv6() -> None:
+    for host in ("127.0.0.1", "::1"):
+        with listener_at(host, 0) as listener:
+            assert listener.getsockname()[1] > 0
+
+
+def test_the_announcement_says_where_and_who(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    announce_in(tmp_path / "ready.json")("http://127.0.0.1:1")
+    assert json.loads((tmp_path / "ready.json").read_text()) == {"url": "http://127.0.0.1:1", "pid": os.getpid()}
+    assert capsys.readouterr().out == "handeyed listens on http://127.0.0.1:1\n"
+
+
+def test_a_log_record_is_one_line_with_its_run_whatever_it_says() -> None:
+    record = logging.makeLogRecord({"name": "x", "levelname": "INFO", "msg": "two\nlines \x1b[31m red"})
+    with about_run("r7"):
+        line = OneLine().format(record)
+    assert line == "INFO run=r7 x: two\\nlines \\x1b[31m red"
+
+
+async def test_the_oldest_job_is_known_while_it_runs(tmp_path: Path) -> None:
+    settings: Settings = settings_for(tmp_path)
+    async with serving(settings) as bench:
+        workers: Workers = bench.application.workers
+        assert workers.oldest_job_s() == 0
+        begun, ends = asyncio.Event(), asyncio.Event()
+        loop = asyncio.get_running_loop()
+
+        def job() -> None:
+            loop.call_soon_threadsafe(begun.set)
+            asyncio.run_coroutine_threadsafe(ends.wait(), loop).result()
+
+        working = asyncio.create_task(workers.run(job))
+        await begun.wait()
+        assert workers.oldest_job_s() > 0
+        ends.set()
+        await working
+        assert workers.oldest_job_s() == 0
