@@ -51,8 +51,8 @@ def _lines(document: CalibrationDocument) -> Iterable[str]:
 
 
 def finding_line(finding: FindingDocument) -> str:
-    """One finding: its weight, what, what to do."""
-    return f"{MARKS[finding.severity]} {finding.message}" + (f": {finding.fix}" if finding.fix else "")
+    """One finding: its weight and what it is; on a line below, what to do."""
+    return f"{MARKS[finding.severity]} {finding.message}" + (f"\n    -> {finding.fix}" if finding.fix else "")
 
 
 def _numbers(values: Iterable[float], form: str) -> str:
