@@ -77,6 +77,9 @@ LARGEST_CELL_MM = 20_000.0
 PITCH_FACTORS = (0.2, 5.0)
 """Beyond these a unit is wrong, not the print."""
 
+FEWEST_NEIGHBOURS, MOST_NEIGHBOURS = 4, 40
+"""Pairs of views, one right after the other, on which a shift of the poses by one is tried."""
+
 CONVENTIONS = (
     Convention(
         "quaternion-w-last",
@@ -123,24 +126,27 @@ CONVENTIONS = (
 )
 
 
-def convention_trials(evidence: Evidence) -> Iterator[Trial]:
-    """One trial a convention, then the poses one off, and the target's size."""
+def convention_trials(evidence: Evidence, alternatives: int = len(CONVENTIONS)) -> Iterator[Trial]:
+    """One trial a convention, and the target's size."""
     for convention in CONVENTIONS:
         corrected = evidence.with_robot_poses(convention.undo(evidence.base_T_flange, evidence.camera_T_target))
         if np.median(np.linalg.norm(corrected.base_T_flange[:, :3, 3], axis=1)) > LARGEST_CELL_MM:
             continue
         yield Trial(
-            convention.code, (), corrected, evidence, convention.message, convention.fix, alternatives=len(CONVENTIONS)
+            convention.code, (), corrected, evidence, convention.message, convention.fix, alternatives=alternatives
         )
-    yield from _one_off(evidence)
     yield _pitch(evidence)
 
 
-def _one_off(evidence: Evidence) -> Iterator[Trial]:
-    n = len(evidence)
+def off_by_one_trials(evidence: Evidence) -> Iterator[Trial]:
+    """Every image with the pose of the view after it, or before it, where that view is among the evidence."""
+    next_to = np.flatnonzero(np.diff(evidence.indices) == 1)
+    if len(next_to) < FEWEST_NEIGHBOURS:
+        return
+    next_to = next_to[np.unique(np.linspace(0, len(next_to) - 1, MOST_NEIGHBOURS).astype(np.intp))]
     for images, poses, message in (
-        (np.arange(n - 1), np.arange(1, n), "image k was taken at pose k + 1"),
-        (np.arange(1, n), np.arange(n - 1), "image k was taken at pose k - 1"),
+        (next_to, next_to + 1, "image k was taken at pose k + 1"),
+        (next_to + 1, next_to, "image k was taken at pose k - 1"),
     ):
         baseline = evidence.take(images)
         yield Trial(

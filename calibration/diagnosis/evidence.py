@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.likelihood.pixels import pixel_statistics
+from calibration.likelihood.pixels import PixelStatistics, pixel_statistics
 from calibration.observations import Observations
-from calibration.problem import Setup
+from calibration.problem import Problem, Setup
 from calibration.transforms import Array, inverse
 
 SMALLEST_PIXEL = 1e-4
@@ -20,25 +20,22 @@ SMALLEST_PIXEL = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """n views. `covariance` (n, 6, 6) of exp(.) @ camera_T_target, [rotation rad, translation mm].
-
-    `positions` (n,) index `problem.views`.
-    """
+    """n views, called by their `indices` (n,). `covariance` (n, 6, 6) of exp(.) @ camera_T_target, [rad, mm]."""
 
     setup: Setup
-    positions: NDArray[np.intp]
+    indices: NDArray[np.intp]
     base_T_flange: Array
     camera_T_target: Array
     covariance: Array
 
     def __len__(self) -> int:
-        return len(self.positions)
+        return len(self.indices)
 
     def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> "Evidence":
         """Only the chosen views."""
         return Evidence(
             self.setup,
-            self.positions[chosen],
+            self.indices[chosen],
             self.base_T_flange[chosen],
             self.camera_T_target[chosen],
             self.covariance[chosen],
@@ -64,12 +61,18 @@ class Evidence:
         return replace(self, camera_T_target=camera_T_target, covariance=grow[:, None] * self.covariance * grow)
 
 
-def evidence_of(setup: Setup, seen: Observations, camera: CameraModel, camera_T_target: Array) -> Evidence:
+def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camera_T_target: Array) -> Evidence:
     """From corners and each view's own pose (n, 4, 4); the pixel noise is what those poses leave."""
     statistics = pixel_statistics(seen, camera, camera_T_target)
-    redundancy = np.maximum(statistics.count.sum() - 6 * len(seen), 1.0)
-    pixel = max(float(np.sqrt(statistics.square.sum() / redundancy)), SMALLEST_PIXEL)
+    pixel = pixel_deviation(statistics)
     scale = 1 / np.sqrt(np.maximum(np.diagonal(statistics.normal, axis1=1, axis2=2), 1e-12))
     scaled = statistics.normal * scale[:, :, None] * scale[:, None, :] + 1e-12 * np.eye(6)
     covariance = pixel**2 * scale[:, :, None] * np.linalg.inv(scaled) * scale[:, None, :]
-    return Evidence(setup, seen.positions, seen.base_T_flange, camera_T_target, covariance)
+    indices = np.array([problem.views[position].index for position in seen.positions], np.intp)
+    return Evidence(problem.setup, indices, seen.base_T_flange, camera_T_target, covariance)
+
+
+def pixel_deviation(statistics: PixelStatistics) -> float:
+    """One standard deviation of a pixel coordinate, from what each view's own pose leaves."""
+    redundancy = max(float(statistics.count.sum()) - 6 * len(statistics.count), 1.0)
+    return max(float(np.sqrt(statistics.square.sum() / redundancy)), SMALLEST_PIXEL)

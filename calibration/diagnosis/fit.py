@@ -60,8 +60,7 @@ class Fit:
 
     def distances(self) -> Array:
         """Squared Mahalanobis distance (n,) of every view."""
-        information: Array = np.linalg.inv(self.covariance)
-        return _squared(self.residuals, information)
+        return _squared(self.residuals, inverted(self.covariance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +195,7 @@ def _covariance(by_images: Array, by_robot: Array, variances: Array) -> Array:
 def _weighted(stack: _Stack, linear: _Linear, variances: Array) -> tuple[Array, Array]:
     """Inverse covariance (t, n, 6, 6) and the log-likelihood (t,)."""
     covariance = _covariance(stack.covariance, linear.by_robot, variances)
-    information: Array = np.linalg.inv(covariance)
+    information = inverted(covariance)
     _, log_determinant = np.linalg.slogdet(covariance)
     return information, -0.5 * np.sum(log_determinant + _squared(linear.residuals, information), axis=-1)
 
@@ -247,6 +246,11 @@ def _moved(a_T_b: Array, step: Array) -> Array:
     turn = rotation_from_vector(steps[..., :3].reshape(-1, 3)).reshape(*a_T_b.shape[:2], 3, 3)
     moved: Array = a_T_b @ transform(turn, steps[..., 3:])
     return moved
+
+
+def inverted(matrices: Array) -> Array:
+    """Inverses of a stack (..., k, k)."""
+    return np.asarray(np.linalg.inv(matrices), np.float64)
 
 
 def _squared(residuals: Array, information: Array) -> Array:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, fits, predicted_base_T_flange, residuals_of
-from calibration.diagnosis.trial import Outcome, Trial
+from calibration.diagnosis.fit import Fit, fits, inverted, predicted_base_T_flange, residuals_of
+from calibration.diagnosis.trial import Outcome, Trial, few_views_factor, price_of
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 
 FREE_POSE = 6
@@ -43,11 +43,12 @@ def mistyped_outcomes(evidence: Evidence, suspects: Sequence[int], baseline: flo
         view = evidence.take(np.array([row]))
         residual, covariance = residuals_of(view, fitted)
         log_determinant = float(np.linalg.slogdet(covariance[0])[1])
-        rest = Rest(view, fitted, residual[0], np.linalg.inv(covariance[0]), log_determinant)
+        rest = Rest(view, fitted, residual[0], inverted(covariance[0]), log_determinant)
         n = len(evidence)
         best = _best(_whole_pose(rest, n), [*_numbers(rest, n), *_signs(rest, n)])
-        gain = fitted.log_likelihood - 0.5 * (log_determinant + best.misfit) - baseline - best.price
-        trial = Trial("pose-mistyped", (int(view.positions[0]),), view, view, best.message, FIX)
+        raw = fitted.log_likelihood - 0.5 * (log_determinant + best.misfit) - baseline
+        gain = few_views_factor(n, best.unknowns) * raw - price_of(n, best.unknowns, best.alternatives)
+        trial = Trial("pose-mistyped", (int(view.indices[0]),), view, view, best.message, FIX)
         yield Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad)
 
 
@@ -57,32 +58,32 @@ FIX = "read that pose on the controller again; if it was typed rightly, the arm 
 @dataclass(frozen=True)
 class _Candidate:
     misfit: float
-    price: float
+    unknowns: int
+    alternatives: int
     message: str
 
 
 def _best(whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
     """The one number that explains the view, if there is one and no other does as well; else the pose as a whole."""
-    first, second = sorted(numbers, key=lambda candidate: candidate.misfit + 2 * candidate.price)[:2]
+    first, second = sorted(numbers, key=lambda candidate: candidate.misfit + 2 * price_of(1, candidate.unknowns, 1))[:2]
     told = first.misfit < PLAUSIBLE and second.misfit > first.misfit + TOLD_APART
     return first if told else whole
 
 
 def _whole_pose(rest: Rest, n: int) -> _Candidate:
-    where = int(rest.view.positions[0])
+    where = int(rest.view.indices[0])
     expected = predicted_base_T_flange(rest.view, rest.fitted, 0)
     off = expected[:3, 3] - rest.view.base_T_flange[0, :3, 3]
     turn = np.degrees(
         np.arccos(np.clip((np.trace(expected[:3, :3].T @ rest.view.base_T_flange[0, :3, :3]) - 1) / 2, -1, 1))
     )
     message = f"the pose of view {where} disagrees with all others by {np.linalg.norm(off):.2f} mm and {turn:.2f} deg"
-    return _Candidate(0.0, 0.5 * FREE_POSE * np.log(6 * n) + np.log(n), message)
+    return _Candidate(0.0, FREE_POSE, n, message)
 
 
 def _numbers(rest: Rest, n: int) -> Iterator[_Candidate]:
     """One of the seven numbers off by what fits best, to first order: a larger slip in a quaternion breaks its norm."""
     given = _printed(rest.view.base_T_flange[0])
-    price = 0.5 * np.log(6 * n) + np.log(7 * n)
     stepped = _residuals(rest, np.concatenate([given[None], given + np.diag(STEPS)]))
     slopes = (stepped[1:] - stepped[0]) / STEPS[:, None]
     changes = -(slopes @ rest.information @ rest.residual) / np.einsum("ki,ij,kj->k", slopes, rest.information, slopes)
@@ -90,7 +91,7 @@ def _numbers(rest: Rest, n: int) -> Iterator[_Candidate]:
     right = given + np.diag(np.where(told, changes, 0.0))
     misfits = _misfits(rest, right)
     for index in np.flatnonzero(told).tolist():
-        yield _Candidate(misfits[index], price, _message(rest, given, right[index], index))
+        yield _Candidate(misfits[index], 1, 7 * n, _message(rest, given, right[index], index))
 
 
 def _signs(rest: Rest, n: int) -> Iterator[_Candidate]:
@@ -98,13 +99,13 @@ def _signs(rest: Rest, n: int) -> Iterator[_Candidate]:
     given = _printed(rest.view.base_T_flange[0])
     right = given * (1 - 2 * np.eye(7)[3:])
     for index, misfit in enumerate(_misfits(rest, right)):
-        yield _Candidate(misfit, float(np.log(7 * n)), _message(rest, given, right[index], 3 + index))
+        yield _Candidate(misfit, 0, 7 * n, _message(rest, given, right[index], 3 + index))
 
 
 def _message(rest: Rest, given: Array, right: Array, index: int) -> str:
     digits = 2 if index < 3 else 5
     return (
-        f"the pose of view {int(rest.view.positions[0])} has a wrong number: "
+        f"the pose of view {int(rest.view.indices[0])} has a wrong number: "
         f"{NUMBERS[index]} is {given[index]:.{digits}f} and should be about {right[index]:.{digits}f}"
     )
 

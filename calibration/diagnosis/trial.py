@@ -11,6 +11,9 @@ from calibration.diagnosis.fit import Fit, Labels, fit, fits
 TOGETHER = 2000
 """Views fitted at once: enough to make numpy's overhead small, few enough for the cache."""
 
+SHARED = 12
+"""Unknowns of every fit: X and the target's pose."""
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:
@@ -63,9 +66,24 @@ def outcomes_of(trials: Sequence[Trial], evidence: Evidence, as_it_came: Fit) ->
 
 
 def _outcome(trial: Trial, fitted: Fit, before: Fit) -> Outcome:
-    price = 0.5 * trial.unknowns * np.log(6 * len(trial.evidence)) + np.log(trial.alternatives)
-    gain = fitted.log_likelihood + trial.bonus - before.log_likelihood - price
-    return Outcome(trial, float(gain), fitted.robot_translation_mm, fitted.robot_rotation_rad)
+    n = len(trial.evidence)
+    raw = fitted.log_likelihood + trial.bonus - before.log_likelihood
+    gain = few_views_factor(n, trial.unknowns) * raw - price_of(n, trial.unknowns, trial.alternatives)
+    return Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad)
+
+
+def price_of(n: int, unknowns: int, alternatives: int) -> float:
+    """What free numbers cost (Schwarz, Annals of Statistics 6(2) 1978), and what having had a choice costs."""
+    return float(0.5 * unknowns * np.log(6 * n) + np.log(alternatives))
+
+
+def few_views_factor(n: int, unknowns: int) -> float:
+    """By how much a likelihood ratio from n views exaggerates, because the noise is estimated from them too.
+
+    Bartlett's correction of N log(1 + k F / D), with N = 6 n residuals of which X and the target's pose took 12
+    (T. W. Anderson, An Introduction to Multivariate Statistical Analysis, 8.5).
+    """
+    return max(6 * n - SHARED - 1 - unknowns / 2, 1.0) / (6 * n)
 
 
 def _groups(trials: Sequence[Trial]) -> list[list[int]]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
@@ -21,28 +22,27 @@ CONCENTRATING = 4
 STRETCH = 2
 """Fewest views before and after a change."""
 
-CHANGES = 40
-"""Change points tried at first when there are more; the best one's neighbours follow."""
 
-
-def suspects_of(evidence: Evidence, fitted: Fit) -> list[int]:
-    """Rows of the views that fit worst: under the fit to all, and under a fit to the half that agrees best.
+def suspects_of(evidence: Evidence, few: NDArray[np.intp], fitted: Fit) -> list[int]:
+    """Rows of the views that fit worst: under a fit to the `few` rows, and under one to the half that agrees best.
 
     The half is found by concentration from several starts (Rousseeuw & Van Driessen, Technometrics 41(3), 1999),
     for a gross error spoils the fit to all.
     """
-    n = len(evidence)
+    sample = evidence.take(few)
+    n = len(sample)
     half = max(4, (n + 7) // 2)
     if n < half + 1:
         return list(range(n))
     rng = np.random.default_rng(0)
-    few = [evidence.take(rng.choice(n, 4, replace=False)) for _ in range(STARTS)]
-    off = np.array([_distances(evidence, start) for start in [fitted, *fits(few, iterations=CONCENTRATING)]])
+    fours = [sample.take(rng.choice(n, 4, replace=False)) for _ in range(STARTS)]
+    candidates = [fitted, *fits(fours, iterations=CONCENTRATING)]
     for _ in range(3):
-        halves = [evidence.take(np.sort(np.argsort(row)[:half])) for row in off]
-        off = np.array([_distances(evidence, start) for start in fits(halves, iterations=CONCENTRATING)])
-    best = off[np.argmin(np.sort(off, axis=1)[:, :half].sum(axis=1))]
-    worst = np.concatenate([np.argsort(-best)[:SUSPECTS], np.argsort(-fitted.distances())[:SUSPECTS]])
+        off = [np.argsort(_distances(sample, candidate))[:half] for candidate in candidates]
+        candidates = fits([sample.take(np.sort(rows)) for rows in off], iterations=CONCENTRATING)
+    spread = [np.sort(_distances(sample, candidate))[:half].sum() for candidate in candidates]
+    robust = _distances(evidence, candidates[int(np.argmin(spread))])
+    worst = np.concatenate([np.argsort(-robust)[:SUSPECTS], few[np.argsort(-fitted.distances())[:SUSPECTS]]])
     return [int(row) for row in dict.fromkeys(worst.tolist())][: SUSPECTS + 4]
 
 
@@ -63,7 +63,7 @@ def swapped_trials(evidence: Evidence, suspects: Sequence[int]) -> Iterator[Tria
     for i, j in pairs:
         poses = evidence.base_T_flange.copy()
         poses[[i, j]] = poses[[j, i]]
-        where = int(evidence.positions[i]), int(evidence.positions[j])
+        where = int(evidence.indices[i]), int(evidence.indices[j])
         yield Trial(
             "poses-swapped",
             where,
@@ -82,7 +82,7 @@ def turned_trials(evidence: Evidence, suspects: Sequence[int], centre_mm: Array)
     for row in suspects:
         seen = evidence.camera_T_target.copy()
         seen[row] = seen[row] @ half_turn
-        where = int(evidence.positions[row])
+        where = int(evidence.indices[row])
         yield Trial(
             "board-turned",
             (where,),
@@ -94,11 +94,9 @@ def turned_trials(evidence: Evidence, suspects: Sequence[int], centre_mm: Array)
         )
 
 
-def change_points(n: int) -> list[int]:
-    """Where a change is sought at first."""
-    every = list(range(STRETCH, n - STRETCH + 1))
-    step = max(1, -(-len(every) // CHANGES))
-    return every[::step]
+def change_points(n: int) -> range:
+    """Rows at which a change may be."""
+    return range(STRETCH, n - STRETCH + 1)
 
 
 @dataclass(frozen=True)
@@ -132,12 +130,14 @@ CHANGED = {
     ),
 }
 
+CHANGE_CODES = frozenset(change.code for changes in CHANGED.values() for change in changes)
+
 
 def moved_trials(evidence: Evidence, points: Sequence[int]) -> Iterator[Trial]:
     """The target, or the camera (or the active tool), is elsewhere from some view on."""
     for point in points:
         labels = (np.arange(len(evidence)) >= point).astype(np.intp)
-        where = int(evidence.positions[point])
+        where = int(evidence.indices[point])
         for change in CHANGED[evidence.setup]:
             yield Trial(
                 change.code,
