@@ -3,9 +3,11 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
 from calibration.transforms import difference
 from daemon.cli.solve import ranges
 from tests.cli.running import handeyed
@@ -105,3 +107,18 @@ def test_real_sessions_are_solved(real_data: Path) -> None:
     charuco, circles = (CalibrationDocument.model_validate_json(line) for line in ran.out.splitlines())
     assert charuco.base_T_camera is not None and circles.flange_T_camera is not None
     assert charuco.hold_out is not None and charuco.hold_out.base_error_mm < 2.5
+
+
+@pytest.mark.data
+def test_251_rendered_views_of_a_small_board_come_to_the_truth(real_data: Path) -> None:
+    ran = handeyed("solve", real_data / "metric_1", "--json")
+
+    truth = PoseDocument.model_validate(
+        json.loads((real_data / "metric_1" / "truth.json").read_text())["base_T_camera"]
+    )
+    document = CalibrationDocument.model_validate_json(ran.out)
+    assert document.base_T_camera is not None
+    translation_mm, rotation_rad = difference(document.base_T_camera.transform(), truth.transform())
+    assert translation_mm < 1.0
+    assert rotation_rad < np.radians(0.10)
+    assert ran.errors[0].startswith(f"{real_data / 'metric_1' / 'session.json'}: views[")
