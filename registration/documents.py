@@ -1,0 +1,67 @@
+"""scan.json: point clouds with poses; and the report of a registration."""
+
+from typing import Literal
+
+from typing_extensions import TypedDict
+
+from calibration.documents.calibration import CorrectionDocument, VerdictDocument
+from calibration.documents.pose import PoseDocument
+from calibration.documents.validation import Document
+from registration.motion import Unit
+
+
+class ScanViewDocument(Document):
+    """One cloud, its unit (never guessed) and where the flange stood."""
+
+    cloud: str
+    unit: Unit
+    base_T_flange: PoseDocument
+
+
+class ScanDocument(Document):
+    """The whole of scan.json."""
+
+    schema_version: Literal[1]
+    source: str = ""
+    setup: Literal["eye-in-hand"]
+    views: list[ScanViewDocument]
+
+
+class RegisteredViewDocument(Document):
+    """How one view lies: `overlap` is the share of it another view saw, `rms_mm` its deviation from the others."""
+
+    index: int
+    cloud: str
+    points: int
+    base_T_camera: PoseDocument
+    correction: CorrectionDocument | None
+    overlap: float
+    rms_mm: float | None
+    free_directions: list[str]
+
+
+class DeviationDocument(Document):
+    """Point-to-plane RMS between overlapping views; null where none overlap, `after` null without refinement."""
+
+    before: float | None
+    after: float | None
+
+
+class Seconds(TypedDict):
+    """Where the time went."""
+
+    read: float
+    register: float
+    write: float
+
+
+class RegistrationReportDocument(Document):
+    """What `handeyed register --json` prints."""
+
+    schema_version: Literal[1] = 1
+    calibration_id: str
+    views: list[RegisteredViewDocument]
+    points: int
+    rms_mm: DeviationDocument
+    seconds: Seconds
+    verdict: VerdictDocument

@@ -1,0 +1,138 @@
+"""What a registration found, as the report that people and programs read."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from calibration.documents.calibration import CorrectionDocument, FindingDocument, VerdictDocument
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array
+from registration.documents import (
+    DeviationDocument,
+    RegisteredViewDocument,
+    RegistrationReportDocument,
+    Seconds,
+)
+from registration.refine.adjust import ViewCorrection
+from registration.scan import Hand, Registration, ScanView, merged_blocks, merged_layout, register_views, sample_views
+from registration.voxel import VoxelGrid
+from registration.writing import new_cloud
+
+
+def register_scan(
+    views: list[ScanView],
+    hand: Hand,
+    out: Path,
+    clock: Callable[[], float],
+    *,
+    refine: bool = False,
+    voxel_mm: float | None = None,
+) -> RegistrationReportDocument:
+    """Register, write the merged cloud to `out` (whole or not at all), report. `clock` gives seconds.
+
+    Raises RegistrationError's leaves.
+    """
+    began = clock()
+    samples = sample_views(views)
+    sampled = clock()
+    registration = register_views(views, samples, hand, refine=refine)
+    registered = clock()
+    layout, lost = merged_layout(registration.views)
+    written = 0
+    with new_cloud(out, layout) as writer:
+        blocks = merged_blocks(registration.views, writer.form.layout)
+        if voxel_mm is not None:
+            grid = VoxelGrid(voxel_mm, writer.form.layout)
+            for block in blocks:
+                grid.add(block)
+            blocks = grid.blocks()
+        for block in blocks:
+            writer.write(block)
+        written = writer.points
+    seconds = Seconds(read=sampled - began, register=registered - sampled, write=clock() - registered)
+    return report_of(registration, hand, written, seconds, lost)
+
+
+def report_of(
+    registration: Registration, hand: Hand, points: int, seconds: Seconds, lost: tuple[str, ...] = ()
+) -> RegistrationReportDocument:
+    """The report of a registration; `lost` names columns that only some views had."""
+    findings = _findings(registration, hand, lost)
+    after = registration.after
+    return RegistrationReportDocument(
+        calibration_id=hand.calibration_id,
+        views=[_view(registration, index) for index in range(len(registration.views))],
+        points=points,
+        rms_mm=DeviationDocument(before=registration.before.rms_mm, after=after.rms_mm if after else None),
+        seconds=seconds,
+        verdict=VerdictDocument(accepted=all(found.severity != "error" for found in findings), findings=findings),
+    )
+
+
+def _view(registration: Registration, index: int) -> RegisteredViewDocument:
+    placed, agreed = registration.views[index], registration.after or registration.before
+    correction = registration.refinement.corrections[index] if registration.refinement else None
+    return RegisteredViewDocument(
+        index=index,
+        cloud=placed.view.path.name,
+        points=placed.points,
+        base_T_camera=PoseDocument.of(placed.base_T_camera),
+        correction=_correction(correction) if correction else None,
+        overlap=agreed.view_overlap[index],
+        rms_mm=agreed.view_rms_mm[index],
+        free_directions=[_words(twist) for twist in correction.free] if correction else [],
+    )
+
+
+def _correction(correction: ViewCorrection) -> CorrectionDocument:
+    translation, rotation = correction.translation_mm.tolist(), np.rad2deg(correction.rotation_rad).tolist()
+    return CorrectionDocument(translation_mm=tuple(translation), rotation_deg=tuple(rotation))
+
+
+def _words(twist: Array) -> str:
+    """A unit twist [rotation × radius, translation] in base, by its larger half."""
+    turning, sliding = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
+    kind, axis = ("rotation about", twist[:3]) if turning > sliding else ("translation along", twist[3:])
+    x, y, z = axis / np.linalg.norm(axis)
+    return f"{kind} ({x:.2f}, {y:.2f}, {z:.2f})"
+
+
+def _findings(registration: Registration, hand: Hand, lost: tuple[str, ...]) -> list[FindingDocument]:
+    findings: list[FindingDocument] = []
+    agreed = registration.after or registration.before
+    alone = [index for index, overlap in enumerate(agreed.view_overlap) if not overlap]
+    if alone and len(registration.views) > 1:
+        what = f"views {_list(alone)} overlap no other; they stand where the robot says"
+        findings.append(_finding("view-alone", "warning", what, "add views between, so that surfaces are seen twice"))
+    empty = [index for index, view in enumerate(registration.views) if not view.points]
+    if empty:
+        findings.append(_finding("view-empty", "warning", f"views {_list(empty)} have no points", "scan them again"))
+    if lost:
+        what = f"the columns {', '.join(lost)} are not in every view and were left out"
+        findings.append(_finding("columns-dropped", "warning", what, "scan every view with the same settings"))
+    refinement = registration.refinement
+    if refinement:
+        far = [index for index, found in enumerate(refinement.corrections) if not found.explained]
+        if far:
+            noise = f"{hand.noise.translation_mm:.3g} mm, {np.rad2deg(hand.noise.rotation_rad):.2g} deg"
+            what = f"views {_list(far)} were moved further than three times the robot's noise ({noise}) explains"
+            findings.append(
+                _finding(
+                    "correction-unexplained", "warning", what, "check the calibration, and that the part stood still"
+                )
+            )
+        if not refinement.settled:
+            what = f"the refinement had not settled after {refinement.iterations} iterations"
+            findings.append(
+                _finding("not-settled", "warning", what, "check for parts that moved, or too little overlap")
+            )
+    return findings
+
+
+def _finding(code: str, severity: str, message: str, fix: str) -> FindingDocument:
+    return FindingDocument.model_validate({"code": code, "severity": severity, "message": message, "fix": fix})
+
+
+def _list(indices: list[int]) -> str:
+    return ", ".join(map(str, indices))

@@ -1,0 +1,167 @@
+"""A scan: several clouds of one part, each with the pose of the flange, to one cloud in the base frame.
+
+The plain formula is P_base = base_T_flange @ flange_T_camera @ P_camera, view by view (paper, Eq. 10, with X^-1
+where it prints X). Refinement puts a small motion before it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.validation import parse_document
+from calibration.transforms import Array
+from registration.columns import shared_layout
+from registration.disk import GuardedFile
+from registration.documents import ScanDocument
+from registration.errors import ScanError
+from registration.files import moved_blocks
+from registration.layout import Layout, Records
+from registration.motion import Motion, scale_to_mm
+from registration.overlap import Agreement, agreement
+from registration.reading import open_cloud
+from registration.refine.adjust import DEFAULT_NOISE, Refinement, RobotNoise, refine_poses
+from registration.surface import Surface, sample_points
+
+DOCUMENT_LIMIT = 1 << 26
+
+LEAST_NOISE = RobotNoise(0.02, float(np.deg2rad(0.002)))
+"""No robot is better; an estimate of zero from few views must not freeze the poses."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScanView:
+    """A cloud file of unit `unit`, taken when the flange stood at `base_T_flange` (4, 4)."""
+
+    path: Path
+    unit: str
+    base_T_flange: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Hand:
+    """What a calibration gives a registration: X, and the robot's noise where it was estimated."""
+
+    calibration_id: str
+    flange_T_camera: Array
+    noise: RobotNoise = field(default=DEFAULT_NOISE)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedView:
+    """A view with its pose in base after registration, and how many points it has."""
+
+    view: ScanView
+    base_T_camera: Array
+    layout: Layout
+    points: int
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """Where every view lies, and how well they agree before and (when refined) after."""
+
+    views: tuple[PlacedView, ...]
+    before: Agreement
+    after: Agreement | None
+    refinement: Refinement | None
+
+
+def read_scan(folder: Path) -> list[ScanView]:
+    """The views of a folder's scan.json. Raises CloudIOError, DocumentError, ScanError."""
+    path = folder / "scan.json"
+    with GuardedFile.reading(path, str(path)) as file:
+        document = parse_document(ScanDocument, file.read(min(DOCUMENT_LIMIT, path.stat().st_size)), str(path))
+    if not document.views:
+        raise ScanError(f"{path} has no views", "add at least one")
+    for index, view in enumerate(document.views):
+        if Path(view.cloud).name != view.cloud:
+            raise ScanError(f"{path}: views[{index}].cloud leaves the folder", "name a file beside scan.json")
+    return [ScanView(folder / view.cloud, view.unit, view.base_T_flange.transform()) for view in document.views]
+
+
+def hand_of(document: CalibrationDocument) -> Hand:
+    """What a calibration.json gives. Raises ScanError when it has no flange_T_camera."""
+    if document.flange_T_camera is None:
+        reason = "its motions could not determine X" if document.setup == "eye-in-hand" else "its camera stands still"
+        raise ScanError(
+            f"calibration {document.id} has no flange_T_camera ({reason})", "use an eye-in-hand calibration"
+        )
+    translation_mm, rotation_deg = document.noise.robot_translation_mm, document.noise.robot_rotation_deg
+    noise = RobotNoise(
+        DEFAULT_NOISE.translation_mm if translation_mm is None else max(translation_mm, LEAST_NOISE.translation_mm),
+        DEFAULT_NOISE.rotation_rad if rotation_deg is None else max(np.deg2rad(rotation_deg), LEAST_NOISE.rotation_rad),
+    )
+    return Hand(document.id, document.flange_T_camera.transform(), noise)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSample:
+    """What was read of a view: its surface, its columns, how many points it has."""
+
+    surface: Surface
+    layout: Layout
+    points: int
+
+
+def sample_views(views: Sequence[ScanView]) -> list[ViewSample]:
+    """Read a bounded sample of every view. Raises CloudError's leaves, UnitUnknown, ScanError."""
+    if not views:
+        raise ScanError("there are no views", "add at least one")
+    return [_sample(view) for view in views]
+
+
+def _sample(view: ScanView) -> ViewSample:
+    scale = scale_to_mm(view.unit)
+    with open_cloud(view.path) as cloud:
+        blocks = _CountedBlocks(cloud.blocks())
+        points = sample_points(blocks, cloud.layout, scale)
+        return ViewSample(Surface.of(points), cloud.layout, blocks.points)
+
+
+def register_views(
+    views: Sequence[ScanView], samples: Sequence[ViewSample], hand: Hand, *, refine: bool = False
+) -> Registration:
+    """Where the views lie: by the plain formula, or refined. Raises MotionError."""
+    poses = [view.base_T_flange @ hand.flange_T_camera for view in views]
+    for view, pose in zip(views, poses, strict=True):
+        Motion.of(pose, view.unit)
+    surfaces = [sample.surface for sample in samples]
+    before = agreement(surfaces, poses)
+    refinement, after = None, None
+    if refine:
+        refinement = refine_poses(surfaces, poses, [view.base_T_flange for view in views], hand.noise)
+        poses = [found.motion @ pose for found, pose in zip(refinement.corrections, poses, strict=True)]
+        after = agreement(surfaces, poses)
+    placed = tuple(
+        PlacedView(view, pose, sample.layout, sample.points)
+        for view, pose, sample in zip(views, poses, samples, strict=True)
+    )
+    return Registration(placed, before, after, refinement)
+
+
+class _CountedBlocks:
+    """Blocks that are counted while they pass."""
+
+    def __init__(self, blocks: Iterator[Records]) -> None:
+        self._blocks = blocks
+        self.points = 0
+
+    def __iter__(self) -> Iterator[Records]:
+        for block in self._blocks:
+            self.points += len(block)
+            yield block
+
+
+def merged_layout(views: Sequence[PlacedView]) -> tuple[Layout, tuple[str, ...]]:
+    """The columns of the merged cloud, and the names of those only some views have."""
+    return shared_layout(view.layout for view in views)
+
+
+def merged_blocks(views: Sequence[PlacedView], layout: Layout) -> Iterator[Records]:
+    """Every point of every view in base, in mm, view after view."""
+    for view in views:
+        with open_cloud(view.view.path) as cloud:
+            yield from moved_blocks(cloud, Motion.of(view.base_T_camera, view.view.unit), layout)
