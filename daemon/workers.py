@@ -39,7 +39,8 @@ class Workers:
 
     def oldest_job_s(self) -> float:
         """How long the longest job has been at work; 0 when none is."""
-        return self._clock.monotonic_s() - min(list(self._began_s.values()), default=self._clock.monotonic_s())
+        now_s = self._clock.monotonic_s()
+        return now_s - min(list(self._began_s.values()), default=now_s)
 
     def close(self) -> None:
         """Let nothing new begin; what runs is left to end by itself."""

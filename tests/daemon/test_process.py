@@ -18,9 +18,11 @@ from tests.daemon.cells import serving, settings_for
 
 
 def test_a_port_that_is_taken_is_told_with_what_to_do() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        with pytest.raises(PortTaken, match=r"address already in use.*ss -ltnp"):
-            listener_at("127.0.0.1", other.getsockname()[1])
+    with (
+        socket.create_server(("127.0.0.1", 0)) as other,
+        pytest.raises(PortTaken, match=r"address already in use.*ss -ltnp"),
+    ):
+        listener_at("127.0.0.1", other.getsockname()[1])
 
 
 def test_port_0_takes_any_also_on_ipv6() -> None:
