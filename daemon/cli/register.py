@@ -1,41 +1,61 @@
 """`handeyed register SCAN_DIR`: the clouds of a part, in the robot's base frame, as one."""
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from daemon.cli.errors import ExitStatus
-from daemon.cli.output import Json
+from daemon.cli.output import Json, error_line
 
 if TYPE_CHECKING:
-    from daemon.scan_folder import RegistrationDocument
+    from registration.documents import RegisteredViewDocument, RegistrationReportDocument
 
 
 def register(
     folder: Annotated[Path, typer.Argument(metavar="SCAN_DIR", help="Folder with a scan.json and its clouds.")],
     calibration: Annotated[Path, typer.Option(help="calibration.json, eye-in-hand.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .ply, .pcd, .npy, .xyz, .csv or .bin.")],
+    refine: Annotated[bool, typer.Option("--refine", help="Fit the views to each other, within the robot's noise.")] = (
+        False
+    ),
+    voxel_mm: Annotated[float | None, typer.Option(help="Average the points of each cell of this size.")] = None,
     json: Json = False,
 ) -> None:
     """Put every cloud of a scan into the robot's base frame, in mm, and write them as one.
 
-    Exit status: 0 done, 3 done with a calibration that was not accepted, 2 unreadable input.
+    Exit status: 0 done, 3 done but not accepted (see the findings), 2 unreadable input.
     """
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
-    from daemon.scan_folder import open_scan, register_plainly
     from daemon.session_folder import read_bytes
+    from registration.report import register_scan
+    from registration.scan import hand_of, read_scan
 
     document = parse_document(CalibrationDocument, read_bytes(calibration), str(calibration))
-    report = register_plainly(open_scan(folder), document, out)
+    report = register_scan(
+        read_scan(folder), hand_of(document), out, time.perf_counter, refine=refine, voxel_mm=voxel_mm
+    )
     typer.echo(report.model_dump_json() if json else _told(report, out))
-    raise typer.Exit(ExitStatus.OK if report.verdict.accepted else ExitStatus.NOT_ACCEPTED)
+    if not document.verdict.accepted:
+        error_line(f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew")
+    accepted = report.verdict.accepted and document.verdict.accepted
+    raise typer.Exit(ExitStatus.OK if accepted else ExitStatus.NOT_ACCEPTED)
 
 
-def _told(report: "RegistrationDocument", out: Path) -> str:
+def _told(report: "RegistrationReportDocument", out: Path) -> str:
     from daemon.cli.summary import finding_line
 
     lines = [f"{out}: {report.points:,} points of {len(report.views)} views, base frame, mm"]
-    lines += [f"  {view.cloud:<24}{view.points:>12,} points" for view in report.views]
+    before, after = report.rms_mm.before, report.rms_mm.after
+    if before is not None:
+        fitted = "" if after is None else f", {after:.3f} mm after refinement"
+        lines.append(f"  between overlapping views {before:.3f} mm RMS by the robot's poses{fitted}")
+    lines += [_view(view) for view in report.views]
     return "\n".join([*lines, *(f"  {finding_line(finding)}" for finding in report.verdict.findings)])
+
+
+def _view(view: "RegisteredViewDocument") -> str:
+    deviation = "" if view.rms_mm is None else f"{view.rms_mm:8.3f} mm RMS"
+    return f"  {view.cloud:<24}{view.points:>12,} points{view.overlap:6.0%} overlap{deviation}"
