@@ -18,6 +18,7 @@ from calibration.transforms import Array
 SEARCH_PIXELS = (1.5e6, np.inf)
 """Markers too small to be read in the reduced image may be readable in the full one."""
 FEWEST_CORNERS = 4
+ROUNDS = 3
 FURTHEST_OF_SPACING = 0.25
 """How far a corner may lie from where the others put it, before the lens is known."""
 
@@ -53,16 +54,26 @@ def charuco_board(target: Charuco) -> Any:
     return board
 
 
-def _complete(image: Grey, target: Charuco, ids: NDArray[np.intp], rough: Array) -> Detection:
-    """Every corner that is a saddle close to where the plane through the `rough` ones puts it."""
+def _complete(image: Grey, target: Charuco, ids: NDArray[np.intp], corners: Array) -> Detection:
+    """Every corner that is a saddle close to where the plane through the `corners` so far puts it."""
+    found = Detection(ids, corners)
+    for _ in range(ROUNDS):
+        found = _looked_for(image, target, found)
+        if not len(ids) < len(found.ids) < len(target.points_mm):
+            break
+        ids = found.ids
+    return found
+
+
+def _looked_for(image: Grey, target: Charuco, known: Detection) -> Detection:
     size = (image.shape[1], image.shape[0])
     points = target.points_mm[:, :2]
-    view, _ = fit_plane_view(points[ids], rough, size)
+    view, _ = fit_plane_view(points[known.ids], known.corners_px, size)
     expected = view.map(points)
-    expected[ids] = rough
+    expected[known.ids] = known.corners_px
     right, down = np.array([target.square_mm, 0.0]), np.array([0.0, target.square_mm])
     spacing = narrowest_side(view.map(points + right) - view.map(points), view.map(points + down) - view.map(points))
-    half = window_px(spacing[ids], _clear_of_square(target))
+    half = window_px(spacing[known.ids], _clear_of_square(target))
     inside = np.all((expected > half) & (expected < np.array(size) - 1 - half), axis=1)
     candidates = np.flatnonzero(inside)
     refined, settled = refine_saddles(image, expected[candidates], half)

@@ -24,11 +24,14 @@ from calibration.transforms import Array
 
 SEARCHES = ((1.3e6, 4.0), (1.3e6, 2.5), (1.3e7, 4.0), (1.3e7, 2.5))
 """(pixels of the reduced image, radius of the crossings' ring): the next is tried when the board was not found."""
-LEAST_SHARE_JOINED, LEAST_SHARE_CONFIRMED, LEAST_SHARE_OF_LINE = 0.5, 0.75, 0.5
+LEAST_SHARE_JOINED, LEAST_SHARE_OF_LINE = 0.5, 0.5
+MOST_MISSING_SHARE, MOST_MISSING_SHARE_OF_FEW, FEW = 0.25, 0.125, 40
+"""A board of few corners has no evidence to spare: noise makes three by two of them."""
 LINES_AROUND = 2
 """Lines of corners looked for around the lattice: one that was missed, one more that must not be there."""
 STRAY_OF_SPACING, NEAR_OF_SPACING, NEAR_PX = 0.25, 0.15, 0.6
 LEAST_CONTRAST_OF_MEDIAN = 0.35
+FAR_PX = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,7 @@ def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
     other: tuple[int, ...] | None = None
     for board in _boards(image, target):
         if sorted(board.found.shape) == sorted((target.columns, target.rows)):
-            if board.found.mean() >= LEAST_SHARE_CONFIRMED:
+            if (~board.found).sum() <= _most_missing(target.columns * target.rows):
                 order = canonical(board.points, board.black_first, target.columns, target.rows).ravel()
                 ids = np.flatnonzero(board.found.ravel()[order])
                 return Detection(ids, board.points.reshape(-1, 2)[order[ids]])
@@ -57,6 +60,10 @@ def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
         raise DetectionError("other-board", what, "set the target's columns and rows to the board's inner corners")
     what = f"no chessboard of {wanted} was found"
     raise DetectionError("not-found", what, "bring the whole board into view, without glare; check columns and rows")
+
+
+def _most_missing(count: int) -> int:
+    return int(count * (MOST_MISSING_SHARE if count >= FEW else MOST_MISSING_SHARE_OF_FEW))
 
 
 def _boards(image: Grey, target: Chessboard) -> Iterator[Board]:
@@ -81,9 +88,8 @@ def _confirmed(image: Grey, lattice: Lattice) -> Board | None:
     columns, rows = lattice.cells.max(axis=0) + 1 + 2 * LINES_AROUND
     v, u = np.indices((rows, columns)).reshape(2, -1)
     cells = np.column_stack([u, v]) - float(LINES_AROUND)
-    expected = view.map(cells)
-    along_u, along_v = view.map(cells + np.array([0.5, 0.0])), view.map(cells + np.array([0.0, 0.5]))
-    along_u, along_v = 2 * (along_u - expected), 2 * (along_v - expected)
+    expected, beside, below = (_finite(view.map(cells + np.array(step))) for step in ((0, 0), (0.5, 0), (0, 0.5)))
+    along_u, along_v = 2 * (beside - expected), 2 * (below - expected)
     spacing = narrowest_side(along_u, along_v)
     joined = np.zeros((rows, columns), bool)
     joined[tuple(lattice.cells.T[::-1] + LINES_AROUND)] = True
@@ -98,6 +104,11 @@ def _confirmed(image: Grey, lattice: Lattice) -> Board | None:
     top, bottom, left, right = _filled_block(found.reshape(rows, columns))
     block = slice(top, bottom), slice(left, right)
     return Board(points[block], found.reshape(rows, columns)[block], (level > 0) == ((top + left) % 2 == 0))
+
+
+def _finite(pixels: Array) -> Array:
+    """Far outside the lattice the horizon may lie, and the lens's polynomial run away: there, just far away."""
+    return np.asarray(np.clip(np.nan_to_num(pixels, nan=-FAR_PX), -FAR_PX, FAR_PX))
 
 
 def _without_loose_lines(lattice: Lattice) -> Lattice:

@@ -17,7 +17,10 @@ WINDOWS_OF_SIDE = (0.04, 0.1, 0.25)
 """Side of the threshold's window over the image's shorter side: each suits dots up to about its size."""
 LEVELS_BELOW_MEAN = 6
 SMALLEST_AREA_PX, LARGEST_AREA_SHARE = 12.0, 0.05
-ELLIPSE_TOLERANCE = 0.12
+ELLIPSE_TOLERANCE, ELLIPSE_TOLERANCE_PX = 0.02, 2.0
+"""Of the area, and what an outline of few pixels may add; a square's area is off by 0.045."""
+CUT_TOLERANCE = 0.12
+"""For dots that the image's edge cuts: they are not measured, but may be the origin."""
 NARROWEST = 0.12
 """Least ratio of an ellipse's axes."""
 SAME_DOT_RADIUS = 0.5
@@ -60,7 +63,10 @@ def _ellipses(image: Grey, window_of_side: float) -> list[tuple[float, ...]]:
             continue
         xx, xy, yy = m["mu20"] / area, m["mu11"] / area, m["mu02"] / area
         determinant, trace = xx * yy - xy * xy, xx + yy
-        if determinant <= 0 or abs(area / (4 * np.pi * np.sqrt(determinant)) - 1) > ELLIPSE_TOLERANCE:
+        u, v, width, height = cv2.boundingRect(outline)
+        cut = u <= 1 or v <= 1 or u + width >= image.shape[1] - 1 or v + height >= image.shape[0] - 1
+        tolerance = (CUT_TOLERANCE if cut else ELLIPSE_TOLERANCE) * area + ELLIPSE_TOLERANCE_PX
+        if determinant <= 0 or abs(area - 4 * np.pi * np.sqrt(determinant)) > tolerance:
             continue
         short2_over_long2 = (trace - np.sqrt(max(trace**2 - 4 * determinant, 0))) / trace
         if short2_over_long2 > 2 * NARROWEST**2:

@@ -15,8 +15,10 @@ LARGEST_RMS_PX, LARGEST_RMS_OF_PITCH = 0.3, 0.012
 LEAST_FORESHORTENING = 0.08
 """Beyond about 85° from frontal the points along the short axis fall together."""
 SMALLEST_PITCH_PX = 4.0
-STRAY_OF_MEDIAN, LEAST_STRAY_PX, LARGEST_STRAY_SHARE = 6.0, 0.3, 0.4
+STRAY_OF_MEDIAN, LEAST_STRAY_PX = 6.0, 0.3
 """A point is astray when it lies this many times further off than most do: glare, something in front of it."""
+LARGEST_STRAY_SHARE, LARGEST_STRAY_SHARE_OF_FEW, FEW = 0.4, 0.125, 40
+"""Few points have no evidence to spare."""
 WRONG_OF_PITCH, LARGEST_WRONG_SHARE = 0.2, 0.08
 """Further off than this it is not that point at all; of those there may be very few."""
 
@@ -37,7 +39,8 @@ def gate(detection: Detection, target: Target, image_size: tuple[int, int]) -> D
             break
         keep[np.flatnonzero(keep)[strays]] = False
         wrong += int((np.hypot(*residual_px[strays].T) > WRONG_OF_PITCH * pitch_px).sum())
-        if (~keep).sum() > LARGEST_STRAY_SHARE * len(points) or wrong > LARGEST_WRONG_SHARE * len(points):
+        share = LARGEST_STRAY_SHARE if len(points) >= FEW else LARGEST_STRAY_SHARE_OF_FEW
+        if (~keep).sum() > share * len(points) or wrong > LARGEST_WRONG_SHARE * len(points):
             what = f"{(~keep).sum()} of the {len(points)} points found do not lie where a plane would have them"
             raise DetectionError("not-planar", what, "check the target's description, that it is flat, and for glare")
     if foreshortening < LEAST_FORESHORTENING:

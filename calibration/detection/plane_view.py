@@ -27,12 +27,13 @@ class PlaneView:
     scale_px: float
 
     def map(self, points: Array) -> Array:
-        """Pixels (n, 2) of plane points (n, 2)."""
+        """Pixels (n, 2) of plane points (n, 2); not finite on the horizon, nonsense beyond it."""
         uvw = np.column_stack([points, np.ones(len(points))]) @ self.homography.T
-        ideal = uvw[:, :2] / uvw[:, 2:]
-        r2 = (ideal**2).sum(axis=1, keepdims=True)
-        distorted = ideal * (1 + r2 * (self.radial[0] + r2 * self.radial[1]))
-        return np.asarray(self.centre_px + self.scale_px * distorted)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            ideal = uvw[:, :2] / uvw[:, 2:]
+            r2 = (ideal**2).sum(axis=1, keepdims=True)
+            distorted = ideal * (1 + r2 * (self.radial[0] + r2 * self.radial[1]))
+            return np.asarray(self.centre_px + self.scale_px * distorted)
 
     def jacobian(self, point: Array) -> Array:
         """d pixel / d plane (2, 2) at a plane point (2,), without the lens."""

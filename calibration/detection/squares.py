@@ -35,7 +35,7 @@ def _level(image: Grey, points: Array) -> NDArray[np.float64]:
 def narrowest_side(along_u: Array, along_v: Array) -> Array:
     """Distance (n,) in px between opposite sides of foreshortened squares, given their sides (n, 2)."""
     area = np.abs(along_u[:, 0] * along_v[:, 1] - along_u[:, 1] * along_v[:, 0])
-    return np.asarray(area / np.maximum(np.hypot(*along_u.T), np.hypot(*along_v.T)))
+    return np.asarray(area / np.maximum(np.maximum(np.hypot(*along_u.T), np.hypot(*along_v.T)), 1e-9))
 
 
 def window_px(narrowest_px: Array, clear_of_square: float) -> int:

@@ -1,5 +1,6 @@
 """What a camera or a file may deliver instead of a picture of the target: a reason each, and silence on stderr."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -49,6 +50,11 @@ def test_bad_images_are_refused_by_name(image, code):
     assert refusal.value.fix
 
 
+def mottled(sigma_px):
+    soft = cv2.GaussianBlur(np.random.default_rng(6).normal(0, 1, (480, 640)).astype(np.float32), (0, 0), sigma_px)
+    return np.clip(127 + 60 * soft / soft.std(), 0, 255).astype(np.uint8)
+
+
 def worlds():
     rng = np.random.default_rng(4)
     v, u = np.mgrid[:480, :640]
@@ -62,6 +68,8 @@ def worlds():
     yield "one dot", np.where((u - 300) ** 2 + (v - 200) ** 2 < 900, 20, 200).astype(np.uint8)
     yield "one corner", (40 + 170 * ((u < 300) ^ (v < 200))).astype(np.uint8)
     yield "the least allowed", noise(32, 32)
+    for sigma_px in (1.0, 2.0, 5.0):
+        yield f"mottled {sigma_px:g} px", mottled(sigma_px)
 
 
 @pytest.mark.parametrize("image", dict(worlds()).values(), ids=dict(worlds()))
