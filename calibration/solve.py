@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.consistency.outliers import Selection, agreeing_rows, select
+from calibration.diagnosis.explain import explained
 from calibration.errors import UndeterminedError
 from calibration.observability import require_determined
 from calibration.prepare import Prepared, prepare, with_real_target
@@ -28,9 +29,10 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}: one of {', '.join(METHODS)}")
     try:
-        return solution_of(problem, method, *estimated(problem))
+        prepared, start, selection = estimated(problem)
     except UndeterminedError as undetermined:
-        return refused_solution(problem, method, undetermined)
+        return explained(problem, refused_solution(problem, method, undetermined))
+    return explained(problem, solution_of(problem, method, prepared, start, selection), prepared)
 
 
 def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:

@@ -23,6 +23,9 @@ CHANCE = 1e-5
 SMALLEST = 2e-4
 """Less than this share is paper that breathes."""
 
+LARGEST = 0.5
+"""More than this share is a unit, not a print: the robot's or the target's numbers are not in millimetres."""
+
 
 def scale_error(prepared: Prepared, selection: Selection) -> float:
     """By what share the target is larger than described (negative: smaller); 0 when that is not beyond doubt."""
@@ -36,7 +39,7 @@ def scale_error(prepared: Prepared, selection: Selection) -> float:
     step = solve(model, estimate_variances(model, best.variances))
     share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
     beyond_doubt = abs(share) > deviation * float(student.isf(CHANCE / 2, 3 * len(rows.seen) - 7))
-    return share if beyond_doubt and abs(share) > SMALLEST else 0.0
+    return share if beyond_doubt and SMALLEST < abs(share) < LARGEST else 0.0
 
 
 def with_scale(prepared: Prepared, share: float) -> Prepared:

@@ -171,6 +171,7 @@ def _pitch(evidence: Evidence) -> Trial:
         f"measure the printed target with a ruler; multiply its pitch (and tag or square size) by {factor:.4f}",
         unknowns=1,
         bonus=3 * len(evidence) * float(np.log(factor)),
+        size=factor,
     )
 
 

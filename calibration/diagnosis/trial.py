@@ -22,6 +22,7 @@ class Trial:
     code, where : the cause, and the views (positions in the problem) it names.
     unknowns : free numbers the cause brings; alternatives : how many such trials there are. Both cost likelihood.
     bonus : log-likelihood the cause brings beside the fit (a change of measure).
+    size : how large the target is under this cause, against what was said.
     """
 
     code: str
@@ -35,6 +36,7 @@ class Trial:
     unknowns: int = 0
     alternatives: int = 1
     bonus: float = 0.0
+    size: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,76 @@
+"""From a solution to a solution that also says what is wrong with its input: `explained(problem, solution)`."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.camera import CameraModel
+from calibration.diagnosis.diagnose import FEWEST_VIEWS, GAIN, MOST_VIEWS, diagnose, evenly
+from calibration.diagnosis.evidence import Evidence, evidence_of
+from calibration.diagnosis.findings import findings_of, lens_findings
+from calibration.diagnosis.fit import fit
+from calibration.diagnosis.gate import suspicious
+from calibration.diagnosis.lens import lens_misfit
+from calibration.errors import UndeterminedError
+from calibration.intrinsics.estimate import estimate_camera
+from calibration.observations import observe
+from calibration.prepare import Prepared
+from calibration.problem import Problem
+from calibration.solution import Finding, Solution
+from calibration.view_poses import candidate_poses
+
+LARGEST_NUMBER = 1e9
+"""mm: a pose further away is no pose, and says nothing about the others."""
+
+SAID_ALREADY = {"wrong-pitch": "target-scale", "board-turned": "board-turned"}
+"""Causes that a solver's own finding tells as well."""
+
+
+def explained(problem: Problem, solution: Solution, prepared: Prepared | None = None) -> Solution:
+    """The solution with findings on why its input is inconsistent, when it is.
+
+    `prepared`: the session as the solver understood it; None where it was refused before.
+    """
+    found = _refused(problem) if prepared is None else _solved(problem, solution, prepared)
+    known = {finding.code for finding in solution.findings}
+    added = tuple(finding for finding in found if SAID_ALREADY.get(finding.code) not in known)
+    return replace(solution, findings=(*solution.findings, *added)) if added else solution
+
+
+def _solved(problem: Problem, solution: Solution, prepared: Prepared) -> tuple[Finding, ...]:
+    camera, poses = prepared.camera, prepared.camera_T_target.copy()
+    poses[:, :3, 3] /= prepared.scale  # whether the target's size is wrong is for the diagnosis to find
+    lens: tuple[Finding, ...] = ()
+    if problem.camera is not None and (misfit := lens_misfit(prepared.seen, camera, poses, GAIN)) is not None:
+        lens, camera, poses = lens_findings(misfit), misfit.camera, misfit.camera_T_target
+    used = {view.index for view in solution.views if view.status != "rejected"}
+    return lens + _diagnosed(problem, evidence_of(problem, prepared.seen, camera, poses), used)
+
+
+def _refused(problem: Problem) -> tuple[Finding, ...]:
+    """Motions that determine nothing may be motions in another unit or convention."""
+    seen, _ = observe(problem)
+    if len(seen) < FEWEST_VIEWS:
+        return ()
+    seen = seen.take(evenly(len(seen), MOST_VIEWS))
+    camera = problem.camera or _estimated(problem)
+    if camera is None:
+        return ()
+    return _diagnosed(problem, evidence_of(problem, seen, camera, candidate_poses(seen, camera)[0][:, 0]), set())
+
+
+def _estimated(problem: Problem) -> CameraModel | None:
+    detections = [view.detection for view in problem.views if view.detection is not None]
+    few = [detections[row] for row in evenly(len(detections), MOST_VIEWS)]
+    try:
+        return estimate_camera(problem.target, few, problem.image_size).camera
+    except UndeterminedError:
+        return None
+
+
+def _diagnosed(problem: Problem, evidence: Evidence, used: set[int]) -> tuple[Finding, ...]:
+    evidence = evidence.take(np.max(np.abs(evidence.base_T_flange[:, :3, 3]), axis=1) < LARGEST_NUMBER)
+    if len(evidence) < FEWEST_VIEWS or not suspicious(evidence, fit(evidence)):
+        return ()
+    diagnosis = diagnose(evidence, problem.target.points_mm.mean(axis=0))
+    return () if diagnosis is None else findings_of(diagnosis, used)

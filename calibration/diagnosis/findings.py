@@ -1,0 +1,82 @@
+"""A diagnosis in words: what is wrong, how consistent the session is without and with it, what to do."""
+
+from collections.abc import Set
+
+import numpy as np
+
+from calibration.diagnosis.conventions import CONVENTIONS
+from calibration.diagnosis.diagnose import Diagnosis
+from calibration.diagnosis.lens import LensMisfit
+from calibration.diagnosis.views import CHANGE_CODES
+from calibration.solution import Finding, Severity
+from calibration.transforms import Array, difference
+
+WHOLE_SESSION = frozenset({*(convention.code for convention in CONVENTIONS), "poses-off-by-one"})
+"""Causes under which no view may be used as it came."""
+
+LARGEST_PRINT_ERROR = 0.01
+"""Up to a hundredth is a printer; more is a wrong number."""
+
+LARGEST_LENS_SHARE = 0.005
+"""Of the target's distance: intrinsics that misplace the target by more belong to another camera or focus."""
+
+MOUNT_MM, MOUNT_RAD = 25.0, float(np.radians(3.0))
+"""A mount is known this well from a drawing or a ruler."""
+
+
+def findings_of(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Finding, ...]:
+    """The diagnosis as a finding; `used`: indices of the views that the solution rests on."""
+    cause = diagnosis.cause
+    message = (
+        f"{cause.message}. Robot and images disagree by {_size(diagnosis.before_mm, diagnosis.before_rad)}"
+        f" as they came, by {_size(diagnosis.after_mm, diagnosis.after_rad)} with this explanation"
+    )
+    return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix),)
+
+
+def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
+    """An error where the solution rests on views that the cause spoils."""
+    cause = diagnosis.cause
+    if cause.code in WHOLE_SESSION:
+        return "error"
+    if cause.code in CHANGE_CODES:
+        before = {index for index in used if index < cause.where[0]}
+        return "error" if before and used - before else "warning"
+    if cause.code == "wrong-pitch":
+        return "error" if abs(cause.size - 1) > LARGEST_PRINT_ERROR else "warning"
+    return "warning"
+
+
+def lens_findings(misfit: LensMisfit) -> tuple[Finding, ...]:
+    """The given intrinsics do not fit."""
+    matrix = misfit.camera.matrix
+    return (
+        Finding(
+            "intrinsics-do-not-fit",
+            "error" if misfit.share > LARGEST_LENS_SHARE else "warning",
+            f"the given intrinsics leave {misfit.before_px:.3f} px where others leave {misfit.after_px:.3f} px"
+            f" (fx {matrix[0, 0]:.1f}, fy {matrix[1, 1]:.1f}, cx {matrix[0, 2]:.1f}, cy {matrix[1, 2]:.1f});"
+            f" they misplace the target by {100 * misfit.share:.2f} % of its distance",
+            "calibrate the camera as it is focused now, or leave the intrinsics out to have them estimated",
+        ),
+    )
+
+
+def mount_findings(mount_T_camera: Array, expected_mount_T_camera: Array) -> tuple[Finding, ...]:
+    """Is X where it was expected? A tool instead of the flange in the whole session is consistent in itself."""
+    off_mm, off_rad = difference(expected_mount_T_camera, mount_T_camera)
+    if off_mm <= MOUNT_MM and off_rad <= MOUNT_RAD:
+        return ()
+    return (
+        Finding(
+            "mount-not-as-expected",
+            "warning",
+            f"the camera was found {off_mm:.1f} mm and {np.degrees(off_rad):.1f} degrees from where it was expected",
+            "if the expectation is right, the poses may be a tool's instead of the flange's: make tool0 and wobj0"
+            " active and read the poses again",
+        ),
+    )
+
+
+def _size(translation_mm: float, rotation_rad: float) -> str:
+    return f"{translation_mm:.3g} mm and {np.degrees(rotation_rad):.2g} deg"
