@@ -232,7 +232,7 @@ def test_a_sample_of_any_cloud_stays_small_and_even() -> None:
 
 
 def test_points_are_where_the_formula_says(tmp_path: Path) -> None:
-    points = np.random.default_rng(3).normal(0, 50, (200, 3)) + [0, 0, 400]
+    points = np.random.default_rng(3).normal([0, 0, 400], 50, (200, 3))
     write_scan(tmp_path, [points], poses(1))
     register_scan(read_scan(tmp_path), HAND, tmp_path / "merged.ply", ticks())
     expected = map_points(poses(1)[0] @ FLANGE_T_CAMERA, points)

@@ -1,0 +1,225 @@
+"""X from a sphere that stands still while the arm looks at it from many sides.
+
+In every view base_T_flange @ flange_T_camera @ c = s: c is the centre found in the camera's cloud, s the same point of
+the base each time. Unknown are X (6 numbers) and s (3); each view gives 3 equations. A sphere has no orientation, so
+X's rotation is fixed only by centres that lie at different places of the camera's field.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import permutations, product
+
+import numpy as np
+
+from calibration.errors import UndeterminedError
+from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, skew, transform
+
+LEAST_VIEWS = 4
+ITERATIONS = 60
+LEAST_NOISE_MM = 0.05
+ROTATION_LIMIT_RAD = float(np.deg2rad(2.0))
+TRANSLATION_LIMIT_MM = 15.0
+OUTLIER_RATIO = 3.0
+"""A view is left out when the others agree so many times better without it; robots err by far less unevenly."""
+OUTLIER_SHARE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class SphereView:
+    """The sphere's centre (3,) in the camera's frame, in mm, and where the flange stood."""
+
+    centre_mm: Array
+    base_T_flange: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SphereSolution:
+    """X, the centre in base, and how well they are known.
+
+    `covariance` (6, 6) of [rotation rad, translation mm] of flange_T_camera @ exp(.), in the camera's frame.
+    `spread_mm` (3,): standard deviation of the centre over the views, per axis of the base. `left_out_mm` (n,): how
+    far each view's centre lies from where the others put it, X solved without it; None below five views.
+    `used`: the views that agree; the figures are theirs.
+    """
+
+    flange_T_camera: Array
+    base_centre_mm: Array
+    covariance: Array
+    sigma_mm: float
+    spread_mm: Array
+    left_out_mm: Array | None
+    used: tuple[int, ...]
+
+
+def solve_from_sphere(views: Sequence[SphereView]) -> SphereSolution:
+    """Maximum likelihood with robust weights. Raises UndeterminedError when the views do not fix X."""
+    if len(views) < LEAST_VIEWS:
+        raise UndeterminedError(
+            "too-few-views", f"{len(views)} views of the sphere", f"scan it from at least {LEAST_VIEWS}"
+        )
+    system = _System.of(views)
+    kept = list(range(len(views)))
+    estimate = _solve(system)
+    while (len(views) - len(kept)) < OUTLIER_SHARE * len(views) and (bad := _outlier(system, estimate)) is not None:
+        del kept[bad]
+        system = system.without(bad)
+        estimate = _descend(system, estimate)
+    covariance = _covariance(system, estimate)
+    residuals = system.residuals(estimate)
+    left_out = [_left_out(system, index, estimate) for index in range(len(kept))] if len(kept) > LEAST_VIEWS else None
+    return SphereSolution(
+        transform(estimate.rotation, estimate.translation),
+        estimate.centre,
+        covariance,
+        _sigma(system, estimate),
+        residuals.std(axis=0),
+        None if left_out is None else np.array(left_out),
+        tuple(kept),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    rotation: Array
+    translation: Array
+    centre: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """The views as stacks: base rotations (n, 3, 3), base translations (n, 3), centres (n, 3)."""
+
+    rotations: Array
+    translations: Array
+    centres: Array
+
+    @classmethod
+    def of(cls, views: Sequence[SphereView]) -> "_System":
+        poses = np.array([view.base_T_flange for view in views])
+        return cls(poses[:, :3, :3], poses[:, :3, 3], np.array([view.centre_mm for view in views]))
+
+    def without(self, index: int) -> "_System":
+        return _System(
+            *(np.delete(stack, index, axis=0) for stack in (self.rotations, self.translations, self.centres))
+        )
+
+    def residuals(self, estimate: _Estimate) -> Array:
+        """(n, 3): where each view puts the centre, less the common one."""
+        flange = self.centres @ estimate.rotation.T + estimate.translation
+        found: Array = np.einsum("nij,nj->ni", self.rotations, flange) + self.translations - estimate.centre
+        return found
+
+    def jacobian(self, estimate: _Estimate) -> Array:
+        """(n, 3, 9) by [rotation in the camera's frame rad, translation in the flange's frame mm, centre mm]."""
+        count = len(self.centres)
+        turned = self.rotations @ (estimate.rotation @ -skew(self.centres))
+        return np.concatenate([turned, self.rotations, np.broadcast_to(-np.eye(3), (count, 3, 3))], axis=2)
+
+
+def _solve(system: _System) -> _Estimate:
+    """The best minimum from 24 starts; raises UndeterminedError when another fits as well."""
+    found = [(_sigma(system, estimate), estimate) for estimate in map(partial(_from, system), _cube_rotations())]
+    found.sort(key=lambda entry: entry[0])
+    best, estimate = found[0]
+    for sigma_mm, other in found[1:]:
+        apart = float(rotation_angle_rad(other.rotation.T @ estimate.rotation))
+        if apart > 10 * ROTATION_LIMIT_RAD and sigma_mm < 1.5 * best + LEAST_NOISE_MM:
+            what = f"two solutions {np.rad2deg(apart):.0f} degrees apart fit alike"
+            raise UndeterminedError("ambiguous", what, FIX)
+    return estimate
+
+
+def _from(system: _System, rotation: Array) -> _Estimate:
+    return _descend(system, _linear(system, rotation))
+
+
+def _linear(system: _System, rotation: Array) -> _Estimate:
+    """Translation and centre that fit a given rotation best."""
+    count = len(system.centres)
+    matrix = np.concatenate([system.rotations, np.broadcast_to(-np.eye(3), (count, 3, 3))], axis=2).reshape(-1, 6)
+    right = -(np.einsum("nij,nj->ni", system.rotations, system.centres @ rotation.T) + system.translations)
+    solution = np.linalg.lstsq(matrix, right.ravel(), rcond=None)[0]
+    return _Estimate(rotation, solution[:3], solution[3:])
+
+
+def _descend(system: _System, start: _Estimate) -> _Estimate:
+    """Levenberg and Marquardt."""
+    estimate, damping = start, 1e-3
+    residuals = system.residuals(estimate)
+    for _ in range(ITERATIONS):
+        rows = system.jacobian(estimate).reshape(-1, 9)
+        information = rows.T @ rows
+        scale = np.diag(np.maximum(np.diag(information), 1e-9))
+        step = -np.linalg.solve(information + damping * scale, rows.T @ residuals.ravel())
+        trial = _Estimate(
+            estimate.rotation @ rotation_from_vector(step[:3]),
+            estimate.translation + step[3:6],
+            estimate.centre + step[6:],
+        )
+        after = system.residuals(trial)
+        if np.sum(after**2) <= np.sum(residuals**2):
+            estimate, residuals, damping = trial, after, damping / 10
+        else:
+            damping *= 10
+        if np.abs(step[3:]).max() < 1e-7 or damping > 1e9:
+            break
+    return estimate
+
+
+def _outlier(system: _System, estimate: _Estimate) -> int | None:
+    """The view without which the others agree far better, if there is one."""
+    count = len(system.centres)
+    if count <= LEAST_VIEWS + 1:
+        return None
+    sizes = [_sigma(rest := system.without(index), _descend(rest, estimate)) for index in range(count)]
+    worst = int(np.argmin(sizes))
+    alone = max(sizes[worst], LEAST_NOISE_MM) < _sigma(system, estimate) / OUTLIER_RATIO
+    return worst if alone else None
+
+
+def _sigma(system: _System, estimate: _Estimate) -> float:
+    """Standard deviation of a coordinate of the centre; 9 numbers were fitted."""
+    freedom = max(3 * len(system.centres) - 9, 1)
+    return float(np.sqrt(np.sum(system.residuals(estimate) ** 2) / freedom))
+
+
+def _covariance(system: _System, estimate: _Estimate) -> Array:
+    """(6, 6) in the camera's frame. Raises UndeterminedError."""
+    rows = system.jacobian(estimate).reshape(-1, 9)
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    if values[0] <= 1e-12 * values[-1]:
+        raise UndeterminedError("sphere-unobservable", _weakest(vectors[:, 0]), FIX)
+    covariance = (vectors / values @ vectors.T)[:6, :6] * max(_sigma(system, estimate), LEAST_NOISE_MM) ** 2
+    deviations = np.sqrt(np.diag(covariance))
+    if deviations[:3].max() > ROTATION_LIMIT_RAD or deviations[3:].max() > TRANSLATION_LIMIT_MM:
+        raise UndeterminedError("sphere-unobservable", _weakest(vectors[:, 0]), FIX)
+    to_camera = np.eye(6)
+    to_camera[3:, 3:] = estimate.rotation.T
+    in_camera: Array = to_camera @ covariance @ to_camera.T
+    return in_camera
+
+
+FIX = (
+    "turn the flange about two axes by 30 degrees or more, and let the sphere stand at different places of the picture"
+)
+
+
+def _weakest(direction: Array) -> str:
+    what = "rotation" if np.linalg.norm(direction[:3]) * 300 > np.linalg.norm(direction[3:6]) else "translation"
+    return f"the views of the sphere do not fix X's {what}"
+
+
+def _left_out(system: _System, index: int, start: _Estimate) -> float:
+    estimate = _descend(system.without(index), start)
+    return float(np.linalg.norm(system.residuals(estimate)[index]))
+
+
+def _cube_rotations() -> list[Array]:
+    """The 24 rotations of a cube: none is further than 63 degrees from the next."""
+    matrices = [
+        np.eye(3)[list(order)] * np.array(signs, float)[:, None]
+        for order in permutations(range(3))
+        for signs in product((1, -1), repeat=3)
+    ]
+    return [matrix for matrix in matrices if np.linalg.det(matrix) > 0]

@@ -1,0 +1,168 @@
+"""X from a sphere: found among clutter, solved, refused when the views do not tell."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.errors import UndeterminedError
+from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
+from registration.errors import SphereError
+from registration.scan import Hand, read_scan, register_views, sample_views
+from registration.sphere import find_artefact, fit_sphere
+from registration.sphere_calibration import SphereSolution, SphereView, solve_from_sphere
+from tests.registration.parts import FLANGE_T_CAMERA
+
+CENTRE_IN_BASE = np.array([120.0, -630.0, 70.0])
+
+
+def cap(centre: Array, radius_mm: float, seed: int = 0, noise_mm: float = 0.05, count: int = 4000) -> Array:
+    """The half of a sphere a camera at the origin sees."""
+    random = np.random.default_rng(seed)
+    directions = random.normal(size=(4 * count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    seen = directions[directions @ centre < -0.5 * np.linalg.norm(centre)][:count]
+    points: Array = centre + seen * (radius_mm + random.normal(0, noise_mm, (len(seen), 1)))
+    return points
+
+
+def test_a_sphere_is_found_among_clutter() -> None:
+    random = np.random.default_rng(1)
+    table = np.column_stack([random.uniform(-100, 100, (3000, 2)), np.full(3000, 400.0)])
+    stray = random.uniform(-100, 100, (800, 3)) + np.array([0.0, 0.0, 330.0])
+    centre = np.array([10.0, -5.0, 340.0])
+    points = np.concatenate([table, cap(centre, 30.0), stray, np.full((5, 3), np.nan)])
+    for fit in (fit_sphere(points, 30.0), fit_sphere(points), find_artefact(points, 30.0)):
+        np.testing.assert_allclose(fit.centre, centre, rtol=0, atol=0.03)
+        assert fit.radius_mm == pytest.approx(30, abs=0.03)
+    assert fit_sphere(points, 30.0).sigma_mm == pytest.approx(0.05, rel=0.2)
+
+
+def test_the_centres_covariance_is_what_repetition_shows() -> None:
+    centre = np.array([0.0, 0.0, 300.0])
+    fits = [fit_sphere(cap(centre, 40.0, seed, noise_mm=0.2, count=1000), 40.0) for seed in range(40)]
+    spread = np.std([fit.centre for fit in fits], axis=0)
+    promised = np.sqrt(np.diag(fits[0].covariance) / 12)
+    np.testing.assert_allclose(spread, promised, rtol=0.5)
+
+
+@pytest.mark.parametrize(
+    ("points", "radius_mm", "says"),
+    [
+        (np.zeros((10, 3)), 30.0, "too few"),
+        (cap(np.array([0.0, 0, 300]), 30.0), -1.0, "radius"),
+        (cap(np.array([0.0, 0, 300]), 30.0), 90.0, "radius"),
+        (cap(np.array([0.0, 0, 0.3]), 0.03, noise_mm=0), 30.0, "unit"),
+        (np.zeros((500, 3)), 30.0, "radius"),
+        (np.random.default_rng(0).uniform(-500, 500, (2000, 3)), 30.0, "radius"),
+        (cap(np.array([0.0, 0, 300]), 31.0), 30.0, "radius of 31"),
+    ],
+)
+def test_what_is_no_such_sphere_is_told(points: Array, radius_mm: float, says: str) -> None:
+    with pytest.raises(SphereError, match=says):
+        find_artefact(points, radius_mm)
+
+
+def looks(count: int, seed: int = 0, tilt: float = 0.5) -> list[Array]:
+    """base_T_flange from which the camera sees the sphere, each time elsewhere in its field."""
+    random = np.random.default_rng(seed)
+    poses = []
+    for _ in range(count):
+        rotation = rotation_from_vector(random.normal(0, tilt, 3)) @ rotation_from_vector([np.pi, 0, 0])
+        seen = random.normal([0, 0, 320], [35, 35, 30])
+        pose = transform(rotation, np.zeros(3))
+        poses.append(transform(rotation, CENTRE_IN_BASE - map_points(pose @ FLANGE_T_CAMERA, seen[None])[0]))
+    return poses
+
+
+def view(base_T_flange: Array, noise_mm: float = 0.0, seed: int = 0) -> SphereView:
+    centre = map_points(inverse(base_T_flange @ FLANGE_T_CAMERA), CENTRE_IN_BASE[None])[0]
+    return SphereView(centre + np.random.default_rng(seed).normal(0, noise_mm, 3), base_T_flange)
+
+
+def solve(poses: list[Array], noise_mm: float = 0.0) -> SphereSolution:
+    return solve_from_sphere([view(pose, noise_mm, index) for index, pose in enumerate(poses)])
+
+
+def test_exact_views_give_exactly_x() -> None:
+    solution = solve(looks(7))
+    translation_mm, rotation_rad = difference(solution.flange_T_camera, FLANGE_T_CAMERA)
+    assert translation_mm < 1e-5
+    assert rotation_rad < 1e-7
+    np.testing.assert_allclose(solution.base_centre_mm, CENTRE_IN_BASE, rtol=0, atol=1e-5)
+
+
+def test_the_stated_uncertainty_is_the_real_one() -> None:
+    errors, promised = [], []
+    for trial in range(30):
+        poses = looks(9, seed=2)
+        views = [view(pose, 0.3, 100 * trial + index) for index, pose in enumerate(poses)]
+        solution = solve_from_sphere(views)
+        errors.append(difference(solution.flange_T_camera, FLANGE_T_CAMERA))
+        deviations = np.sqrt(np.diag(solution.covariance))
+        promised.append((np.linalg.norm(deviations[3:]), np.linalg.norm(deviations[:3])))
+    real = np.sqrt(np.mean(np.square(errors), axis=0))
+    np.testing.assert_allclose(real, np.mean(promised, axis=0), rtol=0.35)
+
+
+def test_one_wrong_pose_is_left_out() -> None:
+    poses = looks(9)
+    views = [view(pose, 0.1, index) for index, pose in enumerate(poses)]
+    bad = views[4].base_T_flange.copy()
+    bad[0, 3] += 25
+    solution = solve_from_sphere([*views[:4], SphereView(views[4].centre_mm, bad), *views[5:]])
+    assert solution.used == (0, 1, 2, 3, 5, 6, 7, 8)
+    assert solution.spread_mm.max() < 0.2
+    assert solution.left_out_mm is not None
+    assert len(solution.left_out_mm) == 8
+
+
+def same_place(count: int) -> list[Array]:
+    """The sphere always at the same place of the picture: X's rotation cannot be told."""
+    poses = []
+    for pose in looks(count):
+        turned = transform(pose[:3, :3], np.zeros(3)) @ FLANGE_T_CAMERA
+        poses.append(transform(pose[:3, :3], CENTRE_IN_BASE - map_points(turned, np.array([[0, 0, 320.0]]))[0]))
+    return poses
+
+
+@pytest.mark.parametrize(
+    ("poses", "noise_mm"),
+    [
+        (looks(3), 0.0),
+        (same_place(8), 0.2),
+        (looks(8, tilt=0.0), 0.2),
+        ([looks(1)[0]] * 8, 0.2),
+        (looks(8, tilt=0.01), 0.3),
+    ],
+)
+def test_views_that_do_not_fix_x_are_refused(poses: list[Array], noise_mm: float) -> None:
+    with pytest.raises(UndeterminedError):
+        solve(poses, noise_mm)
+
+
+@pytest.mark.data
+def test_nine_real_views_of_a_sphere(real_data: Path) -> None:
+    views = read_scan(real_data / "reghec_sphere")
+    samples = sample_views(views)
+    fits = [find_artefact(sample.surface.points, 48.37) for sample in samples]
+    solution = solve_from_sphere(
+        [SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, views, strict=True)]
+    )
+    assert np.all(solution.spread_mm <= [0.50, 0.69, 0.61])
+    assert solution.left_out_mm is not None
+    assert solution.left_out_mm.max() < 3
+
+
+@pytest.mark.data
+def test_a_real_object_of_nine_views_comes_together(real_data: Path) -> None:
+    spheres = read_scan(real_data / "reghec_sphere")
+    fits = [find_artefact(sample.surface.points, 48.37) for sample in sample_views(spheres)]
+    x = solve_from_sphere([SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, spheres, strict=True)])
+    views = read_scan(real_data / "reghec_duck")
+    registration = register_views(views, sample_views(views), Hand("sphere", x.flange_T_camera), refine=True)
+    assert registration.before.rms_mm is not None
+    assert 0.6 < registration.before.rms_mm < 0.9
+    assert registration.after is not None
+    assert registration.after.rms_mm is not None
+    assert registration.after.rms_mm <= 0.25
