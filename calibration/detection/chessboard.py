@@ -74,12 +74,12 @@ def _boards(image: Grey, target: Chessboard) -> Iterator[Board]:
         if (factor, ring_radius_px) not in tried:
             tried.add((factor, ring_radius_px))
             for lattice in grow_lattices(find_crossings(small, ring_radius_px), fewest):
-                board = _confirmed(image, Lattice(lattice.cells, at_full_size(lattice.points, factor)))
+                board = confirmed_board(image, Lattice(lattice.cells, at_full_size(lattice.points, factor)))
                 if board is not None:
                     yield board
 
 
-def _confirmed(image: Grey, lattice: Lattice) -> Board | None:
+def confirmed_board(image: Grey, lattice: Lattice) -> Board | None:
     """The lattice and what lies around it, with every corner looked for where the plane puts it."""
     lattice = _without_loose_lines(lattice)
     view = _plane(lattice, (image.shape[1], image.shape[0]))

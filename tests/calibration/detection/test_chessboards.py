@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks.detection_views import BLURRED, ORDINARY
+from calibration.detection.chessboard import confirmed_board
+from calibration.detection.crossings import find_crossings
 from calibration.detection.detect import detect
+from calibration.detection.lattice import Lattice, grow_lattices
 from calibration.errors import DetectionError
 from calibration.targets import Charuco, Chessboard
 from mock_robot.printed_target import Sheet
@@ -98,6 +101,18 @@ def test_another_board_than_configured_is_refused(printed, configured, code):
 def test_the_refusal_names_the_board_that_was_found():
     with pytest.raises(DetectionError, match="9×6 inner corners was found"):
         detect(pictures(Chessboard(9, 6, 20.0), 1)[0].image, Chessboard(7, 6, 20.0))
+
+
+@pytest.mark.parametrize("line", ["first column", "last row"])
+def test_a_line_that_was_not_joined_is_looked_for(line):
+    picture = pictures(BOARD, 1, tilt_deg=20.0)[0]
+    lattice = grow_lattices(find_crossings(picture.image, 4.0), 80)[0]
+    axis, number = (0, 0) if line == "first column" else (1, lattice.cells[:, 1].max())
+    kept = lattice.cells[:, axis] != number
+    cells = lattice.cells[kept] - lattice.cells[kept].min(axis=0)
+    board = confirmed_board(picture.image, Lattice(cells, lattice.points[kept]))
+    assert board.found.all()
+    assert board.found.size == 88
 
 
 def test_a_charuco_board_is_no_smaller_chessboard():
