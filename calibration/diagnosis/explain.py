@@ -6,18 +6,20 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import FEWEST_VIEWS, GAIN, MOST_VIEWS, diagnose, evenly
-from calibration.diagnosis.evidence import Evidence, evidence_of
+from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
 from calibration.diagnosis.findings import findings_of, lens_findings
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.gate import suspicious
-from calibration.diagnosis.lens import lens_misfit
+from calibration.diagnosis.lens import LensMisfit, lens_misfit
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.estimate import estimate_camera
+from calibration.likelihood.pixels import pixel_statistics
 from calibration.observations import observe
 from calibration.prepare import Prepared
 from calibration.problem import Problem
 from calibration.solution import Finding, Solution
-from calibration.view_poses import candidate_poses
+from calibration.transforms import Array
+from calibration.view_poses import candidate_poses, refined_poses
 
 LARGEST_NUMBER = 1e9
 """mm: a pose further away is no pose, and says nothing about the others."""
@@ -38,13 +40,23 @@ def explained(problem: Problem, solution: Solution, prepared: Prepared | None = 
 
 
 def _solved(problem: Problem, solution: Solution, prepared: Prepared) -> tuple[Finding, ...]:
-    camera, poses = prepared.camera, prepared.camera_T_target.copy()
+    camera, seen, poses = prepared.camera, prepared.seen, prepared.camera_T_target.copy()
     poses[:, :3, 3] /= prepared.scale  # whether the target's size is wrong is for the diagnosis to find
     lens: tuple[Finding, ...] = ()
-    if problem.camera is not None and (misfit := lens_misfit(prepared.seen, camera, poses, GAIN)) is not None:
+    if problem.camera is not None and (misfit := _lens_misfit(prepared, poses)) is not None:
         lens, camera, poses = lens_findings(misfit), misfit.camera, misfit.camera_T_target
+        seen = replace(seen, points_mm=prepared.drawn_mm[seen.ids])
     used = {view.index for view in solution.views if view.status != "rejected"}
-    return lens + _diagnosed(problem, evidence_of(problem, prepared.seen, camera, poses), used)
+    return lens + _diagnosed(problem, evidence_of(problem, seen, camera, poses), used)
+
+
+def _lens_misfit(prepared: Prepared, poses: Array) -> LensMisfit | None:
+    """A lens that is not as given looks like a target that is not as drawn: the simpler explanation first."""
+    if prepared.shape is None:
+        return lens_misfit(prepared.seen, prepared.camera, poses, GAIN)
+    as_shaped = pixel_deviation(pixel_statistics(prepared.seen, prepared.camera, poses))
+    drawn = replace(prepared.seen, points_mm=prepared.drawn_mm[prepared.seen.ids])
+    return lens_misfit(drawn, prepared.camera, refined_poses(drawn, prepared.camera, poses), GAIN, as_shaped)
 
 
 def _refused(problem: Problem) -> tuple[Finding, ...]:

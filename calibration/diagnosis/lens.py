@@ -21,6 +21,9 @@ WORTH_SAYING = 5e-4
 """Of the target's distance: the least by which better intrinsics must move it. A camera that has been calibrated
 anew, a degree warmer, differs by less."""
 
+AS_GOOD = 1.02
+"""Nine numbers of a lens that leave this much more than hundreds of a target's shape are the simpler explanation."""
+
 
 @dataclass(frozen=True, eq=False)
 class LensMisfit:
@@ -38,9 +41,12 @@ class LensMisfit:
 
 
 def lens_misfit(
-    seen: Observations, camera: CameraModel, camera_T_target: Array, least_gain: float
+    seen: Observations, camera: CameraModel, camera_T_target: Array, least_gain: float, otherwise_px: float = np.inf
 ) -> LensMisfit | None:
-    """None unless other intrinsics fit better beyond chance, and it matters."""
+    """None unless other intrinsics fit the target as drawn better beyond chance, and it matters.
+
+    `otherwise_px`: what another explanation leaves, the target's own shape; the better one is believed.
+    """
     if len(seen) < FEWEST_VIEWS:
         return None
     rows = np.unique(np.linspace(0, len(seen) - 1, MOST_VIEWS).astype(np.intp))
@@ -56,7 +62,7 @@ def lens_misfit(
     share = float(np.median(shift / np.linalg.norm(camera_T_target[:, :3, 3], axis=1)))
     # The shift along the axis is known as well as the focal length is.
     doubt = float(np.sqrt(found.covariance[0, 0]) / found.camera.matrix[0, 0])
-    if gain < least_gain or share < max(WORTH_SAYING, 3 * doubt):
+    if gain < least_gain or share < max(WORTH_SAYING, 3 * doubt) or after > AS_GOOD * otherwise_px:
         return None
     return LensMisfit(found.camera, moved, before, after, share, gain)
 

@@ -52,7 +52,7 @@ def mistyped_outcomes(evidence: Evidence, suspects: Sequence[int], baseline: flo
         yield Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad)
 
 
-FIX = "read that pose on the controller again; if it was typed rightly, the arm had not settled or the image is another"
+FIX = "read that pose on the controller again; if it is right, the arm had not settled, or the image is bad"
 
 
 @dataclass(frozen=True)
