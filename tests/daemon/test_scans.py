@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from calibration.transforms import map_points, transform_from_quaternion
-from daemon.scan_folder import open_scan
 from drivers.errors import DeviceTimeout
 from registration.formats.ply import parse_header
+from registration.scan import read_scan
 from tests.daemon.cells import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, ply_of, points_of, poses_around_the_target
 from tests.daemon.test_register import OCTETS, PLY, cloud, with_a_calibration
@@ -56,7 +56,7 @@ async def test_views_sent_from_several_poses_become_one_cloud(tmp_path: Path) ->
             ("view_000.ply", "mm"),
             ("view_001.f32", "m"),
         ]
-        assert len(open_scan(tmp_path / "scans" / scan["id"]).document.views) == 2
+        assert len(read_scan(tmp_path / "scans" / scan["id"])) == 2
         assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply", "view_001.f32"]
 
 
