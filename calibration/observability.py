@@ -7,6 +7,7 @@ lemma 2 and 3. What is not determined is refused with the reason, in words an op
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calibration.closed_forms.motions import SMALLEST_TURN_RAD
 from calibration.errors import UndeterminedError
@@ -38,18 +39,20 @@ class Motion:
 
 def distinct_stations(base_T_flange: Array) -> list[int]:
     """Rows of the poses (n, 4, 4) that are not a repetition of an earlier one."""
-    kept: list[int] = []
-    for row, pose in enumerate(base_T_flange):
-        shift = np.linalg.norm(base_T_flange[kept, :3, 3] - pose[:3, 3], axis=1)
-        turn = np.atleast_1d(rotation_angle_rad(base_T_flange[kept, :3, :3] @ pose[:3, :3].T)) if kept else np.empty(0)
-        if not np.any((shift < SAME_POSE_MM) & (turn < SAME_POSE_RAD)):
-            kept.append(row)
-    return kept
+    if not len(base_T_flange):
+        return []
+    near = cKDTree(base_T_flange[:, :3, 3]).query_pairs(SAME_POSE_MM, output_type="ndarray")
+    earlier, later = np.sort(near, axis=1).T
+    turn = rotation_angle_rad(base_T_flange[earlier, :3, :3] @ np.swapaxes(base_T_flange[later, :3, :3], 1, 2))
+    repetitions = set(later[np.asarray(turn) < SAME_POSE_RAD].tolist()) if len(near) else set()
+    return [row for row in range(len(base_T_flange)) if row not in repetitions]
 
 
 def motion_of(base_T_flange: Array) -> Motion:
     """Turns between all pairs of the robot's poses (n, 4, 4); their axes in the flange's frame."""
     distinct = base_T_flange[distinct_stations(base_T_flange)]
+    if len(distinct) < 2:
+        return Motion(len(distinct), 0.0, 0.0, 0.0, np.zeros(3))
     thin = distinct[np.unique(np.linspace(0, len(distinct) - 1, MOST_VIEWS_IN_PAIRS).astype(int))]
     i, j = np.triu_indices(len(thin), 1)
     turns = vector_from_rotation(np.swapaxes(thin[i, :3, :3], 1, 2) @ thin[j, :3, :3]).reshape(-1, 3)

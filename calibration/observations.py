@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 from calibration.problem import Problem, View
 from calibration.transforms import Array
 
+NARROWEST_PX = 2.0
+"""A target seen narrower than this has no pose worth the name."""
+
 FEWEST_CORNERS = 4
 """Four points of a plane determine its pose; fewer do not."""
 
@@ -89,6 +92,8 @@ def _corners(problem: Problem, view: View) -> tuple[NDArray[np.intp], Array] | U
     width_mm = np.linalg.svd(plane, compute_uv=False)
     if width_mm[1] < 1e-6 * max(width_mm[0], 1e-300):
         return Unusable("corners-on-a-line", "all corners lie on one line of the target")
+    if np.linalg.svd(pixels - pixels.mean(axis=0), compute_uv=False)[1] < NARROWEST_PX:
+        return Unusable("edge-on", "all corners lie on one line of the image: the target is seen edge-on")
     return ids, pixels
 
 

@@ -30,9 +30,10 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
         raise ValueError(f"unknown method {method!r}: one of {', '.join(METHODS)}")
     try:
         prepared, start, selection = estimated(problem)
+        solution = solution_of(problem, method, prepared, start, selection)
     except UndeterminedError as undetermined:
         return explained(problem, refused_solution(problem, method, undetermined))
-    return explained(problem, solution_of(problem, method, prepared, start, selection), prepared)
+    return explained(problem, solution, prepared)
 
 
 def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:

@@ -10,6 +10,7 @@ from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, estimate, frozen
 from calibration.likelihood.mixed_model import Variances
 from calibration.likelihood.pixels import pixel_statistics
+from calibration.likelihood.variance_components import SMALLEST_PIXEL_VARIANCE
 from calibration.prepare import Prepared
 from calibration.transforms import Array, transform
 
@@ -63,7 +64,7 @@ def first_variances(prepared: Prepared, chain: Chain) -> Variances:
     """Noise levels from what each view's own pose and the chain's corrections leave."""
     statistics = pixel_statistics(prepared.seen, prepared.camera, prepared.camera_T_target)
     redundancy = max(float(statistics.count.sum()) - 6 * len(prepared.seen), 1.0)
-    pixel = max(float(statistics.square.sum()) / redundancy, 1e-10)
+    pixel = max(float(statistics.square.sum()) / redundancy, SMALLEST_PIXEL_VARIANCE)
     rotation, translation = np.median(chain.corrections[:, :3] ** 2), np.median(chain.corrections[:, 3:] ** 2)
     return Variances(pixel, 2.2 * float(rotation), 2.2 * float(translation))  # median of chi² with one degree: 0.455
 

@@ -33,11 +33,11 @@ def summed_products(anchor_R_mount: Array, camera_R_target: Array) -> Array:
     """sum_i R_i ⊗ S_i' (..., 9, 9), so that it maps vec(X), row by row, to vec(sum_i R_i X S_i)."""
     lead, n = anchor_R_mount.shape[:-3], anchor_R_mount.shape[-3]
     left = np.swapaxes(anchor_R_mount.reshape(*lead, n, 9), -1, -2)
-    products = left @ camera_R_target.reshape(*lead, n, 9)
+    products: Array = left @ camera_R_target.reshape(*lead, n, 9)
     # products[a b, c d] = sum R[a, b] S[c, d] and (R X S)[a, d] = R[a, b] X[b, c] S[c, d].
     summed: Array = np.swapaxes(products.reshape(*lead, 3, 3, 3, 3), -1, -3)
     result: Array = np.ascontiguousarray(np.swapaxes(summed, -1, -2))
-    return result.reshape(*lead, 9, 9)
+    return np.reshape(result, (*lead, 9, 9))
 
 
 def as_rotation(matrices: Array) -> Array:

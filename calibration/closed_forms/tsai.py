@@ -2,7 +2,7 @@
 
 The axis of X's rotation comes as P' = tan(theta / 2) times its direction, which is infinite for a turn of 180 degrees,
 a common mounting. So the same equations are also solved with the camera's frame turned by 180 degrees about each of
-its axes beforehand, and the solution with the smallest P' is kept: one of the four turns by at most 120 degrees.
+its axes beforehand (one of the four turns by at most 120 degrees), and the solution that fits the turns best is kept.
 """
 
 import numpy as np
@@ -18,10 +18,10 @@ def tsai(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     motions = all_pairs(anchor_T_mount, camera_T_target).turning()
     alpha, beta = motions.vectors()
     mount, camera = _modified_rodrigues(alpha), _modified_rodrigues(beta)
-    candidates = [(_half_tangent(mount, camera @ turn), turn) for turn in HALF_TURNS]
-    vector, turn = min(candidates, key=lambda candidate: float(np.linalg.norm(candidate[0])))
     # R carries the turned camera axes turn' k onto the mount's; X's rotation is R turn', and turn is symmetric.
-    return with_translation(motions, _rotation(vector) @ turn)
+    candidates = [_rotation(_half_tangent(mount, camera @ turn)) @ turn for turn in HALF_TURNS]
+    rotation = min(candidates, key=lambda candidate: float(np.linalg.norm(alpha - beta @ candidate.T)))
+    return with_translation(motions, rotation)
 
 
 def _modified_rodrigues(vectors: Array) -> Array:
@@ -40,5 +40,5 @@ def _half_tangent(mount: Array, camera: Array) -> Array:
 def _rotation(half_tangent: Array) -> Array:
     """Rotation (3, 3) of P' by Eqs. 14 and 10."""
     p = 2 * half_tangent / np.sqrt(1 + half_tangent @ half_tangent)
-    rotation: Array = (1 - p @ p / 2) * np.eye(3) + (np.outer(p, p) + np.sqrt(4 - p @ p) * skew(p)) / 2
+    rotation: Array = (1 - p @ p / 2) * np.eye(3) + (np.outer(p, p) + np.sqrt(max(4 - p @ p, 0.0)) * skew(p)) / 2
     return rotation

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +10,7 @@ from calibration.camera import CameraModel
 from calibration.likelihood.pixels import pixel_residuals
 from calibration.observations import FEWEST_CORNERS, Observations
 from calibration.transforms import Array
-from calibration.view_poses import refined_poses
+from calibration.view_poses import candidate_poses, refined_poses
 
 OUTLYING = 5.0
 """Deviations from its view: a normal corner is that far out once in 270,000."""
@@ -44,14 +45,16 @@ def without_bad_corners(seen: Observations, camera: CameraModel, camera_T_target
     suspect = np.flatnonzero(np.max(distances * (seen.weights > 0), axis=1) > OUTLYING * _scale(distances, seen))
     weights = seen.weights.copy()
     if len(suspect):
-        weights[suspect], poses[suspect] = _rejected(seen.take(suspect), camera, poses[suspect])
+        weights[suspect], poses[suspect] = _rejected(seen.take(suspect), camera)
     cleaned = seen.weighted(weights)
     return CleanCorners(cleaned, poses, _disagreeing(seen, cleaned, camera, poses))
 
 
-def _rejected(views: Observations, camera: CameraModel, poses: Array) -> tuple[Array, Array]:
-    """Weights (n, m) of 0 or 1 and refitted poses, by Cauchy weights first and a hard limit at the end."""
+def _rejected(views: Observations, camera: CameraModel) -> tuple[Array, Array]:
+    """Weights (n, m) of 0 or 1 and refitted poses: a majority first, then Cauchy weights, a hard limit at the end."""
     present = views.weights > 0
+    majority = np.array([_majority(views, camera, row) for row in range(len(views))])
+    poses = candidate_poses(views.weighted(majority), camera)[0][:, 0]
     for _ in range(ROUNDS):
         distances = _distances(views, camera, poses)
         ratio = distances / (TUKEY_SHARE * _scale(distances, views)[:, None])
@@ -60,6 +63,22 @@ def _rejected(views: Observations, camera: CameraModel, poses: Array) -> tuple[A
     weights = (present & (distances <= OUTLYING * _scale(distances, views)[:, None])).astype(float)
     weights[weights.sum(axis=1) < FEWEST_CORNERS] = views.weights[weights.sum(axis=1) < FEWEST_CORNERS]
     return weights, refined_poses(views.weighted(weights), camera, poses)
+
+
+def _majority(views: Observations, camera: CameraModel, row: int) -> Array:
+    """Weights (m,) of the corners that agree on one homography (least median of squares), at least four of them."""
+    present = np.flatnonzero(views.weights[row] > 0)
+    xy = camera.normalise(views.pixels[row, present])
+    sane = np.all(np.isfinite(xy), axis=1)
+    present, xy = present[sane], xy[sane]
+    weights = np.zeros(len(views.weights[row]))
+    if len(present) > FEWEST_CORNERS:
+        # In units of a pixel: OpenCV's smallest deviation is an absolute number.
+        undistorted_px = xy * camera.matrix[0, 0]
+        _, agreeing = cv2.findHomography(views.points_mm[row, present, :2], undistorted_px, cv2.LMEDS)
+        chosen = present[agreeing[:, 0] > 0] if agreeing is not None else present[:0]
+        weights[chosen] = 1.0
+    return weights if np.count_nonzero(weights) >= FEWEST_CORNERS else views.weights[row]
 
 
 def _disagreeing(seen: Observations, cleaned: Observations, camera: CameraModel, poses: Array) -> NDArray[np.intp]:

@@ -118,7 +118,7 @@ def woodbury(model: MixedModel, variances: Variances) -> Array:
 
 def covariance_of(information: Array) -> Array:
     """Inverses of symmetric positive matrices (..., k, k) whose unknowns have different units."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-30))
     values, vectors = np.linalg.eigh(scale[..., :, None] * information * scale[..., None, :])
     vectors = scale[..., :, None] * vectors
     covariance: Array = (vectors / np.maximum(values, 1e-14)[..., None, :]) @ np.swapaxes(vectors, -1, -2)

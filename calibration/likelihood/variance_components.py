@@ -14,7 +14,9 @@ import numpy as np
 from calibration.likelihood.mixed_model import MixedModel, Variances, solve
 from calibration.transforms import Array
 
-SMALLEST_PIXEL_VARIANCE = 1e-10
+SMALLEST_PIXEL_VARIANCE = 1e-6
+"""A thousandth of a pixel: no image is better, and beyond it the robot's part is lost in rounding."""
+
 GROUPS = (slice(0, 3), slice(3, 6))
 
 
@@ -48,7 +50,7 @@ def redundancy(model: MixedModel, variances: Variances) -> Redundancy:
     WA = (model.UA - UUK @ model.UA) / pixel  # U' V^-1 A
     Ue = model.Uy + model.UA @ b  # U' e with e = y + A b
     u = (Ue - (UUK @ Ue[..., None])[..., 0]) / pixel  # U' P y
-    SA = [np.einsum("nip,niq->pq", WA[:, g], WA[:, g], optimize=True) for g in GROUPS]
+    SA = [_cross(WA[:, g], WA[:, g]) for g in GROUPS]
     quadratic = np.array([np.sum(u[:, g] ** 2) for g in GROUPS])
     trace = np.array([np.trace(W[:, g, g], axis1=1, axis2=2).sum() for g in GROUPS])
     trace -= [np.sum(S_inv * part) for part in SA]
@@ -65,7 +67,8 @@ def redundancy(model: MixedModel, variances: Variances) -> Redundancy:
 
 
 def _cross(left: Array, right: Array) -> Array:
-    product: Array = np.einsum("nip,niq->pq", left, right, optimize=True)
+    """sum_n left_n' right_n (p, q)."""
+    product: Array = left.reshape(-1, left.shape[2]).T @ right.reshape(-1, right.shape[2])
     return product
 
 
@@ -85,7 +88,7 @@ def _scored(found: Redundancy, variances: Variances) -> Variances:
 
 def _nonnegative(fisher: Array, quadratic: Array) -> tuple[float, float]:
     """The non-negative solution of two equations; a component that wants to be negative is zero."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(fisher), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(fisher), 1e-30))
     scaled, right_hand = scale[:, None] * fisher * scale, scale * quadratic
     if abs(np.linalg.det(scaled)) > 1e-9:
         both = scale * np.linalg.solve(scaled, right_hand)

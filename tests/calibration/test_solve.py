@@ -1,0 +1,164 @@
+"""The solver against known truth, and its own account of how well it did."""
+
+import numpy as np
+import pytest
+
+from benchmarks.simulation import CellNoise
+from calibration.likelihood.chain import Chain
+from calibration.likelihood.pixels import pixel_residuals, pixel_rows, with_intrinsics
+from calibration.observations import observe
+from calibration.prediction import ExpectedNoise, Scene, predict
+from calibration.problem import Setup
+from calibration.report import calibration_document
+from calibration.solve import METHODS, solve_hand_eye
+from calibration.transforms import inverse, vector_from_rotation
+from calibration.verdict import judge
+from calibration.view_poses import moved
+from tests.calibration.cells import QUIET, cell, error_of
+
+SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
+COARSE = CellNoise(0.1, float(np.radians(0.02)), 0.2)
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("camera_given", [True, False])
+def test_without_noise_the_truth_comes_back(setup: Setup, camera_given: bool) -> None:
+    truth = cell(1, 8, QUIET, setup=setup, camera_given=camera_given)
+    solution = solve_hand_eye(truth.problem)
+    translation_mm, rotation_deg = error_of(solution.mount_T_camera, truth)
+    assert translation_mm < 0.01
+    assert rotation_deg < 1e-3
+    assert solution.anchor_T_target is not None
+    assert np.allclose(solution.anchor_T_target, truth.anchor_T_target, atol=0.02)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("setup", SETUPS)
+def test_every_method_solves_both_setups(method: str, setup: Setup) -> None:
+    truth = cell(2, 8, setup=setup)
+    solution = solve_hand_eye(truth.problem, method)
+    assert solution.uncertainty is not None and solution.method == method
+    translation_mm, _ = error_of(solution.mount_T_camera, truth)
+    assert translation_mm < 4 * np.linalg.norm(solution.uncertainty.translation_mm)
+
+
+def test_an_unknown_method_is_named_with_the_known_ones() -> None:
+    with pytest.raises(ValueError, match="unknown method 'tsia': one of auto, three-pose, tsai"):
+        solve_hand_eye(cell(2, 4).problem, "tsia")
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+def test_maximum_likelihood_beats_the_closed_forms(setup: Setup) -> None:
+    squares: dict[str, float] = {"auto": 0.0, "park": 0.0, "daniilidis": 0.0}
+    for seed in range(12):
+        truth = cell(100 + seed, 12, COARSE, setup=setup)
+        for method in squares:
+            squares[method] += error_of(solve_hand_eye(truth.problem, method).mount_T_camera, truth)[0] ** 2
+    assert squares["auto"] < 0.8 * min(squares["park"], squares["daniilidis"])
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+def test_the_noise_levels_are_found(setup: Setup) -> None:
+    noise = solve_hand_eye(cell(3, 60, COARSE, setup=setup).problem).noise
+    assert noise.image_px == pytest.approx(0.1, rel=0.05)
+    assert noise.robot_rotation_rad == pytest.approx(np.radians(0.02), rel=0.25)
+    assert noise.robot_translation_mm == pytest.approx(0.2, rel=0.25)
+
+
+def test_an_exact_robot_is_found_to_be_exact() -> None:
+    noise = solve_hand_eye(cell(4, 20, CellNoise(0.1, 0.0, 0.0)).problem).noise
+    assert noise.robot_translation_mm is not None and noise.robot_rotation_rad is not None
+    assert noise.robot_translation_mm < 0.02
+    assert np.degrees(noise.robot_rotation_rad) < 0.003
+
+
+def test_errors_are_as_large_as_the_uncertainty_says() -> None:
+    normalised = []
+    for seed in range(40):
+        truth = cell(200 + seed, (4, 6, 10, 20)[seed % 4], COARSE, setup=SETUPS[seed % 2], camera_given=seed % 3 > 0)
+        solution = solve_hand_eye(truth.problem)
+        assert solution.mount_T_camera is not None and solution.uncertainty is not None
+        off = inverse(truth.mount_T_camera) @ solution.mount_T_camera
+        error = np.concatenate([vector_from_rotation(off[:3, :3]), off[:3, 3]])
+        normalised.append(error / np.sqrt(np.diagonal(solution.uncertainty.covariance)))
+    assert 0.8 < float(np.std(normalised)) < 1.2
+
+
+def test_the_uncertainty_is_what_the_planner_predicted() -> None:
+    truth = cell(5, 30, COARSE)
+    noise = ExpectedNoise(COARSE.image_px, COARSE.robot_rotation_rad, COARSE.robot_translation_mm)
+    scene = Scene("eye-in-hand", truth.problem.target, truth.camera, truth.mount_T_camera, truth.anchor_T_target, noise)
+    predicted = predict(scene, np.array([view.base_T_flange for view in truth.problem.views]))
+    uncertainty = solve_hand_eye(truth.problem).uncertainty
+    assert uncertainty is not None
+    assert uncertainty.point_mm == pytest.approx(predicted.point_mm, rel=0.3)
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+def test_derivatives_are_those_of_the_residuals(setup: Setup) -> None:
+    truth = cell(6, 4, setup=setup)
+    seen, _ = observe(truth.problem)
+    rng = np.random.default_rng(0)
+    chain = Chain(setup, seen.base_T_flange, truth.mount_T_camera, truth.anchor_T_target, 0.05 * rng.random((4, 6)))
+    poses = chain.camera_T_target()
+    rows = pixel_rows(seen, truth.camera, poses, free_intrinsics=True, free_scale=True)
+    by_shared = rows[..., :6] @ chain.by_shared(poses)[:, None]
+    by_correction = rows[..., :6] @ chain.by_correction(poses)[:, None]
+    tiny = 1e-6
+
+    def numeric(changed: Chain) -> np.ndarray:
+        return (pixel_residuals(seen, truth.camera, changed.camera_T_target()) - rows[..., -1]) / tiny
+
+    for k in range(12):
+        assert np.allclose(numeric(chain.moved(tiny * np.eye(12)[k], chain.corrections)), by_shared[..., k], atol=2e-2)
+    for k in range(6):
+        changed = chain.moved(np.zeros(12), chain.corrections + tiny * np.eye(6)[k])
+        assert np.allclose(numeric(changed), by_correction[..., k], atol=2e-2)
+    for k in range(6):
+        pixels = pixel_residuals(seen, truth.camera, moved(poses, tiny * np.tile(np.eye(6)[k], (4, 1))))
+        assert np.allclose((pixels - rows[..., -1]) / tiny, rows[..., k], atol=2e-2)
+    for k in range(9):
+        camera = with_intrinsics(truth.camera, tiny * np.eye(9)[k])
+        pixels = pixel_residuals(seen, camera, poses)
+        assert np.allclose((pixels - rows[..., -1]) / tiny, rows[..., 6 + k], atol=2e-2)
+
+
+def test_the_hold_out_error_is_what_solving_without_the_view_gives() -> None:
+    from dataclasses import replace
+
+    from calibration.hold_out import base_errors
+    from calibration.solve import estimated
+
+    problem = cell(7, 12, COARSE).problem
+    solution = solve_hand_eye(problem)
+    prepared, _, _ = estimated(problem)
+    squares = []
+    for left_out in range(12):
+        rest = replace(problem, views=tuple(view for view in problem.views if view.index != left_out))
+        chain = estimated(rest)[2].best.chain
+        row = prepared.take(np.array([left_out]))
+        there = chain.of_views(row.seen.base_T_flange)
+        squares.append(np.sum(base_errors(row.seen, there, row.camera_T_target) ** 2, axis=-1))
+    assert solution.hold_out is not None
+    assert solution.hold_out.base_error_mm == pytest.approx(float(np.sqrt(np.mean(squares))), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("setup", "names"),
+    [
+        ("eye-in-hand", ("flange_T_camera", "base_T_target")),
+        ("eye-to-hand", ("base_T_camera", "flange_T_target")),
+    ],
+)
+def test_the_document_names_the_transforms_by_their_setup(setup: Setup, names: tuple[str, str]) -> None:
+    problem = cell(8, 6, setup=setup).problem
+    solution = solve_hand_eye(problem)
+    document = calibration_document(
+        problem, solution, judge(problem, solution), calibration_id="c1", created_at="now", software="handeyed 0"
+    )
+    given = document.model_dump(exclude_none=True)
+    assert {name for name in given if "_T_" in name} == set(names)
+    assert np.allclose(getattr(document, names[0]).transform(), solution.mount_T_camera)
+    assert document.verdict.accepted
+    assert document.hold_out is not None and document.noise.robot_rotation_deg is not None
+    assert len(document.views) == 6
