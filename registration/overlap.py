@@ -18,7 +18,7 @@ OVER_THE_SURFACE = 1.5
 """Spacings a point may lie beside its counterpart; further, it looks past the surface's edge."""
 
 LEAST_PAIRS = 100
-PROBE_LIMIT = 6_000
+PROBE_LIMIT = 3_000
 """Points of one view that are compared with each other view."""
 
 

@@ -69,9 +69,13 @@ class VoxelGrid:
         if not self._keys:
             return
         keys, sums = np.concatenate(self._keys), np.concatenate(self._sums)
-        order = np.argsort(keys, kind="stable")
-        keys = keys[order]
-        first = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]]) if len(keys) else np.empty(0, int)
-        self._keys = [keys[first]]
-        self._sums = [np.add.reduceat(sums[order], first, axis=0) if len(first) else sums]
-        self._settled = len(first)
+        order = np.argsort(keys)
+        ordered = keys[order]
+        first = np.ones(len(keys), bool)
+        first[1:] = ordered[1:] != ordered[:-1]
+        cell = np.empty(len(keys), np.intp)
+        cell[order] = np.cumsum(first) - 1
+        self._keys = [ordered[first]]
+        # bincount adds in the order the points came, so the bits do not depend on the sort
+        self._sums = [np.stack([np.bincount(cell, column) for column in sums.T], axis=1) if len(keys) else sums]
+        self._settled = len(self._keys[0])

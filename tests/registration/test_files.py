@@ -20,7 +20,7 @@ from registration.layout import XYZ_FLOAT32, Layout, Records
 from registration.motion import Motion
 from registration.reading import open_cloud
 from registration.writing import new_cloud
-from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
+from tests.registration.clouds import BASE_T_CAMERA, RICH, cases, cloud, moved, xyz
 
 MOTION = Motion.of(BASE_T_CAMERA, "mm")
 PCL = Layout.of(
@@ -135,7 +135,7 @@ def reader(data: bytes) -> Callable[[int], bytes]:
     return take
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=cases(60), deadline=None)
 @given(st.lists(st.sampled_from([b"a", b"abc" * 200, bytes(300), b"xyz", bytes(range(256))]), max_size=60))
 def test_lzf_gives_back_what_was_packed(pieces: list[bytes]) -> None:
     data = b"".join(pieces)
@@ -143,7 +143,7 @@ def test_lzf_gives_back_what_was_packed(pieces: list[bytes]) -> None:
     assert b"".join(decompress(reader(packed), len(packed))) == data
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=cases(100), deadline=None)
 @given(st.binary(max_size=300))
 def test_any_bytes_as_lzf_end_or_are_told(data: bytes) -> None:
     with contextlib.suppress(LzfDamaged):

@@ -20,7 +20,7 @@ from registration.formats import pcd, ply
 from registration.formats.bodies import TextEncoder
 from registration.layout import XYZ_FLOAT32, XYZ_FLOAT64, Layout
 from registration.stream import CloudStream
-from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
+from tests.registration.clouds import BASE_T_CAMERA, RICH, cases, cloud, moved, xyz
 
 PLY, PCD, OCTETS = "application/x-ply", "application/x-pcd", "application/octet-stream"
 PADDED = Layout.of(np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("_3", "u1", (4,))]))
@@ -81,7 +81,7 @@ def test_every_point_is_moved_and_every_other_column_survives(media_type: str, e
 
 
 @pytest.mark.parametrize(("media_type", "encoding", "layout"), KINDS)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=cases(15), deadline=None)
 @given(data=st.data())
 def test_boundaries_of_pieces_do_not_show(media_type: str, encoding: str, layout: Layout, data: st.DataObject) -> None:
     body = body_of(media_type, encoding, layout, 60)
@@ -297,7 +297,7 @@ def test_far_away_coordinates_keep_their_digits() -> None:
     np.testing.assert_allclose(xyz(records_in(out, PLY)), moved(records, far), rtol=0, atol=2e-6)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=cases(200), deadline=None)
 @given(
     st.binary(max_size=400),
     st.sampled_from([b"", b"ply\n", ply.format_header(RICH, 3), PCD_HEADER]),
@@ -310,7 +310,7 @@ def test_any_bytes_give_a_cloud_or_a_named_error(tail: bytes, head: bytes, media
         assert str(error).startswith("request body: ")
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=cases(200), deadline=None)
 @given(st.sampled_from(KINDS), st.data())
 def test_a_damaged_cloud_gives_a_cloud_or_a_named_error(kind: tuple[str, str, Layout], data: st.DataObject) -> None:
     body = bytearray(body_of(*kind, 3))

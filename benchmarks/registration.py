@@ -1,0 +1,238 @@
+"""Registration beside its physical limits and its peers, as ratios of one run: `python -m benchmarks.registration`.
+
+Peers are compared where they are installed. Peak memory is measured in a process of its own.
+"""
+
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from calibration.transforms import rotation_from_vector, transform
+from registration.files import move_file
+from registration.formats import pcd, ply
+from registration.layout import XYZ_FLOAT32, Layout
+from registration.motion import Motion, move_points
+from registration.overlap import agreement
+from registration.refine.adjust import refine_poses
+from registration.scan import Hand, read_scan, register_views, sample_views
+from registration.sphere import find_artefact
+from registration.sphere_calibration import SphereView, solve_from_sphere
+from registration.stream import CloudStream
+from registration.voxel import VoxelGrid
+
+BASE_T_CAMERA = transform(rotation_from_vector([0.1, 0.5, -0.3]), [100.0, -200.0, 300.0])
+MOTION = Motion.of(BASE_T_CAMERA, "mm")
+COLOURED = Layout.of(
+    np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), *((c, "u1") for c in ("red", "green", "blue"))])
+)
+PADDED = Layout.of(np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("_3", "u1", (4,))]))
+
+MEMORY_PROBE = """
+import sys
+from pathlib import Path
+from benchmarks.registration import MOTION
+from registration.files import move_file
+if sys.argv[1]:
+    move_file(Path(sys.argv[1]), Path(sys.argv[2]), MOTION)
+peak = Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]
+print(int(peak) // 1024)
+"""
+
+
+def best(work: Callable[[], object], repeat: int = 7) -> float:
+    """The fastest of some runs, in seconds."""
+    times = []
+    for _ in range(repeat):
+        began = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def row(what: str, ratio: float, of: str, note: str = "") -> None:
+    print(f"{what:<46}{ratio:8.2f} x {of:<16}{note}", flush=True)
+
+
+def kernel(points: int) -> None:
+    block = 1 << 15
+    source = np.random.default_rng(0).normal(0, 100, (points, 3)).astype(np.float32)
+    target = np.zeros_like(source)
+
+    def ours() -> None:
+        for start in range(0, points, block):
+            move_points(MOTION.matrix, source[start : start + block], target[start : start + block])
+
+    copied = best(lambda: np.copyto(target, source))
+    row(f"kernel, {points:.0e} float32 points", copied / best(ours), "memcpy")
+    row(
+        "  numpy P @ R.T + t",
+        copied / best(lambda: source @ MOTION.rotation.T.astype(np.float32) + np.float32(1), 3),
+        "memcpy",
+    )
+
+
+def files(points: int, folder: Path) -> None:
+    for name, layout, suffix in (
+        ("PLY xyz", XYZ_FLOAT32, ".ply"),
+        ("PLY with colour", COLOURED, ".ply"),
+        ("PCD with padding", PADDED, ".pcd"),
+    ):
+        source, target = folder / f"in{suffix}", folder / f"out{suffix}"
+        write(source, layout, points)
+        copied = best(lambda s=source, t=target: subprocess.run(["cp", s, t], check=True))  # type: ignore[misc]
+        ours = best(lambda s=source, t=target: move_file(s, t, MOTION))  # type: ignore[misc]
+        peak, idle = memory(source, target), memory(None, target)
+        row(f"{name}, file to file", copied / ours, "cp", f"peak {peak} MB, {idle} MB of it imports")
+        if suffix == ".ply":
+            peers(source, target, copied)
+
+
+def write(path: Path, layout: Layout, points: int) -> None:
+    header = ply.format_header if path.suffix == ".ply" else pcd.format_header
+    records = np.zeros(points, layout.dtype)
+    for axis, name in enumerate("xyz"):
+        records[name] = np.random.default_rng(axis).normal(0, 100, points)
+    with path.open("wb") as file:
+        file.write(header(layout, points))
+        records.tofile(file)
+
+
+def memory(source: Path | None, target: Path) -> int:
+    """Peak resident memory of a process that moves one file, in MB."""
+    arguments = [sys.executable, "-c", MEMORY_PROBE, str(source or ""), str(target)]
+    return int(subprocess.run(arguments, check=True, capture_output=True, text=True).stdout)
+
+
+def peers(source: Path, target: Path, copied: float) -> None:
+    if find_spec("plyfile"):
+        import plyfile
+
+        def through_plyfile() -> None:
+            data = plyfile.PlyData.read(source)
+            vertex = data["vertex"].data
+            points = np.stack([vertex[name] for name in "xyz"], axis=1) @ MOTION.rotation.T + MOTION.matrix[:, 3]
+            vertex = vertex.copy()
+            for axis, name in enumerate("xyz"):
+                vertex[name] = points[:, axis]
+            plyfile.PlyData([plyfile.PlyElement.describe(vertex, "vertex")]).write(target)
+
+        row("  plyfile", copied / best(through_plyfile, 2), "cp")
+    if find_spec("open3d"):
+        import open3d
+
+        def through_open3d() -> None:
+            cloud = open3d.t.io.read_point_cloud(str(source))
+            open3d.t.io.write_point_cloud(str(target), cloud.transform(BASE_T_CAMERA))
+
+        row("  Open3D, tensor API", copied / best(through_open3d, 2), "cp")
+
+
+def stream(points: int) -> None:
+    """Bytes in, bytes out, as the daemon feeds it from the socket."""
+    body = bytes(points * 12)
+    chunk = 1 << 16
+
+    def copied() -> None:
+        for start in range(0, len(body), chunk):
+            bytearray(body[start : start + chunk])
+
+    def ours() -> None:
+        moved = CloudStream("application/octet-stream", BASE_T_CAMERA, "mm")
+        for start in range(0, len(body), chunk):
+            moved.feed(body[start : start + chunk])
+        moved.finish()
+
+    row("stream, 64 kB pieces", best(copied) / best(ours), "two copies")
+
+
+def voxels(points: int) -> None:
+    records = np.zeros(points, XYZ_FLOAT32.dtype)
+    for axis, name in enumerate("xyz"):
+        records[name] = np.random.default_rng(axis).uniform(0, 500, points)
+
+    def ours() -> None:
+        grid = VoxelGrid(10.0, XYZ_FLOAT32)
+        for start in range(0, points, 1 << 16):
+            grid.add(records[start : start + (1 << 16)])
+        list(grid.blocks())
+
+    spent = best(ours, 2)
+    print(f"{'voxel grid':<46}{points / spent / 1e6:8.2f} million points a second")
+    if find_spec("small_gicp"):
+        import small_gicp
+
+        cloud = np.stack([records[name] for name in "xyz"], axis=1).astype(float)
+        row("  small_gicp", spent / best(lambda: small_gicp.voxelgrid_sampling(cloud, 10.0), 2), "ours (speed)")
+
+
+def real(data: Path) -> None:
+    """Nine views of real objects, X from the sphere."""
+    spheres = read_scan(data / "reghec_sphere")
+    fits = [find_artefact(sample.surface.points, 48.37) for sample in sample_views(spheres)]
+    x = solve_from_sphere([SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, spheres, strict=True)])
+    spread, left_out = x.spread_mm.round(3).tolist(), x.left_out_mm
+    print(f"sphere centre over 9 views, plain formula: {spread} mm; left out: {np.round(left_out, 2)} mm")
+    hand = Hand("sphere", x.flange_T_camera)
+    for folder in sorted(data.glob("reghec_*")):
+        views = read_scan(folder)
+        samples = sample_views(views)
+        began = time.perf_counter()
+        found = register_views(views, samples, hand, refine=True)
+        spent = time.perf_counter() - began
+        after = found.after.rms_mm if found.after else None
+        print(
+            f"{folder.name:<20} before {found.before.rms_mm:.3f} mm, refined {after:.3f} mm, {spent:.1f} s", flush=True
+        )
+        if folder.name == "reghec_david" and find_spec("small_gicp"):
+            pairs_of_small_gicp(folder, hand, spent)
+
+
+def pairs_of_small_gicp(folder: Path, hand: Hand, spent: float) -> None:
+    """The same 36 pairs, aligned one by one."""
+    import small_gicp
+
+    views = read_scan(folder)
+    samples = sample_views(views)
+    poses = [view.base_T_flange @ hand.flange_T_camera for view in views]
+    began = time.perf_counter()
+    clouds = [small_gicp.preprocess_points(sample.surface.points, downsampling_resolution=0.7) for sample in samples]
+    for one in range(len(views)):
+        for two in range(one):
+            start = np.linalg.inv(poses[one]) @ poses[two]
+            small_gicp.align(clouds[one][0], clouds[two][0], clouds[one][1], init_T_target_source=start)
+    row("  small_gicp, the same pairs", spent / (time.perf_counter() - began), "its time, ours")
+    surfaces = [sample.surface for sample in samples]
+    alone = best(lambda: refine_poses(surfaces, poses, [view.base_T_flange for view in views]), 1)
+    look = best(lambda: agreement(surfaces, poses), 1)
+    print(f"  of it the refinement {alone:.1f} s, one look at all pairs {look:.2f} s")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--points", type=int, default=10_000_000)
+    parser.add_argument("--data", type=Path, default=Path(__file__).resolve().parents[2] / "shared" / "data")
+    options = parser.parse_args()
+    kernel(options.points)
+    folder = Path(tempfile.mkdtemp(prefix="handeyed-bench-"))
+    try:
+        files(options.points, folder)
+    finally:
+        shutil.rmtree(folder)
+    stream(options.points)
+    voxels(min(options.points, 4_000_000))
+    if options.data.is_dir():
+        real(options.data)
+    else:
+        print(f"no real data at {options.data}")
+
+
+if __name__ == "__main__":
+    main()
