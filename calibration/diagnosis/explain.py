@@ -42,12 +42,18 @@ def explained(problem: Problem, solution: Solution, prepared: Prepared | None = 
 def _solved(problem: Problem, solution: Solution, prepared: Prepared) -> tuple[Finding, ...]:
     camera, seen, poses = prepared.camera, prepared.seen, prepared.camera_T_target.copy()
     poses[:, :3, 3] /= prepared.scale  # whether the target's size is wrong is for the diagnosis to find
-    lens: tuple[Finding, ...] = ()
-    if problem.camera is not None and (misfit := _lens_misfit(prepared, poses)) is not None:
-        lens, camera, poses = lens_findings(misfit), misfit.camera, misfit.camera_T_target
-        seen = replace(seen, points_mm=prepared.drawn_mm[seen.ids])
     used = {view.index for view in solution.views if view.status != "rejected"}
-    return lens + _diagnosed(problem, evidence_of(problem, seen, camera, poses), used)
+    given = evidence_of(problem, seen, camera, poses)
+    misfit = None if problem.camera is None else _lens_misfit(prepared, poses)
+    if misfit is None:
+        return _diagnosed(problem, given, used)
+    if not misfit.matters and not _diagnosed(problem, given, used):
+        return ()
+    drawn = replace(seen, points_mm=prepared.drawn_mm[seen.ids])
+    fitting = evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
+    still_wrong = _diagnosed(problem, fitting, used)
+    # A slight misfit is worth a word when it is all that was wrong.
+    return (*(lens_findings(misfit) if misfit.matters or not still_wrong else ()), *still_wrong)
 
 
 def _lens_misfit(prepared: Prepared, poses: Array) -> LensMisfit | None:

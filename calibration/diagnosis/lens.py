@@ -21,6 +21,9 @@ WORTH_SAYING = 5e-4
 """Of the target's distance: the least by which better intrinsics must move it. A camera that has been calibrated
 anew, a degree warmer, differs by less."""
 
+WORSE = 1.1
+"""Pixels that fit this much worse than they could are worth saying, too."""
+
 AS_GOOD = 1.02
 """Nine numbers of a lens that leave this much more than hundreds of a target's shape are the simpler explanation."""
 
@@ -29,7 +32,7 @@ AS_GOOD = 1.02
 class LensMisfit:
     """The intrinsics that fit, the views' poses with them (n, 4, 4), the pixels' deviation before and after.
 
-    `share`: by how much of its distance the target moves in the median view; `gain` in log-likelihood.
+    `share`: by how much of its distance the target moves in the median view; `matters`: worth saying by itself.
     """
 
     camera: CameraModel
@@ -37,13 +40,13 @@ class LensMisfit:
     before_px: float
     after_px: float
     share: float
-    gain: float
+    matters: bool
 
 
 def lens_misfit(
     seen: Observations, camera: CameraModel, camera_T_target: Array, least_gain: float, otherwise_px: float = np.inf
 ) -> LensMisfit | None:
-    """None unless other intrinsics fit the target as drawn better beyond chance, and it matters.
+    """None unless other intrinsics fit the target as drawn better beyond chance.
 
     `otherwise_px`: what another explanation leaves, the target's own shape; the better one is believed.
     """
@@ -60,11 +63,12 @@ def lens_misfit(
     moved = refined_poses(seen, found.camera, camera_T_target)
     shift = np.linalg.norm(moved[:, :3, 3] - camera_T_target[:, :3, 3], axis=1)
     share = float(np.median(shift / np.linalg.norm(camera_T_target[:, :3, 3], axis=1)))
+    if gain < least_gain or after > AS_GOOD * otherwise_px:
+        return None
     # The shift along the axis is known as well as the focal length is.
     doubt = float(np.sqrt(found.covariance[0, 0]) / found.camera.matrix[0, 0])
-    if gain < least_gain or share < max(WORTH_SAYING, 3 * doubt) or after > AS_GOOD * otherwise_px:
-        return None
-    return LensMisfit(found.camera, moved, before, after, share, gain)
+    matters = share > max(WORTH_SAYING, 3 * doubt) or before > WORSE * after
+    return LensMisfit(found.camera, moved, before, after, share, matters)
 
 
 def _gain_of_a_step(seen: Observations, camera: CameraModel, poses: Array) -> float:
