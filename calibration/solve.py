@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.consistency.outliers import Selection, agreeing_rows, select
 from calibration.diagnosis.explain import explained
@@ -18,6 +20,13 @@ METHODS = ("auto", *CLOSED_FORMS)
 
 MOST_ROUNDS = 3
 """Camera and target shape are estimated in turn, the camera with the robot's help; each round gains less."""
+
+CONTRADICTORY = (
+    "contradictory-input",
+    "the robot's poses and the images contradict each other so much that no estimate of X exists",
+    "check the poses' units, their convention and their order",
+)
+"""Numbers far from any cell break the arithmetic; which convention would mend them is for the diagnosis to say."""
 
 
 def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:

@@ -1,0 +1,262 @@
+"""Clean calibration sessions, and one fault put into them: what the diagnosis' tests and benchmark work on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.camera import CameraModel
+from calibration.diagnosis.evidence import Evidence, evidence_of
+from calibration.diagnosis.fit import Fit, fit, inverted, residuals_of
+from calibration.prepare import prepare
+from calibration.problem import Detection, Problem, Setup, View
+from calibration.targets import Charuco
+from calibration.transforms import (
+    Array,
+    inverse,
+    map_points,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    transform,
+    vector_from_rotation,
+)
+
+BOARD = Charuco(12, 9, 20.0, 15.0, "DICT_5X5_100")
+CAMERA = CameraModel(np.array([[2400.0, 0, 640], [0, 2400, 512], [0, 0, 1]]), np.zeros(5), (1280, 1024))
+SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
+NUMBERS = ("x", "y", "z", "q1 (w)", "q2 (x)", "q3 (y)", "q4 (z)")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One standard deviation per axis."""
+
+    image_px: float = 0.1
+    robot_mm: float = 0.05
+    robot_deg: float = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class Fault:
+    """A session with one thing wrong, the codes that name it rightly, and what its finding must say."""
+
+    problem: Problem
+    codes: frozenset[str]
+    says: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """A fault of any size: `at(size)` in mm, or in what the kind counts; `slope`: how robot poses follow."""
+
+    at: Callable[[float], Fault]
+
+
+def simulated_session(rng: np.random.Generator, n: int, noise: Noise, setup: Setup) -> Problem:
+    """n random views of a board, tilted by up to 35 degrees, with normal errors of pixels and robot."""
+    mount_T_camera = transform(rotation_from_vector(rng.uniform(-1.8, 1.8, 3)), rng.uniform(-250, 250, 3))
+    anchor_T_target = transform(rotation_from_vector(rng.uniform(-1.8, 1.8, 3)), rng.uniform(-600, 600, 3))
+    return Problem(
+        setup,
+        BOARD,
+        CAMERA,
+        CAMERA.image_size,
+        tuple(_view(index, rng, noise, setup, mount_T_camera, anchor_T_target) for index in range(n)),
+    )
+
+
+def _view(
+    index: int, rng: np.random.Generator, noise: Noise, setup: Setup, mount_T_camera: Array, anchor_T_target: Array
+) -> View:
+    azimuth, tilt = rng.uniform(-np.pi, np.pi), np.radians(35) * np.sqrt(rng.uniform())
+    turn = rotation_from_vector(tilt * np.array([np.cos(azimuth), np.sin(azimuth), 0.0]))
+    turn = turn @ rotation_from_vector(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+    middle = np.array([*rng.uniform(-40, 40, 2), rng.uniform(550, 750)])
+    camera_T_target = transform(turn, middle - turn @ BOARD.points_mm.mean(axis=0))
+    anchor_T_mount = anchor_T_target @ inverse(mount_T_camera @ camera_T_target)
+    base_T_flange = anchor_T_mount if setup == "eye-in-hand" else inverse(anchor_T_mount)
+    error = np.radians(noise.robot_deg) * rng.standard_normal(3), noise.robot_mm * rng.standard_normal(3)
+    pixels = CAMERA.project(map_points(camera_T_target, BOARD.points_mm))
+    seen = Detection(np.arange(len(pixels)), pixels + noise.image_px * rng.standard_normal(pixels.shape))
+    return View(index, base_T_flange @ transform(rotation_from_vector(error[0]), error[1]), seen)
+
+
+def poses_of(problem: Problem) -> Array:
+    """(n, 4, 4)"""
+    return np.array([view.base_T_flange for view in problem.views])
+
+
+def with_poses(problem: Problem, base_T_flange: Array) -> Problem:
+    """The same images at other robot poses."""
+    pairs = zip(problem.views, base_T_flange, strict=True)
+    return replace(problem, views=tuple(replace(view, base_T_flange=pose) for view, pose in pairs))
+
+
+def _vector_scaled(factor: float) -> Callable[[Array], Array]:
+    def spoil(poses: Array) -> Array:
+        vectors = factor * vector_from_rotation(poses[:, :3, :3])
+        return transform(rotation_from_vector(vectors), poses[:, :3, 3])
+
+    return spoil
+
+
+def _translation_scaled(factor: float) -> Callable[[Array], Array]:
+    return lambda poses: transform(poses[:, :3, :3], factor * poses[:, :3, 3])
+
+
+def _w_last(poses: Array) -> Array:
+    x_first = np.roll(quaternion_from_rotation(poses[:, :3, :3]), -1, axis=1)
+    return transform(rotation_from_quaternion(x_first), poses[:, :3, 3])
+
+
+CONVENTIONS: dict[str, Callable[[Array], Array]] = {
+    "quaternion-w-last": _w_last,
+    "poses-inverted": inverse,
+    "poses-in-metres": _translation_scaled(0.001),
+    "poses-in-inches": _translation_scaled(1 / 25.4),
+    "poses-in-micrometres": _translation_scaled(1000.0),
+    "radians-read-as-degrees": _vector_scaled(float(np.pi / 180)),
+    "degrees-read-as-radians": _vector_scaled(float(180 / np.pi)),
+    "poses-off-by-one": lambda poses: np.roll(poses, 1, axis=0),
+}
+
+
+def in_convention(code: str) -> Callable[[Problem, np.random.Generator], Fault]:
+    """All poses as another convention would write them."""
+    return lambda problem, _: Fault(with_poses(problem, CONVENTIONS[code](poses_of(problem))), frozenset({code}))
+
+
+def swapped(problem: Problem, rng: np.random.Generator) -> Fault:
+    """Two poses exchanged."""
+    i, j = sorted(_seen(problem, rng, 2))
+    poses = poses_of(problem)
+    poses[[i, j]] = poses[[j, i]]
+    return Fault(with_poses(problem, poses), frozenset({"poses-swapped"}), (f"views {i} and {j}",))
+
+
+def sign_lost(problem: Problem, rng: np.random.Generator) -> Fault:
+    """One of a quaternion's larger elements with the wrong sign."""
+    (row,) = _seen(problem, rng, 1)
+    poses = poses_of(problem)
+    quaternion = quaternion_from_rotation(poses[row, :3, :3])
+    which = int(rng.choice(np.flatnonzero(np.abs(quaternion[1:]) > 0.05)) + 1)
+    quaternion[which] *= -1
+    poses[row, :3, :3] = rotation_from_quaternion(quaternion)
+    return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"view {row} ", NUMBERS[which]))
+
+
+def turned(problem: Problem, rng: np.random.Generator) -> Fault:
+    """The board turned by 180 degrees about its middle in one view."""
+    (row,) = _seen(problem, rng, 1)
+    views = list(problem.views)
+    seen = views[row].detection
+    assert seen is not None
+    last = len(problem.target.points_mm) - 1
+    views[row] = replace(views[row], detection=Detection(last - seen.ids, seen.corners_px))
+    return Fault(replace(problem, views=tuple(views)), frozenset({"board-turned"}), (f"view {row}",))
+
+
+def other_tool(problem: Problem, rng: np.random.Generator) -> Fault:
+    """From some view on the poses are a tool's, 120 mm in front of the flange and turned by 45 degrees."""
+    after = _change(problem, rng)
+    tool = transform(rotation_from_vector(np.array([0.0, 0.0, np.pi / 4])), np.array([10.0, 0.0, 120.0]))
+    return _changed(problem, after, lambda poses: poses @ tool, "tool")
+
+
+def lens(focal: float, k1: float) -> Callable[[Problem, np.random.Generator], Fault]:
+    """Intrinsics of another focus or another lens."""
+
+    def put(problem: Problem, _: np.random.Generator) -> Fault:
+        assert problem.camera is not None
+        matrix = problem.camera.matrix * np.array([[1 + focal], [1 + focal], [1.0]])
+        matrix[:2, 2] = problem.camera.matrix[:2, 2]
+        distortion = problem.camera.distortion + np.array([k1, 0, 0, 0, 0])
+        camera = CameraModel(matrix, distortion, problem.camera.image_size)
+        return Fault(replace(problem, camera=camera), frozenset({"intrinsics-do-not-fit"}))
+
+    return put
+
+
+def mistyped(problem: Problem, rng: np.random.Generator) -> Slip:
+    """One number of one position, by some mm."""
+    (row,), axis, sign = _seen(problem, rng, 1), int(rng.integers(3)), float(rng.choice([-1, 1]))
+
+    def at(size: float) -> Fault:
+        poses = poses_of(problem)
+        poses[row, axis, 3] += sign * size
+        return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"view {row} ",))
+
+    return Slip(at)
+
+
+def moved(problem: Problem, rng: np.random.Generator, what: str) -> Slip:
+    """From some view on the `base` side (board or camera on the table) or the `tool` side is shifted by some mm."""
+    after, direction = _change(problem, rng), rng.standard_normal(3)
+    direction /= np.linalg.norm(direction)
+
+    def at(size: float) -> Fault:
+        shift = transform(np.eye(3), size * direction)
+        return _changed(problem, after, (lambda p: shift @ p) if what == "base" else (lambda p: p @ shift), what)
+
+    return Slip(at)
+
+
+def scaled_target(problem: Problem, rng: np.random.Generator) -> Slip:
+    """A print larger or smaller than described, by a share."""
+    sign = float(rng.choice([-1, 1]))
+
+    def at(size: float) -> Fault:
+        poses = transform(poses_of(problem)[:, :3, :3], poses_of(problem)[:, :3, 3] * (1 + sign * size))
+        return Fault(with_poses(problem, poses), frozenset({"wrong-pitch", "target-scale"}))
+
+    return Slip(at)
+
+
+def deviation_of(problem: Problem, slip: Slip) -> float:
+    """The slip's size in units of which the session itself would determine it, one standard deviation.
+
+    From the fit to the clean session: 1 / sqrt(b' W b - b' W A N^-1 A' W b), b the residuals' derivative by the size.
+    """
+    evidence, fitted = clean_fit(problem)
+    step = 1e-4
+    spoilt = poses_of(slip.at(step).problem)[evidence.indices]
+    slope = (residuals_of(evidence.with_robot_poses(spoilt), fitted)[0] - fitted.residuals) / step
+    weights = inverted(fitted.covariance)
+    weighted = weights @ fitted.by_shared
+    normal = (np.swapaxes(fitted.by_shared, 1, 2) @ weighted).sum(axis=0)
+    scale = 1 / np.sqrt(np.diagonal(normal))
+    across = scale * np.einsum("nij,ni->j", weighted, slope)
+    own = float(np.einsum("ni,nij,nj->", slope, weights, slope))
+    return float(1 / np.sqrt(own - across @ np.linalg.solve(scale[:, None] * normal * scale, across)))
+
+
+def clean_fit(problem: Problem) -> tuple[Evidence, Fit]:
+    """What the session says while nothing is wrong with it."""
+    prepared = prepare(problem)
+    evidence = evidence_of(problem, prepared.seen, prepared.camera, prepared.camera_T_target)
+    return evidence, fit(evidence)
+
+
+CHANGED_CODES = {
+    ("eye-in-hand", "base"): "board-moved",
+    ("eye-in-hand", "tool"): "camera-or-tool-changed",
+    ("eye-to-hand", "base"): "camera-moved",
+    ("eye-to-hand", "tool"): "board-or-tool-changed",
+}
+
+
+def _changed(problem: Problem, after: int, spoil: Callable[[Array], Array], what: str) -> Fault:
+    poses = poses_of(problem)
+    poses[after:] = spoil(poses[after:])
+    code = CHANGED_CODES[problem.setup, what]
+    return Fault(with_poses(problem, poses), frozenset({code}), (f"view {after}",))
+
+
+def _seen(problem: Problem, rng: np.random.Generator, count: int) -> list[int]:
+    seen = [row for row, view in enumerate(problem.views) if view.detection is not None]
+    return [int(row) for row in rng.choice(seen, count, replace=False)]
+
+
+def _change(problem: Problem, rng: np.random.Generator) -> int:
+    return int(rng.integers(2, len(problem.views) - 1))
