@@ -38,10 +38,13 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}: one of {', '.join(METHODS)}")
     try:
-        prepared, start, selection = estimated(problem)
-        solution = solution_of(problem, method, prepared, start, selection)
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            prepared, start, selection = estimated(problem)
+            solution = solution_of(problem, method, prepared, start, selection)
     except UndeterminedError as undetermined:
         return explained(problem, refused_solution(problem, method, undetermined))
+    except (np.linalg.LinAlgError, FloatingPointError):
+        return explained(problem, refused_solution(problem, method, UndeterminedError(*CONTRADICTORY)))
     return explained(problem, solution, prepared)
 
 
