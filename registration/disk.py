@@ -26,6 +26,11 @@ class GuardedFile:
         except OSError as error:
             raise _error(name, "file", "opened", error) from None
 
+    @property
+    def raw(self) -> BinaryIO:
+        """The file itself, for libraries that read it their own way."""
+        return self._file
+
     def __enter__(self) -> Self:
         return self
 

@@ -15,6 +15,7 @@ from registration.formats import npy, pcd, ply, rows
 from registration.formats.bodies import decoder_of, too_long
 from registration.formats.compressed import CompressedSource
 from registration.formats.detect import HeaderParser, octets
+from registration.formats.extras import E57Source, LasSource
 from registration.formats.header import HEADER_LIMIT, CloudHeader
 from registration.formats.sections import SectionPassage
 from registration.formats.stl import open_stl
@@ -129,7 +130,7 @@ def open_cloud(path: Path, name: str | None = None) -> Iterator[CloudSource]:
 def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
     suffix = path.suffix.lower()
     if suffix in SPECIAL:
-        return SPECIAL[suffix](file, name)
+        return SPECIAL[suffix](path, file, name)
     if suffix not in PARSERS:
         known = ", ".join(sorted([*PARSERS, *SPECIAL]))
         raise CloudUnsupported(name, "suffix", f"clouds of type {suffix!r} are not read", f"use one of {known}")
@@ -139,5 +140,10 @@ def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
     return StreamedSource(file, header, name)
 
 
-SPECIAL: dict[str, Callable[[GuardedFile, str], CloudSource]] = {".stl": open_stl}
+SPECIAL: dict[str, Callable[[Path, GuardedFile, str], CloudSource]] = {
+    ".stl": lambda path, file, name: open_stl(file, name),
+    ".las": lambda path, file, name: LasSource(file, name),
+    ".laz": lambda path, file, name: LasSource(file, name),
+    ".e57": lambda path, file, name: E57Source(path, name),
+}
 """Formats that are not a header and records."""

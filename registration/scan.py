@@ -17,7 +17,7 @@ from registration.columns import shared_layout
 from registration.disk import GuardedFile
 from registration.documents import ScanDocument
 from registration.errors import ScanError
-from registration.files import moved_blocks
+from registration.files import move_file, moved_blocks
 from registration.layout import Layout, Records
 from registration.motion import Motion, scale_to_mm
 from registration.overlap import Agreement, agreement
@@ -153,6 +153,19 @@ class _CountedBlocks:
         for block in self._blocks:
             self.points += len(block)
             yield block
+
+
+def write_views(views: Sequence[PlacedView], folder: Path) -> list[Path]:
+    """Each view by itself in base, in mm, under its own name in `folder`; its format and columns stay as they are.
+
+    Raises CloudError's leaves, ScanError when `folder` is the scan's own.
+    """
+    targets = [folder / placed.view.path.name for placed in views]
+    if any(target.resolve() == placed.view.path.resolve() for target, placed in zip(targets, views, strict=True)):
+        raise ScanError(f"{folder} holds the scan itself", "name another folder for the registered views")
+    for target, placed in zip(targets, views, strict=True):
+        move_file(placed.view.path, target, Motion.of(placed.base_T_camera, placed.view.unit))
+    return targets
 
 
 def merged_layout(views: Sequence[PlacedView]) -> tuple[Layout, tuple[str, ...]]:

@@ -16,7 +16,7 @@ from registration.overlap import agreement
 from registration.reading import open_cloud
 from registration.refine.adjust import RobotNoise, refine_poses
 from registration.report import register_scan
-from registration.scan import Hand, read_scan
+from registration.scan import Hand, read_scan, register_views, sample_views, write_views
 from registration.surface import PointSample, Surface
 from registration.voxel import VoxelGrid
 from tests.registration.clouds import RICH, cloud, xyz
@@ -61,6 +61,18 @@ def test_the_plain_formula_puts_every_point_on_the_part(tmp_path: Path, unit: st
     assert report.rms_mm.before < 0.1
     assert report.verdict.accepted
     assert report.verdict.findings == []
+
+
+def test_views_can_be_written_one_by_one(tmp_path: Path) -> None:
+    bumpy_scan(tmp_path, errs=False)
+    views = read_scan(tmp_path)
+    registration = register_views(views, sample_views(views), HAND)
+    (tmp_path / "base").mkdir()
+    written = write_views(registration.views, tmp_path / "base")
+    assert [path.name for path in written] == [view.path.name for view in views]
+    assert all(deviation(read(path)) < 0.03 for path in written)
+    with pytest.raises(ScanError, match="holds the scan itself"):
+        write_views(registration.views, tmp_path)
 
 
 def test_refinement_halves_the_deviation_and_beats_the_robot(tmp_path: Path) -> None:

@@ -1,0 +1,83 @@
+"""LAS, LAZ and E57, where their libraries are installed."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from registration.errors import CloudError, CloudUnsupported
+from registration.files import move_file
+from registration.formats import extras
+from registration.layout import XYZ_FLOAT32, Records
+from registration.motion import Motion
+from registration.reading import open_cloud
+from tests.registration.clouds import BASE_T_CAMERA, cloud, moved, xyz
+
+MOTION = Motion.of(BASE_T_CAMERA, "mm")
+
+
+def read(path: Path) -> Records:
+    with open_cloud(path) as source:
+        return np.concatenate([block.copy() for block in source.blocks()])
+
+
+def las(path: Path, count: int) -> Any:
+    laspy = pytest.importorskip("laspy", reason="laspy is not installed: LAS is not tested")
+    records = cloud(XYZ_FLOAT32, count)
+    content = laspy.create(point_format=3)
+    content.header.scales, content.header.offsets = [0.001] * 3, [10, 20, 30]
+    content.add_extra_dim(laspy.ExtraBytesParams("quality", "f4"))
+    content.x, content.y, content.z = records["x"], records["y"], records["z"]
+    content.intensity, content.red = np.arange(count) % 60000, np.arange(count) % 50000
+    content.gps_time, content.quality = np.arange(count) / 7, np.arange(count) / 3
+    content.write(str(path))
+    return laspy.read(str(path))
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_las_is_read_in_blocks_with_every_dimension(tmp_path: Path, suffix: str) -> None:
+    theirs = las(tmp_path / f"in{suffix}", 150_000)
+    records = read(tmp_path / f"in{suffix}")
+    np.testing.assert_allclose(xyz(records), theirs.xyz, rtol=0, atol=1e-9)
+    for name in ("intensity", "red", "gps_time", "quality", "classification"):
+        assert np.array_equal(records[name], np.asarray(theirs[name])), name
+    move_file(tmp_path / f"in{suffix}", tmp_path / "out.ply", MOTION)
+    answer = read(tmp_path / "out.ply")
+    np.testing.assert_allclose(xyz(answer), moved(records), rtol=0, atol=1e-9)
+    assert np.array_equal(answer["quality"], records["quality"])
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_las_cut_anywhere_is_told(tmp_path: Path, suffix: str) -> None:
+    las(tmp_path / f"in{suffix}", 20)
+    content = (tmp_path / f"in{suffix}").read_bytes()
+    for end in range(0, len(content) - 80, 7):
+        (tmp_path / f"cut{suffix}").write_bytes(content[:end])
+        with pytest.raises(CloudError, match=f"^cut{suffix}: "):
+            read(tmp_path / f"cut{suffix}")
+
+
+def test_e57_is_read_in_blocks(tmp_path: Path) -> None:
+    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed: E57 is not tested")
+    records = cloud(XYZ_FLOAT32, 100_000)
+    points = {f"cartesian{axis}": records[axis.lower()].astype(float) for axis in "XYZ"}
+    points["intensity"] = np.arange(100_000) / 100_000
+    file = pye57.E57(str(tmp_path / "in.e57"), mode="w")
+    file.write_scan_raw(points)
+    file.close()
+    again = read(tmp_path / "in.e57")
+    assert np.array_equal(xyz(again), xyz(records))
+    np.testing.assert_allclose(again["intensity"], points["intensity"], atol=1e-6)
+    content = (tmp_path / "in.e57").read_bytes()
+    for end in (0, 20, 48, 1000, len(content) // 2, len(content) - 1):
+        (tmp_path / "cut.e57").write_bytes(content[:end])
+        with pytest.raises(CloudError, match=r"^cut\.e57: "):
+            read(tmp_path / "cut.e57")
+
+
+def test_an_extra_that_is_not_installed_is_named() -> None:
+    with pytest.raises(
+        CloudUnsupported, match=r"cloud\.las: format: no_such_library is not installed: install handeyed"
+    ):
+        extras.library("no_such_library", "las", "cloud.las")
