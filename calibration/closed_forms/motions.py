@@ -15,6 +15,9 @@ from calibration.transforms import Array, inverse, rotation_angle_rad, transform
 SMALLEST_TURN_RAD = np.radians(0.5)
 """A motion that turns less has no axis worth the name."""
 
+LARGEST_TURN_RAD = np.radians(175.0)
+"""Near half a turn noise decides which way round the axis points."""
+
 
 @dataclass(frozen=True, eq=False)
 class Motions:
@@ -24,9 +27,12 @@ class Motions:
     camera: Array
 
     def turning(self) -> "Motions":
-        """Those that turn enough to have an axis."""
-        turns = np.minimum(rotation_angle_rad(self.mount[:, :3, :3]), rotation_angle_rad(self.camera[:, :3, :3]))
-        return Motions(self.mount[turns > SMALLEST_TURN_RAD], self.camera[turns > SMALLEST_TURN_RAD])
+        """Those with an axis whose sense is certain: neither too small a turn nor, if others remain, half a turn."""
+        mount, camera = rotation_angle_rad(self.mount[:, :3, :3]), rotation_angle_rad(self.camera[:, :3, :3])
+        turns = np.minimum(mount, camera) > SMALLEST_TURN_RAD
+        certain = turns & (np.maximum(mount, camera) < LARGEST_TURN_RAD)
+        kept = certain if np.count_nonzero(certain) >= 2 else turns
+        return Motions(self.mount[kept], self.camera[kept])
 
     def vectors(self) -> tuple[Array, Array]:
         """Rotation vectors (k, 3) of A and of B."""

@@ -158,7 +158,7 @@ def test_motions_that_cannot_determine_x_are_refused_with_the_reason(code: str, 
     verdict = judge(problem, solution)
     assert solution.mount_T_camera is None and solution.uncertainty is None
     assert not verdict.accepted
-    assert [finding.code for finding in verdict.findings] == [code]
+    assert verdict.findings[0].code == code
     if code == "parallel-axes":
         assert "translation along the base's z is not determined" in verdict.findings[0].message
 
