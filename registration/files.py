@@ -6,11 +6,14 @@ from pathlib import Path
 
 from registration.columns import Conversion, shared_layout
 from registration.disk import GuardedFile, new_file
+from registration.formats.las_move import move_las
 from registration.layout import XYZ_FLOAT32, Layout, Records
 from registration.motion import BlockMover, Motion
 from registration.reading import PARSERS, CloudSource, open_cloud, read_header
 from registration.stream import BLOCK_BYTES, CloudStream
 from registration.writing import form_of, new_cloud
+
+LAS = {".las", ".laz"}
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,9 @@ def move_file(source: Path, target: Path, motion: Motion) -> Moved:
 
     Raises CloudError's leaves; `target` is then as it was.
     """
+    if {source.suffix.lower(), target.suffix.lower()} <= LAS:
+        with GuardedFile.reading(source, source.name) as file, new_file(target) as out:
+            return Moved(move_las(file, out, motion, compress=target.suffix.lower() == ".laz"), 0)
     form_of(target, XYZ_FLOAT32)
     if source.suffix.lower() == target.suffix.lower() and not _compressed(source):
         return _pass_through(source, target, motion)

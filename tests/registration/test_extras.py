@@ -48,6 +48,22 @@ def test_las_is_read_in_blocks_with_every_dimension(tmp_path: Path, suffix: str)
     assert np.array_equal(answer["quality"], records["quality"])
 
 
+@pytest.mark.parametrize(("source", "target"), [(".las", ".las"), (".laz", ".laz"), (".las", ".laz")])
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_las_becomes_las_and_keeps_every_dimension(tmp_path: Path, source: str, target: str, unit: str) -> None:
+    laspy = pytest.importorskip("laspy", reason="laspy is not installed: LAS is not tested")
+    before = las(tmp_path / f"in{source}", 100_000)
+    counted = move_file(tmp_path / f"in{source}", tmp_path / f"out{target}", Motion.of(BASE_T_CAMERA, unit))
+    after = laspy.read(str(tmp_path / f"out{target}"))
+    factor = 1000 if unit == "m" else 1
+    expected = before.xyz * factor @ BASE_T_CAMERA[:3, :3].T + BASE_T_CAMERA[:3, 3]
+    assert counted.points == len(after.x) == 100_000
+    np.testing.assert_allclose(after.xyz, expected, rtol=0, atol=0.51e-3 * factor)
+    np.testing.assert_allclose(after.header.mins, after.xyz.min(axis=0), atol=1e-6)
+    for name in ("intensity", "red", "gps_time", "quality", "classification"):
+        assert np.array_equal(np.asarray(after[name]), np.asarray(before[name])), name
+
+
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
 def test_las_cut_anywhere_is_told(tmp_path: Path, suffix: str) -> None:
     las(tmp_path / f"in{suffix}", 20)
@@ -56,6 +72,9 @@ def test_las_cut_anywhere_is_told(tmp_path: Path, suffix: str) -> None:
         (tmp_path / f"cut{suffix}").write_bytes(content[:end])
         with pytest.raises(CloudError, match=f"^cut{suffix}: "):
             read(tmp_path / f"cut{suffix}")
+        with pytest.raises(CloudError, match=f"^cut{suffix}: "):
+            move_file(tmp_path / f"cut{suffix}", tmp_path / f"out{suffix}", MOTION)
+    assert not list(tmp_path.glob("*out*"))
 
 
 def test_e57_is_read_in_blocks(tmp_path: Path) -> None:
