@@ -22,7 +22,7 @@ LEAST_AXIS_ANGLE_RAD = np.radians(1.0)
 SAME_POSE_MM, SAME_POSE_RAD = 0.5, np.radians(0.05)
 """Two stations closer than this are one: it is the order of the robot's own repeatability."""
 
-MOST_VIEWS_IN_PAIRS = 60
+MOST_VIEWS_IN_PAIRS = 40
 """More views are thinned to this many before looking at every pair of them."""
 
 
@@ -66,8 +66,8 @@ def motion_of(base_T_flange: Array) -> Motion:
     weighted = axes * np.sin(angles / 2)[:, None]
     values, vectors = np.linalg.eigh(weighted.T @ weighted)
     spread = float(np.sqrt(max(values[1], 0.0) / values[2]))
-    from_main = np.arccos(np.clip(np.abs(axes @ axes.T), 0.0, 1.0)).max(initial=0.0)
-    return Motion(len(distinct), largest, spread, float(from_main), vectors[:, 2])
+    widest = np.arccos(min(float(np.abs(axes @ axes.T).min()), 1.0))
+    return Motion(len(distinct), largest, spread, float(widest), vectors[:, 2])
 
 
 def require_determined(base_T_flange: Array) -> None:

@@ -17,7 +17,7 @@ from calibration.transforms import Array, transform
 STARTS = ("kronecker", "daniilidis", "tsai", "horaud")
 """Rotation first by four different means, one of them with translation at once."""
 
-MOST_VIEWS = 30
+MOST_VIEWS = 20
 """The starts are compared on this many views: the basin they lie in does not depend on more."""
 
 SAME_OPTIMUM = 0.3

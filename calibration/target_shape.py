@@ -76,7 +76,7 @@ def shaped(
     for _ in range(ITERATIONS):
         system = _system(now, camera, poses, free)
         weight = np.tile(system.variance / levels[[0, 0, 1]], len(drawn_mm))
-        covariance = covariance_of(system.information + np.diag(weight))
+        covariance = np.linalg.inv(system.information + np.diag(weight))
         step = -covariance @ (system.gradient + weight * offsets.ravel())
         offsets = offsets + step.reshape(-1, 3)
         levels = _levels(offsets, levels, system.variance * np.diagonal(covariance).reshape(-1, 3))
@@ -129,21 +129,16 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
     residual = rows[..., -1]
     shared = rows[..., 6:-1][..., free]
     c = shared.shape[-1]
-    views = np.arange(n)[:, None]
     # Dense blocks by view: pose × pose, pose × offsets, pose × intrinsics.
     pose_rows = rows[..., :6].reshape(n, 2 * m, 6)
     HH = np.linalg.inv(np.swapaxes(pose_rows, 1, 2) @ pose_rows + 1e-12 * np.eye(6))
-    by_view = np.zeros((n, k, 6, 3))
-    np.add.at(by_view, (views, seen.ids), np.swapaxes(rows[..., :6], 2, 3) @ by_point)
-    HS = by_view.transpose(0, 2, 1, 3).reshape(n, 6, 3 * k)
+    HS = _by_id(seen, np.swapaxes(rows[..., :6], 2, 3) @ by_point, k).transpose(0, 2, 1, 3).reshape(n, 6, 3 * k)
     HC = np.swapaxes(pose_rows, 1, 2) @ shared.reshape(n, 2 * m, c)
     hg = (np.swapaxes(pose_rows, 1, 2) @ residual.reshape(n, 2 * m, 1))[..., 0]
-    SS = np.zeros((k, 3, 3))
-    np.add.at(SS, seen.ids, np.swapaxes(by_point, 2, 3) @ by_point)
-    SC = np.zeros((k, 3, c))
-    np.add.at(SC, seen.ids, np.swapaxes(by_point, 2, 3) @ shared)
-    sg = np.zeros((k, 3))
-    np.add.at(sg, seen.ids, (np.swapaxes(by_point, 2, 3) @ residual[..., None])[..., 0])
+    back = np.swapaxes(by_point, 2, 3)
+    SS = _by_id(seen, back @ by_point, k).sum(axis=0)
+    SC = _by_id(seen, back @ shared, k).sum(axis=0)
+    sg = _by_id(seen, back @ residual[..., None], k).sum(axis=0)
     flat = shared.reshape(2 * n * m, c)
     CC, cg = flat.T @ flat, flat.T @ residual.reshape(-1)
     # Eliminate the poses, then the intrinsics.
@@ -168,3 +163,11 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
         camera_gradient=inverse_CC @ gC,
         camera_offsets=inverse_CC @ SC_.T,
     )
+
+
+def _by_id(seen: Observations, values: Array, k: int) -> Array:
+    """Values (n, m, ...) of corners sorted by the points' ids (n, k, ...); an id stands at most once in a view."""
+    result = np.zeros((len(seen), k, *values.shape[2:]))
+    view, corner = np.nonzero(seen.weights)
+    result[view, seen.ids[view, corner]] = values[view, corner]
+    return result

@@ -5,7 +5,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.likelihood.pixels import pixel_statistics
-from calibration.observations import Observations
+from calibration.observations import FEWEST_CORNERS, Observations
 from calibration.transforms import Array, rotation_from_vector, transform
 
 
@@ -16,7 +16,8 @@ def moved(a_T_b: Array, step: Array) -> Array:
 
 def candidate_poses(seen: Observations, camera: CameraModel) -> tuple[Array, Array]:
     """The two poses (n, 2, 4, 4) of camera_T_target that a plane allows, and their RMS errors (n, 2) in px."""
-    poses = np.array([_both(seen, camera, row) for row in range(len(seen))]).reshape(-1, 2, 4, 4)
+    xy = camera.normalise(seen.pixels.reshape(-1, 2)).reshape(seen.pixels.shape)
+    poses = np.array([_both(seen, xy[row], row) for row in range(len(seen))]).reshape(-1, 2, 4, 4)
     refined = np.stack([refined_poses(seen, camera, poses[:, which]) for which in range(2)], axis=1)
     errors = np.stack(
         [_rms(seen, camera, refined[:, which]) for which in range(2)],
@@ -32,17 +33,24 @@ def _rms(seen: Observations, camera: CameraModel, poses: Array) -> Array:
     return rms
 
 
-def _both(seen: Observations, camera: CameraModel, row: int) -> Array:
-    used = seen.weights[row] > 0
-    xy = camera.normalise(seen.pixels[row, used])
+NOWHERE = transform(np.eye(3), [0.0, 0.0, 1000.0])
+"""Where a target stands whose corners no pose explains; its errors tell."""
+
+
+def _both(seen: Observations, xy: Array, row: int) -> Array:
+    """The two poses (2, 4, 4) by Collins & Bartoli's IPPE, from ideal coordinates xy (m, 2)."""
+    used = (seen.weights[row] > 0) & np.all(np.isfinite(xy), axis=1)
+    if np.count_nonzero(used) < FEWEST_CORNERS:
+        return np.array([NOWHERE, NOWHERE])
     _, rotations, translations, _ = cv2.solvePnPGeneric(
-        seen.points_mm[row, used], xy, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+        seen.points_mm[row, used], xy[used], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
     )
     poses = [
         transform(cv2.Rodrigues(rotation)[0], translation[:, 0])
         for rotation, translation in zip(rotations, translations, strict=True)
-    ]
-    return np.array([poses[0], poses[-1]])
+    ] or [NOWHERE]
+    both: Array = np.nan_to_num(np.array([poses[0], poses[-1]]))
+    return both
 
 
 def refined_poses(seen: Observations, camera: CameraModel, camera_T_target: Array, iterations: int = 6) -> Array:

@@ -37,11 +37,12 @@ def summed_products(anchor_R_mount: Array, camera_R_target: Array) -> Array:
     # products[a b, c d] = sum R[a, b] S[c, d] and (R X S)[a, d] = R[a, b] X[b, c] S[c, d].
     summed: Array = np.swapaxes(products.reshape(*lead, 3, 3, 3, 3), -1, -3)
     result: Array = np.ascontiguousarray(np.swapaxes(summed, -1, -2))
-    return np.reshape(result, (*lead, 9, 9))
+    return result.reshape(*lead, 9, 9)
 
 
 def as_rotation(matrices: Array) -> Array:
     """The rotations nearest to multiples, of either sign, of rotations (..., 3, 3)."""
     u, _, vt = np.linalg.svd(matrices)
     product: Array = u @ vt
-    return product * np.sign(np.linalg.det(product))[..., None, None]
+    proper: Array = product * np.sign(np.linalg.det(product))[..., None, None]
+    return proper

@@ -40,5 +40,5 @@ def _half_tangent(mount: Array, camera: Array) -> Array:
 def _rotation(half_tangent: Array) -> Array:
     """Rotation (3, 3) of P' by Eqs. 14 and 10."""
     p = 2 * half_tangent / np.sqrt(1 + half_tangent @ half_tangent)
-    rotation: Array = (1 - p @ p / 2) * np.eye(3) + (np.outer(p, p) + np.sqrt(max(4 - p @ p, 0.0)) * skew(p)) / 2
+    rotation: Array = (1 - p @ p / 2) * np.eye(3) + (np.outer(p, p) + np.sqrt(max(4 - float(p @ p), 0.0)) * skew(p)) / 2
     return rotation
