@@ -143,7 +143,7 @@ def sign_lost(problem: Problem, rng: np.random.Generator) -> Fault:
     which = int(rng.choice(np.flatnonzero(np.abs(quaternion[1:]) > 0.05)) + 1)
     quaternion[which] *= -1
     poses[row, :3, :3] = rotation_from_quaternion(quaternion)
-    return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"view {row} ", NUMBERS[which]))
+    return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"view {row} ", NUMBERS[3 + which]))
 
 
 def turned(problem: Problem, rng: np.random.Generator) -> Fault:

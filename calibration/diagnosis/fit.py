@@ -27,6 +27,9 @@ LARGEST_VARIANCE = np.array([1.0**2, 1e5**2])
 """rad², mm²: beyond any robot; a wrong assumption needs no better number."""
 
 FIRST_VARIANCE = np.array([1e-4**2, 0.1**2])
+SMALLEST_INFORMATION = 1e-30
+"""Under a wrong assumption rounding may leave nothing at all, or less."""
+
 LONGEST_STEP = np.repeat([0.5, 2000.0], 3)
 """rad, mm"""
 
@@ -206,9 +209,9 @@ def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
     weighted = np.swapaxes((information @ linear.by_shared).reshape(t, 6 * n, p), -1, -2)
     normal = weighted @ linear.by_shared.reshape(t, 6 * n, p)
     gradient = (weighted @ linear.residuals.reshape(t, 6 * n, 1))[..., 0]
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=-2, axis2=-1), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=-2, axis2=-1), SMALLEST_INFORMATION))
     scaled = scale[:, :, None] * normal * scale[:, None, :] + 1e-12 * np.eye(p)
-    step = -scale * np.linalg.solve(scaled, (scale * gradient)[..., None])[..., 0]
+    step = -scale * _solved(scaled, (scale * gradient)[..., None])[..., 0]
     # A wrong assumption may have no sensible fit: keep the steps within what still is a cell.
     longest = np.tile(LONGEST_STEP, p // 6)
     step = np.clip(step, -longest, longest)
@@ -229,7 +232,7 @@ def _variances(stack: _Stack, residuals: Array, linear: _Linear, information: Ar
     spent = 6 * n / max(6 * n - shared, 1)
     explained = (seen**2 * spent - by_images).reshape(t, n, 2, 3).sum(axis=(1, 3))
     fisher = np.sum((inner**2).reshape(t, n, 2, 3, 2, 3), axis=(1, 3, 5))
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(fisher, axis1=-2, axis2=-1), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(fisher, axis1=-2, axis2=-1), SMALLEST_INFORMATION))
     score = scale * explained
     correlation = np.minimum(scale[:, 0] * fisher[:, 0, 1] * scale[:, 1], 1 - 1e-9)
     both = scale * (score - correlation[:, None] * score[:, ::-1]) / (1 - correlation**2)[:, None]
@@ -248,9 +251,19 @@ def _moved(a_T_b: Array, step: Array) -> Array:
     return moved
 
 
+def _solved(matrices: Array, right_hand: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(matrices, right_hand), np.float64)
+    except np.linalg.LinAlgError:  # one of the assumptions leaves something undetermined
+        return np.asarray(np.linalg.pinv(matrices, hermitian=True) @ right_hand, np.float64)
+
+
 def inverted(matrices: Array) -> Array:
     """Inverses of a stack (..., k, k)."""
-    return np.asarray(np.linalg.inv(matrices), np.float64)
+    try:
+        return np.asarray(np.linalg.inv(matrices), np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(matrices, hermitian=True), np.float64)
 
 
 def _squared(residuals: Array, information: Array) -> Array:

@@ -35,7 +35,7 @@ def _gains(evidence: Evidence, fitted: Fit) -> Iterator[float]:
     by_shared, residuals = fitted.by_shared, fitted.residuals[..., None]
     weighted = weights @ by_shared
     normal = np.swapaxes(by_shared, 1, 2) @ weighted
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal.sum(axis=0)), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal.sum(axis=0)), 1e-30))
     shared = scale[:, None] * inverted(scale[:, None] * normal.sum(axis=0) * scale + 1e-12 * np.eye(12)) * scale
 
     # One view is off: its distance from the others, in their own uncertainty and its own.
@@ -62,7 +62,7 @@ def _gains(evidence: Evidence, fitted: Fit) -> Iterator[float]:
 
 
 def _largest_fall(score: Array, information: Array) -> float:
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-30))
     scaled = scale[:, :, None] * information * scale[:, None, :] + 1e-9 * np.eye(6)
     falls = np.einsum("ni,nij,nj->n", scale * score, inverted(scaled), scale * score)
     return float(falls.max(initial=0.0))

@@ -80,7 +80,7 @@ def _gain_of_a_step(seen: Observations, camera: CameraModel, poses: Array) -> fl
     across = np.swapaxes(coupling, 1, 2) @ solved
     information = (sums.normal[:, 6:, 6:] - across[:, :, :-1]).sum(axis=0)
     score = (sums.gradient[:, 6:] - across[:, :, -1]).sum(axis=0)
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(information), 1e-30))
     promised = scale * score @ np.linalg.pinv(scale[:, None] * information * scale, rcond=1e-10) @ (scale * score)
     before = pixel_deviation(sums) ** 2
     redundancy = max(float(sums.count.sum()) - 6 * len(seen), 1.0)
