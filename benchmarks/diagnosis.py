@@ -6,7 +6,7 @@ Sizes are in deviations: what the session, by its own noise, could tell of the f
 import argparse
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -40,7 +40,8 @@ from calibration.solve import solve_hand_eye
 CAUSES = CHANGE_CODES | {convention.code for convention in KNOWN_CONVENTIONS}
 CAUSES |= {"poses-off-by-one", "poses-swapped", "pose-mistyped", "board-turned", "intrinsics-do-not-fit"}
 CAUSES |= {"wrong-pitch", "target-scale"}
-SIZES = (4, 6, 8, 10, 20, 100)
+SIZES = (4, 6, 8, 10, 15, 20, 40, 100)
+REAL_SIZES = (10, 20, 100)
 GROSS: dict[str, Callable[[Problem, np.random.Generator], Fault]] = {
     **{code: in_convention(code) for code in CONVENTIONS},
     "two poses swapped": swapped,
@@ -79,12 +80,12 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=40, help="simulated sessions in each row")
     parser.add_argument("--clean", type=int, default=1000, help="clean sessions")
     options = parser.parse_args()
-    sizes = Sizes(4, 40, 2) if options.quick else Sizes(options.sessions, options.clean, max(options.sessions // 2, 1))
+    sizes = Sizes(4, 40, 2) if options.quick else Sizes(options.sessions, options.clean, max(options.sessions // 5, 1))
     print(f"simulated sessions, 6 to 30 views, both set-ups; {sizes.row} a row")
-    table(simulated, sizes.row, {**GROSS, **LENSES})
+    table(simulated, sizes.row, {**GROSS, **LENSES}, real=False)
     for name, problem in real_sessions():
         print(f"\n{name}; {sizes.real} a row")
-        table(partial(part_of, problem), sizes.real, GROSS, problem)
+        table(partial(part_of, problem), sizes.real, GROSS, real=True)
     print(f"\nfalse alarms in {sizes.clean} clean simulated sessions: {false_alarms(sizes.clean)}")
 
 
@@ -102,39 +103,40 @@ def part_of(problem: Problem, rng: np.random.Generator) -> Problem:
 
 
 def real_sessions() -> Iterator[tuple[str, Problem]]:
-    """The folders that are there, with the views in which the target was found."""
+    """The folders that are there, with the views that agree, and the camera that fits them."""
     from daemon.session_folder import load_problem, open_session
 
     root = Path(os.environ.get("HANDEYED_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
     for name in ("ic_charuco", "ic_circles", "metric_1"):
         if (root / name).is_dir():
             problem = load_problem(open_session(root / name))
-            found = tuple(view for view in problem.views if view.detection is not None)
-            yield name, replace(problem, views=found)
+            solution = solve_hand_eye(problem)
+            agreeing = {result.index for result in solution.views if result.status != "rejected"}
+            views = tuple(view for view in problem.views if view.index in agreeing)
+            yield name, replace(problem, views=views, camera=solution.camera)
         else:
             print(f"\n{name}: the folder is not there (HANDEYED_DATA)")
 
 
 def table(
-    sessions: Sessions,
-    count: int,
-    gross: dict[str, Callable[[Problem, np.random.Generator], Fault]],
-    clean: Problem | None = None,
+    sessions: Sessions, count: int, gross: dict[str, Callable[[Problem, np.random.Generator], Fault]], real: bool
 ) -> None:
     """A row for each kind and size: how often named rightly, wrongly, not noticed."""
     print(f"{'fault':<40}{'size':>8}{'named':>8}{'wrongly':>9}{'unnoticed':>11}")
+    chosen: list[tuple[Problem, frozenset[str]]] = []
+    rng = np.random.default_rng(1)
+    for _ in range(count):
+        session = sessions(rng)
+        chosen.append((session, frozenset(finding.code for finding in causes(session)) if real else frozenset()))
     for name, put in gross.items():
-        rng = np.random.default_rng(1)
-        _row(name, "gross", Counter(named(put(session := sessions(rng), rng), session) for _ in range(count)))
+        rng = np.random.default_rng(2)
+        _row(name, "gross", Counter(named(put(session, rng), before) for session, before in chosen))
     for name, slip_of in SLIPS.items():
-        for size in SIZES:
+        for size in REAL_SIZES if real else SIZES:
             rng = np.random.default_rng(2)
-            outcomes = Counter[str]()
-            for _ in range(count):
-                session = sessions(rng)
-                slip = slip_of(session, rng)
-                outcomes[named(slip.at(size * deviation_of(session, slip)), session)] += 1
-            _row(name, f"{size} dev", outcomes)
+            slips = [(slip_of(session, rng), session, before) for session, before in chosen]
+            faults = ((slip.at(size * deviation_of(session, slip)), before) for slip, session, before in slips)
+            _row(name, f"{size} dev", Counter(named(fault, before) for fault, before in faults))
 
 
 def _row(name: str, size: str, outcomes: "Counter[str]") -> None:
@@ -142,9 +144,8 @@ def _row(name: str, size: str, outcomes: "Counter[str]") -> None:
     print(f"{name:<40}{size:>8}{share['right']:>8}{share['wrong']:>9}{share['none']:>11}", flush=True)
 
 
-def named(fault: Fault, clean: Problem) -> str:
-    """Right, when the cause is named with its views; what is said of the clean session does not count."""
-    before = {finding.code for finding in causes(clean)} if clean.camera is None else set()
+def named(fault: Fault, before: Set[str]) -> str:
+    """Right, when the cause is named with its views; codes said of the clean session do not count against it."""
     found = [finding for finding in causes(fault.problem) if finding.code in fault.codes or finding.code not in before]
     if not found:
         return "none"

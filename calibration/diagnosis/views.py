@@ -22,6 +22,9 @@ CONCENTRATING = 4
 STRETCH = 2
 """Fewest views before and after a change."""
 
+FEWEST_TO_CHANGE = 6
+"""Fewer views cannot carry the 18 unknowns of a change."""
+
 
 def suspects_of(evidence: Evidence, few: NDArray[np.intp], fitted: Fit) -> list[int]:
     """Rows of the views that fit worst: under a fit to the `few` rows, and under one to the half that agrees best.
@@ -96,7 +99,7 @@ def turned_trials(evidence: Evidence, suspects: Sequence[int], centre_mm: Array)
 
 def change_points(n: int) -> range:
     """Rows at which a change may be."""
-    return range(STRETCH, n - STRETCH + 1)
+    return range(STRETCH, n - STRETCH + 1) if n >= FEWEST_TO_CHANGE else range(0)
 
 
 @dataclass(frozen=True)
