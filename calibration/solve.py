@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+import numpy as np
+
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.consistency.outliers import Selection, agreeing_rows, select
 from calibration.diagnosis.explain import explained
@@ -42,8 +44,10 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
             prepared, start, selection = estimated(problem)
             solution = solution_of(problem, method, prepared, start, selection)
     except UndeterminedError as undetermined:
-        return explained(problem, refused_solution(problem, method, undetermined))
-    except (np.linalg.LinAlgError, FloatingPointError):
+        # Where nothing is determined, some of the trials of the diagnosis divide by nothing and are then no answer.
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return explained(problem, refused_solution(problem, method, undetermined))
+    except (np.linalg.LinAlgError, ArithmeticError):
         return explained(problem, refused_solution(problem, method, UndeterminedError(*CONTRADICTORY)))
     return explained(problem, solution, prepared)
 

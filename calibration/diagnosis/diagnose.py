@@ -56,6 +56,12 @@ def diagnose(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
     """What is wrong with the evidence; None when nothing known explains more than chance would."""
     if len(evidence) < FEWEST_VIEWS:
         return None
+    # Wrong assumptions lead anywhere; what becomes of them is no number that could win.
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        return _best_explanation(evidence, target_centre_mm)
+
+
+def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
     few = evenly(len(evidence), MOST_VIEWS)
     suspects = suspects_of(evidence, few, fit(evidence.take(few)))
     rows = few if len(few) == len(evidence) else np.union1d(few, suspects)
@@ -73,7 +79,9 @@ def diagnose(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
         *outcomes_of(trials, sample, as_it_came),
         *mistyped_outcomes(sample, among, as_it_came.log_likelihood),
     ]
-    outcomes.sort(key=lambda outcome: -outcome.gain)
+    outcomes = sorted((o for o in outcomes if np.isfinite(o.gain)), key=lambda outcome: -outcome.gain)
+    if not outcomes:
+        return None
     best = outcomes[0]
     # The views that were left out are alternatives too.
     if best.gain < GAIN + np.log(len(evidence) / len(sample)):

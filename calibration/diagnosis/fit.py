@@ -214,7 +214,7 @@ def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
     step = -scale * _solved(scaled, (scale * gradient)[..., None])[..., 0]
     # A wrong assumption may have no sensible fit: keep the steps within what still is a cell.
     longest = np.tile(LONGEST_STEP, p // 6)
-    step = np.clip(step, -longest, longest)
+    step = np.clip(np.nan_to_num(step), -longest, longest)
     left: Array = linear.residuals + (linear.by_shared @ step[:, None, :, None])[..., 0]
     return step, left
 

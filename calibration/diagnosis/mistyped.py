@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, fits, inverted, predicted_base_T_flange, residuals_of
+from calibration.diagnosis.fit import SMALLEST_INFORMATION, Fit, fits, inverted, predicted_base_T_flange, residuals_of
 from calibration.diagnosis.trial import Outcome, Trial, few_views_factor, price_of
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 
@@ -86,7 +86,8 @@ def _numbers(rest: Rest, n: int) -> Iterator[_Candidate]:
     given = _printed(rest.view.base_T_flange[0])
     stepped = _residuals(rest, np.concatenate([given[None], given + np.diag(STEPS)]))
     slopes = (stepped[1:] - stepped[0]) / STEPS[:, None]
-    changes = -(slopes @ rest.information @ rest.residual) / np.einsum("ki,ij,kj->k", slopes, rest.information, slopes)
+    information = np.einsum("ki,ij,kj->k", slopes, rest.information, slopes)
+    changes = -(slopes @ rest.information @ rest.residual) / np.maximum(information, SMALLEST_INFORMATION)
     told = (np.arange(7) < 3) | (np.abs(changes) < LARGEST_SLIP)
     right = given + np.diag(np.where(told, changes, 0.0))
     misfits = _misfits(rest, right)
