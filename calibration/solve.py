@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-import numpy as np
-
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.consistency.outliers import Selection, agreeing_rows, select
 from calibration.diagnosis.explain import explained

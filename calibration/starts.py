@@ -20,7 +20,7 @@ STARTS = ("kronecker", "daniilidis", "tsai", "horaud")
 MOST_VIEWS = 20
 """The starts are compared on this many views: the basin they lie in does not depend on more."""
 
-SAME_OPTIMUM = 0.3
+SAME_OPTIMUM = 3.0
 """Two optima closer than this many deviations are one."""
 
 

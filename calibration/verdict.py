@@ -44,7 +44,7 @@ def _point(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Fin
     if solution.uncertainty is None:
         return
     point_mm = solution.uncertainty.point_mm
-    if point_mm > limits.point_warning_mm:
+    if not point_mm <= limits.point_warning_mm:
         weakest = solution.observability.weakest_direction
         yield Finding(
             "point-uncertain",

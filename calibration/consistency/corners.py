@@ -12,8 +12,8 @@ from calibration.observations import FEWEST_CORNERS, Observations
 from calibration.transforms import Array
 from calibration.view_poses import candidate_poses, refined_poses
 
-OUTLYING = 5.0
-"""Deviations from its view: a normal corner is that far out once in 270,000."""
+OUTLYING = 6.0
+"""Deviations from its view: a normal corner is that far out once in 60 million."""
 
 DISAGREEING = 6.0
 """A view whose corners scatter this many times more than the median view's is no picture of this target."""

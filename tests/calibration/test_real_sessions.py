@@ -1,0 +1,35 @@
+"""Photographs and rendered images that nobody made for this solver."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.solution import Solution
+from calibration.solve import solve_hand_eye
+from calibration.transforms import difference, transform_from_quaternion
+from daemon.session_folder import load_problem, open_session
+
+pytestmark = [pytest.mark.data, pytest.mark.timeout(180)]
+
+
+def solved(folder: Path) -> Solution:
+    return solve_hand_eye(load_problem(open_session(folder)))
+
+
+@pytest.mark.parametrize(("name", "base_error_mm"), [("ic_charuco", 1.6), ("ic_circles", 7.7)])
+def test_views_left_out_are_predicted(real_data: Path, name: str, base_error_mm: float) -> None:
+    held = solved(real_data / name).hold_out
+    assert held is not None
+    assert held.base_error_mm <= base_error_mm
+
+
+def test_the_rendered_cell_is_near_its_truth(real_data: Path) -> None:
+    pose = json.loads((real_data / "metric_1" / "truth.json").read_text())["base_T_camera"]
+    truth = transform_from_quaternion(pose["translation_mm"], pose["quaternion_wxyz"])
+    X = solved(real_data / "metric_1").mount_T_camera
+    assert X is not None
+    translation_mm, rotation_rad = difference(truth, X)
+    assert translation_mm <= 1.0
+    assert np.degrees(rotation_rad) <= 0.10

@@ -1,0 +1,61 @@
+"""The verdict: a table of what is said about which solution, and that judging never solves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibration.solution import Finding, HoldOut, Noise, Solution, Uncertainty
+from calibration.solve import solve_hand_eye
+from calibration.verdict import Limits, judge
+from tests.calibration.cells import cell
+
+GOOD = cell(21, 10)
+SOLVED = solve_hand_eye(GOOD.problem)
+
+
+def uncertain(point_mm: float) -> Solution:
+    return replace(SOLVED, uncertainty=Uncertainty(np.ones(3), np.ones(3), point_mm, np.eye(6)))
+
+
+def rejecting(count: int) -> Solution:
+    views = [replace(view, status="rejected", reason="pose-disagrees") for view in SOLVED.views[:count]]
+    return replace(SOLVED, views=(*views, *SOLVED.views[count:]))
+
+
+ROWS: dict[str, tuple[Solution, str | None, bool]] = {
+    "a good one": (SOLVED, None, True),
+    "a point known to half a millimetre": (uncertain(0.49), None, True),
+    "a point known to a millimetre": (uncertain(1.0), "point-uncertain", True),
+    "a point known to three millimetres": (uncertain(3.0), "point-uncertain", False),
+    "a point not known at all": (uncertain(np.inf), "point-uncertain", False),
+    "a point that is not a number": (uncertain(np.nan), "point-uncertain", False),
+    "a poor robot": (replace(SOLVED, noise=Noise(0.05, 0.01, 2.0)), "robot-noise", True),
+    "a poor picture": (replace(SOLVED, noise=Noise(0.9, 1e-4, 0.1)), "image-noise", True),
+    "three of ten views rejected": (rejecting(3), None, True),
+    "four of ten views rejected": (rejecting(4), "many-rejected", False),
+    "nothing held out": (replace(SOLVED, hold_out=None), "nothing-held-out", True),
+    "a hold-out out of all proportion": (replace(SOLVED, hold_out=HoldOut(50.0, 90.0)), "hold-out-large", True),
+    "an error of the solver's": (
+        replace(SOLVED, findings=(Finding("x", "error", "what", "fix"),)),
+        "x",
+        False,
+    ),
+    "no transform": (replace(SOLVED, mount_T_camera=None), None, False),
+}
+
+
+@pytest.mark.parametrize("what", ROWS)
+def test_what_is_said_of_a_solution(what: str) -> None:
+    solution, code, accepted = ROWS[what]
+    verdict = judge(GOOD.problem, solution)
+    said = {finding.code for finding in verdict.findings}
+    assert verdict.accepted is accepted
+    assert said >= ({code} if code else set())
+    if code is None:
+        assert not said
+    assert all(finding.message and finding.fix for finding in verdict.findings)
+
+
+def test_limits_can_be_set() -> None:
+    assert not judge(GOOD.problem, uncertain(0.49), Limits(point_mm=0.3, point_warning_mm=0.1)).accepted
