@@ -35,7 +35,9 @@ class ViewResult:
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """One standard deviation of X, translation (3,) mm and rotation (3,) rad, and of a mapped point (`point_mm`).
+    """One standard deviation of X and of a mapped point (`point_mm`).
+
+    `translation_mm` (3,): of X's translation along the mount's axes; `rotation_rad` (3,): about the camera's axes.
 
     `covariance` (6, 6) of [rotation rad, translation mm], of mount_T_camera @ exp(.), in the camera frame.
     """
