@@ -82,7 +82,10 @@ def uncertainty_table(cells: int) -> None:
 
 def _uncertainty_row(name: str, found: Array) -> str:
     z = np.sqrt(np.nanmean(found[:, :6].reshape(-1, 2, 3) ** 2, axis=(0, 2)))
-    ratios = np.nanmedian(found[:, 6:9], axis=0)
+    ratios = [
+        float(np.median(column[np.isfinite(column)])) if np.any(np.isfinite(column)) else np.nan
+        for column in found[:, 6:9].T
+    ]
     bound = np.sqrt(np.nanmean(found[:, 9] ** 2))
     levels = " ".join(f"{ratio:5.2f}" for ratio in ratios)
     return f"{name} {len(found):>5} {z[0]:6.2f} {z[1]:7.2f} {levels} {bound:11.3f}"
@@ -133,7 +136,7 @@ def peers_table(trials: int) -> None:
         f"RMS error of X over {trials} cells, 0.05 px, 0.02 deg, 0.1 mm: rotation deg / translation mm (point / bound)"
     )
     noise = CellNoise(0.05, float(np.radians(0.02)), 0.1)
-    methods: dict[str, Method] = {"auto": _auto, **{name: _own(name) for name in CLOSED_FORMS if name != "three-pose"}}
+    methods: dict[str, Method] = {name: _own(name) for name in CLOSED_FORMS if name != "three-pose"}
     methods |= {f"cv2 {name}": _opencv(name) for name in OPENCV_METHODS if hasattr(cv2, "calibrateHandEye")}
     print(f"{'':>16}" + "".join(f"{name:>24}" for name in ("5 views", "10 views", "20 views", "50 views")))
     table: dict[str, list[str]] = defaultdict(list)
@@ -145,8 +148,9 @@ def peers_table(trials: int) -> None:
             prepared, _, selection = estimated(cell.problem)
             weights = point_weights(working_points_mm(cell.camera, 550.0))
             bound = _bound_mm(cell, noise)
-            for name, method in methods.items():
-                X = selection.best.chain.mount_T_camera if name == "auto" else method(prepared)
+            solved = {"auto": selection.best.chain.mount_T_camera}
+            solved |= {name: method(prepared) for name, method in methods.items()}
+            for name, X in solved.items():
                 error = _error(cell, X)
                 square = np.array([error[:3] @ error[:3], error[3:] @ error[3:], error @ weights @ error / bound**2])
                 squares[name].append(square)
@@ -156,10 +160,6 @@ def peers_table(trials: int) -> None:
     for name, cells in table.items():
         print(f"{name:>16}" + "".join(f"{cell:>24}" for cell in cells))
     print()
-
-
-def _auto(prepared: Prepared) -> Array:
-    raise NotImplementedError("taken from the estimate")
 
 
 def _own(name: str) -> Method:
