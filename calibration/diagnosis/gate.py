@@ -21,19 +21,20 @@ USUAL_MM, USUAL_RAD = 1.0, float(np.radians(0.1))
 FEW_VIEWS = 20
 """So few are diagnosed at once: it takes less than a tenth of a second, and estimates of gains are poor."""
 
-SUSPICION = 0.0
-"""Estimated gain from which a diagnosis is worth its time. Estimates are low, by up to a factor of four: where the
-pixels' noise hides the robot's, fewer residuals take the blame than is reckoned here."""
+ONE_VIEW, CHANGED, SIZE = 3.0, -3.0, 0.0
+"""Estimated gains from which a diagnosis is worth its time. Those of a change are low, by up to a factor of four:
+where the pixels' noise hides the robot's, fewer residuals take the blame than is reckoned here."""
 
 
 def suspicious(evidence: Evidence, fitted: Fit) -> bool:
     """Might a diagnosis find something that is wrong with these views?"""
     if len(evidence) <= FEW_VIEWS or fitted.robot_translation_mm > USUAL_MM or fitted.robot_rotation_rad > USUAL_RAD:
         return True
-    return any(gain > SUSPICION for gain in _gains(evidence, fitted))
+    return any(gain > limit for gain, limit in _gains(evidence, fitted))
 
 
-def _gains(evidence: Evidence, fitted: Fit) -> Iterator[float]:
+def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:
+    """Each kind's estimated gain, and the limit that it must pass."""
     n = len(evidence)
     weights = inverted(fitted.covariance)
     by_shared, residuals = fitted.by_shared, fitted.residuals[..., None]
@@ -46,7 +47,7 @@ def _gains(evidence: Evidence, fitted: Fit) -> Iterator[float]:
     outside = fitted.covariance - by_shared @ shared @ np.swapaxes(by_shared, 1, 2)
     ridge = 1e-9 * np.einsum("nii->ni", fitted.covariance)[:, :, None] * np.eye(6)
     distances = np.einsum("nik,nij,njl->nkl", residuals, inverted(outside + ridge), residuals)[:, 0, 0]
-    yield _gain(float(distances.max()), n, 1, 7 * n)
+    yield _gain(float(distances.max()), n, 1, 7 * n), ONE_VIEW
 
     # X, or the target's pose, is another from some view on.
     gradients = (np.swapaxes(weighted, 1, 2) @ residuals)[..., 0]
@@ -54,7 +55,7 @@ def _gains(evidence: Evidence, fitted: Fit) -> Iterator[float]:
         score = np.cumsum(gradients[::-1], axis=0)[::-1][STRETCH : n - STRETCH + 1, block]
         after = np.cumsum(normal[::-1], axis=0)[::-1][STRETCH : n - STRETCH + 1]
         information = after[:, block, block] - after[:, block] @ shared @ after[:, :, block]
-        yield _gain(_largest_fall(score, information), n, 6, 2 * n)
+        yield _gain(_largest_fall(score, information), n, 6, 2 * n), CHANGED
 
     # The target's size.
     slope = np.zeros((n, 6, 1))
@@ -62,7 +63,7 @@ def _gains(evidence: Evidence, fitted: Fit) -> Iterator[float]:
     cross = (np.swapaxes(slope, 1, 2) @ weighted).sum(axis=0)
     fisher = float((np.swapaxes(slope, 1, 2) @ weights @ slope).sum()) - float((cross @ shared @ cross.T).sum())
     gradient = float((np.swapaxes(slope, 1, 2) @ weights @ residuals).sum())
-    yield _gain(gradient**2 / max(fisher, 1e-300), n, 1, 1)
+    yield _gain(gradient**2 / max(fisher, 1e-300), n, 1, 1), SIZE
 
 
 def _largest_fall(score: Array, information: Array) -> float:

@@ -1,0 +1,151 @@
+"""One thing is wrong with a session: the solver says which, where, and what to do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.diagnosis import GROSS, LENSES
+from benchmarks.diagnosis_faults import (
+    CONVENTIONS,
+    SETUPS,
+    Noise,
+    deviation_of,
+    in_convention,
+    mistyped,
+    moved,
+    other_tool,
+    poses_of,
+    scaled_target,
+    simulated_session,
+    with_poses,
+)
+from calibration.problem import Problem, Setup
+from calibration.solution import Finding
+from calibration.solve import solve_hand_eye
+from calibration.verdict import judge
+
+
+def session(seed: int = 0, n: int = 12, setup: Setup = "eye-in-hand", noise: Noise | None = None) -> Problem:
+    return simulated_session(np.random.default_rng(seed), n, noise or Noise(), setup)
+
+
+def finding(problem: Problem, codes: frozenset[str]) -> Finding:
+    findings = solve_hand_eye(problem).findings
+    found = [finding for finding in findings if finding.code in codes]
+    assert len(found) == 1, findings
+    return found[0]
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("kind", GROSS)
+def test_a_gross_fault_is_named_with_its_views(kind: str, setup: Setup) -> None:
+    fault = GROSS[kind](session(1, setup=setup), np.random.default_rng(2))
+    found = finding(fault.problem, fault.codes)
+    assert all(word in found.message for word in fault.says), found.message
+    assert found.fix
+
+
+@pytest.mark.parametrize("code", CONVENTIONS)
+def test_a_session_in_another_convention_is_never_accepted(code: str) -> None:
+    fault = in_convention(code)(session(3), np.random.default_rng(0))
+    verdict = judge(fault.problem, solve_hand_eye(fault.problem))
+    assert not verdict.accepted
+    assert [found.severity for found in verdict.findings if found.code == code] == ["error"]
+
+
+@pytest.mark.parametrize("kind", LENSES)
+def test_intrinsics_that_do_not_fit_are_told_apart_from_the_robot(kind: str) -> None:
+    fault = LENSES[kind](session(4, n=15), np.random.default_rng(0))
+    assert " px where others leave " in finding(fault.problem, fault.codes).message
+
+
+def test_the_number_that_was_mistyped_is_told_with_what_it_should_be() -> None:
+    clean = session(5)
+    poses = poses_of(clean)
+    right = poses[7, 1, 3]
+    poses[7, 1, 3] += 20.0
+    message = finding(with_poses(clean, poses), frozenset({"pose-mistyped"})).message
+    assert f"the pose of view 7 has a wrong number: y is {right + 20:.2f} and should be about" in message
+    told = float(message.split("should be about ")[1].split(" ")[0].rstrip("."))
+    assert told == pytest.approx(right, abs=1.0)
+
+
+def test_one_mistyped_pose_does_not_condemn_the_rest() -> None:
+    clean = session(5, n=15)
+    poses = poses_of(clean)
+    poses[4, 0, 3] -= 35.0
+    spoilt = with_poses(clean, poses)
+    solution = solve_hand_eye(spoilt)
+    assert solution.views[4].status == "rejected"
+    assert judge(spoilt, solution).accepted
+    assert [f.severity for f in solution.findings if f.code == "pose-mistyped"] == ["warning"]
+
+
+def test_a_pose_wrong_in_several_numbers_is_named_without_guessing_one() -> None:
+    clean = session(6)
+    poses = poses_of(clean)
+    poses[3] = poses[3] @ poses[8]
+    message = finding(with_poses(clean, poses), frozenset({"pose-mistyped"})).message
+    assert "the pose of view 3 disagrees with all others by" in message
+
+
+def test_another_tool_from_some_view_on_refuses_a_solution_that_mixes_both() -> None:
+    fault = other_tool(session(7, n=16), np.random.default_rng(4))
+    solution = solve_hand_eye(fault.problem)
+    after = int(fault.says[0].split()[1])
+    used = {view.index for view in solution.views if view.status != "rejected"}
+    mixed = any(index < after for index in used) and any(index >= after for index in used)
+    severity = finding(fault.problem, fault.codes).severity
+    assert severity == ("error" if mixed else "warning")
+
+
+@pytest.mark.parametrize(
+    "kind, deviations",
+    [
+        (mistyped, 30),
+        (lambda p, r: moved(p, r, "base"), 60),
+        (lambda p, r: moved(p, r, "tool"), 60),
+        (scaled_target, 15),
+    ],
+)
+def test_a_fault_of_a_few_of_the_sessions_own_deviations_is_named(kind, deviations: float) -> None:  # type: ignore[no-untyped-def]
+    clean = session(8, n=20)
+    slip = kind(clean, np.random.default_rng(1))
+    fault = slip.at(deviations * deviation_of(clean, slip))
+    found = finding(fault.problem, fault.codes)
+    assert all(word in found.message for word in fault.says), found.message
+
+
+def test_disagreement_is_told_before_and_after() -> None:
+    fault = in_convention("poses-inverted")(session(9), np.random.default_rng(0))
+    message = finding(fault.problem, fault.codes).message
+    before, after = message.split("Robot and images disagree by ")[1].split(" as they came, by ")
+    assert float(before.split(" mm")[0]) > 50
+    assert float(after.split(" mm")[0]) < 0.5
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("noise", [Noise(0.02, 0, 0), Noise(), Noise(0.5, 0.5, 0.05)])
+def test_clean_sessions_are_left_in_peace(noise: Noise, setup: Setup) -> None:
+    for seed, n in enumerate((5, 6, 9, 14)):
+        severe = [f for f in solve_hand_eye(session(seed, n, setup, noise)).findings if f.severity != "info"]
+        assert not severe, (seed, n, severe)
+
+
+def test_a_pose_at_the_end_of_the_world_is_named_and_raises_nothing() -> None:
+    clean = session(10)
+    for far in (1e7, 1e12, 1e150):
+        poses = poses_of(clean)
+        poses[2, 0, 3] = far
+        assert solve_hand_eye(with_poses(clean, poses)).findings
+
+
+def test_views_are_called_by_their_own_numbers() -> None:
+    clean = session(11)
+    views = [replace(view, index=index) for index, view in enumerate(clean.views)]
+    views[0] = replace(views[0], detection=None, missing=("not-found", "no board"))
+    poses = poses_of(clean)
+    poses[6, 2, 3] += 12.0
+    spoilt = with_poses(replace(clean, views=tuple(views)), poses)
+    assert "the pose of view 6 " in finding(spoilt, frozenset({"pose-mistyped"})).message
