@@ -8,6 +8,7 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import Evidence, evidence_of
 from calibration.diagnosis.fit import Fit, fit, inverted, residuals_of
+from calibration.diagnosis.views import CHANGED
 from calibration.prepare import prepare
 from calibration.problem import Detection, Problem, Setup, View
 from calibration.targets import Charuco
@@ -250,7 +251,8 @@ def _changed(problem: Problem, after: int, spoil: Callable[[Array], Array], what
     poses = poses_of(problem)
     poses[after:] = spoil(poses[after:])
     code = CHANGED_CODES[problem.setup, what]
-    return Fault(with_poses(problem, poses), frozenset({code}), (f"view {after}",))
+    (change,) = (change for change in CHANGED[problem.setup] if change.code == code)
+    return Fault(with_poses(problem, poses), frozenset({code}), (change.message.format(after),))
 
 
 def _seen(problem: Problem, rng: np.random.Generator, count: int) -> list[int]:

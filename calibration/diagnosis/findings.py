@@ -5,7 +5,7 @@ from collections.abc import Set
 import numpy as np
 
 from calibration.diagnosis.conventions import CONVENTIONS
-from calibration.diagnosis.diagnose import Diagnosis
+from calibration.diagnosis.diagnose import GAIN, Diagnosis
 from calibration.diagnosis.lens import LensMisfit
 from calibration.diagnosis.views import CHANGE_CODES
 from calibration.solution import Finding, Severity
@@ -31,6 +31,9 @@ def findings_of(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Fin
         f"{cause.message}. Robot and images disagree by {_size(diagnosis.before_mm, diagnosis.before_rad)}"
         f" as they came, by {_size(diagnosis.after_mm, diagnosis.after_rad)} with this explanation"
     )
+    other = diagnosis.runner_up
+    if other is not None and diagnosis.runner_up_gain > max(GAIN, diagnosis.gain - GAIN):
+        message += f". Nearly as likely: {other.message}"
     return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix),)
 
 
