@@ -7,10 +7,15 @@ import numpy as np
 from calibration.arm import Arm
 from calibration.arm import PoseRefused as OutOfJoint
 from calibration.arms import arm_named
+from calibration.planning.reach import reachable_by
+from calibration.planning.selection import Reachable
 from calibration.transforms import Array
 from daemon.errors import PoseRefused
 from daemon.settings import RobotSettings, TaughtPose
 from drivers.interfaces import Configuration, MoveGoal, PoseReading, Robot
+
+PLANNED_TRAVEL_DEG = 120.0
+"""No joint turns further in one move that nobody taught: short moves are easy to foresee, and cost no accuracy."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +70,26 @@ class MotionRules:
     def _joints(self, station: int, pose: TaughtPose, arm: Arm, near_rad: Array) -> Array:
         try:
             if pose.configuration is not None:
-                return arm.matching(pose.transform(), pose.configuration, near_rad)
-            return arm.nearest(pose.transform(), near_rad)
+                joints = arm.matching(pose.transform(), pose.configuration, near_rad)
+            else:
+                joints = arm.nearest(pose.transform(), near_rad)
         except OutOfJoint as error:
             raise PoseRefused(station, error.what, error.fix) from None
+        travel_deg = np.degrees(np.abs(joints - near_rad))
+        if travel_deg.max() > self.robot.joint_travel_deg:
+            raise PoseRefused(
+                station,
+                f"axis {int(travel_deg.argmax()) + 1} would turn by {travel_deg.max():.0f}° in one move"
+                f" (limit {self.robot.joint_travel_deg:g}°)",
+                "put a pose between the two, choose a nearer one, or raise [robot] joint_travel_deg",
+            )
+        return joints
+
+    def reachable_from(self, joints_now_rad: Array | None) -> Reachable | None:
+        """Which poses the arm can take without a change of posture or a long turn; None: the arm is not known."""
+        if self.arm is None or joints_now_rad is None:
+            return None
+        return reachable_by(self.arm, joints_now_rad, np.radians(min(self.robot.joint_travel_deg, PLANNED_TRAVEL_DEG)))
 
     def reachable(self, base_T_flange: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Which of the poses (n, 4, 4) the arm can take, as far as the daemon knows the arm."""

@@ -2,12 +2,14 @@
 
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
+from calibration.planning.alternative import Alternative
+from calibration.planning.next_view import Wish
 from daemon.cell import Cell
 from daemon.clock import Clock
 from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses
@@ -22,13 +24,16 @@ from daemon.runs.supervisor import Drive, Ending, Supervisor
 from daemon.runs.verifying import Verifying
 from daemon.scans import Scans
 from daemon.settings import Settings, TaughtPose
-from daemon.stations import Known, planned, taught
+from daemon.stations import Known, adaptive_route, planned, planning_limits, taught
 from daemon.store.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanView
 from daemon.store.store import Store
 from daemon.workers import Workers
 
 VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
+
+
+Route = TypeVar("Route")
 
 
 @dataclass(frozen=True)
@@ -50,10 +55,19 @@ class Operations:
 
         async def prepare() -> tuple[int, Drive]:
             await self._require_ready(await self.cell.obstacles())
-            poses = await self._stations(request.poses, request.count, target)
-            auto = self.settings.calibration.policy == "auto"
-            run = Calibrating(self.cell, self.store, self.workers, self.clock, auto)
-            return self._with_session(poses, target, self.settings.camera.intrinsics, run.drive, "calibration")
+            settings, intrinsics = self.settings.calibration, self.settings.camera.intrinsics
+            better = Alternative(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
+            auto = settings.policy == "auto"
+            run = Calibrating(self.cell, self.store, self.workers, self.clock, auto, better)
+            poses = request.poses or taught(settings, request.count)
+            if poses:
+                await self._require_allowed(poses)
+                itinerary = Itinerary(poses, self.rules)
+                return self._with_session(itinerary, len(poses), target, intrinsics, run.drive, "calibration")
+            count = request.count or settings.count
+            wish = Wish(count, request.uncertainty_mm or settings.uncertainty_mm)
+            route = adaptive_route(settings, self.rules, target, await self._known(), wish)
+            return self._with_session(route, count, target, intrinsics, run.drive_adaptively, "calibration")
 
         return await self._start("calibration", request, prepare)
 
@@ -67,7 +81,8 @@ class Operations:
             count = VERIFY_POSITIONS if request.poses is None else None
             poses = await self._stations(request.poses, count, target)
             run = Verifying(self.cell, self.workers, calibration)
-            return self._with_session(poses, target, calibration.camera, run.drive, "verify")
+            itinerary = Itinerary(poses, self.rules)
+            return self._with_session(itinerary, len(poses), target, calibration.camera, run.drive, "verify")
 
         return await self._start("verify", request, prepare)
 
@@ -146,14 +161,17 @@ class Operations:
         return poses
 
     async def _planned(self, count: int, target: TargetDocument) -> tuple[TaughtPose, ...]:
+        known = await self._known()
+        start = (await self.cell.robot.read_pose()).base_T_flange
+        return await self.workers.run(planned, self.settings.calibration, self.rules, target, known, count, start)
+
+    async def _known(self) -> Known:
         intrinsics = self.settings.camera.intrinsics
         try:
             current = await self.current_document()
         except NoCalibration:
             current = None
-        known = Known.of(self.settings.calibration, intrinsics.camera() if intrinsics else None, current)
-        start = (await self.cell.robot.read_pose()).base_T_flange
-        return await self.workers.run(planned, self.settings.calibration, self.rules, target, known, count, start)
+        return Known.of(self.settings.calibration, intrinsics.camera() if intrinsics else None, current)
 
     async def _require_allowed(self, poses: tuple[TaughtPose, ...]) -> None:
         joints = await self.cell.robot.read_joints() if self.rules.arm else None
@@ -161,10 +179,11 @@ class Operations:
 
     def _with_session(
         self,
-        poses: tuple[TaughtPose, ...],
+        route: Route,
+        stations: int,
         target: TargetDocument,
         camera: CameraDocument | None,
-        drive: Callable[[Itinerary, SessionLog, RunLog], Awaitable[Ending]],
+        drive: Callable[[Route, SessionLog, RunLog], Awaitable[Ending]],
         kind: str,
     ) -> tuple[int, Drive]:
         """A run that keeps a session folder under its own id."""
@@ -173,9 +192,9 @@ class Operations:
         async def with_session(log: RunLog) -> Ending:
             source = f"{kind} run {log.id}"
             session = SessionLog(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
-            return await drive(Itinerary(poses, self.rules), session, log)
+            return await drive(route, session, log)
 
-        return len(poses), with_session
+        return stations, with_session
 
 
 def require_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

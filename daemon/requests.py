@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
@@ -12,10 +12,14 @@ Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)
 
 
 class CalibrateRequest(Document):
-    """Everything is optional: poses of the flange (else taught ones, else planned ones), how many, another target."""
+    """Everything is optional: poses of the flange (else taught ones, else planned ones), how many, another target.
+
+    `uncertainty_mm`: planning ends when a mapped point is known as well as this (one sigma); `count` is then the most.
+    """
 
     poses: Annotated[tuple[TaughtPose, ...], Field(min_length=3, max_length=100)] | None = None
     count: Annotated[int, Field(ge=3, le=100)] | None = None
+    uncertainty_mm: PositiveFloat | None = None
     target: TargetDocument | None = None
 
 

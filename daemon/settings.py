@@ -70,6 +70,7 @@ class RobotSettings(Document):
     model: Annotated[str, AfterValidator(_known_arm)] | None = None
     speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 100.0
     box_mm: Box
+    joint_travel_deg: Annotated[float, Field(gt=0, le=720)] = 270.0
     settling: SettlingSettings = SettlingSettings()
 
     @model_validator(mode="after")
@@ -108,6 +109,7 @@ class CalibrationSettings(Document):
     """Where to look from, and who applies the result."""
 
     count: Annotated[int, Field(ge=3, le=100)] = 3
+    uncertainty_mm: Annotated[float, Field(gt=0)] | None = None
     policy: Literal["operator", "auto"] = "operator"
     poses: tuple[TaughtPose, ...] = ()
     flange_T_camera_guess: PoseDocument | None = None

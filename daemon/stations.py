@@ -6,11 +6,15 @@ from calibration.camera import CameraModel
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.target import TargetDocument
+from calibration.planning.learning import Guess
+from calibration.planning.next_view import Wish
 from calibration.planning.plan import PlanningError, plan_poses
+from calibration.planning.viewpoints import Limits
 from calibration.prediction import Scene
 from calibration.transforms import Array
 from daemon.errors import NoPoses
 from daemon.motion import MotionRules
+from daemon.runs.adaptive import AdaptiveRoute
 from daemon.settings import CalibrationSettings, TaughtPose
 
 
@@ -58,6 +62,27 @@ def taught(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose
     return settings.poses[:count]
 
 
+def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> Limits:
+    """Where planned poses may lie."""
+    return settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
+
+
+def adaptive_route(
+    settings: CalibrationSettings, rules: MotionRules, target: TargetDocument, known: Known, wish: Wish
+) -> AdaptiveRoute:
+    """A run that plans as it goes, from whatever is known; the first look must show the target, or both guesses be."""
+    guess = Guess(
+        "eye-in-hand",
+        target.target(),
+        known.camera,
+        known.flange_T_camera.transform() if known.flange_T_camera else None,
+        known.base_T_target.transform() if known.base_T_target else None,
+        settings.noise.noise(),
+    )
+    assumed = "" if known.camera else "the intrinsics are unknown: planned from a usual field of view until they are"
+    return AdaptiveRoute(guess, planning_limits(settings, rules), wish, rules, assumed)
+
+
 def planned(
     settings: CalibrationSettings,
     rules: MotionRules,
@@ -80,7 +105,7 @@ def planned(
         known.base_T_target.transform(),
         settings.noise.noise(),
     )
-    limits = settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
+    limits = planning_limits(settings, rules)
     try:
         plan = plan_poses(scene, limits, count, start=start, reachable=rules.reachable)
     except PlanningError as error:

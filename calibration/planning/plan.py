@@ -37,14 +37,16 @@ def plan_poses(
     start: Array | None = None,
     taken: Array | None = None,
     reachable: Reachable | None = None,
+    alternatives: tuple[Scene, ...] = (),
     seed: int = 1,
 ) -> Plan:
     """The `count` poses that, with those already `taken` (m, 4, 4), determine X best.
 
-    `start` (4, 4) is where the flange stands now. The same input gives the same plan. Raises PlanningError.
+    `start` (4, 4) is where the flange stands now. The target is in view in all `alternatives` as well. The same
+    input gives the same plan. Raises PlanningError.
     """
     known = view_information(scene, np.empty((0, 4, 4)) if taken is None else taken).sum(axis=0)
-    chosen = best_set(Search(scene, limits, reachable, np.random.default_rng(seed)), count, known)
+    chosen = best_set(Search(scene, limits, reachable, np.random.default_rng(seed), alternatives), count, known)
     poses = chosen.base_T_flange
     if len(poses) < count:
         raise PlanningError(

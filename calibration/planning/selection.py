@@ -10,7 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.planning.viewpoints import Limits, allowed, clipped, flange_poses, random_viewpoints
+from calibration.planning.viewpoints import (
+    Limits,
+    allowed,
+    clipped,
+    flange_poses,
+    in_sight,
+    random_viewpoints,
+)
 from calibration.prediction import Scene, covariance_of, point_weights, view_information, working_points_mm
 from calibration.transforms import Array
 
@@ -34,12 +41,13 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Everything the search keeps asking."""
+    """Everything the search keeps asking. From each pose the target is in view in all `alternatives` as well."""
 
     scene: Scene
     limits: Limits
     reachable: Reachable | None
     rng: np.random.Generator
+    alternatives: tuple[Scene, ...] = ()
 
     def candidates(self, viewpoints: Array) -> Candidates:
         """Those of the viewpoints (n, 6) that are allowed and reachable."""
@@ -47,6 +55,10 @@ class Search:
         keep = allowed(self.scene, self.limits, poses)
         if self.reachable is not None:
             keep[keep] = self.reachable(poses[keep])
+        for other in self.alternatives:
+            if not keep.any():
+                break
+            keep[keep] = in_sight(other, self.limits, poses[keep])
         return Candidates(viewpoints[keep], poses[keep], view_information(self.scene, poses[keep]))
 
     def variance(self, information: Array) -> Array:

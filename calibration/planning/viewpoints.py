@@ -105,3 +105,16 @@ def allowed(scene: Scene, limits: Limits, base_T_flange: Array) -> NDArray[np.bo
         origin = base_T_flange[:, :3, 3]
         result &= np.all((origin >= limits.box_mm[0]) & (origin <= limits.box_mm[1]), axis=1)
     return result
+
+
+NEAREST_OF_LIMIT = 0.7
+"""A scene that is only possible may bring the camera nearer to the target than planned, but not into it."""
+
+
+def in_sight(scene: Scene, limits: Limits, base_T_flange: Array) -> NDArray[np.bool_]:
+    """(n,) bool: the whole target in the image, and not much nearer than it should be."""
+    centre = scene.target.points_mm.mean(axis=0, keepdims=True)
+    distance = np.linalg.norm(map_points(scene.camera_T_target(base_T_flange), centre)[:, 0], axis=1)
+    result: NDArray[np.bool_] = distance >= NEAREST_OF_LIMIT * limits.distance_mm[0]
+    result &= target_in_view(scene, base_T_flange) == 1.0
+    return result

@@ -6,8 +6,9 @@ from pydantic import BaseModel, ConfigDict
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
+from daemon.runs.log import predicted_in_words
 from daemon.runs.states import RunState
-from daemon.store.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView
+from daemon.store.records import Applied, CalibrationRecord, Planning, RunRecord, ScanRecord, ScanView
 
 
 class Answer(BaseModel):
@@ -24,6 +25,26 @@ class CauseDocument(Answer):
     fix: str
 
 
+class PlanningDocument(Answer):
+    """What a run that plans as it goes expects, one sigma of a mapped point.
+
+    `now_mm`: from the views so far, null before they determine X; `planned_mm`: with the `ahead` views planned next.
+    """
+
+    now_mm: float | None
+    planned_mm: float | None
+    ahead: int
+    predicted: str | None
+    note: str
+
+    @classmethod
+    def of(cls, planning: Planning) -> "PlanningDocument":
+        return cls(
+            now_mm=planning.now_mm, planned_mm=planning.planned_mm, ahead=planning.ahead,
+            predicted=predicted_in_words(planning), note=planning.note,
+        )  # fmt: skip
+
+
 class RunDocument(Answer):
     """One run. `station` counts the stations captured so far; `result` depends on `kind`."""
 
@@ -38,6 +59,7 @@ class RunDocument(Answer):
     cause: CauseDocument | None
     request: dict[str, Any]
     result: dict[str, Any] | None
+    planning: PlanningDocument | None
     links: dict[str, str]
 
     @classmethod
@@ -50,11 +72,11 @@ class RunDocument(Answer):
             if run.result and key in run.result:
                 links[key.removesuffix("_id")] = f"/{folder}/{run.result[key]}"
         if run.kind != "scan":
-            links.update({f"frame {k}": f"/runs/{run.id}/frames/{k}" for k in range(run.station)})
+            links.update({f"frame {k}": f"/runs/{run.id}/frames/{k}" for k in range(run.pictures)})
         return cls(
             id=run.id, kind=run.kind, state=run.state, over=run.over, station=run.station, stations=run.stations,
             created_at=run.created_at, updated_at=run.updated_at, cause=cause, request=run.request, result=run.result,
-            links=links,
+            planning=None if run.planning is None else PlanningDocument.of(run.planning), links=links,
         )  # fmt: skip
 
 

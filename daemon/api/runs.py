@@ -48,7 +48,11 @@ async def abort(request: Request, app: App, run_id: Identifier) -> Response:
     responses={200: {"description": "The picture", "content": {"image/png": {}}}, **documented(404)},
 )
 async def frame(
-    app: App, run_id: Identifier, k: Annotated[int, Path(ge=0, le=999, description="view, from 0: station k + 1")]
+    app: App,
+    run_id: Identifier,
+    k: Annotated[
+        int, Path(ge=0, le=999, description="view, from 0: of station k + 1, or of station k after a first look")
+    ],
 ) -> Response:
     """A picture the run stored."""
     found = await app.supervisor.run(run_id)

@@ -6,6 +6,7 @@ from typing import Any
 from calibration.documents.calibration import CalibrationDocument
 from daemon.api.documents import CalibrateStatus, CurrentCalibration, ReadyDocument, RobotDocument
 from daemon.cli.summary import summary
+from daemon.runs.log import predicted_in_words
 from daemon.store.records import RunRecord
 
 
@@ -16,6 +17,8 @@ def run_in_words(run: RunRecord, calibration: CalibrationDocument | None = None)
 
 def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Iterable[str]:
     yield f"{run.kind} run {run.id}: {run.state}, station {run.station} of {run.stations}"
+    if run.planning is not None:
+        yield from filter(None, (predicted_in_words(run.planning), run.planning.note))
     if run.cause is not None:
         yield f"why:  {run.cause.what}"
         yield f"do:   {run.cause.fix}"

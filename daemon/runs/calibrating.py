@@ -1,14 +1,16 @@
 """The calibration run: look at the target from every station, solve for X, store it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.planning.alternative import Alternative
 from calibration.problem import Problem
 from calibration.report import calibration_document
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
 from daemon.cell import Cell
 from daemon.clock import Clock
+from daemon.runs.adaptive import AdaptiveRoute, AdaptiveTour
 from daemon.runs.log import RunLog
 from daemon.runs.looking import Itinerary, look_from_everywhere
 from daemon.runs.session_log import SessionLog
@@ -25,18 +27,30 @@ FEWEST_VIEWS = 3
 
 @dataclass(frozen=True)
 class Calibrating:
-    """What the run needs besides its itinerary. `apply_when_accepted` is the policy "auto"."""
+    """What the run needs besides its itinerary. `apply_when_accepted` is the policy "auto".
+
+    `better`: within which limits poses could have been planned instead.
+    """
 
     cell: Cell
     store: Store
     workers: Workers
     clock: Clock
     apply_when_accepted: bool
+    better: Alternative | None = None
 
     async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
         """From the first move to the stored calibration, whose id is the run's."""
         problem = await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS)
-        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp())
+        return await self._conclude(problem, log, self.better)
+
+    async def drive_adaptively(self, route: AdaptiveRoute, session: SessionLog, log: RunLog) -> Ending:
+        """The same, from poses that are planned after each view."""
+        problem = await AdaptiveTour(route, self.cell, self.workers, session, log).drive(FEWEST_VIEWS)
+        return await self._conclude(problem, log, None)
+
+    async def _conclude(self, problem: Problem, log: RunLog, better: Alternative | None) -> Ending:
+        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp(), better)
         log.conclude()
         applied = await self._keep(document, log.id)
         return E.SOLVED, {
@@ -54,10 +68,14 @@ class Calibrating:
         return True
 
 
-def solved(problem: Problem, calibration_id: str, created_at: str) -> CalibrationDocument:
-    """The same steps as `handeyed solve`."""
+def solved(
+    problem: Problem, calibration_id: str, created_at: str, better: Alternative | None = None
+) -> CalibrationDocument:
+    """The same steps as `handeyed solve`; `better` adds what planned poses would have given."""
     solution = solve_hand_eye(problem)
     verdict = judge(problem, solution)
+    if better is not None:
+        verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
     return calibration_document(
         problem, solution, verdict, calibration_id=calibration_id, created_at=created_at, software=SOFTWARE
     )

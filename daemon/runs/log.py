@@ -8,8 +8,8 @@ from typing import Any
 from daemon.clock import Clock
 from daemon.errors import StorageError
 from daemon.events import EventLog
-from daemon.runs.states import RunEvent, next_state
-from daemon.store.records import Cause, RunRecord
+from daemon.runs.states import RunEvent, RunState, next_state
+from daemon.store.records import Cause, Planning, RunRecord
 
 log = logging.getLogger(__name__)
 
@@ -36,9 +36,20 @@ class RunLog:
         await self._save(self.run)
         self._tell()
 
-    async def took(self, event: RunEvent) -> None:
-        """The run goes on. Raises StorageError."""
-        self.run = self._after(event)
+    async def took(
+        self, event: RunEvent, *, planning: Planning | None = None, stations: int | None = None, captured: bool = False
+    ) -> None:
+        """The run goes on, with what it plans and how many stations it foresees. Raises StorageError.
+
+        `captured`: the event ends a station, though it does not always.
+        """
+        after = self._after(event)
+        self.run = replace(
+            after,
+            planning=planning or after.planning,
+            stations=after.stations if stations is None else stations,
+            station=after.station + captured,
+        )
         await self._save(self.run)
         self._tell()
 
@@ -69,7 +80,18 @@ class RunLog:
         self._events.publish(
             "run",
             {"id": run.id, "kind": run.kind, "state": run.state, "station": run.station, "stations": run.stations,
-             "cause": run.cause.what if run.cause else None, "at": run.updated_at},
+             "cause": run.cause.what if run.cause else None, "at": run.updated_at,
+             "predicted": predicted_in_words(run.planning)},
         )  # fmt: skip
         ending = f": {run.cause.what}" if run.cause else ""
+        if run.state is RunState.MOVING and (words := predicted_in_words(run.planning)):
+            ending = f", {words}"
         log.info("%s %s, station %d of %d%s", run.kind, run.state, run.station, run.stations, ending)
+
+
+def predicted_in_words(planning: Planning | None) -> str | None:
+    """predicted 0.31 -> 0.22 mm: what the views so far tell of a mapped point, and what those planned next will."""
+    if planning is None or (planning.now_mm is None and planning.planned_mm is None):
+        return None
+    now = "not yet determined" if planning.now_mm is None else f"{planning.now_mm:.2g}"
+    return f"predicted {now} mm" if planning.planned_mm is None else f"predicted {now} -> {planning.planned_mm:.2g} mm"

@@ -9,6 +9,7 @@ class RunState(StrEnum):
     MOVING = "moving"
     SETTLING = "settling"
     CAPTURING = "capturing"
+    PLANNING = "planning"
     DETECTING = "detecting"
     SOLVING = "solving"
     FINISHED = "finished"
@@ -22,6 +23,9 @@ class RunEvent(StrEnum):
     ARRIVED = "arrived"
     SETTLED = "settled"
     CAPTURED = "captured"  # and there is another station
+    LOOKED = "looked"  # and where to go next depends on what was seen
+    PLANNED = "planned"
+    ENOUGH = "enough"  # what was seen determines X well enough, or as many views as asked for are taken
     ALL_CAPTURED = "all-captured"  # the arm has nothing more to do, the computer has
     ALL_STORED = "all-stored"  # a scan: nothing is left to do at all
     DETECTED = "detected"
@@ -44,7 +48,14 @@ _ENDS_BADLY = {E.FAULT: S.FAILED, E.ABORT: S.ABORTED}
 NEXT_STATE: dict[RunState, dict[RunEvent, RunState]] = {
     S.MOVING: {E.ARRIVED: S.SETTLING, **_ENDS_BADLY},
     S.SETTLING: {E.SETTLED: S.CAPTURING, **_ENDS_BADLY},
-    S.CAPTURING: {E.CAPTURED: S.MOVING, E.ALL_CAPTURED: S.DETECTING, E.ALL_STORED: S.FINISHED, **_ENDS_BADLY},
+    S.CAPTURING: {
+        E.CAPTURED: S.MOVING,
+        E.LOOKED: S.PLANNING,
+        E.ALL_CAPTURED: S.DETECTING,
+        E.ALL_STORED: S.FINISHED,
+        **_ENDS_BADLY,
+    },
+    S.PLANNING: {E.PLANNED: S.MOVING, E.ENOUGH: S.DETECTING, **_ENDS_BADLY},
     S.DETECTING: {E.DETECTED: S.SOLVING, **_ENDS_BADLY},
     S.SOLVING: {E.SOLVED: S.FINISHED, **_ENDS_BADLY},
     S.FINISHED: {},

@@ -1,7 +1,7 @@
 """Rows of the store, as the rest of the daemon sees them."""
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from calibration.documents.calibration import CalibrationDocument
@@ -22,6 +22,21 @@ class Cause:
 
 
 @dataclass(frozen=True)
+class Planning:
+    """How far a run that plans as it goes has come.
+
+    `now_mm`: what the views so far tell of a mapped point, None before they determine it; `planned_mm`: what the
+    `ahead` views planned next will. `pictures` counts the first look too. `note` says what was assumed.
+    """
+
+    now_mm: float | None = None
+    planned_mm: float | None = None
+    ahead: int = 0
+    pictures: int = 0
+    note: str = ""
+
+
+@dataclass(frozen=True)
 class RunRecord:
     """One run. `station` counts the stations captured so far; `result` is what it found, by kind."""
 
@@ -35,10 +50,16 @@ class RunRecord:
     cause: Cause | None = None
     request: dict[str, Any] = field(default_factory=dict)
     result: dict[str, Any] | None = None
+    planning: Planning | None = None
 
     @property
     def over(self) -> bool:
         return self.state in FINAL_STATES
+
+    @property
+    def pictures(self) -> int:
+        """How many pictures are stored: one a station, and the first look."""
+        return self.planning.pictures if self.planning else self.station
 
     def row(self) -> tuple[Any, ...]:
         """In the order of the table's columns."""
@@ -46,15 +67,15 @@ class RunRecord:
         result = None if self.result is None else json.dumps(self.result)
         times = (self.created_at, self.updated_at)
         return (self.id, self.kind, str(self.state), self.station, self.stations, code, what, fix, *times,
-                json.dumps(self.request), result)  # fmt: skip
+                json.dumps(self.request), result, self.planning and json.dumps(asdict(self.planning)))  # fmt: skip
 
     @classmethod
     def of(cls, row: tuple[Any, ...]) -> "RunRecord":
-        run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, request, result = row
+        run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, request, result, planning = row
         cause = None if code is None else Cause(code, what, fix)
         found = None if result is None else json.loads(result)
         return cls(run_id, kind, RunState(state), station, stations, created_at, updated_at, cause,
-                   json.loads(request), found)  # fmt: skip
+                   json.loads(request), found, planning and Planning(**json.loads(planning)))  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,9 @@ MIGRATIONS: tuple[str, ...] = (
         PRIMARY KEY (scan_id, view)
     );
     """,
+    """
+    ALTER TABLE runs ADD COLUMN planning TEXT;
+    """,
 )
 
 SCHEMA_VERSION = len(MIGRATIONS)

@@ -82,7 +82,7 @@ def test_the_example_shows_the_defaults() -> None:
     smallest = parse_settings(SMALLEST.encode(), "smallest")
     for section in ("calibration", "server", "storage"):
         shown, default = getattr(example, section), getattr(smallest, section)
-        given = {"flange_T_camera_guess", "base_T_target_guess"}
+        given = {"flange_T_camera_guess", "base_T_target_guess", "uncertainty_mm"}
         assert shown.model_dump(exclude={*given, "limits"}) == default.model_dump(exclude={*given, "limits"})
     assert example.robot.settling == smallest.robot.settling
     assert example.calibration.limits.model_copy(update={"box_mm": None}) == smallest.calibration.limits
