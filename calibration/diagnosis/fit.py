@@ -17,6 +17,9 @@ from calibration.problem import Setup
 from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, transform, vector_from_rotation
 
 ITERATIONS = 8
+WORST = -1e15
+"""Log-likelihood of what cannot be."""
+
 SETTLED = 1e-2
 """A change of the log-likelihood that decides nothing."""
 
@@ -102,20 +105,26 @@ def fits(
     stack = _stacked(evidences, x_labels or [None] * len(evidences), y_labels or [None] * len(evidences))
     X, Y = _start(stack)
     variances = np.tile(FIRST_VARIANCE, (len(evidences), 1))
-    before = np.full(len(evidences), -np.inf)
-    for _ in range(iterations):
+    # Scoring may overshoot where an assumption is wrong: the likeliest state on the way is kept.
+    before = likeliest = np.full(len(evidences), WORST)
+    kept = X, Y, variances
+    for iteration in range(iterations + 1):
         linear = _linearised(stack, X, Y)
         information, value = _weighted(stack, linear, variances)
-        if np.all(np.abs(value - before) < SETTLED):
+        better = value > likeliest
+        likeliest = np.where(better, value, likeliest)
+        kept = _where(better, X, kept[0]), _where(better, Y, kept[1]), _where(better, variances, kept[2])
+        if iteration == iterations or np.all(np.abs(value - before) < SETTLED):
             break
         step, left = _step(linear, information)
         x_numbers = 6 * X.shape[1]
         X, Y = _moved(X, step[:, :x_numbers]), _moved(Y, step[:, x_numbers:])
         variances = _variances(stack, left, linear, information)
         before = value
+    X, Y, variances = kept
     linear = _linearised(stack, X, Y)
     covariance = _covariance(stack.covariance, linear.by_robot, variances)
-    _, value = _weighted(stack, linear, variances)
+    value = likeliest
     return [
         Fit(X[t], Y[t], variances[t], linear.residuals[t], covariance[t], linear.by_shared[t], float(value[t]))
         for t in range(len(evidences))
@@ -199,8 +208,11 @@ def _weighted(stack: _Stack, linear: _Linear, variances: Array) -> tuple[Array, 
     """Inverse covariance (t, n, 6, 6) and the log-likelihood (t,)."""
     covariance = _covariance(stack.covariance, linear.by_robot, variances)
     information = inverted(covariance)
-    _, log_determinant = np.linalg.slogdet(covariance)
-    return information, -0.5 * np.sum(log_determinant + _squared(linear.residuals, information), axis=-1)
+    sign, log_determinant = np.linalg.slogdet(covariance)
+    squared = _squared(linear.residuals, information)
+    value = -0.5 * np.sum(log_determinant + squared, axis=-1)
+    # Rounding under a wildly wrong assumption: a negative square would be the likeliest of all.
+    return information, np.where(np.all((sign > 0) & (squared >= 0), axis=-1), value, WORST)
 
 
 def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
@@ -249,6 +261,11 @@ def _moved(a_T_b: Array, step: Array) -> Array:
     turn = rotation_from_vector(steps[..., :3].reshape(-1, 3)).reshape(*a_T_b.shape[:2], 3, 3)
     moved: Array = a_T_b @ transform(turn, steps[..., 3:])
     return moved
+
+
+def _where(chosen: NDArray[np.bool_], new: Array, old: Array) -> Array:
+    """`new` for the chosen members of a stack, `old` for the others."""
+    return np.where(chosen.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
 
 def _solved(matrices: Array, right_hand: Array) -> Array:

@@ -63,13 +63,20 @@ def outcomes_of(trials: Sequence[Trial], evidence: Evidence, as_it_came: Fit) ->
             [trial.y_labels for trial in chosen],
         )
         fitted |= dict(zip(group, after, strict=True))
-    before = [as_it_came if trial.baseline is evidence else fit(trial.baseline) for trial in trials]
-    return [_outcome(trial, fitted[index], before[index]) for index, trial in enumerate(trials)]
+    each = as_it_came.log_likelihood / len(evidence)
+    outcomes = []
+    for index, trial in enumerate(trials):
+        before = as_it_came.log_likelihood
+        if trial.baseline is not evidence:
+            # What is wrong with every view may keep this fit from settling where the other did.
+            before = max(fit(trial.baseline).log_likelihood, each * len(trial.baseline))
+        outcomes.append(_outcome(trial, fitted[index], before))
+    return outcomes
 
 
-def _outcome(trial: Trial, fitted: Fit, before: Fit) -> Outcome:
+def _outcome(trial: Trial, fitted: Fit, before: float) -> Outcome:
     n = len(trial.evidence)
-    raw = fitted.log_likelihood + trial.bonus - before.log_likelihood
+    raw = fitted.log_likelihood + trial.bonus - before
     gain = few_views_factor(n, trial.unknowns) * raw - price_of(n, trial.unknowns, trial.alternatives)
     return Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad)
 
