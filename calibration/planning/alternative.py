@@ -34,6 +34,8 @@ class Alternative:
             return
         used = {view.index for view in solution.views if view.status != "rejected"}
         taken = np.array([view.base_T_flange for view in problem.views if view.index in used])
+        if not len(taken):
+            return
         scene = Scene(
             problem.setup, problem.target, solution.camera, solution.mount_T_camera, solution.anchor_T_target,
             self.noise, solution.camera_source == "estimated",

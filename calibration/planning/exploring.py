@@ -9,7 +9,11 @@ from calibration.transforms import Array, rotation_from_vector, transform
 AXES = {"z": (0.0, 0.0, 1.0), "x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
 """In the order in which they are tried: most cameras look along z, and a turn about it keeps the target in view."""
 
-ANGLES_DEG = {"z": (15.0, -15.0, 8.0, -8.0), "x": (12.0, -12.0, 8.0, -8.0), "y": (12.0, -12.0, 8.0, -8.0)}
+ANGLES_DEG = {
+    "z": (15.0, -15.0, 8.0, -8.0),
+    "x": (12.0, -12.0, 8.0, -8.0, 5.0, -5.0),
+    "y": (12.0, -12.0, 8.0, -8.0, 5.0, -5.0),
+}
 """One after the other until the target is seen: 10° between views or more determine X, little more leaves the image."""
 
 TURNS_NEEDED = 2

@@ -212,7 +212,7 @@ def _target_poses(target: Target, camera: CameraModel, seen: list[View]) -> Arra
 def _cameras_alike(camera: CameraModel) -> tuple[CameraModel, ...]:
     """Cameras of a longer and a shorter focal length: what a guessed field of view could as well be."""
     return camera, *(replace(camera, matrix=camera.matrix * np.array([[f, 1, 1], [1, f, 1], [1, 1, 1]]))
-                     for f in (0.75, 1.33))  # fmt: skip
+                     for f in (0.6, 1.6))  # fmt: skip
 
 
 def _prior(rotation_rad: float, translation_mm: float) -> Array:

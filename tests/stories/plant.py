@@ -4,7 +4,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import httpx
 
 from calibration.arms import arm_named
+from calibration.camera import CameraModel
 from calibration.documents.plan import PlanDocument
 from calibration.documents.validation import validate_document
 from calibration.planning.plan import plan_poses
@@ -27,6 +28,14 @@ from mock_robot.truth_sheet import cell_sheet
 from tests.mock_robot.running_cell import RunningCell, running_cell
 
 TEXT = {"accept": "text/plain"}
+
+
+def small_pictures(seed: int, **others: Any) -> CellTruth:
+    """The cell of that seed with a camera of a quarter of the pixels: for stories that are not about accuracy."""
+    truth = CellTruth.from_seed(seed, **others)
+    matrix = truth.camera.matrix / 2
+    matrix[2, 2], (width, height) = 1.0, truth.camera.image_size
+    return replace(truth, camera=CameraModel(matrix, truth.camera.distortion, (width // 2, height // 2)))
 
 
 def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
@@ -103,6 +112,17 @@ class Operator:
                 if line.startswith("data:") and f'"station": {station},' in line and run["id"] in line:
                     return
 
+    async def waits_until(self, run: dict[str, Any], state: str, station: int, within_s: float = 30.0) -> None:
+        """Listens to the events until the run is in that state, with so many stations done."""
+        async with (
+            asyncio.timeout(within_s),
+            self.client.stream("GET", "/events", headers={"last-event-id": "0"}) as events,
+        ):
+            async for line in events.aiter_lines():
+                told = f'"state": "{state}", "station": {station},'
+                if line.startswith("data:") and told in line and run["id"] in line:
+                    return
+
     async def waits_until_ready(self, within_s: float = 20.0) -> None:
         """The devices are dialled in the background."""
         ends_s = time.monotonic() + within_s
@@ -147,13 +167,19 @@ async def daemon_for(cell: RunningCell, folder: Path, **changes: Any) -> AsyncIt
 
 @asynccontextmanager
 async def plant(
-    folder: Path, *, seed: int = 7, time_scale: float = 100.0, planned: bool = False, **changes: Any
+    folder: Path,
+    *,
+    seed: int = 7,
+    time_scale: float = 100.0,
+    planned: bool = False,
+    truth: CellTruth | None = None,
+    **changes: Any,
 ) -> AsyncIterator[Plant]:
     """Cell and daemon from nothing. `planned`: no poses are taught."""
     if not planned:
         changes["calibration"] = {"poses": poses_taught_for(seed), **changes.get("calibration", {})}
     async with (
-        running_cell(seed, time_scale) as cell,
+        running_cell(seed, time_scale, truth=truth) as cell,
         daemon_for(cell, folder, **changes) as running,
     ):
         yield running

@@ -1,0 +1,182 @@
+"""What each view tells, which poses stay safe whatever is true, and when enough is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibration.errors import UndeterminedError
+from calibration.planning.alternative import Alternative
+from calibration.planning.doubt import alternatives
+from calibration.planning.exploring import ANGLES_DEG, Exploration, turned
+from calibration.planning.learning import Guess, learnt
+from calibration.planning.next_view import NextView, Wish, next_view
+from calibration.planning.viewpoints import flange_poses, target_in_view
+from calibration.prediction import Scene
+from calibration.problem import Detection, Problem, View
+from calibration.solve import solve_hand_eye
+from calibration.transforms import (
+    Array,
+    difference,
+    inverse,
+    map_points,
+    rotation_angle_rad,
+    rotation_from_vector,
+    transform,
+)
+from tests.calibration.planning.scenes import GOOD_NOISE, WIDE, seed_poses, seed_scene
+
+TRUTH = seed_scene()
+LOOK = flange_poses(TRUTH, np.array([[0.05, 0.1, 0.3, 650.0, 0.1, -0.1]]))[0]
+
+
+def guess_off(
+    translation_mm: float, rotation_deg: float, *, direction: int = 0, intrinsics_known: bool = True
+) -> Guess:
+    """A guess of X that is off by so much, in one of a few directions."""
+    rng = np.random.default_rng(direction)
+    turn, shift = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
+    off = transform(rotation_from_vector(np.radians(rotation_deg) * turn), translation_mm * shift)
+    camera = TRUTH.camera if intrinsics_known else None
+    return Guess("eye-in-hand", TRUTH.target, camera, TRUTH.mount_T_camera @ off, None, GOOD_NOISE)
+
+
+def problem_of(poses: list[Array], camera: object = TRUTH.camera) -> Problem:
+    """What an exact camera on an exact robot sees, with a little noise; a target mostly outside is not found."""
+    rng, views = np.random.default_rng(1), []
+    for index, pose in enumerate(poses):
+        camera_T_target = TRUTH.camera_T_target(pose[None])[0]
+        points = map_points(camera_T_target, TRUTH.target.points_mm)
+        pixels = TRUTH.camera.project(points) + rng.normal(0, 0.05, (len(points), 2))
+        found = bool(target_in_view(TRUTH, pose[None])[0] > 0.6)
+        views.append(View(index, pose, Detection(np.arange(len(points)), pixels) if found else None))
+    return Problem("eye-in-hand", TRUTH.target, camera, TRUTH.camera.image_size, tuple(views))  # type: ignore[arg-type]
+
+
+def taken_step_by_step(guess: Guess, wish: Wish) -> tuple[list[Array], list[NextView]]:
+    """The poses an arm would have taken, and what was told at each."""
+    poses, told = [LOOK], []
+    while True:
+        told.append(next_view(guess, problem_of(poses, guess.camera), WIDE, wish, here=poses[-1]))
+        pose = told[-1].base_T_flange
+        if pose is None:
+            return poses, told
+        poses.append(pose)
+        wish = replace(wish, views_left=wish.views_left - 1)
+
+
+def test_after_the_first_look_the_target_is_where_the_image_shows_it_for_that_x():
+    belief = learnt(guess_off(0.0, 0.0), problem_of([LOOK]))
+    shift_mm, turn_rad = difference(belief.scene.anchor_T_target, TRUTH.anchor_T_target)
+    assert (shift_mm < 1.0, turn_rad < 2e-3) == (True, True)
+    assert not np.isfinite(belief.reached_mm)
+
+
+@pytest.mark.parametrize("direction", range(4))
+def test_with_a_guess_50_mm_and_10_deg_off_the_target_stays_in_the_picture_and_the_result_is_as_good(direction):
+    poses, told = taken_step_by_step(guess_off(50.0, 10.0, direction=direction), Wish(3))
+    # The farthest guesses may cost a few of the target's points in the first move, never the target.
+    assert target_in_view(TRUTH, np.array(poses)).min() > 0.6
+    assert told[-1].now_mm is not None
+    assert told[-1].now_mm <= 0.10
+
+
+def test_doubt_shrinks_with_every_view():
+    poses, _ = taken_step_by_step(guess_off(20.0, 4.0), Wish(3))
+
+    def doubt(views: int) -> float:
+        belief = learnt(guess_off(20.0, 4.0), problem_of(poses[:views]))
+        return max(difference(other.mount_T_camera, belief.scene.mount_T_camera)[0] for other in belief.alternatives)
+
+    spread = [doubt(views) for views in (1, 2, 4)]
+    assert spread[0] > 40
+    assert spread == sorted(spread, reverse=True)
+    assert spread[2] < 4
+
+
+def test_a_planned_pose_keeps_the_target_in_view_in_every_scene_that_could_be_true():
+    guess = guess_off(10.0, 2.0)
+    belief = learnt(guess, problem_of([LOOK]))
+    told = next_view(guess, problem_of([LOOK]), WIDE, Wish(3), here=LOOK)
+    assert told.base_T_flange is not None
+    seen = [target_in_view(other, told.base_T_flange[None])[0] for other in belief.alternatives]
+    assert len(seen) == 12
+    assert min(seen) == 1.0
+
+
+def test_it_ends_when_a_mapped_point_is_known_as_well_as_asked():
+    guess = guess_off(10.0, 2.0)
+    poses, told = taken_step_by_step(guess, Wish(12, uncertainty_mm=0.08))
+    assert 4 <= len(poses) < 12
+    uncertainty = solve_hand_eye(problem_of(poses)).uncertainty
+    assert uncertainty is not None
+    assert uncertainty.point_mm <= 0.08
+    assert told[-1].now_mm is not None
+    assert told[-2].now_mm is not None
+    assert told[-1].now_mm <= 0.08 < told[-2].now_mm
+
+
+def test_with_unknown_intrinsics_it_starts_from_a_usual_field_of_view():
+    guess = guess_off(10.0, 2.0, intrinsics_known=False)
+    poses, told = taken_step_by_step(guess, Wish(4))
+    assert target_in_view(TRUTH, np.array(poses)).min() > 0.6
+    assert told[-1].now_mm is not None
+    assert told[-1].now_mm < 0.4
+
+
+def test_nothing_known_and_nothing_seen_is_refused():
+    guess = replace(guess_off(0.0, 0.0), mount_T_camera=None)
+    with pytest.raises(UndeterminedError, match="nothing says where it is"):
+        learnt(guess, problem_of([]))
+    with pytest.raises(UndeterminedError, match="turn the flange about two axes"):
+        learnt(guess, problem_of([LOOK, turned(LOOK, ("z", 15.0))]))
+
+
+def test_two_small_turns_give_a_rough_x():
+    guess = replace(guess_off(0.0, 0.0), mount_T_camera=None)
+    poses = [LOOK, turned(LOOK, ("z", 10.0)), turned(LOOK, ("x", -3.0))]
+    belief = learnt(guess, problem_of(poses))
+    shift_mm, turn_rad = difference(belief.scene.mount_T_camera, TRUTH.mount_T_camera)
+    assert (shift_mm < 30, turn_rad < np.radians(3)) == (True, True)
+
+
+def test_exploring_reverses_a_turn_that_loses_the_target_and_stops_after_two_axes():
+    exploration, turns = Exploration(), []
+    while (turn := exploration.next_turn()) is not None:
+        turns.append(turn)
+        exploration = exploration.after(turn, seen=turn[1] < 0)
+    assert turns == [("z", 15.0), ("z", -15.0), ("x", 12.0), ("x", -12.0)]
+    assert exploration.done
+
+
+def test_exploring_gives_up_when_nothing_is_left_and_never_moves_the_flanges_origin():
+    exploration, turns = Exploration(), []
+    while (turn := exploration.next_turn()) is not None:
+        turns.append(turn)
+        exploration = exploration.after(turn, seen=False)
+    assert (len(turns), exploration.done) == (sum(map(len, ANGLES_DEG.values())), False)
+    poses = np.array([turned(LOOK, turn) for turn in turns])
+    assert np.ptp(poses[:, :3, 3], axis=0).max() < 1e-9
+    assert np.max(rotation_angle_rad(inverse(LOOK)[:3, :3] @ poses[:, :3, :3])) < np.radians(15.1)
+
+
+def test_alternatives_lie_at_two_sigma_whichever_way_the_covariance_lies():
+    covariance = np.diag([1e-3, 1e-4, 1e-4, 4.0, 100.0, 1.0])
+    others = alternatives(TRUTH.mount_T_camera, covariance)
+    shifts = sorted(difference(other, TRUTH.mount_T_camera)[0] for other in others)
+    assert len(others) == 12
+    assert shifts[-1] == pytest.approx(2 * np.sqrt(101.0))
+
+
+def test_poses_that_somebody_chose_badly_hear_what_planned_ones_would_have_given():
+    def findings(scene: Scene, poses: Array) -> list[str]:
+        problem = problem_of(list(poses))
+        solution = solve_hand_eye(problem)
+        solution = replace(solution, mount_T_camera=scene.mount_T_camera, anchor_T_target=scene.anchor_T_target)
+        solution = replace(solution, camera=TRUTH.camera)
+        return [finding.message for finding in Alternative(WIDE, GOOD_NOISE).findings(problem, solution)]
+
+    (told,) = findings(TRUTH, seed_poses())
+    assert told.startswith("three planned poses would leave 0.0")
+    poses, _ = taken_step_by_step(guess_off(5.0, 1.0), Wish(5))
+    assert findings(TRUTH, np.array(poses)) == []
