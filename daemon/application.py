@@ -78,6 +78,7 @@ class Application:
             self._watchdog.cancel()
             with suppress(asyncio.CancelledError):
                 await self._watchdog
+        self.scans.registering.stop()
         self.workers.close()
         await self.cell.close()
         await self.store.close()

@@ -15,6 +15,7 @@ from daemon.logs import log_to_stdout
 from daemon.metrics import Metrics
 from daemon.motion import MotionRules
 from daemon.operations import Operations
+from daemon.registering import Registering
 from daemon.runs.supervisor import Supervisor
 from daemon.scans import Scans
 from daemon.server import Announce, Server, announce_in
@@ -43,7 +44,7 @@ def build(
     events, workers, metrics = EventLog(), Workers(clock), Metrics()
     cell = Cell(open_devices(settings, clock), settings.robot.settling, clock)
     supervisor = Supervisor(store, events, clock, new_id)
-    scans = Scans(store, workers, clock, new_id, settings.scanner)
+    scans = Scans(store, workers, clock, new_id, settings.scanner, Registering(store, workers, clock, events))
     rules = MotionRules.of(settings.robot)
     operations = Operations(settings, cell, store, supervisor, workers, scans, rules, clock)
     return Application(

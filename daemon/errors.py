@@ -19,6 +19,8 @@ DaemonError
 ├── BodyTooLarge          more bytes than the limit
 ├── BodyMalformed         the body is not JSON
 ├── UnknownMediaType      the body is of a kind that is not taken here
+├── NotAcceptable         the answer exists in none of the kinds that were asked for
+├── CloudTooLarge         a cloud of so many points does not travel as JSON
 ├── CrossOrigin           a page of somebody else's asks the browser to move the robot
 ├── StorageError          the store could not be read or written; nothing stored before is lost
 │   ├── StorageFull       the disk is full
@@ -185,6 +187,18 @@ class UnknownMediaType(DaemonError):
     """The body is of a kind that is not taken here."""
 
     code = "unknown-media-type"
+
+
+class NotAcceptable(DaemonError):
+    """The answer exists in none of the kinds that were asked for."""
+
+    code = "not-acceptable"
+
+
+class CloudTooLarge(DaemonError):
+    """A cloud of so many points does not travel as JSON."""
+
+    code = "cloud-too-large-for-json"
 
 
 class CrossOrigin(DaemonError):

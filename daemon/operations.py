@@ -89,7 +89,7 @@ class Operations:
     async def scan(self, request: ScanRequest) -> tuple[ScanRecord, RunRecord | None]:
         """A new scan; with poses the arm is driven to fill it. Raises as `calibrate`, and NoScanner."""
         if not request.moves_the_arm:
-            return await self.scans.create(request.name), None
+            return await self.scans.create(request.name, request.refine), None
         created: list[ScanRecord] = []
 
         async def prepare() -> tuple[int, Drive]:
@@ -100,7 +100,7 @@ class Operations:
                     "no poses are given, and none are taught in [scanner] poses", "send poses with the request"
                 )
             await self._require_allowed(poses)
-            created.append(await self.scans.create(request.name))
+            created.append(await self.scans.create(request.name, request.refine))
             run = Scanning(self.cell, self.scans, self.rules, created[0].id)
             return len(poses), lambda log: run.drive(poses, log)
 

@@ -31,10 +31,14 @@ class VerifyRequest(Document):
 
 
 class ScanRequest(Document):
-    """A new scan. With `poses`, or `capture`, the arm is driven and the daemon's scanner fills it."""
+    """A new scan. With `poses`, or `capture`, the arm is driven and the daemon's scanner fills it.
+
+    `refine`: after each view the views are fitted to each other in the background, within the robot's noise.
+    """
 
     name: Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
     capture: bool = False
+    refine: bool = False
     poses: Stations | None = None
 
     @property

@@ -1,5 +1,6 @@
 """Parts looked at from several sides: each scan is a folder of clouds with scan.json, as `handeyed register` reads."""
 
+import asyncio
 import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
@@ -13,8 +14,9 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
 from daemon.clock import Clock
-from daemon.errors import ScanEmpty
+from daemon.errors import NoCalibration, ScanEmpty
 from daemon.merging import PlacedCloud, write_merged
+from daemon.registering import Registering, Wanted
 from daemon.settings import ScannerSettings
 from daemon.store.database import storage_errors
 from daemon.store.files import make_folder
@@ -22,7 +24,11 @@ from daemon.store.records import ScanRecord, ScanView, Unit
 from daemon.store.store import Store
 from daemon.workers import Workers
 from drivers.interfaces import ScannedCloud
+from registration.documents import RegistrationReportDocument
+from registration.scan import ScanView as SeenView
 from registration.stream import CloudStream
+
+Report = asyncio.Task[RegistrationReportDocument]
 
 SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".f32"}
 """By media type; octets are float32 x, y, z."""
@@ -37,10 +43,11 @@ class Scans:
     clock: Clock
     new_id: Callable[[Clock], str]
     scanner: ScannerSettings | None
+    registering: Registering
 
-    async def create(self, name: str) -> ScanRecord:
+    async def create(self, name: str, refine: bool = False) -> ScanRecord:
         """An empty scan."""
-        scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name)
+        scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name, refine)
         await self.store.save_scan(scan)
         return scan
 
@@ -57,7 +64,7 @@ class Scans:
         self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_flange: PoseDocument
     ) -> ScanView:
         """A cloud in pieces; stored only when it is whole. Raises RegistrationError, NotFound, StorageError."""
-        await self.store.scan(scan_id)
+        scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
         upload = folder / f".{self.new_id(self.clock)}.upload"
         try:
@@ -74,21 +81,46 @@ class Scans:
             with suppress(OSError):
                 await self.workers.run(upload.unlink, missing_ok=True)
         await self._write_document(scan_id)
+        if scan.refine:
+            await self._refine_again(scan_id)
         return view
 
-    async def merged(self, scan_id: str, calibration: CalibrationDocument) -> Path:
-        """Every view of a scan as one PLY in the base frame; the file is made anew. Raises ScanEmpty, NotFound…"""
-        views = await self.store.scan_views(scan_id)
-        if not views:
+    async def registered(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Report:
+        """The report of a scan's registration, in progress or done. Raises ScanEmpty, NotFound."""
+        return self.registering.start(await self._wanted(scan_id, calibration, refine))
+
+    async def clouds(
+        self, scan_id: str, calibration: CalibrationDocument, report: RegistrationReportDocument | None = None
+    ) -> list[PlacedCloud]:
+        """Every view with its place in base: by the robot's pose, or by a report. Raises ScanEmpty, NotFound."""
+        wanted = await self._wanted(scan_id, calibration, refine=False)
+        if report is not None:
+            places = [view.base_T_camera.transform() for view in report.views]
+        else:
+            places = [view.base_T_flange @ wanted.flange_T_scanner for view in wanted.views]
+        return [PlacedCloud(view.path, view.unit, place) for view, place in zip(wanted.views, places, strict=False)]
+
+    async def merged(self, scan_id: str, clouds: list[PlacedCloud], calibration_id: str, suffix: str = ".ply") -> Path:
+        """A scan as one cloud in the base frame; the file is made anew and the caller's. Raises RegistrationError."""
+        target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
+        await self.workers.run(write_merged, clouds, target, calibration_id)
+        return target
+
+    async def _wanted(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Wanted:
+        rows = await self.store.scan_views(scan_id)
+        if not rows:
             await self.store.scan(scan_id)
             raise ScanEmpty(f"scan {scan_id} has no views yet", f"send some to POST /scans/{scan_id}/views")
         folder = self.store.scan_folder(scan_id)
-        clouds = [self._placed(folder, view, calibration) for view in views]
-        return await self.workers.run(_merge, clouds, folder / f"merged-{self.new_id(self.clock)}.ply")
+        views = [SeenView(folder / row.file, row.unit, row.base_T_flange.transform()) for row in rows]
+        return Wanted(scan_id, views, calibration, self.flange_T_scanner(calibration), refine)
 
-    def _placed(self, folder: Path, view: ScanView, calibration: CalibrationDocument) -> PlacedCloud:
-        base_T_scanner = view.base_T_flange.transform() @ self.flange_T_scanner(calibration)
-        return PlacedCloud(folder / view.file, view.unit, base_T_scanner)
+    async def _refine_again(self, scan_id: str) -> None:
+        """With the calibration in force; without one a scan waits for its first cloud to be asked for."""
+        with suppress(NoCalibration):
+            _, current = await self.store.current()
+            if current.document.flange_T_camera is not None:
+                self.registering.start(await self._wanted(scan_id, current.document, refine=True))
 
     def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
         """(4, 4): the camera's place on the flange, and the scanner's beside it when it is a device of its own."""
@@ -126,8 +158,3 @@ def _append(file: BinaryIO, path: Path, check: CloudStream, chunk: bytes) -> Non
         pass
     with storage_errors(path):
         file.write(chunk)
-
-
-def _merge(clouds: list[PlacedCloud], file: Path) -> Path:
-    write_merged(clouds, file)
-    return file

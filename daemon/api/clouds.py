@@ -7,7 +7,8 @@ from fastapi import Query, Request
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
-from daemon.errors import RequestRefused, UnknownMediaType
+from daemon.api.negotiation import weight_of
+from daemon.errors import NotAcceptable, RequestRefused, UnknownMediaType
 from daemon.scans import SUFFIXES
 
 POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"
@@ -16,6 +17,12 @@ UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's
 
 SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-ply",
             "application/pcd": "application/x-pcd"}  # fmt: skip
+
+LAZ = "application/vnd.laszip"
+JSON = "application/json"
+ANSWERED = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".bin",
+            LAZ: ".laz", JSON: ".bin"}  # fmt: skip
+"""The kinds a merged cloud is answered in, the preferred first, and the suffix of the file it is sent from."""
 
 BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 CLOUD_CONTENT: dict[str, Any] = dict.fromkeys(SUFFIXES, BINARY)
@@ -32,6 +39,30 @@ def media_type_of(request: Request) -> str:
             f"set Content-Type to one of {', '.join(SUFFIXES)} (the last for float32 x, y, z octets)",
         )
     return media_type
+
+
+def answered_media_type(request: Request) -> str:
+    """What of ANSWERED the request's Accept prefers (RFC 9110, 12.5.1). Raises NotAcceptable."""
+    accept = ",".join(request.headers.getlist("accept")) or "*/*"
+    weights: dict[str, tuple[float, int]] = {}
+    for part in accept.split(","):
+        media, _, parameters = part.strip().lower().partition(";")
+        media = SYNONYMS.get(media.strip(), media.strip())
+        weight = weight_of(parameters)
+        for kind in ANSWERED:
+            narrowness = ["*/*", kind.split("/")[0] + "/*", kind].index(media) if _matches(media, kind) else -1
+            if narrowness >= weights.get(kind, (0.0, -1))[1] and narrowness >= 0:
+                weights[kind] = (weight, narrowness)
+    best = max(ANSWERED, key=lambda kind: weights.get(kind, (0.0, -1))[0])
+    if weights.get(best, (0.0, -1))[0] <= 0:
+        raise NotAcceptable(
+            f"a cloud is not answered as {accept[:80]!r}", f"set Accept to one of {', '.join(ANSWERED)}"
+        )
+    return best
+
+
+def _matches(media: str, kind: str) -> bool:
+    return media in ("*/*", kind.split("/")[0] + "/*", kind)
 
 
 def parse_pose(text: str) -> PoseDocument:

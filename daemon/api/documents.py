@@ -166,6 +166,7 @@ class ScanDocument(Answer):
 
     id: str
     name: str
+    refine: bool
     created_at: str
     views: list[ScanViewDocument]
     run: RunDocument | None = None
@@ -173,11 +174,33 @@ class ScanDocument(Answer):
 
     @classmethod
     def of(cls, scan: ScanRecord, views: list[ScanView], run: RunRecord | None = None) -> "ScanDocument":
-        links = {"self": f"/scans/{scan.id}", "views": f"/scans/{scan.id}/views", "cloud": f"/scans/{scan.id}/cloud"}
+        links = {
+            "self": f"/scans/{scan.id}",
+            "views": f"/scans/{scan.id}/views",
+            "cloud": f"/scans/{scan.id}/cloud",
+            "report": f"/scans/{scan.id}/report",
+        }
         return cls(
-            id=scan.id, name=scan.name, created_at=scan.created_at, views=[ScanViewDocument.of(view) for view in views],
+            id=scan.id, name=scan.name, refine=scan.refine, created_at=scan.created_at,
+            views=[ScanViewDocument.of(view) for view in views],
             run=None if run is None else RunDocument.of(run), links=links,
         )  # fmt: skip
+
+
+class RegistrationState(Answer):
+    """A registration that is still in progress; `links.self` has it when it is done."""
+
+    state: Literal["in progress"]
+    links: dict[str, str]
+
+
+class CloudDocument(Answer):
+    """A small cloud, in the base frame."""
+
+    frame: Literal["base"]
+    unit: Literal["mm"]
+    calibration_id: str
+    points: list[tuple[float, float, float]]
 
 
 class ScanList(Answer):

@@ -15,7 +15,7 @@ def wants_text(request: Request) -> bool:
     named: set[str] = set()
     for part in ",".join(request.headers.getlist("accept")).split(","):
         media, _, parameters = part.strip().partition(";")
-        weight = _weight(parameters)
+        weight = weight_of(parameters)
         for kind in weights:
             if media.strip().lower() == kind:
                 weights[kind] = weight
@@ -26,7 +26,8 @@ def wants_text(request: Request) -> bool:
     return weights[TEXT] > weights["application/json"]
 
 
-def _weight(parameters: str) -> float:
+def weight_of(parameters: str) -> float:
+    """The q of a media range's parameters; 1 where none is given."""
     for parameter in parameters.split(";"):
         name, _, value = parameter.strip().partition("=")
         if name == "q":

@@ -36,6 +36,8 @@ STATUS: dict[type[Exception], int] = {
     errors.BodyTooLarge: 413,
     errors.BodyMalformed: 400,
     errors.UnknownMediaType: 415,
+    errors.NotAcceptable: 406,
+    errors.CloudTooLarge: 413,
     errors.StorageFull: 507,
     errors.StorageError: 500,
     errors.DaemonError: 500,

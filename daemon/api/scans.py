@@ -1,22 +1,41 @@
 """Parts larger than one view: scans, their views, the cloud in one piece."""
 
-from typing import Annotated
+import asyncio
+from pathlib import Path
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Request, Response
+import numpy as np
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from calibration.documents.pose import PoseDocument
 from daemon.api.access import App, Identifier, Limit, Wait, body_of, takes
-from daemon.api.clouds import TAKES_A_CLOUD, PoseQuery, UnitQuery, media_type_of, parse_pose
-from daemon.api.documents import ScanDocument, ScanList, ScanViewDocument
+from daemon.api.clouds import (
+    ANSWERED,
+    BINARY,
+    JSON,
+    TAKES_A_CLOUD,
+    PoseQuery,
+    UnitQuery,
+    answered_media_type,
+    media_type_of,
+    parse_pose,
+)
+from daemon.api.documents import CloudDocument, RegistrationState, ScanDocument, ScanList, ScanViewDocument
 from daemon.api.problems import documented
 from daemon.api.register import Which
 from daemon.application import Application
+from daemon.errors import CloudTooLarge
 from daemon.requests import ScanRequest
+from daemon.scans import Report
 from daemon.store.records import RunRecord, ScanView
+from registration.documents import RegistrationReportDocument
 
 router = APIRouter(prefix="/scans", tags=["scans"])
+
+JSON_POINT_LIMIT = 10_000
+"""More points take hundreds of times longer as JSON than as octets."""
 
 BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
 
@@ -87,20 +106,88 @@ def _has_no_body(request: Request) -> bool:
     return request.headers.get("content-length", "0") == "0" and "transfer-encoding" not in request.headers
 
 
+PATIENCE = "seconds to wait for a registration before answering 202"
+Patience = Annotated[float, Query(ge=0, le=3600, description=PATIENCE)]
+Refine = Annotated[bool, Query(description="fit the views to each other, within the robot's noise")]
+STILL: dict[int | str, dict[str, Any]] = {
+    202: {"description": "It is still in progress: ask again", "model": RegistrationState}
+}
+
+CONTENT: dict[str, Any] = {**dict.fromkeys(ANSWERED, BINARY), JSON: {"schema": CloudDocument.model_json_schema()}}
+
+
+@router.get(
+    "/{scan_id}/report",
+    response_model=RegistrationReportDocument,
+    responses={**STILL, **documented(404, 409, 500, 507)},
+)
+async def report(
+    app: App, scan_id: Identifier, calibration: Which = "current", refine: Refine = False, wait: Patience = 30.0
+) -> Response:
+    """How the views lie and how well they agree; refined where `refine` asks for it. Progress is told on /events."""
+    job = await app.scans.registered(scan_id, await app.operations.calibration(calibration), refine)
+    found = await _waited(job, wait)
+    if found is None:
+        return _in_progress(scan_id, refine)
+    return Response(found.model_dump_json(), media_type=JSON)
+
+
 @router.get(
     "/{scan_id}/cloud",
     response_class=Response,
-    responses={200: {"description": "Every view in the base frame, mm, as one PLY",
-                     "content": {"application/x-ply": {"schema": {"type": "string", "format": "binary"}}}},
-               **documented(404, 409, 500, 507)},
+    responses={200: {"description": "Every view in the base frame, mm, as the Accept header prefers",
+                     "content": CONTENT},
+               **STILL, **documented(404, 406, 409, 413, 415, 500, 507)},
 )  # fmt: skip
-async def cloud(app: App, scan_id: Identifier, calibration: Which = "current") -> Response:
-    """All views in one cloud, in the robot's base frame."""
+async def cloud(
+    request: Request,
+    app: App,
+    scan_id: Identifier,
+    calibration: Which = "current",
+    refine: Refine = False,
+    wait: Patience = 30.0,
+) -> Response:
+    """All views in one cloud, in the robot's base frame: by the robot's poses, or refined."""
+    media_type = answered_media_type(request)
     document = await app.operations.calibration(calibration)
-    merged = await app.scans.merged(scan_id, document)
-    return FileResponse(
-        merged,
-        media_type="application/x-ply",
-        headers={"Handeyed-Calibration": document.id},
-        background=BackgroundTask(app.workers.run, merged.unlink, missing_ok=True),
-    )
+    found = None
+    if refine:
+        found = await _waited(await app.scans.registered(scan_id, document, refine), wait)
+        if found is None:
+            return _in_progress(scan_id, refine)
+    clouds = await app.scans.clouds(scan_id, document, found)
+    merged = await app.scans.merged(scan_id, clouds, document.id, ANSWERED[media_type])
+    headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
+    removed = BackgroundTask(app.workers.run, merged.unlink, missing_ok=True)
+    if media_type != JSON:
+        return FileResponse(merged, media_type=media_type, headers=headers, background=removed)
+    try:
+        content = await app.workers.run(_small_cloud, merged, document.id)
+    finally:
+        await removed()
+    return Response(content, media_type=JSON, headers=headers)
+
+
+async def _waited(job: Report, seconds: float) -> RegistrationReportDocument | None:
+    """The job's report; None when it is not done in time, and it goes on. Raises what the job raised."""
+    done, _ = await asyncio.wait([job], timeout=seconds)
+    return job.result() if done else None
+
+
+def _in_progress(scan_id: str, refine: bool) -> Response:
+    link = f"/scans/{scan_id}/report" + ("?refine=true" if refine else "")
+    state = RegistrationState(state="in progress", links={"self": link, "events": "/events"})
+    return Response(state.model_dump_json(), 202, {"Location": link, "Retry-After": "1"}, media_type=JSON)
+
+
+def _small_cloud(octets: Path, calibration_id: str) -> bytes:
+    """JSON of float32 x, y, z. Raises CloudTooLarge."""
+    count = octets.stat().st_size // 12
+    if count > JSON_POINT_LIMIT:
+        raise CloudTooLarge(
+            f"the cloud has {count} points, more than the {JSON_POINT_LIMIT} that travel as JSON",
+            "set Accept: application/octet-stream for float32 x, y, z, or application/x-ply",
+        )
+    points = np.fromfile(octets, "<f4").reshape(-1, 3).tolist()
+    fields = {"frame": "base", "unit": "mm", "calibration_id": calibration_id, "points": points}
+    return CloudDocument.model_validate(fields).model_dump_json().encode()

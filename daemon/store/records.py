@@ -100,11 +100,12 @@ class Applied:
 
 @dataclass(frozen=True)
 class ScanRecord:
-    """A part being looked at from several sides."""
+    """A part being looked at from several sides; `refine`: its views are fitted to each other as they come."""
 
     id: str
     created_at: str
     name: str
+    refine: bool = False
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,9 @@ MIGRATIONS: tuple[str, ...] = (
     """
     ALTER TABLE runs ADD COLUMN planning TEXT;
     """,
+    """
+    ALTER TABLE scans ADD COLUMN refine INTEGER NOT NULL DEFAULT 0;
+    """,
 )
 
 SCHEMA_VERSION = len(MIGRATIONS)

@@ -114,22 +114,22 @@ class Store:
         return self.folder / "scans" / scan_id
 
     async def save_scan(self, scan: ScanRecord) -> None:
-        row = (scan.id, scan.created_at, scan.name)
-        await self._database.write(lambda db: db.execute("INSERT INTO scans VALUES (?, ?, ?)", row))
+        row = (scan.id, scan.created_at, scan.name, scan.refine)
+        await self._database.write(lambda db: db.execute("INSERT INTO scans VALUES (?, ?, ?, ?)", row))
 
     async def scan(self, scan_id: str) -> ScanRecord:
         """Raises NotFound."""
-        query = "SELECT id, created_at, name FROM scans WHERE id = ?"
+        query = "SELECT id, created_at, name, refine FROM scans WHERE id = ?"
         row = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchone())
         if row is None:
             raise NotFound(f"there is no scan {scan_id!r}", "GET /scans lists them")
-        return ScanRecord(*row)
+        return _scan(row)
 
     async def scans(self, limit: int) -> list[ScanRecord]:
         """The newest first."""
-        query = "SELECT id, created_at, name FROM scans ORDER BY created_at DESC, id DESC LIMIT ?"
+        query = "SELECT id, created_at, name, refine FROM scans ORDER BY created_at DESC, id DESC LIMIT ?"
         rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
-        return [ScanRecord(*row) for row in rows]
+        return [_scan(row) for row in rows]
 
     async def add_scan_view(
         self, scan_id: str, upload: Path, suffix: str, unit: Unit, base_T_flange: PoseDocument, created_at: str
@@ -179,3 +179,8 @@ def _calibration(row: tuple[str, str | None, str, int, str]) -> CalibrationRecor
     return CalibrationRecord(
         calibration_id, run_id, created_at, bool(accepted), CalibrationDocument.model_validate_json(document)
     )
+
+
+def _scan(row: tuple[str, str, str, int]) -> ScanRecord:
+    scan_id, created_at, name, refine = row
+    return ScanRecord(scan_id, created_at, name, bool(refine))
