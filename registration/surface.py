@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calibration.transforms import Array
@@ -14,6 +15,10 @@ POINT_LIMIT = 30_000
 
 NEIGHBOURS = 14
 """Points a normal is fitted to."""
+
+
+LINE_LIKE = 0.02
+"""Share of the longest spread (variances) below which a neighbourhood is a line and has no normal of its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,46 +32,70 @@ class Surface:
 
     @classmethod
     def of(cls, points: Array) -> "Surface":
-        """Normals by the plane through each point's neighbours, turned towards the camera."""
-        tree = cKDTree(points)
+        """Normals by the plane through each point's neighbours, turned towards the camera.
+
+        Points whose neighbours lie along a line have no normal and are left out. `spacing_mm` is that of a square
+        lattice as dense as the surface, whatever the order of the points.
+        """
         count = min(NEIGHBOURS, len(points))
-        distances, neighbours = tree.query(points, k=max(count, 2))
-        patches = points[np.minimum(neighbours, max(len(points) - 1, 0))]
+        if count < 3:
+            return cls(points, np.zeros_like(points), 1.0, cKDTree(points))
+        distances, neighbours = cKDTree(points).query(points, k=count)
+        patches = points[neighbours]
         patches = patches - patches.mean(axis=1, keepdims=True)
-        _, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
+        spreads, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
         normals: Array = vectors[:, :, 0]
         normals = np.where(np.sum(normals * points, axis=1, keepdims=True) > 0, -normals, normals)
-        finite = distances[:, 1][np.isfinite(distances[:, 1])]
-        return cls(points, normals, float(np.median(finite)) if len(finite) else 1.0, tree)
+        kept = spreads[:, 1] > LINE_LIKE * spreads[:, 2]
+        spacing_mm = float(np.median(distances[:, -1]) * np.sqrt(np.pi / (count - 1)))
+        return cls(points[kept], normals[kept], spacing_mm or 1.0, cKDTree(points[kept]))
 
 
 class PointSample:
-    """An even sample of the finite points that pass by, at most `limit`, in the order they come."""
+    """A sample of the finite points that pass by, at most `limit`, in the order they come.
+
+    Chosen by a hash of their number: every n-th point of a scanner's raster would stand in stripes, and the normals
+    fitted to a stripe are those of anything.
+    """
 
     def __init__(self, scale_to_mm: float, limit: int = POINT_LIMIT) -> None:
         self._scale = scale_to_mm
         self._limit = limit
-        self._stride = 1
+        self._below = 1 << 32
         self._seen = 0
         self._kept: list[Array] = []
+        self._hashes: list[NDArray[np.uint32]] = []
 
     def add(self, block: Records, layout: Layout) -> None:
-        """Take every `stride`-th point; the stride doubles whenever twice the limit is held."""
-        start = -self._seen % self._stride
+        """Take the points with a small hash; the bound halves whenever twice the limit is held."""
+        hashes = _hashes(self._seen, len(block))
         self._seen += len(block)
-        chosen = block[start :: self._stride]
-        points = np.stack([chosen[name].astype(float) for name in layout.xyz], axis=1) * self._scale
-        self._kept.append(points)
-        if sum(map(len, self._kept)) > 2 * self._limit:
-            self._kept = [np.concatenate(self._kept)[::2]]
-            self._stride *= 2
+        chosen = np.flatnonzero(hashes < self._below)
+        points = np.stack([block[name][chosen].astype(float) for name in layout.xyz], axis=1) * self._scale
+        finite = np.isfinite(points).all(axis=1)
+        self._kept.append(points[finite])
+        self._hashes.append(hashes[chosen[finite]])
+        while sum(map(len, self._kept)) > 2 * self._limit:
+            self._below >>= 1
+            hashes = np.concatenate(self._hashes)
+            small = hashes < self._below
+            self._kept, self._hashes = [np.concatenate(self._kept)[small]], [hashes[small]]
 
     def points(self) -> Array:
         """(n, 3) in mm."""
-        points = np.concatenate(self._kept) if self._kept else np.empty((0, 3))
-        points = points[np.isfinite(points).all(axis=1)]
-        step = -(-len(points) // self._limit) or 1
-        return points[::step]
+        if not self._kept:
+            return np.empty((0, 3))
+        points, hashes = np.concatenate(self._kept), np.concatenate(self._hashes)
+        return points[np.sort(np.argsort(hashes, kind="stable")[: self._limit])]
+
+
+def _hashes(start: int, count: int) -> NDArray[np.uint32]:
+    """A number for each index that looks random: the finaliser of MurmurHash3 (Appleby)."""
+    mixed = np.arange(start, start + count, dtype=np.uint64).astype(np.uint32)
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35), (16, 1)):
+        mixed ^= mixed >> np.uint32(shift)
+        mixed *= np.uint32(factor)
+    return mixed
 
 
 def sample_points(blocks: Iterable[Records], layout: Layout, scale_to_mm: float, limit: int = POINT_LIMIT) -> Array:

@@ -17,7 +17,7 @@ from registration.reading import open_cloud
 from registration.refine.adjust import RobotNoise, refine_poses
 from registration.report import register_scan
 from registration.scan import Hand, read_scan, register_views, sample_views, write_views
-from registration.surface import PointSample, Surface
+from registration.surface import PointSample, Surface, sample_points
 from registration.voxel import VoxelGrid
 from tests.registration.clouds import RICH, cloud, xyz
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, flat, poses, view_of, write_scan, wrong
@@ -238,9 +238,25 @@ def test_a_sample_of_any_cloud_stays_small_and_even() -> None:
         records["x"] = np.arange(start, start + len(records))
         sample.add(records, XYZ_FLOAT32)
     x = sample.points()[:, 0]
-    assert 500 <= len(x) <= 1000
-    assert np.ptp(np.diff(x)) == 0
-    assert x[-1] > 99_000
+    assert len(x) == 1000
+    assert np.all(np.diff(x) > 0)
+    assert np.all(np.histogram(x, 10, (0, 100_000))[0] > 60)
+
+
+def test_a_sample_of_a_raster_has_no_stripes() -> None:
+    rows, columns = np.divmod(np.arange(200_000), 640)
+    records = np.zeros(len(rows), XYZ_FLOAT32.dtype)
+    records["x"], records["y"], records["z"] = columns, rows, 700
+    surface = Surface.of(sample_points([records], XYZ_FLOAT32, 1.0, limit=20_000))
+    assert len(surface.points) > 19_500
+    assert np.abs(surface.normals[:, 2]).min() > 0.999
+    assert surface.spacing_mm == pytest.approx(np.sqrt(10), rel=0.15)
+
+
+def test_points_along_lines_have_no_normals() -> None:
+    x, y = np.meshgrid(np.linspace(0, 50, 1001), np.arange(0, 50, 10.0))
+    surface = Surface.of(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 500.0)]))
+    assert len(surface.points) == 0
 
 
 def test_points_are_where_the_formula_says(tmp_path: Path) -> None:
