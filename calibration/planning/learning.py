@@ -155,7 +155,8 @@ def _rough(guess: Guess, problem: Problem, seen: list[View], camera: CameraModel
     held = replace(scene, intrinsics_free=False)
     told = view_information(held, np.array([view.base_T_flange for view in seen])).sum(axis=0)
     told[:6, :6] += np.linalg.inv(prior)
-    covariance = caution**2 * covariance_of(told)
+    told_covariance = covariance_of(told)
+    covariance = caution**2 * (told_covariance if np.all(np.isfinite(told_covariance)) else prior)
     others = []
     for lens in (camera,) if guess.camera else _cameras_alike(camera):
         pose = camera_T_target[-1] if lens is camera else _target_poses(guess.target, lens, seen[-1:])[0]

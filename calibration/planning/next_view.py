@@ -14,6 +14,9 @@ from calibration.transforms import Array
 HORIZON = 5
 """Poses planned ahead at most: more change the next one little, and cost time while the arm waits."""
 
+RESTARTS = 2
+"""A plan of which only the first pose is taken before the next plan need not be the very best."""
+
 CAUTIONS = (1.0, 0.5, 0.25)
 """When no pose keeps the target in view whatever is true, less is taken to be possible."""
 
@@ -86,7 +89,7 @@ def _plan(
         try:
             return plan_poses(
                 wider.scene, limits, count, start=here, taken=taken, reachable=reachable,
-                alternatives=wider.alternatives, seed=seed,
+                alternatives=wider.alternatives, seed=seed, restarts=RESTARTS,
             )  # fmt: skip
         except PlanningError:
             if share == CAUTIONS[-1]:

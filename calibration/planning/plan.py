@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.planning.route import ordered
-from calibration.planning.selection import Reachable, Search, best_set
+from calibration.planning.selection import RESTARTS, Reachable, Search, best_set
 from calibration.planning.viewpoints import Limits, target_in_view
 from calibration.prediction import Prediction, Scene, predict, view_information
 from calibration.transforms import Array
@@ -39,6 +39,7 @@ def plan_poses(
     reachable: Reachable | None = None,
     alternatives: tuple[Scene, ...] = (),
     seed: int = 1,
+    restarts: int = RESTARTS,
 ) -> Plan:
     """The `count` poses that, with those already `taken` (m, 4, 4), determine X best.
 
@@ -46,7 +47,8 @@ def plan_poses(
     input gives the same plan. Raises PlanningError.
     """
     known = view_information(scene, np.empty((0, 4, 4)) if taken is None else taken).sum(axis=0)
-    chosen = best_set(Search(scene, limits, reachable, np.random.default_rng(seed), alternatives), count, known)
+    search = Search(scene, limits, reachable, np.random.default_rng(seed), alternatives)
+    chosen = best_set(search, count, known, restarts)
     poses = chosen.base_T_flange
     if len(poses) < count:
         raise PlanningError(

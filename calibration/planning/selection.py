@@ -73,11 +73,14 @@ class Search:
 POOL = 500
 """Candidates to choose among; more improve a planned set by less than the local search does."""
 
+RESTARTS = 8
+"""Exchanges from so many random sets; the best goes on to the local search."""
+
 DRAWS = 40
 """Batches of `POOL` random viewpoints drawn at most: tight limits leave few of them."""
 
 
-def best_set(search: Search, count: int, known: Array, restarts: int = 8) -> Candidates:
+def best_set(search: Search, count: int, known: Array, restarts: int) -> Candidates:
     """`count` candidates that, with the information (k, k) `known` already, leave the least variance.
 
     Returns fewer than `count` when the limits leave fewer candidates.

@@ -17,7 +17,10 @@ from daemon.settings import CalibrationSettings
 
 router = APIRouter(tags=["calibrate"])
 
-HOW_TO_START = "POST /calibrate with no body, or with poses, count or target; ?wait=SECONDS answers the finished run"
+HOW_TO_START = (
+    "POST /calibrate with no body, or with poses, count, uncertainty_mm or target;"
+    " ?wait=SECONDS answers the finished run"
+)
 
 
 @router.get("/calibrate", response_model=CalibrateStatus, responses={200: or_text("In words")})
@@ -69,4 +72,5 @@ async def _status(app: Application) -> CalibrateStatus:
 def _poses_in_words(settings: CalibrationSettings) -> str:
     if settings.poses:
         return f"{len(settings.poses)} taught in the settings"
-    return f"{settings.count} planned from what is roughly known of the scene"
+    enough = f", until a mapped point is known to {settings.uncertainty_mm:g} mm" if settings.uncertainty_mm else ""
+    return f"a first look from where the arm stands, then up to {settings.count} planned one after the other{enough}"

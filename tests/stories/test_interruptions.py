@@ -15,7 +15,7 @@ import pytest
 
 from protocols.cb.codes import Command
 from tests.mock_robot.running_cell import RunningCell, becomes, running_cell
-from tests.stories.plant import Operator, plant, poses_taught_for, settings_of
+from tests.stories.plant import Operator, plant, poses_taught_for, settings_of, small_pictures
 
 ROOT = Path(__file__).parents[2]
 
@@ -33,7 +33,7 @@ def after_a_station_under_way(run: dict[str, Any], at_least: int = 1) -> str:
 
 
 async def test_an_aborted_run_moves_nothing_afterwards(tmp_path: Path) -> None:
-    async with plant(tmp_path, time_scale=20) as story:
+    async with plant(tmp_path, time_scale=20, truth=small_pictures(7)) as story:
         run = await story.operator.starts("/calibrate", count=8)
         await story.operator.waits_until_station(run, 1)
         await becomes(lambda: story.cell.moving)
@@ -46,7 +46,7 @@ async def test_an_aborted_run_moves_nothing_afterwards(tmp_path: Path) -> None:
 
 
 async def test_a_second_calibrate_is_refused_with_who_holds_the_cell(tmp_path: Path) -> None:
-    async with plant(tmp_path) as story:
+    async with plant(tmp_path, truth=small_pictures(7)) as story:
         run = await story.operator.starts("/calibrate", count=3)
         second = await story.operator.client.post("/calibrate")
         assert (second.status_code, second.json()["holder"]) == (409, run["id"])
@@ -59,7 +59,7 @@ async def test_a_second_calibrate_is_refused_with_who_holds_the_cell(tmp_path: P
 async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(
     tmp_path: Path, fault: str, code: str
 ) -> None:
-    async with plant(tmp_path, time_scale=20) as story:
+    async with plant(tmp_path, time_scale=20, truth=small_pictures(7)) as story:
         run = await story.operator.starts("/calibrate", count=5)
         await story.operator.waits_until_station(run, 2)
         await becomes(lambda: story.cell.moving)
@@ -74,7 +74,7 @@ async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(
 
 
 async def test_a_robot_that_answers_garbage_fails_the_run_and_the_next_one_works(tmp_path: Path) -> None:
-    async with plant(tmp_path) as story:
+    async with plant(tmp_path, truth=small_pictures(7)) as story:
         story.cell.breaks("link-garbage", only=Command.GET_POSE, after_moves=1)
         run = await story.operator.starts("/calibrate", count=3)
         ended = await story.operator.waits_for_the_end_of(run)
@@ -92,11 +92,11 @@ async def test_a_robot_that_answers_garbage_fails_the_run_and_the_next_one_works
         ("camera-target-hidden", "the target was seen from"),
         ("camera-empty-file", "the answer is empty"),
         ("camera-half-file", "the PNG ends early"),
-        ("camera-wrong-size", "960×600, expected 1920×1200"),
+        ("camera-wrong-size", "480×300, expected 960×600"),
     ],
 )
 async def test_what_the_camera_does_wrong_is_said(tmp_path: Path, fault: str, says: str) -> None:
-    async with plant(tmp_path) as story:
+    async with plant(tmp_path, truth=small_pictures(7)) as story:
         story.cell.breaks(fault)
         run = await story.operator.starts("/calibrate", count=3)
         ended = await story.operator.waits_for_the_end_of(run)
@@ -107,7 +107,7 @@ async def test_what_the_camera_does_wrong_is_said(tmp_path: Path, fault: str, sa
 
 
 async def test_an_emergency_stop_ends_the_run(tmp_path: Path) -> None:
-    async with plant(tmp_path, time_scale=20) as story:
+    async with plant(tmp_path, time_scale=20, truth=small_pictures(7)) as story:
         run = await story.operator.starts("/calibrate", count=5)
         await story.operator.waits_until_station(run, 1)
         await becomes(lambda: story.cell.moving)
@@ -163,7 +163,7 @@ async def daemon_process(folder: Path, settings: dict[str, Any]) -> AsyncIterato
 
 
 async def test_killed_in_mid_run_the_daemon_says_so_after_its_restart_and_the_arm_stays(tmp_path: Path) -> None:
-    async with running_cell(time_scale=20) as cell:
+    async with running_cell(time_scale=20, truth=small_pictures(7)) as cell:
         settings = taught_settings(cell, tmp_path)
         async with daemon_process(tmp_path, settings) as daemon:
             await daemon.operator.waits_until_ready()
@@ -183,7 +183,7 @@ async def test_killed_in_mid_run_the_daemon_says_so_after_its_restart_and_the_ar
 
 
 async def test_sigterm_in_mid_run_aborts_it_ends_event_streams_and_leaves_the_arm_disarmed(tmp_path: Path) -> None:
-    async with running_cell(time_scale=20) as cell:
+    async with running_cell(time_scale=20, truth=small_pictures(7)) as cell:
         settings = taught_settings(cell, tmp_path)
         async with daemon_process(tmp_path, settings) as daemon:
             await daemon.operator.waits_until_ready()
