@@ -12,6 +12,7 @@ from daemon.cli.mock import mock
 from daemon.cli.output import Commands
 from daemon.cli.plan import plan
 from daemon.cli.register import register
+from daemon.cli.register_archive import register_archive
 from daemon.cli.serve import serve
 from daemon.cli.solve import solve
 from daemon.cli.target import app as target
@@ -38,6 +39,7 @@ app.command(rich_help_panel=CELL)(calibrate)
 app.add_typer(target, name="target", rich_help_panel=CELL)
 app.command(rich_help_panel=OFFLINE)(solve)
 app.command(rich_help_panel=OFFLINE)(register)
+app.command(rich_help_panel=OFFLINE)(register_archive)
 app.command(rich_help_panel=OFFLINE)(plan)
 app.command(rich_help_panel=OFFLINE)(assess)
 app.command(rich_help_panel=OFFLINE)(version)

@@ -1,0 +1,77 @@
+"""`handeyed register-archive DIR`: every scan below a folder into the base frame, on one machine or many."""
+
+import json as json_module
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import Json, error_line, progress_bar
+
+if TYPE_CHECKING:
+    from daemon.archive.work import Outcome, Task
+
+
+def register_archive(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder or URL; every folder below with a scan.json.")],
+    calibration: Annotated[Path, typer.Option(help="calibration.json, eye-in-hand.")],
+    out: Annotated[str, typer.Option("--out", "-o", help="Folder or URL for NAME/merged.ply, report, manifest.")],
+    scheduler: Annotated[
+        str, typer.Option(help="local, here (this process), or a Dask scheduler: tcp://...")
+    ] = "local",
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Worker processes of --scheduler local.")] = 2,
+    refine: Annotated[bool, typer.Option("--refine", help="Fit the views to each other, within the robot's noise.")] = (
+        False
+    ),
+    voxel_mm: Annotated[float | None, typer.Option(help="Average the points of each cell of this size.")] = None,
+    json: Json = False,
+) -> None:
+    """Register every scan of an archive; scans that are finished already are left as they are.
+
+    Exit status: 0 all done, 3 done but some not accepted, 2 some could not be read (they are named).
+    """
+    from daemon.archive.engines import engine
+
+    tasks = _tasks(folder, calibration, out, refine, voxel_mm)
+    outcomes = []
+    with engine(scheduler, workers) as run, progress_bar(folder) as progress:
+        for outcome in run(tasks):
+            outcomes.append(outcome)
+            progress(len(outcomes), len(tasks))
+            if outcome.error is not None:
+                error_line(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
+    outcomes.sort(key=lambda each: each.scan)
+    typer.echo("\n".join(json_module.dumps(asdict(each)) for each in outcomes) if json else _told(out, outcomes))
+    raise typer.Exit(_status(outcomes))
+
+
+def _tasks(folder: str, calibration: Path, out: str, refine: bool, voxel_mm: float | None) -> "list[Task]":
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.validation import parse_document
+    from daemon.archive.places import Place
+    from daemon.archive.work import SCAN, Task
+    from daemon.session_folder import read_bytes
+    from registration.scan import hand_of
+
+    content = read_bytes(calibration)
+    hand_of(parse_document(CalibrationDocument, content, str(calibration)))
+    source, target = Place.of(folder), Place.of(out)
+    scans = source.folders_with(SCAN)
+    if not scans:
+        raise CommandError(folder, f"no folder below holds a {SCAN}", "name another folder", ExitStatus.UNREADABLE)
+    return [Task(source.url, target.url, scan, content.decode(), refine, voxel_mm) for scan in scans]
+
+
+def _told(out: str, outcomes: "list[Outcome]") -> str:
+    points = sum(each.points for each in outcomes)
+    counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
+    numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
+    return f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
+
+
+def _status(outcomes: "list[Outcome]") -> ExitStatus:
+    if any(each.state == "failed" for each in outcomes):
+        return ExitStatus.UNREADABLE
+    return ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED
