@@ -29,9 +29,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--seed", type=int, default=7)
     run.add_argument("--time-scale", type=_positive, default=1.0, help="how many times faster than real the arm moves")
     run.add_argument("--host", default="127.0.0.1")
-    run.add_argument("--robot-port", type=int, default=0, help="0: chosen by the system")
-    run.add_argument("--devices-port", type=int, default=0)
-    run.add_argument("--control-port", type=int, default=0)
+    run.add_argument("--robot-port", type=_port, default=0, help="0: chosen by the system")
+    run.add_argument("--devices-port", type=_port, default=0)
+    run.add_argument("--control-port", type=_port, default=0)
     run.add_argument("--robot-only", action="store_true", help="no camera and no scanner")
     run.add_argument("--serial", action="store_true", help="open a serial line (a pty), too")
     run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")
@@ -60,6 +60,12 @@ def _positive(text: str) -> float:
     if not 0.0 < value <= 1000.0:
         raise argparse.ArgumentTypeError(f"{text} is not above 0 and up to 1000")
     return value
+
+
+def _port(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) <= 65535):
+        raise argparse.ArgumentTypeError(f"{text} is not a port: 0 (chosen by the system) to 65535")
+    return int(text)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -324,3 +324,10 @@ def test_what_cannot_be_scored_is_a_sentence(tmp_path: Path, capsys: pytest.Capt
 def test_a_wrong_fault_on_the_command_line_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--fault", "no-such", "--robot-only"]) == 1
     assert "no fault is named 'no-such'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("port", ["65536", "-1", "robot", "²"])
+def test_a_wrong_port_on_the_command_line_is_a_sentence(port: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["run", f"--robot-port={port}"])
+    assert f"{port} is not a port: 0 (chosen by the system) to 65535" in capsys.readouterr().err
