@@ -1,0 +1,882 @@
+MODULE CELL_comm
+  ! The communication task (T_COMM): the CB link, one client, over TCP or a serial line.
+  CONST num CELL_HEARTBEAT := 2;
+  CONST num CELL_HALF_FRAME := 0.5;
+  CONST num CELL_IDLE := 10;
+  CONST num CELL_PAYLOAD_MAX := 1012;
+  CONST num CELL_BUILD := 1;
+
+  VAR socketdev cell_server;
+  VAR socketdev cell_client;
+  VAR socketdev cell_guest;
+  VAR iodev cell_line;
+  VAR clock cell_heard;
+  VAR clock cell_quiet;
+  VAR clock cell_since_hello;
+  VAR clock cell_guest_since;
+  VAR clock cell_looked;
+
+  VAR bool cell_open := FALSE;
+  VAR bool cell_has_guest := FALSE;
+  VAR bool cell_greeted := FALSE;
+  VAR bool cell_watched := FALSE;
+  VAR bool cell_busy := FALSE;
+  VAR bool cell_timed_out := FALSE;
+  VAR bool cell_stored := FALSE;
+  VAR bool cell_keep := FALSE;
+  VAR num cell_byte := 0;
+
+  ! The frame that is being received, and the answer that is being built.
+  VAR rawbytes cell_rx;
+  VAR rawbytes cell_rest;
+  VAR rawbytes cell_part;
+  VAR rawbytes cell_tx;
+  VAR num cell_have := 0;
+  VAR num cell_got := 0;
+  VAR num cell_command := 0;
+  VAR num cell_seq := 0;
+  VAR num cell_len := 0;
+  VAR num cell_sum := 0;
+  VAR num cell_status := 0;
+  VAR num cell_pos := 0;
+
+  ! The newest request and its reply: asked again, it is answered from here.
+  VAR rawbytes cell_last_reply;
+  VAR num cell_last_seq := 0;
+  VAR num cell_last_sum := 0;
+  VAR num cell_last_command := 0;
+
+  VAR num cell_move_seq := 0;
+  VAR num cell_finished_seq := 0;
+  VAR num cell_finished_status := 0;
+  VAR robtarget cell_asked;
+  VAR robtarget cell_here;
+
+  FUNC num cell_fletcher(VAR rawbytes data, num count)
+    ! Over bytes 1 to 10 and the payload; every partial sum is exact in a num.
+    VAR num low := 0;
+    VAR num high := 0;
+    VAR num value := 0;
+    FOR i FROM 1 TO count DO
+      IF i <> 11 AND i <> 12 THEN
+        UnpackRawBytes data, i, value \IntX:=USINT;
+        low := (low + value) MOD 255;
+        high := (high + low) MOD 255;
+      ENDIF
+    ENDFOR
+    RETURN high * 256 + low;
+  ENDFUNC
+
+  FUNC num cell_length_of(num command)
+    TEST command
+    CASE 1:
+      RETURN 0;
+    CASE 2:
+      RETURN 8;
+    CASE 3:
+      RETURN 2;
+    CASE 4:
+      RETURN 68;
+    CASE 5:
+      RETURN 0;
+    CASE 6:
+      RETURN 0;
+    CASE 7:
+      RETURN 4;
+    CASE 8:
+      RETURN 0;
+    CASE 9:
+      RETURN 0;
+    DEFAULT:
+      RETURN -1;
+    ENDTEST
+  ENDFUNC
+
+  FUNC num cell_u16(num offset)
+    ! A field of the payload; offset counts from its first byte.
+    VAR num value := 0;
+    UnpackRawBytes cell_rx, 13 + offset, value \IntX:=UINT;
+    RETURN value;
+  ENDFUNC
+
+  FUNC num cell_float(num offset)
+    VAR num value := 0;
+    UnpackRawBytes cell_rx, 13 + offset, value \Float4;
+    RETURN value;
+  ENDFUNC
+
+  FUNC bool cell_finite(num offset)
+    ! NaN and infinity have an exponent of ones.
+    VAR num top := 0;
+    VAR num next := 0;
+    UnpackRawBytes cell_rx, 13 + offset + 3, top \IntX:=USINT;
+    UnpackRawBytes cell_rx, 13 + offset + 2, next \IntX:=USINT;
+    RETURN ((top MOD 128) <> 127) OR (next < 128);
+  ENDFUNC
+
+  FUNC num cell_forbidden()
+    ! The first reason against any motion; CELL_OK when there is none.
+    IF DOutput(cell_do_estop) = 1 RETURN CELL_ESTOP;
+    IF DOutput(cell_do_motors) = 0 RETURN CELL_MOTORS_OFF;
+    IF OpMode() = OP_MAN_TEST RETURN CELL_WRONG_MODE;
+    IF DOutput(cell_do_running) = 0 RETURN CELL_WRONG_MODE;
+    RETURN CELL_OK;
+  ENDFUNC
+
+  FUNC num cell_flags()
+    VAR num flags := 0;
+    IF DOutput(cell_do_motors) = 1 flags := flags + 1;
+    IF OpMode() = OP_AUTO flags := flags + 2;
+    IF DOutput(cell_do_estop) = 1 flags := flags + 4;
+    IF cell_moving flags := flags + 8;
+    IF cell_settled AND (NOT cell_moving) flags := flags + 16;
+    IF cell_armed flags := flags + 32;
+    IF DOutput(cell_do_running) = 1 flags := flags + 64;
+    IF (OpMode() <> OP_AUTO) OR (CSpeedOverride() < 100) flags := flags + 128;
+    RETURN flags;
+  ENDFUNC
+
+  FUNC num cell_t_ms()
+    IF ClkRead(cell_since_hello) >= 8000 THEN
+      ClkReset cell_since_hello;
+      ClkStart cell_since_hello;
+    ENDIF
+    RETURN Trunc(ClkRead(cell_since_hello) * 1000);
+  ENDFUNC
+
+  FUNC num cell_axis_progress(num start, num goal, num now, num best)
+    ! Of the axis that has the longest way: how much is done, per mille; best carries the way so far.
+    IF Abs(goal - start) <= best RETURN -1;
+    RETURN Trunc(1000 * Abs(now - start) / Abs(goal - start));
+  ENDFUNC
+
+  FUNC num cell_progress()
+    VAR jointtarget now;
+    VAR num start{6};
+    VAR num goal{6};
+    VAR num at{6};
+    VAR num longest := 0.0001;
+    VAR num part := 1000;
+    VAR num done := 0;
+    IF NOT cell_busy RETURN 1000;
+    now := CJointT(\TaskName:="T_ROB1");
+    start := [cell_from_joints.robax.rax_1, cell_from_joints.robax.rax_2, cell_from_joints.robax.rax_3, cell_from_joints.robax.rax_4, cell_from_joints.robax.rax_5, cell_from_joints.robax.rax_6];
+    goal := [cell_goal_joints.robax.rax_1, cell_goal_joints.robax.rax_2, cell_goal_joints.robax.rax_3, cell_goal_joints.robax.rax_4, cell_goal_joints.robax.rax_5, cell_goal_joints.robax.rax_6];
+    at := [now.robax.rax_1, now.robax.rax_2, now.robax.rax_3, now.robax.rax_4, now.robax.rax_5, now.robax.rax_6];
+    FOR i FROM 1 TO 6 DO
+      done := cell_axis_progress(start{i}, goal{i}, at{i}, longest);
+      IF done >= 0 THEN
+        longest := Abs(goal{i} - start{i});
+        part := done;
+      ENDIF
+    ENDFOR
+    IF part > 1000 part := 1000;
+    RETURN part;
+  ENDFUNC
+
+  PROC main()
+    cell_reset;
+    IF cell_use_serial THEN
+      Open cell_device, cell_line \Bin;
+      ClearIOBuff cell_line;
+      WHILE TRUE DO
+        cell_serve;
+      ENDWHILE
+    ELSE
+      cell_listen;
+      WHILE TRUE DO
+        cell_accept;
+        IF cell_open cell_serve;
+        SocketClose cell_client;
+      ENDWHILE
+    ENDIF
+  ERROR
+    RAISE;
+  UNDO
+    cell_armed := FALSE;
+    SocketClose cell_guest;
+    SocketClose cell_client;
+    SocketClose cell_server;
+  ENDPROC
+
+  PROC cell_reset()
+    ! A PERS outlives a restart: nothing of it may be believed now.
+    cell_session := (cell_session MOD 65535) + 1;
+    cell_armed := FALSE;
+    cell_busy := FALSE;
+    cell_request := FALSE;
+    cell_done := FALSE;
+    cell_verdict := 0;
+    cell_abort_status := CELL_ABORTED;
+    cell_abort := TRUE;
+    cell_last_seq := 0;
+    cell_stored := FALSE;
+    cell_greeted := FALSE;
+    cell_watched := FALSE;
+    cell_finished_seq := 0;
+    cell_finished_status := CELL_OK;
+    ClkReset cell_looked;
+    ClkStart cell_looked;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_listen()
+    SocketClose cell_server;
+    SocketClose cell_client;
+    SocketClose cell_guest;
+    SocketCreate cell_server;
+    IF cell_address = "" THEN
+      SocketBind cell_server, GetSysInfo(\LanIp), cell_port;
+    ELSE
+      SocketBind cell_server, cell_address, cell_port;
+    ENDIF
+    SocketListen cell_server;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_accept()
+    cell_open := TRUE;
+    SocketAccept cell_server, cell_client \Time:=1;
+  ERROR
+    cell_open := FALSE;
+    IF ERRNO = ERR_SOCK_TIMEOUT THEN
+      TRYNEXT;
+    ENDIF
+    RAISE;
+  ENDPROC
+
+  PROC cell_serve()
+    cell_open := TRUE;
+    cell_have := 0;
+    cell_greeted := FALSE;
+    cell_stored := FALSE;
+    ClearRawBytes cell_rx;
+    ClkReset cell_heard;
+    ClkStart cell_heard;
+    ClkReset cell_quiet;
+    ClkStart cell_quiet;
+    WHILE cell_open DO
+      cell_step;
+      cell_tick;
+    ENDWHILE
+    cell_halt CELL_ABORTED;
+  ERROR
+    cell_halt CELL_ABORTED;
+    RAISE;
+  ENDPROC
+
+  PROC cell_step()
+    ! Bytes towards a whole frame, or the frame.
+    VAR num missing := 12;
+    IF cell_have >= 12 missing := 12 + cell_len;
+    missing := missing - cell_have;
+    IF missing <= 0 THEN
+      cell_frame;
+      RETURN;
+    ENDIF
+    IF cell_use_serial THEN
+      cell_take_line;
+    ELSE
+      cell_take_socket missing;
+    ENDIF
+    IF cell_got > 0 THEN
+      ClkReset cell_quiet;
+      ClkStart cell_quiet;
+      cell_check_head;
+    ELSEIF cell_have > 0 AND ClkRead(cell_quiet) >= CELL_HALF_FRAME THEN
+      cell_drop;
+    ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_take_socket(num missing)
+    ! Never ask for more than is there, but for one byte: a time-out then loses nothing.
+    VAR num count := 1;
+    cell_got := 0;
+    count := SocketPeek(cell_client);
+    IF count > missing count := missing;
+    IF count < 1 count := 1;
+    cell_timed_out := FALSE;
+    SocketReceive cell_client \RawData:=cell_part \ReadNoOfBytes:=count \NoRecBytes:=cell_got \Time:=0.02;
+    IF cell_timed_out cell_got := 0;
+    IF cell_got > 0 THEN
+      CopyRawBytes cell_part, 1, cell_rx, cell_have + 1 \NoOfBytes:=cell_got;
+      cell_have := cell_have + cell_got;
+    ENDIF
+  ERROR
+    IF ERRNO = ERR_SOCK_TIMEOUT THEN
+      cell_timed_out := TRUE;
+      TRYNEXT;
+    ENDIF
+    cell_got := 0;
+    cell_open := FALSE;
+    RETURN;
+  ENDPROC
+
+  PROC cell_take_line()
+    cell_got := 0;
+    cell_timed_out := FALSE;
+    cell_byte := ReadBin(cell_line \Time:=0.02);
+    IF NOT cell_timed_out THEN
+      PackRawBytes cell_byte, cell_rx, cell_have + 1 \IntX:=USINT;
+      cell_have := cell_have + 1;
+      cell_got := 1;
+    ENDIF
+  ERROR
+    IF ERRNO = ERR_DEV_MAXTIME THEN
+      cell_timed_out := TRUE;
+      TRYNEXT;
+    ENDIF
+    RAISE;
+  ENDPROC
+
+  PROC cell_check_head()
+    ! What cannot begin a frame is not waited for.
+    VAR bool looking := TRUE;
+    VAR num value := 0;
+    WHILE looking AND cell_open DO
+      looking := FALSE;
+      IF cell_have >= 1 THEN
+        UnpackRawBytes cell_rx, 1, value \IntX:=USINT;
+        looking := value <> 67;
+      ENDIF
+      IF cell_have >= 2 AND (NOT looking) THEN
+        UnpackRawBytes cell_rx, 2, value \IntX:=USINT;
+        looking := value <> 66;
+      ENDIF
+      IF cell_have >= 10 AND (NOT looking) THEN
+        UnpackRawBytes cell_rx, 9, cell_len \IntX:=UINT;
+        looking := cell_len > CELL_PAYLOAD_MAX;
+      ENDIF
+      IF looking cell_shift;
+    ENDWHILE
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_drop()
+    ! The frame stays half, or its sum is wrong: TCP ends, a line looks behind its first byte.
+    cell_shift;
+    IF cell_open cell_check_head;
+    ClkReset cell_quiet;
+    ClkStart cell_quiet;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_shift()
+    IF NOT cell_use_serial THEN
+      cell_open := FALSE;
+      RETURN;
+    ENDIF
+    cell_cut 1;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_cut(num count)
+    ! Drop the first bytes of what was received.
+    ClearRawBytes cell_rest;
+    IF cell_have > count CopyRawBytes cell_rx, count + 1, cell_rest, 1 \NoOfBytes:=cell_have - count;
+    ClearRawBytes cell_rx;
+    IF cell_have > count CopyRawBytes cell_rest, 1, cell_rx, 1 \NoOfBytes:=cell_have - count;
+    cell_have := cell_have - count;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_frame()
+    VAR num sum := 0;
+    UnpackRawBytes cell_rx, 4, cell_command \IntX:=USINT;
+    UnpackRawBytes cell_rx, 5, cell_seq \IntX:=UINT;
+    UnpackRawBytes cell_rx, 11, cell_sum \IntX:=UINT;
+    sum := cell_fletcher(cell_rx, 12 + cell_len);
+    cell_begin;
+    IF sum <> cell_sum THEN
+      cell_status := CELL_BAD_SUM;
+      cell_send;
+      cell_drop;
+      RETURN;
+    ENDIF
+    ClkReset cell_heard;
+    ClkStart cell_heard;
+    cell_watched := TRUE;
+    cell_judge;
+    IF cell_open THEN
+      cell_cut 12 + cell_len;
+      cell_check_head;
+    ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_judge()
+    ! Version, repeats and lengths; then the command.
+    VAR num version := 0;
+    VAR num ahead := 0;
+    UnpackRawBytes cell_rx, 3, version \IntX:=USINT;
+    IF cell_seq = 0 THEN
+      cell_refuse CELL_BAD_FIELD;
+      RETURN;
+    ENDIF
+    IF version <> 1 THEN
+      cell_refuse CELL_BAD_VERSION;
+      RETURN;
+    ENDIF
+    IF cell_stored THEN
+      ahead := cell_seq - cell_last_seq;
+      IF ahead < 0 ahead := ahead + 65535;
+      IF ahead = 0 AND cell_sum = cell_last_sum AND cell_command = cell_last_command THEN
+        cell_put cell_last_reply;
+        RETURN;
+      ENDIF
+      IF (ahead = 0 OR ahead > 32767) AND cell_command <> 2 THEN
+        cell_refuse CELL_SEQ_TAKEN;
+        RETURN;
+      ENDIF
+    ENDIF
+    IF cell_length_of(cell_command) < 0 THEN
+      cell_refuse CELL_UNKNOWN_CMD;
+      RETURN;
+    ENDIF
+    IF cell_len <> cell_length_of(cell_command) THEN
+      cell_refuse CELL_BAD_LEN;
+      RETURN;
+    ENDIF
+    IF (NOT cell_greeted) AND cell_command > 2 THEN
+      cell_refuse CELL_BAD_VERSION;
+      RETURN;
+    ENDIF
+    cell_keep := TRUE;
+    cell_do_command;
+    IF cell_keep THEN
+      cell_finish_frame;
+      cell_last_reply := cell_tx;
+      cell_last_seq := cell_seq;
+      cell_last_sum := cell_sum;
+      cell_last_command := cell_command;
+      cell_stored := TRUE;
+      cell_put cell_tx;
+    ENDIF
+    IF cell_command = 9 AND cell_keep THEN
+      cell_greeted := FALSE;
+      cell_watched := FALSE;
+      IF NOT cell_use_serial cell_open := FALSE;
+    ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_do_command()
+    TEST cell_command
+    CASE 1:
+      cell_status := CELL_OK;
+    CASE 2:
+      cell_hello;
+    CASE 3:
+      cell_get_pose;
+    CASE 4:
+      cell_move;
+    CASE 5:
+      cell_stop CELL_ABORTED;
+    CASE 6:
+      cell_report;
+    CASE 7:
+      cell_arm;
+    CASE 8:
+      cell_get_joints;
+    CASE 9:
+      cell_halt CELL_ABORTED;
+    ENDTEST
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_hello()
+    VAR num version_max := 0;
+    version_max := cell_u16(2);
+    IF version_max = 0 version_max := cell_u16(0);
+    IF cell_u16(0) > 1 OR version_max < 1 THEN
+      cell_refuse CELL_BAD_VERSION;
+      RETURN;
+    ENDIF
+    cell_halt CELL_ABORTED;
+    cell_await_motion;
+    cell_finished_seq := 0;
+    cell_finished_status := CELL_OK;
+    cell_greeted := TRUE;
+    ClkReset cell_since_hello;
+    ClkStart cell_since_hello;
+    cell_add_u16 1;
+    cell_add_u16 15;
+    cell_add_u16 cell_session;
+    cell_add_u16 CELL_BUILD;
+    cell_add_u16 1024;
+    cell_add_u16 6;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_await_motion()
+    ! A stopped move belongs to the client before; its end is not reported to this one.
+    cell_busy := FALSE;
+    cell_timed_out := FALSE;
+    WaitUntil cell_abort = FALSE \MaxTime:=1.5 \PollRate:=0.01;
+  ERROR
+    IF ERRNO = ERR_WAIT_MAXTIME TRYNEXT;
+    RAISE;
+  ENDPROC
+
+  PROC cell_get_pose()
+    IF cell_u16(0) > 1 THEN
+      cell_refuse CELL_BAD_FIELD;
+      RETURN;
+    ENDIF
+    IF cell_u16(0) = 1 THEN
+      cell_here := CRobT(\TaskName:="T_ROB1" \Tool:=cell_tool \WObj:=cell_wobj);
+    ELSE
+      cell_here := CRobT(\TaskName:="T_ROB1" \Tool:=tool0 \WObj:=wobj0);
+    ENDIF
+    cell_add_float cell_here.trans.x;
+    cell_add_float cell_here.trans.y;
+    cell_add_float cell_here.trans.z;
+    cell_add_float cell_here.rot.q1;
+    cell_add_float cell_here.rot.q2;
+    cell_add_float cell_here.rot.q3;
+    cell_add_float cell_here.rot.q4;
+    cell_add_i16 cell_here.robconf.cf1;
+    cell_add_i16 cell_here.robconf.cf4;
+    cell_add_i16 cell_here.robconf.cf6;
+    cell_add_i16 cell_here.robconf.cfx;
+    cell_add_extax cell_here.extax;
+    cell_add_u32 cell_t_ms();
+    cell_add_u16 cell_flags();
+    cell_add_u16 0;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_get_joints()
+    VAR jointtarget now;
+    now := CJointT(\TaskName:="T_ROB1");
+    cell_add_float now.robax.rax_1;
+    cell_add_float now.robax.rax_2;
+    cell_add_float now.robax.rax_3;
+    cell_add_float now.robax.rax_4;
+    cell_add_float now.robax.rax_5;
+    cell_add_float now.robax.rax_6;
+    cell_add_extax now.extax;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_report()
+    cell_note_end;
+    cell_add_u16 cell_flags();
+    cell_add_u16 cell_finished_seq;
+    cell_add_u16 cell_finished_status;
+    cell_add_u16 cell_progress();
+    cell_add_u32 cell_t_ms();
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_arm()
+    VAR num against := 0;
+    IF cell_u16(2) > 1 THEN
+      cell_refuse CELL_BAD_FIELD;
+      RETURN;
+    ENDIF
+    IF cell_u16(2) = 0 THEN
+      cell_halt CELL_ABORTED;
+      RETURN;
+    ENDIF
+    against := cell_forbidden();
+    IF against = CELL_OK AND cell_u16(0) <> cell_session against := CELL_NOT_ARMED;
+    cell_status := against;
+    IF against = CELL_OK cell_armed := TRUE;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_move()
+    VAR num kind := 0;
+    kind := cell_u16(64);
+    IF kind < 1 OR kind > 2 THEN
+      cell_refuse CELL_BAD_FIELD;
+      RETURN;
+    ENDIF
+    cell_note_end;
+    cell_status := cell_forbidden();
+    IF cell_status <> CELL_OK RETURN;
+    cell_status := CELL_NOT_ARMED;
+    IF NOT cell_armed RETURN;
+    cell_status := CELL_BUSY;
+    IF cell_busy OR cell_abort RETURN;
+    cell_read_goal;
+    IF cell_status <> CELL_OK RETURN;
+    cell_goal := cell_asked;
+    cell_goal_speed := cell_float(60);
+    cell_goal_kind := kind;
+    cell_verdict := 0;
+    cell_done := FALSE;
+    cell_request := TRUE;
+    cell_await_verdict;
+    IF cell_status = CELL_ACCEPTED THEN
+      cell_move_seq := cell_seq;
+      cell_busy := TRUE;
+    ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_await_verdict()
+    WaitUntil cell_verdict <> 0 \MaxTime:=1 \PollRate:=0.01;
+    cell_status := cell_verdict;
+  ERROR
+    IF ERRNO = ERR_WAIT_MAXTIME THEN
+      cell_halt CELL_WRONG_MODE;
+      cell_abort_status := CELL_WRONG_MODE;
+      cell_abort := TRUE;
+      cell_status := CELL_WRONG_MODE;
+      RETURN;
+    ENDIF
+    RAISE;
+  ENDPROC
+
+  PROC cell_read_goal()
+    ! Everything that can be wrong with a goal, but for its reach.
+    VAR num norm := 0;
+    cell_status := CELL_SPEED;
+    IF NOT cell_finite(60) RETURN;
+    IF cell_float(60) <= 0 OR cell_float(60) > cell_speed_max RETURN;
+    cell_status := CELL_BAD_FIELD;
+    FOR i FROM 0 TO 6 DO
+      IF NOT cell_finite(4 * i) RETURN;
+    ENDFOR
+    FOR i FROM 0 TO 5 DO
+      IF NOT cell_finite(36 + 4 * i) RETURN;
+    ENDFOR
+    cell_asked.trans := [cell_float(0), cell_float(4), cell_float(8)];
+    cell_asked.rot := [cell_float(12), cell_float(16), cell_float(20), cell_float(24)];
+    norm := Sqrt(cell_float(12) * cell_float(12) + cell_float(16) * cell_float(16) + cell_float(20) * cell_float(20) + cell_float(24) * cell_float(24));
+    IF Abs(norm - 1) > 0.002 RETURN;
+    cell_asked.rot := NOrient(cell_asked.rot);
+    UnpackRawBytes cell_rx, 41, cell_asked.robconf.cf1 \IntX:=INT;
+    UnpackRawBytes cell_rx, 43, cell_asked.robconf.cf4 \IntX:=INT;
+    UnpackRawBytes cell_rx, 45, cell_asked.robconf.cf6 \IntX:=INT;
+    UnpackRawBytes cell_rx, 47, cell_asked.robconf.cfx \IntX:=INT;
+    cell_here := CRobT(\TaskName:="T_ROB1" \Tool:=tool0 \WObj:=wobj0);
+    cell_asked.extax := cell_here.extax;
+    IF cell_here.extax.eax_a < 8.9E9 cell_asked.extax.eax_a := cell_float(36);
+    IF cell_here.extax.eax_b < 8.9E9 cell_asked.extax.eax_b := cell_float(40);
+    IF cell_here.extax.eax_c < 8.9E9 cell_asked.extax.eax_c := cell_float(44);
+    IF cell_here.extax.eax_d < 8.9E9 cell_asked.extax.eax_d := cell_float(48);
+    IF cell_here.extax.eax_e < 8.9E9 cell_asked.extax.eax_e := cell_float(52);
+    IF cell_here.extax.eax_f < 8.9E9 cell_asked.extax.eax_f := cell_float(56);
+    cell_status := CELL_OUTSIDE_BOX;
+    IF cell_asked.trans.x < cell_box_low.x OR cell_asked.trans.x > cell_box_high.x RETURN;
+    IF cell_asked.trans.y < cell_box_low.y OR cell_asked.trans.y > cell_box_high.y RETURN;
+    IF cell_asked.trans.z < cell_box_low.z OR cell_asked.trans.z > cell_box_high.z RETURN;
+    cell_status := CELL_OK;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_stop(num reason)
+    ! Tell the motion task to stop; its trap does.
+    IF cell_busy AND (NOT cell_done) AND (NOT cell_abort) THEN
+      cell_abort_status := reason;
+      cell_abort := TRUE;
+    ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_halt(num reason)
+    cell_armed := FALSE;
+    cell_stop reason;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_note_end()
+    IF cell_busy AND cell_done AND (NOT cell_abort) THEN
+      cell_finished_seq := cell_move_seq;
+      cell_finished_status := cell_done_status;
+      cell_busy := FALSE;
+    ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_tick()
+    ! What nobody asks for: switches, silence, the end of a move, a second client.
+    IF (cell_armed OR cell_busy) AND cell_forbidden() <> CELL_OK cell_halt cell_forbidden();
+    IF cell_watched AND ClkRead(cell_heard) >= CELL_HEARTBEAT THEN
+      cell_watched := FALSE;
+      cell_halt CELL_ABORTED;
+    ENDIF
+    IF (NOT cell_use_serial) AND ClkRead(cell_heard) >= CELL_IDLE cell_open := FALSE;
+    IF cell_busy AND cell_done AND (NOT cell_abort) THEN
+      cell_note_end;
+      IF cell_greeted cell_announce;
+    ENDIF
+    IF cell_use_serial RETURN;
+    IF ClkRead(cell_looked) >= 0.1 THEN
+      ClkReset cell_looked;
+      ClkStart cell_looked;
+      cell_look_for_guest;
+    ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_announce()
+    cell_command := 6;
+    cell_seq := 0;
+    cell_begin;
+    cell_report;
+    cell_send;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_look_for_guest()
+    ! One client: a second one is told BUSY, unless the first has gone silent.
+    IF cell_has_guest THEN
+      cell_answer_guest;
+      RETURN;
+    ENDIF
+    cell_has_guest := TRUE;
+    SocketAccept cell_server, cell_guest \Time:=0.001;
+    ClkReset cell_guest_since;
+    ClkStart cell_guest_since;
+  ERROR
+    IF ERRNO = ERR_SOCK_TIMEOUT THEN
+      cell_has_guest := FALSE;
+      RETURN;
+    ENDIF
+    RAISE;
+  ENDPROC
+
+  PROC cell_answer_guest()
+    VAR num command := 0;
+    VAR num seq := 0;
+    VAR num got := 0;
+    IF ClkRead(cell_heard) >= CELL_HEARTBEAT cell_open := FALSE;
+    IF SocketPeek(cell_guest) >= 12 THEN
+      SocketReceive cell_guest \RawData:=cell_part \ReadNoOfBytes:=12 \NoRecBytes:=got \Time:=0.1;
+      UnpackRawBytes cell_part, 4, command \IntX:=USINT;
+      UnpackRawBytes cell_part, 5, seq \IntX:=UINT;
+      cell_command := command;
+      cell_seq := seq;
+      cell_begin;
+      cell_status := CELL_BUSY;
+      cell_finish_frame;
+      SocketSend cell_guest \RawData:=cell_tx \NoOfBytes:=RawBytesLen(cell_tx);
+      cell_has_guest := FALSE;
+      SocketClose cell_guest;
+    ELSEIF ClkRead(cell_guest_since) >= 1 OR (NOT cell_open) THEN
+      cell_has_guest := FALSE;
+      SocketClose cell_guest;
+    ENDIF
+  ERROR
+    cell_has_guest := FALSE;
+    SocketClose cell_guest;
+    RETURN;
+  ENDPROC
+
+  PROC cell_begin()
+    ! An empty answer to cell_command and cell_seq.
+    ClearRawBytes cell_tx;
+    cell_status := CELL_OK;
+    cell_pos := 13;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_refuse(num status)
+    ! A refusal by the link itself: it is not remembered.
+    cell_keep := FALSE;
+    cell_status := status;
+    cell_send;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_add_u16(num value)
+    PackRawBytes value, cell_tx, cell_pos \IntX:=UINT;
+    cell_pos := cell_pos + 2;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_add_i16(num value)
+    PackRawBytes value, cell_tx, cell_pos \IntX:=INT;
+    cell_pos := cell_pos + 2;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_add_u32(num value)
+    PackRawBytes value, cell_tx, cell_pos \IntX:=UDINT;
+    cell_pos := cell_pos + 4;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_add_float(num value)
+    PackRawBytes value, cell_tx, cell_pos \Float4;
+    cell_pos := cell_pos + 4;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_add_extax(extjoint axes)
+    cell_add_float axes.eax_a;
+    cell_add_float axes.eax_b;
+    cell_add_float axes.eax_c;
+    cell_add_float axes.eax_d;
+    cell_add_float axes.eax_e;
+    cell_add_float axes.eax_f;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_finish_frame()
+    VAR num sum := 0;
+    PackRawBytes 67, cell_tx, 1 \IntX:=USINT;
+    PackRawBytes 66, cell_tx, 2 \IntX:=USINT;
+    PackRawBytes 1, cell_tx, 3 \IntX:=USINT;
+    PackRawBytes 128 + (cell_command MOD 128), cell_tx, 4 \IntX:=USINT;
+    PackRawBytes cell_seq, cell_tx, 5 \IntX:=UINT;
+    PackRawBytes cell_status, cell_tx, 7 \IntX:=UINT;
+    PackRawBytes cell_pos - 13, cell_tx, 9 \IntX:=UINT;
+    sum := cell_fletcher(cell_tx, cell_pos - 1);
+    PackRawBytes sum, cell_tx, 11 \IntX:=UINT;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_send()
+    cell_finish_frame;
+    cell_put cell_tx;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_put(VAR rawbytes data)
+    IF cell_use_serial THEN
+      WriteRawBytes cell_line, data;
+    ELSE
+      SocketSend cell_client \RawData:=data \NoOfBytes:=RawBytesLen(data);
+    ENDIF
+  ERROR
+    cell_open := FALSE;
+    RETURN;
+  ENDPROC
+ENDMODULE

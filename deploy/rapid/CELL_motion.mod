@@ -1,0 +1,69 @@
+MODULE CELL_motion
+  ! The motion task (T_ROB1): one move at a time, stopped by cell_abort.
+  VAR intnum cell_abort_intno;
+
+  PROC main()
+    IDelete cell_abort_intno;
+    CONNECT cell_abort_intno WITH cell_abort_trap;
+    IPers cell_abort, cell_abort_intno;
+    ConfJ \On;
+    ConfL \On;
+    SingArea \Off;
+    VelSet 100, 1000;
+    cell_settled := FALSE;
+    WaitTime \InPos, 0.3;
+    cell_moving := FALSE;
+    cell_settled := TRUE;
+    IF cell_abort THEN
+      cell_request := FALSE;
+      cell_done_status := cell_abort_status;
+      cell_done := TRUE;
+      cell_abort := FALSE;
+    ENDIF
+    WHILE TRUE DO
+      WaitUntil cell_request OR cell_abort \PollRate:=0.01;
+      IF cell_abort ExitCycle;
+      cell_request := FALSE;
+      cell_one_move;
+    ENDWHILE
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_one_move()
+    VAR errnum reach := 0;
+    VAR speeddata speed;
+    cell_from_joints := CJointT();
+    cell_goal_joints := CalcJointT(cell_goal, tool0 \WObj:=wobj0 \ErrorNumber:=reach);
+    IF reach <> 0 THEN
+      cell_verdict := CELL_UNREACHABLE;
+      RETURN;
+    ENDIF
+    speed := [cell_goal_speed, 500, 5000, 1000];
+    IF OpMode() <> OP_AUTO AND speed.v_tcp > 250 speed.v_tcp := 250;
+    cell_settled := FALSE;
+    cell_moving := TRUE;
+    cell_verdict := CELL_ACCEPTED;
+    IF cell_goal_kind = 2 THEN
+      MoveL cell_goal, speed, fine, tool0 \WObj:=wobj0;
+    ELSE
+      MoveJ cell_goal, speed, fine, tool0 \WObj:=wobj0;
+    ENDIF
+    cell_moving := FALSE;
+    WaitTime \InPos, 0.3;
+    cell_settled := TRUE;
+    cell_done_status := CELL_OK;
+    cell_done := TRUE;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  TRAP cell_abort_trap
+    IF cell_abort THEN
+      StopMove;
+      ClearPath;
+      StartMove;
+      ExitCycle;
+    ENDIF
+  ENDTRAP
+ENDMODULE

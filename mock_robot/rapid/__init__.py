@@ -1,0 +1,1 @@
+"""The RAPID modules of deploy/rapid: their grammar, and the rules a controller has that a syntax check misses."""

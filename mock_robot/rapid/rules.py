@@ -1,0 +1,47 @@
+"""The limits of a controller that a syntax check misses, as a table of patterns."""
+
+import re
+from dataclasses import dataclass
+
+STRING_MAX = 80
+NAME_MAX = 32
+
+
+@dataclass(frozen=True)
+class Offence:
+    """A line that a controller would refuse, or that the project does not allow, and why."""
+
+    line: int
+    why: str
+
+
+_FORBIDDEN = (
+    (re.compile(rf"\b[A-Za-z]\w{{{NAME_MAX},}}"), f"a name of more than {NAME_MAX} characters"),
+    (re.compile(rf'"[^"]{{{STRING_MAX + 1},}}"'), f"a string of more than {STRING_MAX} characters"),
+    (re.compile(r"\bSocket(Receive|Accept)\b(?!.*\\Time:=)", re.I), "waits 60 s: give \\Time"),
+    (re.compile(r"\bSocketReceive\b.*\\Str\b", re.I), "\\Str cuts at 80 characters: use \\RawData"),
+    (re.compile(r"\bStopMove\s*\\Quick\b", re.I), "RobotWare 7 does not load \\Quick"),
+    (re.compile(r"\bSingArea\s*\\Wrist\b", re.I), "the orientation would leave the path"),
+    (re.compile(r"\bRETRY\s*;", re.I), "RETRY does the failed instruction once more, a motion too"),
+    (re.compile(r"\bCRobT\((?!.*\\Tool:=.*\\WObj:=)", re.I), "tool and work object must be named"),
+)
+_PROC = re.compile(r"^\s*PROC\b.*?^\s*ENDPROC", re.M | re.S | re.I)
+
+
+def offences(source: bytes) -> list[Offence]:
+    """What the rules object to in a module's file, by line."""
+    found = []
+    for number, raw in enumerate(source.split(b"\n")[:-1], 1):
+        if not raw.isascii():
+            found.append(Offence(number, "not ASCII"))
+        if not raw.endswith(b"\r"):
+            found.append(Offence(number, "the line does not end with CR LF"))
+    text = source.decode("latin-1").replace("\r\n", "\n")
+    for number, line in enumerate(text.split("\n"), 1):
+        code = line.split("!")[0].rstrip()
+        found += [Offence(number, why) for pattern, why in _FORBIDDEN if pattern.search(code)]
+    for routine in _PROC.finditer(text):
+        if not re.search(r"^\s*ERROR\s*$", routine[0], re.M | re.I):
+            line_number = text.count("\n", 0, routine.start()) + 1
+            found.append(Offence(line_number, "a PROC without ERROR: any error in it stops the program"))
+    return sorted(found, key=lambda offence: offence.line)
