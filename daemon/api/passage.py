@@ -6,8 +6,8 @@ messages of the body away, and the answer is cut short with status 200.
 
 import asyncio
 import logging
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from starlette.requests import ClientDisconnect
@@ -18,6 +18,7 @@ from daemon.api.bodies import pieces
 from daemon.api.problems import answer, problem_of
 from daemon.api.spool import Spool
 from daemon.errors import BodyTooLarge, StorageError
+from daemon.merging import with_frame
 from registration.errors import CloudTooLong, CloudTruncated, RegistrationError
 from registration.stream import CloudStream
 
@@ -32,33 +33,48 @@ CHECKED_WHOLE_BYTES = 1_000_000
 REFUSALS = (RegistrationError, StorageError, BodyTooLarge)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Passage:
     """One cloud on its way through."""
 
     stream: CloudStream
     spool: Spool
     content_length: int | None
+    calibration_id: str
+    _headed: bool = field(default=False, init=False)
 
     async def take(self, receive: Receive, ready: asyncio.Event, done: Done) -> None:
         """Move what comes in; `ready` is set when the answer may begin. Raises the REFUSALS, ClientDisconnect."""
         size = 0
         try:
             async for chunk in pieces(receive):
-                size += await self._put(self.stream.feed(chunk))
+                size += await self._put(self.stream.parts(chunk))
                 if size and not ready.is_set() and not self._checked_whole:
                     self._require_length()
                     ready.set()
-            size += await self._put(self.stream.finish())
+            size += await self._put(self.stream.last_parts())
             done(self.stream, size)
         finally:
             self.spool.end()
             ready.set()
 
-    async def _put(self, moved: bytes) -> int:
-        if moved:
-            await self.spool.put(moved)
-        return len(moved)
+    async def _put(self, parts: Iterator[bytes | memoryview]) -> int:
+        """The moved parts, the header with the frame's name in it; answers how many bytes."""
+        size = 0
+        for part in parts:
+            content = bytes(part)
+            if self.stream.header is not None and not self._headed:
+                content, self._headed = self._head(), True
+            if content:
+                await self.spool.put(content)
+                size += len(content)
+        return size
+
+    def _head(self) -> bytes:
+        """The cloud's header as it is answered: a PLY's older comments may name another frame."""
+        header = self.stream.header
+        assert header is not None
+        return with_frame(header.rewritten, self.calibration_id) if header.format == "ply" else header.rewritten
 
     @property
     def _checked_whole(self) -> bool:
@@ -71,7 +87,7 @@ class Passage:
             return None
         if header.format == "octets":
             return self.content_length
-        return None if header.body_length is None else len(header.rewritten) + header.body_length
+        return None if header.body_length is None else len(self._head()) + header.body_length
 
     def _require_length(self) -> None:
         """Content-Length and the cloud's own header agree, as far as both tell: better said now than at the end."""
@@ -100,7 +116,9 @@ class MovedCloud(Response):
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Receives and sends at the same time, each at its own pace."""
         spool = Spool(self._folder)
-        passage = Passage(self._stream, spool, _content_length(scope))
+        passage = Passage(
+            self._stream, spool, _content_length(scope), self._every_header.get("Handeyed-Calibration", "")
+        )
         ready = asyncio.Event()
         taking = asyncio.create_task(passage.take(receive, ready, self._done))
         try:

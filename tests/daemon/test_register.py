@@ -150,3 +150,15 @@ async def test_a_cloud_damaged_in_its_middle_has_an_answer_without_an_end(tmp_pa
         with pytest.raises(Exception, match=r"(?i)peer closed|incomplete|disconnected"):
             await bench.client.post("/register", params={"pose": POSE}, content=torn(), headers=PLY)
         assert (await bench.client.get("/health")).status_code == 200
+
+
+async def test_a_moved_ply_names_its_frame_after_comments_that_no_longer_hold(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        await with_a_calibration(bench)
+        content = ply_of(cloud(20)).replace(b"element", b"comment scanner frame, mm\nelement", 1)
+        answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=PLY)
+        lines = answer.content[: answer.content.index(b"end_header")].splitlines()
+        assert lines.index(b"comment scanner frame, mm") < lines.index(
+            b"comment handeyed: frame base, lengths mm, calibration cal-1"
+        )
+        np.testing.assert_allclose(points_of(answer.content), in_base(cloud(20)), atol=1e-3)
