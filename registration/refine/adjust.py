@@ -64,18 +64,22 @@ def refine_poses(
 ) -> Refinement:
     """Corrections that bring the views together as far as the robot's noise explains."""
     motions = [np.eye(4) for _ in surfaces]
-    origin = _origin(surfaces, base_T_camera)
-    radius_mm = _radius(surfaces, base_T_camera, origin)
+    origin = origin_of(surfaces, base_T_camera)
+    radius_mm = radius_of(surfaces, base_T_camera, origin)
     reach_mm = reach_of(surfaces)
     step, iteration, settled = np.inf, 0, False
     pairs: dict[tuple[int, int], PairEvidence] = {}
     while iteration < ITERATIONS and not settled:
         iteration += 1
         poses = [motion @ pose for motion, pose in zip(motions, base_T_camera, strict=True)]
-        pairs = _all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
-        twists = _solve(pairs, motions, base_T_flange, noise, origin, radius_mm)
+        pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
+        seen, seen_gradient, prior, prior_gradient = normal_equations(
+            pairs, motions, base_T_flange, noise, origin, radius_mm
+        )
+        step_of_all = np.linalg.solve(seen + prior, seen_gradient + prior_gradient)
+        twists: Array = -np.asarray(step_of_all, float).reshape(-1, 6)
         motions = [
-            _exponential(twist, origin, radius_mm) @ motion for twist, motion in zip(twists, motions, strict=True)
+            twist_motion(twist, origin, radius_mm) @ motion for twist, motion in zip(twists, motions, strict=True)
         ]
         step = float(np.abs(twists).max()) if len(twists) else 0.0
         settled = step < SETTLED_MM
@@ -86,7 +90,8 @@ def refine_poses(
     return Refinement(corrections, iteration, settled)
 
 
-def _origin(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Array:
+def origin_of(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Array:
+    """The middle of all views in base."""
     centres = [
         map_points(pose, surface.points).mean(axis=0)
         for surface, pose in zip(surfaces, poses, strict=True)
@@ -96,7 +101,8 @@ def _origin(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Array:
     return origin
 
 
-def _radius(surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array) -> float:
+def radius_of(surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array) -> float:
+    """How far points lie from `origin`, RMS: the length that turns radians into millimetres."""
     squares = [
         np.mean(np.sum((map_points(pose, surface.points) - origin) ** 2, axis=1))
         for surface, pose in zip(surfaces, poses, strict=True)
@@ -105,9 +111,10 @@ def _radius(surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array) 
     return max(float(np.sqrt(np.mean(squares))), 1.0) if squares else 1.0
 
 
-def _all_pairs(
+def all_pairs(
     surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array, radius_mm: float, reach_mm: float
 ) -> dict[tuple[int, int], PairEvidence]:
+    """What every ordered pair of overlapping views says."""
     pairs = {}
     for source in range(len(surfaces)):
         for target in range(len(surfaces)):
@@ -119,43 +126,45 @@ def _all_pairs(
     return pairs
 
 
-def _solve(
+def normal_equations(
     pairs: dict[tuple[int, int], PairEvidence],
     motions: Sequence[Array],
     base_T_flange: Sequence[Array],
     noise: RobotNoise,
     origin: Array,
     radius_mm: float,
-) -> Array:
-    """Twists (n, 6) of one Gauss-Newton step."""
+) -> tuple[Array, Array, Array, Array]:
+    """What the overlaps say about all twists, information (6n, 6n) and gradient (6n,); then the same of the robot."""
     count = len(motions)
-    information, gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
+    seen, seen_gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
     for (source, target), pair in pairs.items():
         half = pair.information / 2  # a pair is seen from both sides
-        information[source, :, source] += half
-        information[target, :, target] += half
-        information[source, :, target] -= half
-        information[target, :, source] -= half
-        gradient[source] += pair.gradient / 2
-        gradient[target] -= pair.gradient / 2
+        seen[source, :, source] += half
+        seen[target, :, target] += half
+        seen[source, :, target] -= half
+        seen[target, :, source] -= half
+        seen_gradient[source] += pair.gradient / 2
+        seen_gradient[target] -= pair.gradient / 2
+    prior, prior_gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
     weights = np.repeat([1 / noise.rotation_rad**2, 1 / noise.translation_mm**2], 3)
     for index, (motion, flange) in enumerate(zip(motions, base_T_flange, strict=True)):
         at_flange = np.zeros((6, 6))
         at_flange[:3, :3] = np.eye(3) / radius_mm
         at_flange[3:, :3] = -skew(flange[:3, 3] - origin) / radius_mm
         at_flange[3:, 3:] = np.eye(3)
-        information[index, :, index] += at_flange.T @ (weights[:, None] * at_flange)
-        gradient[index] += at_flange.T @ (weights * np.concatenate(_at_flange(motion, flange[:3, 3])[::-1]))
-    step: Array = np.asarray(np.linalg.solve(information.reshape(6 * count, -1), gradient.ravel()), float)
-    return -step.reshape(count, 6)
+        prior[index, :, index] = at_flange.T @ (weights[:, None] * at_flange)
+        prior_gradient[index] = at_flange.T @ (weights * np.concatenate(correction_of(motion, flange[:3, 3])[::-1]))
+    size = 6 * count
+    return seen.reshape(size, size), seen_gradient.ravel(), prior.reshape(size, size), prior_gradient.ravel()
 
 
-def _at_flange(motion: Array, flange_mm: Array) -> tuple[Array, Array]:
+def correction_of(motion: Array, flange_mm: Array) -> tuple[Array, Array]:
     """A motion as (translation of the flange in mm, rotation vector in rad)."""
     return motion[:3, :3] @ flange_mm + motion[:3, 3] - flange_mm, vector_from_rotation(motion[:3, :3])
 
 
-def _exponential(twist: Array, origin: Array, radius_mm: float) -> Array:
+def twist_motion(twist: Array, origin: Array, radius_mm: float) -> Array:
+    """The motion (4, 4) of a twist [rotation × radius, translation] about `origin`."""
     rotation = rotation_from_vector(twist[:3] / radius_mm)
     return transform(rotation, origin - rotation @ origin + twist[3:])
 
@@ -168,7 +177,7 @@ def _correction(
     pairs: dict[tuple[int, int], PairEvidence],
     radius_mm: float,
 ) -> ViewCorrection:
-    translation_mm, rotation_rad = _at_flange(motion, flange_mm)
+    translation_mm, rotation_rad = correction_of(motion, flange_mm)
     explained = (
         np.abs(translation_mm).max() <= 3 * noise.translation_mm
         and np.abs(rotation_rad).max() <= 3 * noise.rotation_rad

@@ -1,0 +1,90 @@
+"""A scan of a sphere as a calibration: the same Solution that images give."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calibration.errors import UndeterminedError
+from calibration.observability import require_determined
+from calibration.solution import Finding, Noise, Solution, ViewResult
+from calibration.transforms import Array, map_points
+from registration.calibrate.outcome import determined, undetermined
+from registration.errors import SphereError
+from registration.scan import ScanView, sample_views
+from registration.sphere import find_artefact
+from registration.sphere_calibration import SphereSolution, SphereView, solve_from_sphere
+
+METHOD = "sphere of known radius"
+
+
+def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
+    """X from views of one sphere that stands still; `mount_T_camera` is None when they do not fix it.
+
+    A view without the sphere is rejected and says why. Raises CloudError's leaves, UnitUnknown, ScanError.
+    """
+    centres: dict[int, Array] = {}
+    reasons: dict[int, str] = {}
+    for index, sample in enumerate(sample_views(views)):
+        try:
+            centres[index] = find_artefact(sample.surface.points, radius_mm).centre
+        except SphereError as error:
+            reasons[index] = f"sphere-not-found: {error}"
+    found = list(centres)
+    poses = np.array([views[index].base_T_flange for index in found]).reshape(-1, 4, 4)
+    try:
+        require_determined(poses)
+        answer = solve_from_sphere([SphereView(centres[index], views[index].base_T_flange) for index in found])
+    except UndeterminedError as error:
+        results = [_missing(index, reasons.get(index, error.code)) for index in range(len(views))]
+        return undetermined(METHOD, results, poses, error)
+    return _solution(views, found, centres, reasons, answer)
+
+
+def _solution(
+    views: Sequence[ScanView],
+    found: Sequence[int],
+    centres: dict[int, Array],
+    reasons: dict[int, str],
+    answer: SphereSolution,
+) -> Solution:
+    used = [found[row] for row in answer.used]
+    x = answer.flange_T_camera
+    off = {
+        index: map_points(views[index].base_T_flange @ x, centres[index][None])[0] - answer.base_centre_mm
+        for index in found
+    }
+    left_out = {} if answer.left_out_mm is None else dict(zip(used, answer.left_out_mm.tolist(), strict=True))
+    results = [
+        _seen(index, index in used, left_out.get(index, float(np.linalg.norm(off[index]))))
+        if index in centres
+        else _missing(index, reasons[index])
+        for index in range(len(views))
+    ]
+    x_mm, y_mm, z_mm = answer.base_centre_mm
+    at = Finding(
+        "sphere-centre",
+        "info",
+        f"the sphere's centre lies at ({x_mm:.2f}, {y_mm:.2f}, {z_mm:.2f}) mm in base; over the views it scatters by "
+        f"{', '.join(f'{axis:.2f}' for axis in answer.spread_mm)} mm",
+        "touch the sphere with a tool of known length to compare",
+    )
+    return determined(
+        METHOD,
+        x,
+        answer.covariance,
+        np.array([centres[index] for index in used]),
+        Noise(None, None, answer.sigma_mm),
+        results,
+        np.array([views[index].base_T_flange for index in used]),
+        (at,),
+    )
+
+
+def _seen(index: int, used: bool, base_error_mm: float) -> ViewResult:
+    """`base_error_mm`: the sphere's centre from where the other views put it."""
+    reason = None if used else "pose-disagrees"
+    return ViewResult(index, None, "used" if used else "rejected", reason, None, base_error_mm, None)
+
+
+def _missing(index: int, reason: str) -> ViewResult:
+    return ViewResult(index, None, "rejected", reason, None, None, None)

@@ -1,0 +1,221 @@
+"""X without any target: overlapping views of one rigid part, X among the unknowns of their registration.
+
+Let view i stand at motion_i @ base_T_flange_i @ X @ exp(d). A change d of X moves view i by Ad(base_T_camera_i) d in
+base, so what every pair says about two views (`registration.refine.pairs`) it says about X, too; the robot's accuracy
+is the prior on each motion_i as in `registration.refine.adjust`. X itself has no prior: where neither surfaces nor
+motions fix it, its covariance says so and it is refused.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.errors import UndeterminedError
+from calibration.observability import require_determined
+from calibration.solution import Finding, Noise, Solution, ViewResult
+from calibration.transforms import Array, adjoint, difference, rotation_from_vector, skew, transform
+from registration.calibrate.outcome import determined, undetermined
+from registration.overlap import agreement, reach_of
+from registration.refine.adjust import (
+    DEFAULT_NOISE,
+    RobotNoise,
+    all_pairs,
+    correction_of,
+    normal_equations,
+    origin_of,
+    radius_of,
+    twist_motion,
+)
+from registration.refine.pairs import PairEvidence
+from registration.scan import ScanView, ViewSample, sample_views
+from registration.surface import Surface
+
+METHOD = "overlapping surfaces"
+ROUGH_MM = 40.0
+"""How far apart the same surface may be by a rough X: the first search for counterparts reaches so far."""
+NARROWING = 0.75
+ITERATIONS = 60
+SETTLED_MM = 2e-3
+ROTATION_LIMIT_RAD = float(np.deg2rad(2.0))
+TRANSLATION_LIMIT_MM = 15.0
+LEAST_VIEWS = 3
+SEEN_POINTS = 200
+FIX = "add overlapping views of a part with relief, the flange turned by 30 degrees or more about different axes"
+
+
+def solve_surface_scan(
+    views: Sequence[ScanView], flange_T_camera: Array, noise: RobotNoise = DEFAULT_NOISE, *, rough_mm: float = ROUGH_MM
+) -> Solution:
+    """X from overlapping views, from a rough one; `mount_T_camera` is None when they do not fix it.
+
+    Raises CloudError's leaves, UnitUnknown, ScanError.
+    """
+    samples = sample_views(views)
+    poses = np.array([view.base_T_flange for view in views])
+    try:
+        require_determined(poses)
+        found = solve_from_surfaces([sample.surface for sample in samples], poses, flange_T_camera, noise, rough_mm)
+    except UndeterminedError as error:
+        results = [ViewResult(index, None, "rejected", error.code, None, None, None) for index in range(len(views))]
+        return undetermined(METHOD, results, poses, error)
+    return _solution(found, samples, poses, flange_T_camera, noise)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSolution:
+    """X, covariance (6, 6) of [rotation rad, translation mm] of X @ exp(.) in the camera's frame, and motions in base.
+
+    `alone`: views without overlap, which tell nothing. `settled`: did the iterations.
+    """
+
+    flange_T_camera: Array
+    covariance: Array
+    motions: tuple[Array, ...]
+    alone: tuple[int, ...]
+    iterations: int
+    settled: bool
+
+
+def solve_from_surfaces(
+    surfaces: Sequence[Surface],
+    base_T_flange: Array,
+    flange_T_camera: Array,
+    noise: RobotNoise = DEFAULT_NOISE,
+    rough_mm: float = ROUGH_MM,
+) -> SurfaceSolution:
+    """Gauss-Newton over X and all motions while the search narrows. Raises UndeterminedError."""
+    count = len(surfaces)
+    if count < LEAST_VIEWS:
+        raise UndeterminedError("too-few-views", f"{count} views of the part", f"scan it from {LEAST_VIEWS} or more")
+    x, motions = flange_T_camera, [np.eye(4) for _ in surfaces]
+    least_mm = reach_of(surfaces)
+    reach_mm, iteration, settled = max(rough_mm, least_mm), 0, False
+    while iteration < ITERATIONS and not settled:
+        iteration += 1
+        poses = [motion @ flange @ x for motion, flange in zip(motions, base_T_flange, strict=True)]
+        origin = origin_of(surfaces, poses)
+        radius_mm = radius_of(surfaces, poses, origin)
+        pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
+        if not pairs:
+            raise UndeterminedError("views-alone", "no two views overlap", FIX)
+        information, gradient = _with_x(pairs, poses, motions, base_T_flange, noise, origin, radius_mm)
+        covariance = _covariance_of_x(information)
+        step: Array = -np.asarray(np.linalg.solve(information, gradient), float)
+        x = x @ _exponential(step[-6:])
+        motions = [
+            twist_motion(twist, origin, radius_mm) @ motion
+            for twist, motion in zip(step[:-6].reshape(count, 6), motions, strict=True)
+        ]
+        narrow = reach_mm <= least_mm
+        settled = narrow and float(np.abs(step[:-6]).max()) < SETTLED_MM and float(np.abs(step[-3:]).max()) < SETTLED_MM
+        reach_mm = max(least_mm, reach_mm * NARROWING)
+    _require_fixed(covariance)
+    paired = {index for key in pairs for index in key}
+    alone = tuple(index for index in range(count) if index not in paired)
+    return SurfaceSolution(x, covariance, tuple(motions), alone, iteration, settled)
+
+
+def _with_x(
+    pairs: dict[tuple[int, int], PairEvidence],
+    poses: Sequence[Array],
+    motions: Sequence[Array],
+    base_T_flange: Array,
+    noise: RobotNoise,
+    origin: Array,
+    radius_mm: float,
+) -> tuple[Array, Array]:
+    """Information (6n + 6, 6n + 6) and gradient of all motions and, last, of X (rad, mm in the camera's frame)."""
+    seen, seen_gradient, prior, prior_gradient = normal_equations(
+        pairs, motions, list(base_T_flange), noise, origin, radius_mm
+    )
+    moved = np.concatenate([_moved_by_x(pose, origin, radius_mm) for pose in poses])
+    information = np.block([[seen + prior, seen @ moved], [moved.T @ seen, moved.T @ seen @ moved]])
+    gradient = np.concatenate([seen_gradient + prior_gradient, moved.T @ seen_gradient])
+    return information, gradient
+
+
+def _moved_by_x(base_T_camera: Array, origin: Array, radius_mm: float) -> Array:
+    """(6, 6): the twist of a view about `origin` [rotation × radius, translation] by a change of X."""
+    about_base = adjoint(base_T_camera)
+    shift = np.eye(6)
+    shift[:3, :3] *= radius_mm
+    shift[3:, :3] = -skew(origin)
+    moved: Array = shift @ about_base
+    return moved
+
+
+def _covariance_of_x(information: Array) -> Array:
+    """(6, 6), the motions marginalised; infinite along directions nothing fixes."""
+    views, coupling, of_x = information[:-6, :-6], information[:-6, -6:], information[-6:, -6:]
+    reduced = of_x - coupling.T @ np.linalg.solve(views, coupling)
+    lengths = np.repeat([300.0, 1.0], 3)  # radians and millimetres on one scale
+    values, vectors = np.linalg.eigh(reduced / lengths[:, None] / lengths)
+    if values[0] <= 1e-9 * values[-1]:
+        raise UndeterminedError("surfaces-unobservable", _weakest(vectors[:, 0]), FIX)
+    found: Array = (vectors / values @ vectors.T) / lengths[:, None] / lengths
+    return found
+
+
+def _require_fixed(covariance: Array) -> None:
+    deviations = np.sqrt(np.diagonal(covariance))
+    if deviations[:3].max() > ROTATION_LIMIT_RAD or deviations[3:].max() > TRANSLATION_LIMIT_MM:
+        raise UndeterminedError("surfaces-unobservable", _weakest(deviations * np.repeat([300.0, 1.0], 3)), FIX)
+
+
+def _weakest(direction: Array) -> str:
+    what = "rotation" if np.linalg.norm(direction[:3]) > np.linalg.norm(direction[3:]) else "translation"
+    return f"the overlapping surfaces and the robot's motions do not fix X's {what}"
+
+
+def _exponential(twist: Array) -> Array:
+    return transform(rotation_from_vector(twist[:3]), twist[3:])
+
+
+def _solution(
+    found: SurfaceSolution, samples: Sequence[ViewSample], poses: Array, rough: Array, noise: RobotNoise
+) -> Solution:
+    x = found.flange_T_camera
+    placed = [motion @ flange @ x for motion, flange in zip(found.motions, poses, strict=True)]
+    agreed = agreement([sample.surface for sample in samples], placed)
+    results, sizes = [], []
+    for index, (motion, flange) in enumerate(zip(found.motions, poses, strict=True)):
+        correction = correction_of(motion, flange[:3, 3])
+        alone = index in found.alone
+        if not alone:
+            sizes.append(np.concatenate(correction))
+        reason = "no-overlap" if alone else None
+        results.append(ViewResult(index, None, "rejected" if alone else "corrected", reason, None, None, correction))
+    squares = np.mean(np.square(sizes), axis=0)
+    seen = np.concatenate(
+        [sample.surface.points[:: len(sample.surface.points) // SEEN_POINTS + 1] for sample in samples]
+    )
+    return determined(
+        METHOD,
+        x,
+        found.covariance,
+        seen,
+        Noise(None, float(np.sqrt(squares[3:].mean())), float(np.sqrt(squares[:3].mean()))),
+        results,
+        np.delete(poses, found.alone, axis=0),
+        tuple(_findings(found, agreed.rms_mm, rough, squares, noise)),
+    )
+
+
+def _findings(
+    found: SurfaceSolution, rms_mm: float | None, rough: Array, squares: Array, noise: RobotNoise
+) -> list[Finding]:
+    off_mm, off_rad = difference(found.flange_T_camera, rough)
+    moved = f"X moved by {off_mm:.1f} mm and {np.degrees(off_rad):.2f} degrees from the rough one"
+    findings = [
+        Finding("surfaces-agree", "info", f"{moved}; views then agree to {rms_mm or 0:.3f} mm RMS", "none needed")
+    ]
+    if not found.settled:
+        what = f"X had not settled after {found.iterations} iterations"
+        findings.append(Finding("not-settled", "error", what, "start from a better rough X, or add overlap"))
+    if squares[:3].mean() > noise.translation_mm**2 or squares[3:].mean() > noise.rotation_rad**2:
+        what = "the views had to be moved further than the robot's stated noise explains: the uncertainty is too small"
+        findings.append(
+            Finding("correction-unexplained", "warning", what, "state the robot's noise, check the part stood still")
+        )
+    return findings
