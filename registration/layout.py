@@ -6,6 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+"""As in calibration.transforms, without its imports: a cloud that only passes by needs no scipy (37 MB)."""
+
 Records = NDArray[Any]
 """A block of points: a one-dimensional structured array. Valid until its producer makes the next one."""
 

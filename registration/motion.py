@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calibration.transforms import Array
 from registration.errors import MotionError, UnitUnknown
-from registration.layout import Layout, Records, Triple
+from registration.layout import Array, Layout, Records, Triple
 
 Unit = Literal["m", "mm"]
 

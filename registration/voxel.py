@@ -8,9 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.transforms import Array
 from registration.errors import ScanError
-from registration.layout import Layout, Records
+from registration.layout import Array, Layout, Records
 
 CELLS = 1 << 20
 """Cubes along each axis either side of the origin."""

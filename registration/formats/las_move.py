@@ -6,10 +6,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calibration.transforms import Array
 from registration.disk import GuardedFile
 from registration.errors import CloudIOError, CloudTruncated, CloudUnsupported
 from registration.formats.extras import BLOCK_POINTS, library, told
+from registration.layout import Array
 from registration.motion import Motion
 
 INT32_LIMIT = 2**31 - 1

@@ -3,6 +3,8 @@
 import contextlib
 import errno
 import itertools
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -339,3 +341,15 @@ def test_real_clouds_are_read_and_moved(real_data: Path, tmp_path: Path) -> None
     records = read(source)
     assert counted.points == len(records) == 13716
     np.testing.assert_allclose(xyz(read(tmp_path / "view.ply")), moved(records, scale=1000.0), rtol=0, atol=1e-3)
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_moving_a_file_needs_neither_scipy_nor_pydantic() -> None:
+    """They would double the memory of a process that only passes clouds on."""
+    code = (
+        "import sys, registration.files, registration.stream; print('scipy' in sys.modules, 'pydantic' in sys.modules)"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert said.stdout.split() == ["False", "False"]
