@@ -24,24 +24,33 @@ def solve(
             help="Also write calibration.json here; with several folders: a folder for NAME/calibration.json."
         ),
     ] = None,
+    artefact: Annotated[
+        str | None,
+        typer.Option(help="Calibrate from clouds (folders with scan.json): sphere, or none for overlapping surfaces."),
+    ] = None,
+    radius_mm: Annotated[float | None, typer.Option(help="Radius of --artefact sphere.")] = None,
+    rough: Annotated[Path | None, typer.Option(help="calibration.json with a rough X, for --artefact none.")] = None,
     json: Json = False,
 ) -> None:
-    """Calibrate from session folders: session.json and its images.
+    """Calibrate from session folders: session.json and its images; with --artefact from scans.
 
     Exit status: 0 every calibration accepted, 3 solved or refused but not accepted, 2 unreadable input.
     """
     from calibration.errors import DocumentError
     from calibration.solve import METHODS
+    from daemon.cli.solve_scan import check_options, solve_scan
+    from registration.errors import RegistrationError
 
     if method not in METHODS:
         raise CommandError(
             "--method", f"none is called {method!r}", f"one of {', '.join(METHODS)}", ExitStatus.UNREADABLE
         )
+    check_options(artefact, radius_mm, rough, method)
     status = ExitStatus.OK
     for folder in folders:
         try:
-            document = _solve(folder, method)
-        except DocumentError as error:
+            document = _solve(folder, method) if artefact is None else solve_scan(folder, radius_mm, rough)
+        except (DocumentError, RegistrationError) as error:
             error_line(str(error))
             status = ExitStatus.UNREADABLE
             continue

@@ -1,0 +1,74 @@
+"""`handeyed solve SCAN_DIR --artefact ...`: calibrate from clouds, without a photograph."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from daemon.cli.errors import CommandError, ExitStatus
+
+if TYPE_CHECKING:
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.solution import Solution
+    from calibration.transforms import Array
+    from registration.scan import ScanView
+
+ARTEFACTS = ("sphere", "none")
+
+
+def check_options(artefact: str | None, radius_mm: float | None, rough: Path | None, method: str) -> None:
+    """The options fit each other. Raises CommandError."""
+    refusals = [
+        (artefact is not None and artefact not in ARTEFACTS, "--artefact", f"none is called {artefact!r}",
+         f"one of {', '.join(ARTEFACTS)}"),
+        (artefact == "sphere" and radius_mm is None, "--radius-mm", "the sphere's radius is not given",
+         "measure it, or take it from its certificate: --radius-mm 48.37"),
+        (radius_mm is not None and not 0 < radius_mm < 1e5, "--radius-mm", f"{radius_mm} mm is no radius",
+         "give the sphere's radius in mm"),
+        (radius_mm is not None and artefact != "sphere", "--radius-mm", "only a sphere has a radius",
+         "add --artefact sphere, or leave it out"),
+        (artefact == "none" and rough is None, "--rough", "without an artefact a rough X is needed to begin with",
+         "give a calibration.json, from a sphere or from the drawing of the mount"),
+        (rough is not None and artefact != "none", "--rough", "only --artefact none begins with a rough X",
+         "add --artefact none, or leave it out"),
+        (artefact is not None and method != "auto", "--method", "it is for images only", "leave it out"),
+    ]  # fmt: skip
+    for refused, place, what, fix in refusals:
+        if refused:
+            raise CommandError(place, what, fix, ExitStatus.UNREADABLE)
+
+
+def solve_scan(folder: Path, radius_mm: float | None, rough: Path | None) -> "CalibrationDocument":
+    """From a sphere when its radius is given, else from overlapping surfaces and a rough X.
+
+    Raises DocumentError, RegistrationError.
+    """
+    from daemon.clock import Clock, time_ordered_id
+    from daemon.software import SOFTWARE
+    from registration.calibrate.outcome import judge_scan, scan_calibration_document
+    from registration.calibrate.sphere import solve_sphere_scan
+    from registration.scan import read_scan
+
+    clock, views = Clock(), read_scan(folder)
+    solution = solve_sphere_scan(views, radius_mm) if radius_mm is not None else _from_surfaces(views, rough)
+    return scan_calibration_document(
+        solution,
+        judge_scan(solution),
+        calibration_id=time_ordered_id(clock),
+        created_at=clock.timestamp(),
+        software=SOFTWARE,
+    )
+
+
+def _from_surfaces(views: "list[ScanView]", rough: Path | None) -> "Solution":
+    from registration.calibrate.surfaces import solve_surface_scan
+
+    assert rough is not None  # check_options
+    return solve_surface_scan(views, _rough_x(rough))
+
+
+def _rough_x(file: Path) -> "Array":
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.validation import parse_document
+    from daemon.session_folder import read_bytes
+    from registration.scan import hand_of
+
+    return hand_of(parse_document(CalibrationDocument, read_bytes(file), str(file))).flange_T_camera
