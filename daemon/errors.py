@@ -225,6 +225,12 @@ class StorageTooNew(StorageError):
     code = "storage-too-new"
 
 
+class StorageInUse(StorageError):
+    """Another daemon keeps its store there."""
+
+    code = "storage-in-use"
+
+
 class PortTaken(DaemonError):
     """The daemon cannot listen where the settings say."""
 

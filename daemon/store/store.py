@@ -10,6 +10,7 @@ from daemon.errors import NoCalibration, NotFound
 from daemon.runs.states import FINAL_STATES
 from daemon.store.database import Database
 from daemon.store.files import WriteFile, settle_file, write_durably
+from daemon.store.hold import FolderHold
 from daemon.store.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView, Unit
 
 DATABASE_NAME = "handeyed.sqlite"
@@ -21,13 +22,19 @@ class Store:
     """SQLite, and big files beside it: runs/ID/ and scans/ID/ are folders that the command line reads too."""
 
     def __init__(self, folder: Path, write_file: WriteFile = write_durably) -> None:
-        """Opens or creates the store in `folder`. Raises StorageError, StorageTooNew."""
+        """Opens or creates the store in `folder`. Raises StorageError, StorageTooNew, StorageInUse."""
         self.folder = folder
         self._write_file = write_file
-        self._database = Database(folder / DATABASE_NAME)
+        self._hold = FolderHold(folder / f"{DATABASE_NAME}.in-use")
+        try:
+            self._database = Database(folder / DATABASE_NAME)
+        except BaseException:
+            self._hold.release()
+            raise
 
     async def close(self) -> None:
         await self._database.close()
+        self._hold.release()
 
     # runs
 
