@@ -1,0 +1,62 @@
+"""Probing and spacing errors of a scanner whose errors are known."""
+
+import numpy as np
+import pytest
+
+from calibration.transforms import Array
+from registration.acceptance import accept
+from registration.errors import SphereError
+
+RADIUS_MM, SPACING_MM = 20.0, 150.0
+
+
+def ball(centre: Array, seed: int, *, noise_mm: float = 0.0, larger_mm: float = 0.0) -> Array:
+    """The half towards the scanner at the origin."""
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(8000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals[normals @ centre < 0]
+    return centre + normals * (RADIUS_MM + larger_mm + rng.normal(0, noise_mm, (len(normals), 1)))
+
+
+def bar(seed: int, *, longer_mm: float = 0.0, **errors: float) -> Array:
+    along = np.random.default_rng(seed).normal(size=3)
+    along /= np.linalg.norm(along)
+    middle = np.array([10.0 * seed, -5.0 * seed, 600.0])
+    half = along * (SPACING_MM + longer_mm) / 2
+    return np.concatenate([ball(middle - half, seed, **errors), ball(middle + half, seed + 100, **errors)])
+
+
+def test_a_perfect_scanner_has_no_errors() -> None:
+    found = accept([bar(seed) for seed in range(3)], RADIUS_MM, SPACING_MM)
+    assert found.form_mm == pytest.approx(0, abs=1e-5)
+    assert found.size_mm == pytest.approx(0, abs=1e-5)
+    assert found.spacing_mm == pytest.approx(0, abs=1e-5)
+    assert [len(position.balls) for position in found.positions] == [2, 2, 2]
+
+
+def test_each_error_is_found_for_itself_with_its_sign() -> None:
+    found = accept(
+        [bar(1, noise_mm=0.05, larger_mm=-0.1), bar(2, longer_mm=-0.2, noise_mm=0.05)], RADIUS_MM, SPACING_MM
+    )
+    assert found.form_mm == pytest.approx(2 * 1.96 * 0.05, rel=0.1)  # 95 % of a normal distribution
+    assert found.size_mm == pytest.approx(-0.2, abs=0.02)
+    assert found.spacing_mm == pytest.approx(-0.2, abs=0.02)
+
+
+def test_a_single_sphere_has_no_spacing() -> None:
+    found = accept([ball(np.array([0.0, 0, 500]), 1)], RADIUS_MM)
+    assert found.spacing_mm is None
+
+
+@pytest.mark.parametrize(
+    ("clouds", "words"),
+    [
+        ([], "no positions"),
+        ([bar(1), ball(np.array([0.0, 0, 500]), 1)], "position 1: "),
+        ([np.full((500, 3), np.nan)], "position 0: "),
+    ],
+)
+def test_what_is_no_ball_bar_names_its_position(clouds: list[Array], words: str) -> None:
+    with pytest.raises(SphereError, match=words):
+        accept(clouds, RADIUS_MM, SPACING_MM)
