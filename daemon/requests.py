@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field, PositiveFloat, model_validator
 
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
@@ -23,11 +23,31 @@ class CalibrateRequest(Document):
     target: TargetDocument | None = None
 
 
+class ArtefactRequest(Document):
+    """A sphere's calibrated radius; with `spacing_mm` a ball bar, whose two centres are so far apart."""
+
+    radius_mm: Annotated[float, Field(gt=0, le=10_000)]
+    spacing_mm: Annotated[float, Field(gt=0, le=100_000)] | None = None
+
+
 class VerifyRequest(Document):
-    """Poses to look at the target from; by default three of those a calibration would take."""
+    """Poses to look at the target from; by default three of those a calibration would take.
+
+    With `artefact` and `scan_id` the scanner is verified instead: each view of that scan is a position of the artefact.
+    """
 
     poses: Annotated[tuple[TaughtPose, ...], Field(min_length=2, max_length=100)] | None = None
     target: TargetDocument | None = None
+    artefact: ArtefactRequest | None = None
+    scan_id: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+
+    @model_validator(mode="after")
+    def _one_thing(self) -> "VerifyRequest":
+        if (self.artefact is None) != (self.scan_id is None):
+            raise ValueError("a scanner is verified with artefact and scan_id: give both, or neither")
+        if self.artefact is not None and (self.poses is not None or self.target is not None):
+            raise ValueError("poses and target belong to the camera's verification: leave them out beside artefact")
+        return self
 
 
 class ScanRequest(Document):

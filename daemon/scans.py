@@ -13,10 +13,12 @@ import numpy as np
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
+from daemon.acceptance import AcceptanceDocument, accepted
 from daemon.clock import Clock
 from daemon.errors import NoCalibration, ScanEmpty
 from daemon.merging import PlacedCloud, write_merged
 from daemon.registering import Registering, Wanted
+from daemon.requests import ArtefactRequest
 from daemon.settings import ScannerSettings
 from daemon.store.database import storage_errors
 from daemon.store.files import make_folder
@@ -106,11 +108,21 @@ class Scans:
         await self.workers.run(write_merged, clouds, target, calibration_id)
         return target
 
-    async def _wanted(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Wanted:
-        rows = await self.store.scan_views(scan_id)
-        if not rows:
+    async def accepted(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
+        """What a scan of an artefact says of the scanner. Raises ScanEmpty, NotFound, RegistrationError."""
+        views = await self._views(scan_id)
+        return await self.workers.run(accepted, scan_id, self.store.scan_folder(scan_id), views, artefact)
+
+    async def _views(self, scan_id: str) -> list[ScanView]:
+        """At least one. Raises ScanEmpty, NotFound."""
+        views = await self.store.scan_views(scan_id)
+        if not views:
             await self.store.scan(scan_id)
             raise ScanEmpty(f"scan {scan_id} has no views yet", f"send some to POST /scans/{scan_id}/views")
+        return views
+
+    async def _wanted(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Wanted:
+        rows = await self._views(scan_id)
         folder = self.store.scan_folder(scan_id)
         views = [SeenView(folder / row.file, row.unit, row.base_T_flange.transform()) for row in rows]
         return Wanted(scan_id, views, calibration, self.flange_T_scanner(calibration), refine)

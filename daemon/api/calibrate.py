@@ -4,10 +4,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
+from daemon.acceptance import AcceptanceDocument
 from daemon.api.access import App, Wait, body_of, takes
 from daemon.api.documents import AppliedDocument, CalibrateStatus, CalibrationSummary, RunDocument
 from daemon.api.health import readiness
 from daemon.api.negotiation import negotiated, or_text
+from daemon.api.problems import documented
 from daemon.api.runs import STARTED, started_answer
 from daemon.api.text import status_in_words
 from daemon.application import Application
@@ -38,11 +40,22 @@ async def calibrate(
     return await started_answer(request, app, await app.operations.calibrate(body), wait)
 
 
-@router.post("/verify", response_model=RunDocument, responses=STARTED, openapi_extra=takes(VerifyRequest))
+@router.post(
+    "/verify",
+    response_model=RunDocument | AcceptanceDocument,
+    responses={**STARTED, **documented(404)},
+    openapi_extra=takes(VerifyRequest),
+)
 async def verify(
     request: Request, app: App, body: Annotated[VerifyRequest, Depends(body_of(VerifyRequest))], wait: Wait = 0.0
 ) -> Response:
-    """Look at the target again from three positions: each point in base coordinates, and how far they scatter."""
+    """Look at the target again from three positions: each point in base coordinates, and how far they scatter.
+
+    With `artefact` and `scan_id`: the scanner's probing and sphere-spacing errors, from a scan of spheres or ball bars.
+    """
+    if body.artefact is not None and body.scan_id is not None:
+        found = await app.scans.accepted(body.scan_id, body.artefact)
+        return Response(found.model_dump_json(), media_type="application/json")
     return await started_answer(request, app, await app.operations.verify(body), wait)
 
 
