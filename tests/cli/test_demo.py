@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.terminal import started
+
 LIMIT_S = 100.0
 
 pytestmark = pytest.mark.timeout(200)
@@ -26,9 +28,7 @@ class Demo:
         self.folder = folder
         command = [sys.executable, "-m", "daemon.cli", "demo", *options]
         environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-        self.process = subprocess.Popen(
-            command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
+        self.process = started(command, cwd=folder, env=environment, text=True)
         self.printed: list[str] = []
 
     def reads_until(self, words: str) -> None:

@@ -1,9 +1,9 @@
 """`check`, `serve` and `calibrate` against a mock cell and a daemon, each a process of its own."""
 
 import json
+import re
 import signal
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -17,6 +17,7 @@ from calibration.documents.calibration import CalibrationDocument
 from daemon.demo.children import Child, child
 from daemon.demo.settings_file import settings_text
 from tests.cli.running import handeyed
+from tests.cli.terminal import started
 
 FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
 
@@ -77,7 +78,7 @@ def test_calibrate_in_words_says_whether_it_is_in_force(running: Running) -> Non
 
 def test_ctrl_c_stops_the_arm(running: Running) -> None:
     command = [sys.executable, "-m", "daemon.cli", "calibrate", "--url", running.url, "--count", "6"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as asking:
+    with started(command) as asking:
         while (run := httpx.get(f"{running.url}/runs?limit=1").json()["runs"][0])["over"]:
             assert asking.poll() is None
             time.sleep(0.02)
@@ -128,8 +129,18 @@ def test_check_asks_a_running_daemon_instead_of_its_devices(running: Running) ->
     ]  # fmt: skip
 
 
-def test_a_second_daemon_at_the_same_port_is_refused_in_words(running: Running) -> None:
+def test_a_second_daemon_on_the_same_store_is_refused_in_words(running: Running) -> None:
     ran = handeyed("serve", running.settings)
+
+    assert ran.status == 1
+    assert "is in use by another handeyed: stop that one" in ran.err
+
+
+def test_a_second_daemon_at_the_same_port_is_refused_in_words(running: Running, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "handeyed.toml"
+    settings = Path(running.settings).read_text()
+    elsewhere.write_text(re.sub(r'(?m)^folder = ".*"$', f'folder = "{tmp_path / "store"}"', settings))
+    ran = handeyed("serve", elsewhere)
 
     assert ran.status == 1
     assert str(httpx.URL(running.url).port) in ran.err
