@@ -52,6 +52,7 @@ class Application:
         """Tell off what an earlier daemon left behind, and feed the watchdog. Nothing moves."""
         self._started_s = self.clock.monotonic_s()
         await self.supervisor.recover()
+        await self.scans.recover()
         await self.cell.links_come_up(LINKS_LIMIT_S)
         self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
 

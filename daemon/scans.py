@@ -47,6 +47,10 @@ class Scans:
     scanner: ScannerSettings | None
     registering: Registering
 
+    async def recover(self) -> None:
+        """Remove what a killed daemon left half-written; no view is ever among it. Raises StorageError."""
+        await self.workers.run(_remove_pieces, self.store.folder / "scans")
+
     async def create(self, name: str, refine: bool = False) -> ScanRecord:
         """An empty scan."""
         scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name, refine)
@@ -170,3 +174,10 @@ def _append(file: BinaryIO, path: Path, check: CloudStream, chunk: bytes) -> Non
         pass
     with storage_errors(path):
         file.write(chunk)
+
+
+def _remove_pieces(scans: Path) -> None:
+    with storage_errors(scans):
+        for pattern in ("*/.*.upload", "*/merged-*", "*/.merged-*.part"):
+            for file in scans.glob(pattern):
+                file.unlink(missing_ok=True)
