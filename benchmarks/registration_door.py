@@ -1,0 +1,130 @@
+"""The mock cell's door in twelve views, the robot erring: how far refined and plain lie from the true surface."""
+
+import time
+from importlib.util import find_spec
+
+import numpy as np
+
+from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
+from mock_robot.part import DOOR
+from mock_robot.part_views import DISTANCE_MM
+from mock_robot.scanner_view import ScannerModel, scan
+from mock_robot.truth import CellTruth
+from registration.layout import XYZ_FLOAT32
+from registration.overlap import agreement
+from registration.refine.adjust import RobotNoise, refine_poses
+from registration.surface import Surface, sample_points
+
+NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
+COLUMNS_MM = (-500.0, -300.0, -100.0, 100.0, 300.0, 500.0)
+ROWS_MM = (-155.0, 155.0)
+
+
+def door(seeds: int = 5) -> None:
+    """One line a seed, and the medians."""
+    ratios = [_one(seed) for seed in range(seeds)]
+    print(f"{'mock door, 12 views, refined':<46}{np.median(ratios):8.2f} x plain; {np.round(ratios, 2).tolist()}")
+
+
+def _one(seed: int) -> float:
+    truth, random = CellTruth.from_seed(1), np.random.default_rng(seed)
+    nominal = truth.nominal
+    said = [
+        nominal.base_T_part @ _looking_at(x, y) @ inverse(nominal.flange_T_camera) for y in ROWS_MM for x in COLUMNS_MM
+    ]
+    true = [pose @ _error(random) for pose in said]
+    part_T_base, x = inverse(truth.base_T_part), truth.flange_T_camera
+    clouds = [scan(ScannerModel(), [part_T_base @ pose @ truth.flange_T_scanner], random) for pose in true]
+    surfaces = [
+        Surface.of(sample_points([np.ascontiguousarray(points).view(XYZ_FLOAT32.dtype)[:, 0]], XYZ_FLOAT32, 1.0))
+        for points in clouds
+    ]
+    plain = [pose @ x for pose in said]
+    began = time.perf_counter()
+    found = refine_poses(surfaces, plain, said, NOISE)
+    spent = time.perf_counter() - began
+    refined = [correction.motion @ pose for correction, pose in zip(found.corrections, plain, strict=True)]
+    off, on, best = (
+        _deviation(surfaces, poses, part_T_base) for poses in (plain, refined, [pose @ x for pose in true])
+    )
+    before, after = (_pose_errors(poses, true, x) for poses in (plain, refined))
+    print(
+        f"  seed {seed}: {off:.3f} to {on:.3f} mm (scanner alone {best:.3f}); poses {before} to {after}; "
+        f"between views {agreement(surfaces, plain).rms_mm:.3f} to {agreement(surfaces, refined).rms_mm:.3f} mm",
+        flush=True,
+    )
+    if seed == 0 and find_spec("open3d"):
+        _open3d(surfaces, plain, part_T_base, spent)
+    return on / off
+
+
+def _looking_at(x: float, y: float) -> Array:
+    """part_T_camera square on the skin at (x, y)."""
+    aim = np.array([x, y, float(DOOR.height(np.array(x), np.array(y)))])
+    out = DOOR.normal(np.array([x]), np.array([y]))[0]
+    down = np.cross(-out, [1.0, 0.0, 0.0])
+    down /= np.linalg.norm(down)
+    return transform(np.column_stack([np.cross(down, -out), down, -out]), aim + DISTANCE_MM * out)
+
+
+def _error(random: np.random.Generator) -> Array:
+    rotation = rotation_from_vector(random.normal(0, NOISE.rotation_rad, 3))
+    return transform(rotation, random.normal(0, NOISE.translation_mm, 3))
+
+
+def _deviation(surfaces: list[Surface], poses: list[Array], part_T_base: Array) -> float:
+    """RMS distance of the samples from the true skin."""
+    off = [
+        DOOR.deviation(map_points(part_T_base @ pose, surface.points[::5]))
+        for pose, surface in zip(poses, surfaces, strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
+
+
+def _pose_errors(poses: list[Array], true: list[Array], x: Array) -> str:
+    errors = [difference(pose @ inverse(x), truth) for pose, truth in zip(poses, true, strict=True)]
+    translation_mm, rotation_rad = np.sqrt(np.mean(np.square(errors), axis=0))
+    return f"{translation_mm:.2f} mm {np.rad2deg(rotation_rad):.3f} deg"
+
+
+def _open3d(surfaces: list[Surface], poses: list[Array], part_T_base: Array, spent: float) -> None:
+    """Open3D's multiway registration: point-to-plane pairs, its information matrices, global optimization."""
+    import open3d
+
+    began = time.perf_counter()
+    pipeline = open3d.pipelines.registration
+    clouds = []
+    for surface, pose in zip(surfaces, poses, strict=True):
+        cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(map_points(pose, surface.points)))
+        cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(14))
+        clouds.append(cloud)
+    graph = pipeline.PoseGraph()
+    for _ in clouds:
+        graph.nodes.append(pipeline.PoseGraphNode(np.eye(4)))
+    for one in range(len(clouds)):
+        for two in range(one + 1, len(clouds)):
+            found = pipeline.registration_icp(
+                clouds[one], clouds[two], 4.0, np.eye(4), pipeline.TransformationEstimationPointToPlane()
+            )
+            if found.fitness < 0.05:
+                continue
+            information = pipeline.get_information_matrix_from_point_clouds(
+                clouds[one], clouds[two], 4.0, found.transformation
+            )
+            graph.edges.append(
+                pipeline.PoseGraphEdge(one, two, found.transformation, information, uncertain=two != one + 1)
+            )
+    pipeline.global_optimization(
+        graph,
+        pipeline.GlobalOptimizationLevenbergMarquardt(),
+        pipeline.GlobalOptimizationConvergenceCriteria(),
+        pipeline.GlobalOptimizationOption(4.0, 0.25, 2.0, 0),
+    )
+    theirs = time.perf_counter() - began
+    placed = [node.pose @ pose for node, pose in zip(graph.nodes, poses, strict=True)]
+    off = _deviation(surfaces, placed, part_T_base)
+    between = agreement(surfaces, placed).rms_mm or np.nan
+    print(
+        f"  {'ours':<44}{theirs / spent:8.2f} x Open3D's multiway speed; "
+        f"its cloud {off:.3f} mm off, {between:.3f} mm between views"
+    )
