@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError
+from daemon.cli.output import Json
 
 if TYPE_CHECKING:
     from daemon.demo.children import Child
@@ -17,16 +18,17 @@ def demo(
     keep: Annotated[bool, typer.Option("--keep", help="Leave cell and daemon running until Ctrl-C.")] = False,
     seed: Annotated[int, typer.Option(help="Another number is another cell.")] = 7,
     time_scale: Annotated[float, typer.Option(help="How many times faster than real the arm moves.")] = 10.0,
+    as_json: Json = False,
 ) -> None:
     """Calibrate and register against a mock ABB cell over real sockets; print the truth beside the answer."""
     from daemon.demo.children import child, signals_as_exits
-    from daemon.demo.report import farewell, report
+    from daemon.demo.report import farewell, report, report_json
     from daemon.demo.settings_file import settings_text
     from daemon.demo.story import VIEW_FILE, play
     from daemon.demo.told import Teller
 
     _empty(folder)
-    teller = Teller()
+    teller = Teller(aside=as_json)
     teller.line("\nhandeyed demo: a mock ABB cell, calibrated and used over real sockets\n")
     mock = ["mock_robot", "run", "--with-parent", "--seed", str(seed), "--time-scale", str(time_scale)]
     with (
@@ -41,7 +43,10 @@ def demo(
         with teller.step("daemon", str(settings)) as step, child("daemon", serve, folder) as daemon:
             url = daemon.announcement["url"]
             step.done(url)
-            teller.line(report(play(url, folder, seed, teller)))
+            found = play(url, folder, seed, teller)
+            teller.line(report(found))
+            if as_json:
+                typer.echo(report_json(found))
             teller.line(farewell(url if keep else None, folder / VIEW_FILE))
             if keep:
                 _until_told([cell, daemon])

@@ -1,5 +1,6 @@
 """What the demo prints in the end: what was found beside what is true, where the cloud lies, three curl lines."""
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,18 @@ def report(found: Found) -> str:
     return (
         f"\nWhat the daemon found, beside the truth that it never saw:\n\n{table}\n\n"
         f"The merged cloud: {found.cloud_file} (base frame, mm; any viewer opens it)"
+    )
+
+
+def report_json(found: Found) -> str:
+    """The same for programs: what was found, what is true, how far apart they are, and where the files lie."""
+    return json.dumps(
+        {
+            "calibration": found.calibration.model_dump(mode="json"),
+            "truth": found.truth,
+            "score": found.score,
+            "files": {"calibration": str(found.calibration_file), "cloud": str(found.cloud_file)},
+        }
     )
 
 

@@ -14,41 +14,42 @@ NAME, WHAT = 12, 36
 class Step:
     """A step that is being taken."""
 
-    def __init__(self, name: str, what: str, live: bool) -> None:
+    def __init__(self, name: str, what: str, live: bool, aside: bool) -> None:
         self._left = f"  {name:<{NAME}}{what:<{WHAT}}"
-        self._live = live
+        self._live, self._aside = live, aside
         self._began_s = time.monotonic()
         self.over = False
 
     def now(self, doing: str) -> None:
         """What goes on; seen on a terminal only."""
         if self._live:
-            typer.echo(f"\r\033[K{self._left}{doing}", nl=False)
+            typer.echo(f"\r\033[K{self._left}{doing}", nl=False, err=self._aside)
 
     def done(self, result: str) -> None:
         """How it ended."""
         self.over = True
         took = f"{time.monotonic() - self._began_s:5.1f} s"
-        typer.echo(("\r\033[K" if self._live else "") + f"{self._left}{took}   {result}")
+        typer.echo(("\r\033[K" if self._live else "") + f"{self._left}{took}   {result}", err=self._aside)
 
 
 class Teller:
-    """Writes to standard output."""
+    """Writes to standard output; `aside`, to standard error, when the output is for programs."""
 
-    def __init__(self) -> None:
-        self._live = sys.stdout.isatty()
+    def __init__(self, aside: bool = False) -> None:
+        self._aside = aside
+        self._live = (sys.stderr if aside else sys.stdout).isatty()
 
     def line(self, text: str = "") -> None:
-        typer.echo(text)
+        typer.echo(text, err=self._aside)
 
     @contextmanager
     def step(self, name: str, what: str) -> Iterator[Step]:
         """A step; when it fails the line is left as it stands, and the error follows on its own."""
-        step = Step(name, what, self._live)
+        step = Step(name, what, self._live, self._aside)
         step.now("...")
         try:
             yield step
         except BaseException:
             if self._live and not step.over:
-                typer.echo()
+                typer.echo(err=self._aside)
             raise

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.running import handeyed
 from tests.cli.terminal import started
 
 LIMIT_S = 100.0
@@ -144,3 +145,13 @@ def test_a_folder_that_is_not_the_demos_is_left_alone(tmp_path: Path, demo: Call
 
     assert "mine: this folder is not the demo's: give an empty one with --folder" in err
     assert (tmp_path / "mine" / "letter.txt").read_text() == "dear"
+
+
+def test_the_demo_answers_programs_too(tmp_path: Path) -> None:
+    ran = handeyed("demo", "--json", "--time-scale", "100", "--folder", tmp_path / "demo")
+
+    assert ran.status == 0
+    answer = json.loads(ran.out)
+    assert answer["calibration"]["verdict"]["accepted"]
+    assert answer["score"]["cloud"]["rms_mm"] < 0.3
+    assert Path(answer["files"]["cloud"]).is_file()
