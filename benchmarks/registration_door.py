@@ -111,9 +111,7 @@ def _open3d(surfaces: list[Surface], poses: list[Array], part_T_base: Array, spe
             information = pipeline.get_information_matrix_from_point_clouds(
                 clouds[one], clouds[two], 4.0, found.transformation
             )
-            graph.edges.append(
-                pipeline.PoseGraphEdge(one, two, found.transformation, information, uncertain=two != one + 1)
-            )
+            graph.edges.append(pipeline.PoseGraphEdge(one, two, found.transformation, information, uncertain=False))
     pipeline.global_optimization(
         graph,
         pipeline.GlobalOptimizationLevenbergMarquardt(),
