@@ -1,0 +1,77 @@
+"""X from pairs of poses: found within its own uncertainty, robust, and refused where the motions do not tell."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from calibration.errors import UndeterminedError
+from calibration.pose_level import solve_hand_eye_poses
+from calibration.problem import Setup
+from calibration.transforms import Array, inverse, rotation_from_vector, transform, vector_from_rotation
+
+X = transform(rotation_from_vector([0.3, -2.0, 0.4]), [40.0, -60.0, 90.0])
+Y = transform(rotation_from_vector([-0.2, 0.1, 1.4]), [700.0, 100.0, -50.0])
+
+
+def poses(
+    rng: np.random.Generator, turns: Array, setup: Setup, deg: float = 0.02, mm: float = 0.1
+) -> tuple[Array, ...]:
+    """Robot and camera poses (n, 4, 4) for turns (n, 3); the reported robot poses err."""
+    stands = transform(rotation_from_vector(turns), 80 * rng.standard_normal(turns.shape))
+    error = transform(
+        rotation_from_vector(np.radians(deg) * rng.standard_normal(turns.shape)), mm * rng.standard_normal(turns.shape)
+    )
+    anchor_T_mount = stands if setup == "eye-in-hand" else inverse(stands)
+    return stands @ error, inverse(anchor_T_mount @ X) @ Y
+
+
+@pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
+def test_errors_have_the_size_that_the_covariance_tells(setup: Setup) -> None:
+    normalised = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        found = solve_hand_eye_poses(setup, *poses(rng, 0.4 * rng.standard_normal((15, 3)), setup))
+        off = inverse(X) @ found.mount_T_camera
+        error = np.concatenate([vector_from_rotation(off[:3, :3]), off[:3, 3]])
+        normalised.append(error / np.sqrt(np.diagonal(found.covariance)[:6]))
+    assert 0.7 < np.std(normalised) < 1.4
+
+
+def test_views_that_disagree_are_left_out() -> None:
+    rng = np.random.default_rng(3)
+    robot, seen = poses(rng, 0.4 * rng.standard_normal((20, 3)), "eye-in-hand")
+    seen[[2, 9, 11]] = seen[[2, 9, 11]] @ transform(rotation_from_vector([0.0, 0.5, 0.0]), [0.0, 0.0, 40.0])
+    found = solve_hand_eye_poses("eye-in-hand", robot, seen)
+    assert np.flatnonzero(~found.used).tolist() == [2, 9, 11]
+    assert np.linalg.norm((inverse(X) @ found.mount_T_camera)[:3, 3]) < 1.0
+
+
+ONE_AXIS = np.array([0.6, 0.0, 0.8])
+
+
+@pytest.mark.parametrize(
+    ("turns", "code"),
+    [
+        (lambda rng: rng.uniform(-0.4, 0.4, (12, 1)) * ONE_AXIS, "parallel-axes"),
+        (lambda rng: 0.02 * rng.standard_normal((12, 3)), "too-little-rotation"),
+        (lambda rng: np.zeros((12, 3)), "pure-translation"),
+    ],
+)
+@pytest.mark.parametrize("deg", [0.0, 0.05])
+def test_motions_that_tell_too_little_are_refused_whatever_the_noise(
+    turns: Callable[[np.random.Generator], Array], code: str, deg: float
+) -> None:
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        with pytest.raises(UndeterminedError) as refused:
+            solve_hand_eye_poses("eye-in-hand", *poses(rng, turns(rng), "eye-in-hand", deg))
+        assert refused.value.code in (code, "too-little-rotation" if code == "pure-translation" else code)
+
+
+def test_a_pose_that_is_no_number_is_named() -> None:
+    rng = np.random.default_rng(0)
+    robot, seen = poses(rng, 0.4 * rng.standard_normal((8, 3)), "eye-in-hand")
+    seen[5, 0, 3] = np.nan
+    with pytest.raises(UndeterminedError, match="camera's pose 5"):
+        solve_hand_eye_poses("eye-in-hand", robot, seen)
