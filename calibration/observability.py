@@ -19,6 +19,9 @@ LEAST_TURN_RAD = np.radians(10.0)
 LEAST_AXIS_ANGLE_RAD = np.radians(1.0)
 """Axes closer than this differ by noise, not by intent: the seed's, at 2.8 degrees, are just solvable."""
 
+LEAST_AXIS_SPREAD = float(np.tan(LEAST_AXIS_ANGLE_RAD / 2))
+"""Of two turns whose axes are that close. Weighted by the turns, it is not fooled by the axis of a small, noisy one."""
+
 SAME_POSE_MM, SAME_POSE_RAD = 0.5, np.radians(0.05)
 """Two stations closer than this are one: it is the order of the robot's own repeatability."""
 
@@ -91,7 +94,7 @@ def require_determined(base_T_flange: Array) -> None:
             f"the flange turns by at most {np.degrees(motion.max_rotation_rad):.1f} degrees; X needs 10 or more",
             "turn the flange by 30 degrees or more about two different axes between views",
         )
-    if motion.axis_angle_rad < LEAST_AXIS_ANGLE_RAD:
+    if motion.axis_angle_rad < LEAST_AXIS_ANGLE_RAD or motion.axis_spread < LEAST_AXIS_SPREAD:
         axis = axis_in_words(motion.main_axis, base_T_flange)
         raise UndeterminedError(
             "parallel-axes",
