@@ -50,8 +50,13 @@ format: $(VENV)/developing
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: $(VENV)/developing
+bench: $(VENV)/measuring
 	$(BIN)/python -m benchmarks --out docs/benchmarks.md
+
+$(VENV)/measuring: $(VENV)/developing
+	@echo "Installing the peers to measure against ..."
+	@$(PIP) install --group bench
+	@touch $@
 
 lock: $(VENV)/developing
 	@$(PIP) install "uv>=0.9"
