@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install test check bench lock format clean
+.PHONY: help demo cell install test check bench lock deb format clean
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -15,6 +15,7 @@ help:
 	@echo "make test     every test that needs nothing but the repository"
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure, and write docs/benchmarks.md"
+	@echo "make deb      build the Debian package into dist/; deploy/deb/try.sh installs and removes it in a chroot"
 	@echo "make lock     pin the dependencies for deployment (deploy/*.lock)"
 
 demo: install
@@ -62,6 +63,10 @@ lock: $(VENV)/developing
 	@$(PIP) install "uv>=0.9"
 	$(LOCK) pyproject.toml --output-file deploy/requirements.lock
 	$(LOCK) --group build --output-file deploy/build.lock
+
+deb:
+	PYTHON=/usr/bin/python3 deploy/deb/build.sh
+	@if command -v lintian >/dev/null; then lintian --fail-on error,warning dist/handeyed_*.deb; else echo "lintian is not here: not checked"; fi
 
 clean:
 	rm -rf $(VENV) build dist .demo

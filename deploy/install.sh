@@ -59,24 +59,7 @@ fingerprint() { # of everything that makes the release: same source, same name
 }
 
 build() { # $1: folder of the release
-    python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || fail "python3 3.11 or newer is needed"
-    python3 -c 'import venv, ensurepip' 2>/dev/null || fail "python3-venv is needed: apt install python3-venv"
-    rm -rf "$1"
-    work=$(mktemp -d)
-    trap 'rm -rf "$work"' EXIT
-    say "building (pinned by deploy/*.lock) ..."
-    python3 -m venv "$work/venv"
-    "$work/venv/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/build.lock"
-    mkdir "$work/source"
-    (cd "$SOURCE" && cp -R calibration daemon drivers mock_robot protocols registration pyproject.toml README.md LICENSE "$work/source/")
-    "$work/venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$work" "$work/source"
-    say "installing into $1 ..."
-    python3 -m venv "$1"
-    "$1/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/requirements.lock"
-    "$1/bin/pip" install --quiet --disable-pip-version-check --no-deps "$work"/handeyed-*.whl
-    mkdir -p "$1/share/handeyed"
-    cp "$SOURCE/docs/runbook.md" "$SOURCE/deploy/handeyed.example.toml" "$1/share/handeyed/"
-    "$1/bin/handeyed" version >/dev/null || fail "the new release does not run: nothing was changed"
+    "$SOURCE/deploy/release.sh" "$1" || fail "nothing was changed"
     touch "$1/complete"
 }
 

@@ -72,7 +72,15 @@ def test_the_watchdog_is_fed_by_the_daemon_and_state_lies_where_the_settings_say
     assert 'folder = "/var/lib/handeyed"' in (DEPLOY / "handeyed.example.toml").read_text()
 
 
-@pytest.mark.parametrize("script", ["deploy/install.sh", ".ci/run"])
+SCRIPTS = [
+    "deploy/install.sh",
+    "deploy/release.sh",
+    *(f"deploy/deb/{name}" for name in ("build.sh", "try.sh", "preinst", "postinst", "prerm", "postrm")),
+    ".ci/run",
+]
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
 def test_the_shell_finds_nothing_wrong_with_the_scripts(script: str) -> None:
     _need("shellcheck", "shellcheck")
 
@@ -80,9 +88,27 @@ def test_the_shell_finds_nothing_wrong_with_the_scripts(script: str) -> None:
 
 
 def test_the_installer_wants_root_and_knows_its_options() -> None:
-    script = (DEPLOY / "install.sh").read_text()
+    script = (DEPLOY / "install.sh").read_text() + (DEPLOY / "release.sh").read_text()
 
     _said("sh", "-n", DEPLOY / "install.sh")
     for place in ("handeyed.service", "99-handeyed.rules", "handeyed.example.toml", "requirements.lock", "build.lock"):
         assert place in script
         assert (DEPLOY / place).exists()
+
+
+def test_installer_and_package_put_the_program_where_the_unit_looks() -> None:
+    program = "/opt/handeyed/current"
+
+    assert f"ExecStart={program}/bin/handeyed" in UNIT.read_text()
+    assert f"PROGRAM={program}" in (DEPLOY / "deb/postinst").read_text()
+    assert "ROOT=/opt/handeyed" in (DEPLOY / "install.sh").read_text()
+    assert '"$root/opt/handeyed/current"' in (DEPLOY / "deb/build.sh").read_text()
+
+
+def test_the_manual_page_names_no_command_that_is_not_there() -> None:
+    page = (DEPLOY / "deb/handeyed.1").read_text()
+    named = set(re.findall(r"^\.BR? (\w+)(?: \", \" | *$)", page, re.MULTILINE)) - {"handeyed"}
+    helped = _said(sys.executable, "-m", "daemon.cli", "--help")
+
+    assert named >= {"demo", "check", "serve", "solve", "target"}
+    assert all(re.search(rf"\b{name}\b", helped) for name in named)

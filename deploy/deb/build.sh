@@ -1,0 +1,63 @@
+#!/bin/sh
+# Builds dist/handeyed_VERSION_ARCH.deb for the Debian whose python3 this is (PYTHON names another). Needs no root.
+#
+#   deploy/deb/build.sh [FOLDER]
+set -eu
+
+HERE=$(cd "$(dirname "$0")" && pwd)
+SOURCE=$(cd "$HERE/../.." && pwd)
+DIST=${1:-$SOURCE/dist}
+PYTHON=${PYTHON:-python3}
+
+MAINTAINER="${DEBFULLNAME:-handeyed engineers} <${DEBEMAIL:-handeyed@example.org}>"
+# dpkg-deb takes its time stamps from it, too: the same commit gives the same package.
+SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git -C "$SOURCE" log -1 --format=%ct 2>/dev/null || date +%s)}
+export SOURCE_DATE_EPOCH
+
+umask 022
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' "$SOURCE/pyproject.toml")
+architecture=$(dpkg --print-architecture)
+minor=$("$PYTHON" -c 'import sys; print(sys.version_info.minor)')
+root=$(mktemp -d)
+trap 'rm -rf "$root"' EXIT
+release=/opt/handeyed/releases/$version
+
+"$SOURCE/deploy/release.sh" "$root$release"
+
+# A virtual environment knows its own path and its interpreter's: both become those of the machine it goes to.
+"$root$release/bin/pip" uninstall --quiet --disable-pip-version-check --yes setuptools pip
+find "$root$release" -name __pycache__ -type d -prune -exec rm -rf {} +
+find "$root$release" -name direct_url.json -delete
+find "$root$release/bin" -mindepth 1 ! -name handeyed -delete
+ln -s "/usr/bin/python3.$minor" "$root$release/bin/python3"
+sed -i "1s|.*|#!$release/bin/python3|" "$root$release/bin/handeyed"
+printf 'home = /usr/bin\ninclude-system-site-packages = false\n' >"$root$release/pyvenv.cfg"
+find "$root$release" -type f ! -path '*/bin/*' -perm /111 ! -name '*.so*' -exec chmod -x {} +
+find "$root$release" -name '*.so*' -type f -exec chmod -x {} +
+ln -s "releases/$version" "$root/opt/handeyed/current"
+
+place() { install -D -m "$1" "$SOURCE/$2" "$root$3"; }
+place 0644 deploy/handeyed.service /lib/systemd/system/handeyed.service
+place 0644 deploy/99-handeyed.rules /lib/udev/rules.d/99-handeyed.rules
+place 0644 deploy/handeyed.example.toml /etc/handeyed/handeyed.toml
+place 0644 docs/runbook.md /usr/share/doc/handeyed/runbook.md
+place 0644 deploy/deb/copyright /usr/share/doc/handeyed/copyright
+place 0644 deploy/deb/lintian-overrides /usr/share/lintian/overrides/handeyed
+place 0644 CHANGELOG.md /usr/share/doc/handeyed/CHANGELOG.md
+printf 'handeyed (%s) unstable; urgency=medium\n\n  * What changed stands in CHANGELOG.md beside this file.\n\n -- %s  %s\n' \
+    "$version" "$MAINTAINER" "$(date -R -u -d "@$SOURCE_DATE_EPOCH")" | gzip -9n >"$root/usr/share/doc/handeyed/changelog.gz"
+mkdir -p "$root/usr/bin" "$root/usr/share/man/man1"
+gzip -9n <"$HERE/handeyed.1" >"$root/usr/share/man/man1/handeyed.1.gz"
+ln -s /opt/handeyed/current/bin/handeyed "$root/usr/bin/handeyed"
+
+mkdir "$root/DEBIAN"
+size=$(du -sk --exclude=DEBIAN "$root" | cut -f1)
+sed -e "s/@VERSION@/$version/" -e "s/@ARCHITECTURE@/$architecture/" -e "s/@SIZE@/$size/" -e "s/@MAINTAINER@/$MAINTAINER/" \
+    -e "s/@PYTHON@/python3 (>= 3.$minor), python3 (<< 3.$((minor + 1)))/" "$HERE/control" >"$root/DEBIAN/control"
+echo /etc/handeyed/handeyed.toml >"$root/DEBIAN/conffiles"
+for script in preinst postinst prerm postrm; do install -m 0755 "$HERE/$script" "$root/DEBIAN/$script"; done
+(cd "$root" && find . -type f ! -path './DEBIAN/*' -printf '%P\0' | LC_ALL=C sort -z | xargs -0 md5sum) >"$root/DEBIAN/md5sums"
+chmod 0644 "$root/DEBIAN/md5sums" "$root/DEBIAN/control" "$root/DEBIAN/conffiles"
+
+mkdir -p "$DIST"
+dpkg-deb --root-owner-group -Zxz -z3 --build "$root" "$DIST/handeyed_${version}_${architecture}.deb"

@@ -1,0 +1,35 @@
+#!/bin/sh
+# Builds one release of handeyed, a virtual environment pinned by deploy/*.lock, into a folder:
+#
+#   deploy/release.sh FOLDER
+#
+# install.sh builds in place, deb/build.sh in a staging folder. PYTHON names another interpreter than python3.
+set -eu
+
+PYTHON=${PYTHON:-python3}
+SOURCE=$(cd "$(dirname "$0")/.." && pwd)
+FOLDER=${1:?name the folder of the release}
+
+say() { printf '%s\n' "$*"; }
+fail() { printf 'release.sh: %s\n' "$*" >&2; exit 1; }
+
+"$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || fail "python3 3.11 or newer is needed"
+"$PYTHON" -c 'import venv, ensurepip' 2>/dev/null || fail "python3-venv is needed: apt install python3-venv"
+rm -rf "$FOLDER"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+say "building (pinned by deploy/*.lock) ..."
+"$PYTHON" -m venv "$work/venv"
+"$work/venv/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/build.lock"
+mkdir "$work/source"
+(cd "$SOURCE" && cp -R calibration daemon drivers mock_robot protocols registration pyproject.toml README.md LICENSE "$work/source/")
+"$work/venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$work" "$work/source"
+
+say "installing into $FOLDER ..."
+"$PYTHON" -m venv "$FOLDER"
+"$FOLDER/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/requirements.lock"
+"$FOLDER/bin/pip" install --quiet --disable-pip-version-check --no-deps "$work"/handeyed-*.whl
+mkdir -p "$FOLDER/share/handeyed"
+cp "$SOURCE/docs/runbook.md" "$SOURCE/deploy/handeyed.example.toml" "$FOLDER/share/handeyed/"
+"$FOLDER/bin/handeyed" version >/dev/null || fail "the new release does not run"
