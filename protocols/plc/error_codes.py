@@ -1,0 +1,67 @@
+"""What the daemon refuses or fails with, as numbers for a PLC. Numbers are never used again for something else."""
+
+NO_ERROR = 0
+UNKNOWN = 999
+"""An error that has no number yet: the log and the REST interface have its words."""
+
+ERROR_CODES: dict[str, tuple[int, str]] = {
+    # the PLC itself
+    "plc-trigger-ambiguous": (1, "two triggers rose at once: set one of them"),
+    "plc-motion-not-allowed": (2, "[plc] motion = true is not set: the PLC may not move the arm"),
+    "plc-silent": (3, "heartbeat_in has not changed in time"),
+    "plc-not-online": (4, "the daemon is not ready for triggers yet"),
+    # refused now
+    "run-in-progress": (10, "another run is in progress"),
+    "cell-busy": (11, "somebody else holds the cell"),
+    "cell-not-ready": (12, "robot or camera would not do it now: emergency stop, motors, mode, link"),
+    "interlock-open": (13, "an interlock does not allow motion: gate, part"),
+    "not-still": (14, "the arm moved while it was looked at"),
+    "no-poses": (15, "nothing says where to look from"),
+    "pose-refused": (16, "a pose lies outside what the settings allow"),
+    "no-calibration": (17, "no calibration is applied yet"),
+    "calibration-unusable": (18, "the calibration holds no transform, or was not accepted"),
+    "no-scanner": (19, "the settings name no scanner"),
+    "stopping": (20, "the daemon is stopping"),
+    "forbidden": (21, "the PLC's role does not allow it"),
+    "interrupted": (22, "the daemon was stopped while the run was in progress"),
+    "aborted": (23, "somebody stopped the run"),
+    # the robot and other devices
+    "link-lost": (30, "the link to the controller was lost"),
+    "device-unreachable": (31, "a device does not answer at its address"),
+    "device-timeout": (32, "a device did not answer in time"),
+    "garbled-answer": (33, "a device answered something else"),
+    "answer-too-large": (34, "a device answered more than is allowed"),
+    "address-not-understood": (35, "a device's address in the settings cannot be read"),
+    "request-refused": (36, "refused: see the log for what"),
+    "move-refused": (37, "the controller refused a move"),
+    "move-failed": (38, "a move did not reach its goal"),
+    "device-error": (39, "a device failed"),
+    "picture-unusable": (40, "the camera's picture cannot be used"),
+    # what was seen
+    "target-not-seen": (50, "too few stations saw the target"),
+    "target-not-found": (51, "the target was not found in a picture"),
+    "undetermined": (52, "the motions do not determine X"),
+    "calibration-error": (53, "the calibration could not be computed"),
+    "document": (54, "a stored document cannot be read"),
+    "scan-empty": (55, "the scan has no views"),
+    "registration-error": (56, "the clouds could not be registered"),
+    "cloud-error": (57, "a cloud of the scanner cannot be used"),
+    "cloud-malformed": (57, "a cloud of the scanner cannot be used"),
+    "cloud-truncated": (57, "a cloud of the scanner cannot be used"),
+    "cloud-too-long": (57, "a cloud of the scanner cannot be used"),
+    "cloud-unsupported": (57, "a cloud of the scanner cannot be used"),
+    "cloud-io": (57, "a cloud of the scanner cannot be used"),
+    "scan-unusable": (58, "the scan's clouds do not overlap, or are empty"),
+    # the computer
+    "storage-error": (60, "the disk cannot be read or written"),
+    "storage-full": (61, "the disk is full"),
+    "storage-too-new": (62, "the store was written by a newer release"),
+    "storage-in-use": (63, "another daemon uses the store"),
+    "not-found": (64, "no such thing is stored"),
+    "internal-error": (90, "a defect of handeyed: report it with the log"),
+}
+
+
+def number_of(code: str) -> int:
+    """The number of an error's stable code."""
+    return ERROR_CODES[code][0] if code in ERROR_CODES else UNKNOWN

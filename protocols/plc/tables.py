@@ -1,0 +1,98 @@
+"""The register map as a CSV for PLC engineers and as Markdown for people, both written from the one table."""
+
+import csv
+from collections.abc import Iterable
+from enum import IntFlag
+from io import StringIO
+
+from protocols.plc.codes import Contents, Control, Status
+from protocols.plc.error_codes import ERROR_CODES, UNKNOWN
+from protocols.plc.registers import REGISTERS, RESULT, STATUS, Register
+
+BITS: dict[str, type[IntFlag]] = {"control": Control, "status": Status, "contents": Contents}
+
+BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
+    (Control, Control.TRIGGER_CALIBRATE): "rising edge: calibrate",
+    (Control, Control.TRIGGER_VERIFY): "rising edge: verify the calibration in force",
+    (Control, Control.TRIGGER_REGISTER): "rising edge: scan the part from the taught poses and register it",
+    (Control, Control.RESULTS_ACK): "rising edge: the result has been read; the next is shown when this is low again",
+    (Control, Control.ABORT): "rising edge: stop the run in progress, whoever started it",
+    (Control, Control.CLEAR_ERROR): "rising edge: clear error, missed_trigger and buffer_overrun",
+    (Status, Status.READY): "a trigger that rises now would be accepted",
+    (Status, Status.TRIGGER_ACK): "the trigger was answered: begun, or refused with error; falls with the trigger",
+    (Status, Status.CALIBRATION_IN_FORCE): "verify and register can be done",
+    (Status, Status.MISSED_TRIGGER): "a trigger rose while a command was in progress; it was not obeyed",
+    (
+        Status,
+        Status.DRIFT_ALARM,
+    ): "the verifications say that the calibration no longer holds: calibrate before parts go wrong",
+    (Status, Status.MOTION_ALLOWED): "[plc] motion = true: triggers may move the arm",
+    (Status, Status.PLC_SILENT): "heartbeat_in has stopped: triggers are refused, and a command in progress is stopped",
+    (Status, Status.ONLINE): "the daemon has looked at the cell; everything else means something",
+    (Status, Status.BUSY): "a command of the PLC is in progress",
+    (Status, Status.COMPLETED): "the last command has ended, well or not; falls with the next trigger that is begun",
+    (
+        Status,
+        Status.BUFFER_OVERRUN,
+    ): "a result was lost to the PLC (not to the store): results were not acknowledged in time",
+    (Status, Status.RESULTS_VALID): "the result block is complete and stays as it is until it is acknowledged",
+    (Status, Status.ERROR): "error_code says why; cleared by clear_error or by the next trigger that is begun",
+    (Contents, Contents.X): "x, q and their integers",
+    (Contents, Contents.UNCERTAINTY): "sigma, sigma_r, sigma_point and their integers",
+    (Contents, Contents.DEVIATION): "deviation and its integer",
+}
+
+
+def csv_text() -> str:
+    """One line a register, and one for each of its bits."""
+    out = StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(
+        ["block", "address", "reference", "coil_or_input", "name", "type", "registers", "access", "unit", "meaning"]
+    )
+    for register in REGISTERS:
+        access = "read/write" if register.writable else "read"
+        table.writerow([block_of(register), register.address, 400001 + register.address, "", register.name,
+                        register.kind, register.registers, access, register.unit, register.meaning])  # fmt: skip
+        for bit in BITS.get(register.name, ()):
+            number = bit.value.bit_length() - 1
+            coil = number if register.name in ("control", "status") else ""
+            name = f"{register.name}.{bit_name(bit)}"
+            table.writerow([block_of(register), f"{register.address}.{number}", "", coil, name, "bit", "", access, "",
+                            BIT_MEANINGS[type(bit), bit]])  # fmt: skip
+    return out.getvalue()
+
+
+def markdown_text() -> str:
+    """Registers by block, bits, numbers, error codes."""
+    parts: list[str] = []
+    for block in ("control", "status", "result"):
+        rows = [(_places(r), f"`{r.name}`", str(r.kind), r.unit, r.meaning) for r in REGISTERS if block_of(r) == block]
+        parts += [f"### {block.capitalize()}", _table(("address", "name", "type", "unit", "meaning"), rows)]
+    for name, bits in BITS.items():
+        lines = [(str(bit.value.bit_length() - 1), f"`{bit_name(bit)}`", BIT_MEANINGS[type(bit), bit]) for bit in bits]
+        parts += [f"### Bits of `{name}`", _table(("bit", "name", "meaning"), lines)]
+    codes = sorted({(number, meaning) for number, meaning in ERROR_CODES.values()})
+    errors = [*codes, (UNKNOWN, "an error without a number: the log has its words")]
+    parts += ["### Error codes", _table(("code", "meaning"), [(str(number), meaning) for number, meaning in errors])]
+    return "\n\n".join(parts) + "\n"
+
+
+def block_of(register: Register) -> str:
+    """control, status or result."""
+    return "control" if register.address < STATUS else "status" if register.address < RESULT else "result"
+
+
+def bit_name(bit: IntFlag) -> str:
+    """As the tables and the text write it."""
+    return (bit.name or "").lower()
+
+
+def _places(register: Register) -> str:
+    last = register.addresses[-1]
+    return str(register.address) if last == register.address else f"{register.address}–{last}"
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
