@@ -12,8 +12,9 @@ import numpy as np
 from calibration.arms import arm_named
 from calibration.transforms import Array
 from mock_robot.announcement import Announcement
+from mock_robot.cabinet import Box
 from mock_robot.control_port import ControlPort
-from mock_robot.controller import Box, Controller
+from mock_robot.controller import Controller
 from mock_robot.fault_boards import FaultBoards
 from mock_robot.fault_table import FAULTS
 from mock_robot.faults import FaultBoard

@@ -12,7 +12,7 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
-from mock_robot.controller import Controller
+from mock_robot.cabinet import Cabinet
 from mock_robot.errors import MockError, NoSuchState, UnknownFault
 from mock_robot.fault_boards import FaultBoards
 from mock_robot.panel import Mode
@@ -30,7 +30,7 @@ TRUE, FALSE = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 class ControlPort:
     """The application. `nudge` tells the links that something changed."""
 
-    controller: Controller
+    controller: Cabinet
     faults: FaultBoards
     clock: Callable[[], float]
     nudge: Callable[[], None]

@@ -4,7 +4,6 @@ No socket and no clock: times are handed in. `now_s` is wire time (heartbeat, ti
 `time_scale` times faster.
 """
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,43 +13,19 @@ import numpy as np
 from calibration.arm import OtherConfiguration, PoseRefused
 from calibration.errors import GeometryError
 from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
-from mock_robot.motion import IN_POSITION_S, SimulatedArm
-from mock_robot.panel import Mode, Panel
+from mock_robot.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
+from mock_robot.motion import IN_POSITION_S
+from mock_robot.panel import Mode
 from protocols.cb import messages as cb
-from protocols.cb.codes import VERSION, Capability, Flag, MoveKind, Status
+from protocols.cb.codes import VERSION, Capability, MoveKind, Status
 
 HEARTBEAT_S = 2.0
 """Silence of the client after which the arm is stopped and disarmed."""
-MANUAL_SPEED_MM_S = 250.0
-"""Manual reduced speed: faster moves are slowed down to it."""
 SPEED_MAX_MM_S = 1000.0
 """The robot program refuses a faster move: nobody calibrates at such a speed."""
-UNUSED_AXIS = 9e9
-SLOWEST_OVERRIDE = 1e-6
 CAPABILITIES = Capability.MOVES | Capability.STOPS_DURING_MOTION | Capability.JOINTS | Capability.ANNOUNCES_END_OF_MOVE
 BUILD = 1
 RAWBYTES_MAX = 1024
-
-
-@dataclass(frozen=True)
-class Box:
-    """Where the flange may be, mm in the base: checked by the robot program, too."""
-
-    low_mm: tuple[float, float, float] = (-1600.0, -1600.0, 0.0)
-    high_mm: tuple[float, float, float] = (1600.0, 1600.0, 2200.0)
-
-    def holds(self, point_mm: Array) -> bool:
-        """Is the point inside?"""
-        return bool(np.all(point_mm >= self.low_mm) and np.all(point_mm <= self.high_mm))
-
-
-@dataclass(frozen=True)
-class LogEntry:
-    """A line of the controller's event log; `code` is ABB's number where there is one."""
-
-    at_s: float
-    code: int
-    text: str
 
 
 @dataclass
@@ -63,20 +38,9 @@ class _Move:
 
 
 @dataclass
-class Controller:
+class Controller(Cabinet):
     """State and behaviour of the robot program. One client at a time; `link.py` sees to that."""
 
-    arm: SimulatedArm
-    session: int
-    time_scale: float = 1.0
-    started_at_s: float = 0.0
-    box: Box = field(default_factory=Box)
-    panel: Panel = field(default_factory=Panel)
-    external_axes: tuple[float, ...] = (UNUSED_AXIS,) * 6
-    settles: bool = True
-    armed: bool = field(default=False, init=False)
-    moves_accepted: int = field(default=0, init=False)
-    log: deque[LogEntry] = field(default_factory=lambda: deque(maxlen=1000), init=False)
     _move: _Move | None = field(default=None, init=False)
     _finished: tuple[int, Status] = field(default=(0, Status.OK), init=False)
     _greeted_at_s: float = field(default=0.0, init=False)
@@ -84,16 +48,12 @@ class Controller:
 
     # --- time ---
 
-    def robot_s(self, now_s: float) -> float:
-        """The arm's own time."""
-        return (now_s - self.started_at_s) * self.time_scale
-
     def tick(self, now_s: float) -> list[cb.Answer]:
         """Let time do its work: the heartbeat, the end of a move. What there is to announce, unasked."""
         if self._heard_at_s is not None and now_s - self._heard_at_s >= HEARTBEAT_S:
             self._heard_at_s = None
             if self.armed or self._move is not None:
-                self._record(now_s, 0, "no sign of life from the client for 2 s: stopped and disarmed")
+                self.record(now_s, 0, "no sign of life from the client for 2 s: stopped and disarmed")
             self.halt(now_s, Status.ABORTED)
         return [self._report(now_s)] if self._finish(now_s) else []
 
@@ -122,41 +82,12 @@ class Controller:
         self.tick(now_s)
         return _HANDLERS[type(request)](self, seq, request, now_s)
 
-    # --- switches, turned by people, tests and faults ---
-
-    def switch_motors(self, on: bool, now_s: float) -> None:
-        """Motors on or off; they stay off while the emergency stop is pressed."""
-        self.panel.motors_on = on and not self.panel.emergency_stop
-        self._record(now_s, 10011 if self.panel.motors_on else 10012, f"motors {'on' if on else 'off'}")
-        self._obey_panel(now_s)
-
-    def switch_mode(self, mode: Mode, now_s: float) -> None:
-        """Turn the mode switch: whatever moves stops, and the client has to arm again."""
-        changed, self.panel.mode = mode is not self.panel.mode, mode
-        self._record(now_s, 10015 if mode is not Mode.AUTO else 10017, f"mode {mode.value}")
-        if changed:
-            self.halt(now_s, Status.WRONG_MODE)
-
-    def press_emergency_stop(self, pressed: bool, now_s: float) -> None:
-        """Press or release; pressing takes the motors' power, releasing does not give it back."""
-        self.panel.emergency_stop = pressed
-        if pressed:
-            self.panel.motors_on = False
-        self._record(now_s, 10013 if pressed else 10014, f"emergency stop {'pressed' if pressed else 'released'}")
-        self._obey_panel(now_s)
-
-    def run_program(self, running: bool, now_s: float) -> None:
-        """Start or stop the motion task's program."""
-        self.panel.program_running = running
-        self._record(now_s, 10002 if running else 10005, f"program {'started' if running else 'stopped'}")
-        self._obey_panel(now_s)
-
     def restart(self, now_s: float) -> None:
         """A warm start: a new session, disarmed, nothing remembered."""
         self.lost(now_s)
         self.session = self.session % 65535 + 1
         self._move, self._finished = None, (0, Status.OK)
-        self._record(now_s, 10002, "controller restarted")
+        self.record(now_s, 10002, "controller restarted")
 
     def halt(self, now_s: float, result: Status) -> None:
         """Stop and disarm."""
@@ -255,21 +186,6 @@ class Controller:
 
     # --- inside ---
 
-    def flags(self, now_s: float) -> Flag:
-        """The state in 16 bits."""
-        robot_s, panel = self.robot_s(now_s), self.panel
-        switches = {
-            Flag.MOTORS_ON: panel.motors_on,
-            Flag.AUTO: panel.mode is Mode.AUTO,
-            Flag.ESTOP: panel.emergency_stop,
-            Flag.MOVING: self.arm.moving_at(robot_s),
-            Flag.IN_POSITION: self.settles and self.arm.settled_at(robot_s),
-            Flag.ARMED: self.armed,
-            Flag.TASK_RUNNING: panel.program_running,
-            Flag.SPEED_LIMITED: panel.mode is not Mode.AUTO or panel.speed_override < 1.0,
-        }
-        return Flag(sum(flag for flag, on in switches.items() if on))
-
     def _report(self, now_s: float) -> cb.Report:
         robot_s = self.robot_s(now_s)
         progress = self.arm.progress_at(robot_s) if self._move is not None else 1.0
@@ -284,27 +200,19 @@ class Controller:
         blocked = Status.MOTION_ERROR if move.blocked_at < 1.0 else Status.OK
         self._move, self._finished = None, (move.seq, move.result or blocked)
         if self._finished[1] is Status.MOTION_ERROR:
-            self._record(now_s, 50050, f"move {move.seq} could not follow its line beyond {move.blocked_at:.0%}")
+            self.record(now_s, 50050, f"move {move.seq} could not follow its line beyond {move.blocked_at:.0%}")
         return True
 
     def _stop(self, now_s: float, result: Status) -> None:
         robot_s = self.robot_s(now_s)
         if self._move is not None and self.arm.moving_at(robot_s) and self._move.result is None:
             self._move.result = result
-            self._record(now_s, 0, f"move {self._move.seq} stopped: {result.name}")
+            self.record(now_s, 0, f"move {self._move.seq} stopped: {result.name}")
         self.arm.stop(robot_s)
 
-    def _obey_panel(self, now_s: float) -> None:
-        forbidden = self.panel.forbids_motion()
-        if forbidden is not None:
-            self.halt(now_s, forbidden)
-
     def _refuse(self, now_s: float, status: Status, text: str, code: int = 0) -> cb.Refused:
-        self._record(now_s, code, f"{status.name}: {text}")
+        self.record(now_s, code, f"{status.name}: {text}")
         return cb.Refused(status)
-
-    def _record(self, now_s: float, code: int, text: str) -> None:
-        self.log.append(LogEntry(now_s, code, text))
 
     def _t_ms(self, now_s: float) -> int:
         return int((now_s - self._greeted_at_s) * 1000) % cb.T_MS_WRAP

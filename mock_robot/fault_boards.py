@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from mock_robot.controller import Controller
+from mock_robot.cabinet import Cabinet
 from mock_robot.errors import NoSuchState, UnknownFault
 from mock_robot.faults import FaultBoard
 from protocols.cb.codes import Command
@@ -38,7 +38,7 @@ class DeviceFaults(Protocol):
 class FaultBoards:
     """Switches the right board. `devices` and `device_rows` are empty for a cell without camera and scanner."""
 
-    controller: Controller
+    controller: Cabinet
     robot: FaultBoard
     devices: DeviceFaults | None = None
     device_rows: Mapping[str, FaultRow] | None = None

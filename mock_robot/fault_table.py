@@ -7,7 +7,7 @@ from random import Random
 from types import MappingProxyType
 from typing import Any
 
-from mock_robot.controller import Controller
+from mock_robot.cabinet import Cabinet
 from mock_robot.faults import Fault, ReplyFault, StateFault
 from mock_robot.panel import Mode
 from mock_robot.wire import Close, Pause, Reset, Send, WireStep
@@ -42,7 +42,7 @@ def _half(data: bytes) -> bytes:
 def _knob(name: str, value: float) -> StateFault:
     """Set one knob of the controller or its panel."""
 
-    def turn(controller: Controller, now_s: float) -> None:
+    def turn(controller: Cabinet, now_s: float) -> None:
         setattr(controller if hasattr(controller, name) else controller.panel, name, value)
 
     return turn
@@ -82,7 +82,12 @@ _ROWS = (
     Fault(
         "link-only-garbage", "link", "garbage in place of every reply", None, send=lambda d, r: (Send(r.randbytes(40)),)
     ),
-    Fault("link-restart", "link", "the controller restarts: a new session, disarmed", begin=Controller.restart),
+    Fault(
+        "link-restart",
+        "link",
+        "the controller restarts: a new session, disarmed",
+        begin=lambda c, now_s: c.restart(now_s),
+    ),
     # --- the serial line ---
     Fault("serial-noise", "serial", "noise before every frame", None, send=lambda d, r: (Send(r.randbytes(7) + d),)),
     Fault("serial-half-frame", "serial", "half a frame, then silence", send=lambda d, r: (Send(_half(d)),)),
@@ -114,7 +119,7 @@ _ROWS = (
         "the motors lose power",
         None,
         begin=lambda c, now_s: c.switch_motors(False, now_s),
-        end=lambda c, now_s: c.switch_motors(True, now_s),
+        end=lambda c, now_s: c.put_right(now_s),
     ),
     Fault(
         "robot-manual-mode",
@@ -122,7 +127,7 @@ _ROWS = (
         "somebody turns the key to manual full speed",
         None,
         begin=lambda c, now_s: c.switch_mode(Mode.MANF, now_s),
-        end=lambda c, now_s: c.switch_mode(Mode.AUTO, now_s),
+        end=lambda c, now_s: c.put_right(now_s),
     ),
     Fault(
         "robot-program-stopped",

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Literal
 
-from mock_robot.controller import Controller
+from mock_robot.cabinet import Cabinet
 from mock_robot.errors import UnknownFault
 from mock_robot.wire import Send, WireStep
 from protocols.cb.codes import Command
@@ -19,7 +19,7 @@ from protocols.cb.messages import Reply
 SendFault = Callable[[bytes, Random], tuple[WireStep, ...]]
 ReceiveFault = Callable[[bytes, Random], bytes]
 ReplyFault = Callable[[Reply], Reply]
-StateFault = Callable[[Controller, float], None]
+StateFault = Callable[[Cabinet, float], None]
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class FaultBoard:
     def switch_on(
         self,
         name: str,
-        controller: Controller,
+        controller: Cabinet,
         now_s: float,
         *,
         strikes: int | None = None,
@@ -87,7 +87,7 @@ class FaultBoard:
         self._active[name] = ActiveFault(fault, strikes or fault.strikes, only, from_move)
         self.wake(controller, now_s)
 
-    def clear(self, controller: Controller, now_s: float, name: str | None = None) -> None:
+    def clear(self, controller: Cabinet, now_s: float, name: str | None = None) -> None:
         """Switch one fault off, or all of them."""
         if name is not None and name not in self.table:
             raise UnknownFault(name, tuple(self.table))
@@ -96,7 +96,7 @@ class FaultBoard:
             if active is not None and active.awake and active.fault.end is not None:
                 active.fault.end(controller, now_s)
 
-    def wake(self, controller: Controller, now_s: float) -> None:
+    def wake(self, controller: Cabinet, now_s: float) -> None:
         """Let faults begin whose move has come."""
         for active in list(self._active.values()):
             if active.awake or controller.moves_accepted < active.from_move:

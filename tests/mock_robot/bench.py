@@ -6,7 +6,8 @@ import numpy as np
 
 from calibration.arms import IRB_1600_6_145
 from calibration.transforms import Array, quaternion_from_rotation
-from mock_robot.controller import Box, Controller
+from mock_robot.cabinet import Box
+from mock_robot.controller import Controller
 from mock_robot.fault_table import FAULTS
 from mock_robot.faults import FaultBoard
 from mock_robot.link import ControllerLink
