@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from daemon.clock import Clock
 from daemon.errors import CellBusy, CellNotReady, NoScanner
 from daemon.settings import SettlingSettings
-from daemon.settling import require_still, settle
+from daemon.settling import require_still, settle, standing
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
 
@@ -91,6 +91,10 @@ class Cell:
         """The pose of an arm at rest. Raises NotStill, DeviceError."""
         return await settle(self.robot, self._settling, self._clock)
 
+    async def standing_pose(self) -> PoseReading:
+        """The pose of an arm that an operator moves, and that stands now. Raises NotStill at once, DeviceError."""
+        return await standing(self.robot, self._settling, self._clock)
+
     async def look(self) -> tuple[PoseReading, Frame]:
         """A picture taken while the arm stood, and the pose it stood at. Raises NotStill, DeviceError."""
         before = await self.settled_pose()
@@ -123,6 +127,10 @@ class Cell:
     async def obstacles(self) -> tuple[str, ...]:
         """Why the arm could not be driven through poses with the camera now; empty when it could."""
         return (*await self.robot_obstacles(), *_link_obstacle("camera", self._camera))
+
+    def looking_obstacles(self) -> tuple[str, ...]:
+        """Why poses and pictures could not be read now; whether the arm may be moved does not matter."""
+        return (*_link_obstacle("robot", self.robot), *_link_obstacle("camera", self._camera))
 
     async def robot_obstacles(self) -> tuple[str, ...]:
         """Why the robot could not be moved now."""
@@ -177,5 +185,5 @@ def motion_obstacles(status: RobotStatus) -> tuple[str, ...]:
     return tuple(reason for hit, reason in checks if hit)
 
 
-def _link_obstacle(name: str, device: Camera | Scanner) -> tuple[str, ...]:
+def _link_obstacle(name: str, device: Robot | Camera | Scanner) -> tuple[str, ...]:
     return () if device.link.connected else (f"{name}: {device.link.detail}",)

@@ -10,6 +10,15 @@ DaemonError
 ├── PoseRefused           a pose lies outside what the settings allow; `station`
 ├── NotFound              no such run, calibration, scan, frame, view or page
 ├── RunOver               the run has ended; there is nothing to abort
+├── NotWaiting            the run drives the arm itself, it waits for no operator
+├── SamePose              the arm stands where a view was taken already
+├── TooFewViews           a manual run cannot be finished yet
+├── OperatorGone          a manual run waited too long for its operator
+├── CursorUnknown         a page before something that is not there
+├── AppliedMeanwhile      something else is in force than the request expects
+├── KeyReused             an Idempotency-Key that came with another request before
+├── RequestInFlight       the request with this Idempotency-Key is still being answered; `holder`
+├── HostNotAllowed        the request names a host that the daemon does not answer for
 ├── NoCalibration         nothing is applied yet
 ├── CalibrationUnusable   a calibration that must not, or cannot, be applied
 ├── TargetNotSeen         too few stations saw the target
@@ -110,10 +119,99 @@ class NotFound(DaemonError):
     code = "not-found"
 
 
+class CursorUnknown(DaemonError):
+    """A page before something that is not there."""
+
+    code = "cursor-unknown"
+
+    def __init__(self, what: str, before: str) -> None:
+        super().__init__(f"there is no {before[:64]!r} among the {what}", "follow `next` of the page before")
+
+
+class AppliedMeanwhile(DaemonError):
+    """Something else is in force than the request expects."""
+
+    code = "applied-meanwhile"
+
+    def __init__(self, now: int) -> None:
+        self.now = now
+        super().__init__(
+            "another calibration is in force than If-Match names" if now else "no calibration is in force yet",
+            "look at GET /calibrations/current and send its ETag, if this one is still to be applied",
+        )
+
+
+class KeyReused(DaemonError):
+    """An Idempotency-Key that came with another request before."""
+
+    code = "idempotency-key-reused"
+
+    def __init__(self) -> None:
+        super().__init__(
+            "this Idempotency-Key came with another request before",
+            "use a new key for each request, the same for its retries",
+        )
+
+
+class RequestInFlight(DaemonError):
+    """The request with this Idempotency-Key is still being answered; `holder` is the run it started."""
+
+    code = "request-in-flight"
+
+    def __init__(self, holder: str | None) -> None:
+        self.holder = holder
+        follow = f"follow it with GET /runs/{holder}, or " if holder else ""
+        super().__init__(
+            "the first request with this Idempotency-Key is still being answered", f"{follow}ask again later"
+        )
+
+
+class HostNotAllowed(DaemonError):
+    """The request names a host that the daemon does not answer for."""
+
+    code = "host-not-allowed"
+
+    def __init__(self, host: str) -> None:
+        super().__init__(
+            f"the daemon does not answer for host {host[:80]!r}",
+            "use its address, or add the name to [server] allowed_hosts in the settings",
+        )
+
+
 class RunOver(DaemonError):
     """The run has ended."""
 
     code = "run-over"
+
+
+class NotWaiting(DaemonError):
+    """The run drives the arm itself."""
+
+    code = "not-waiting"
+
+    def __init__(self, run_id: str) -> None:
+        super().__init__(
+            f"run {run_id} drives the arm itself and waits for nobody",
+            'follow it with GET /runs/{id}; a run that waits is started with POST /calibrate {"manual": true}',
+        )
+
+
+class SamePose(DaemonError):
+    """The arm stands where a view was taken already."""
+
+    code = "same-pose"
+
+
+class TooFewViews(DaemonError):
+    """A manual run cannot be finished yet."""
+
+    code = "too-few-views"
+
+
+class OperatorGone(DaemonError):
+    """A manual run waited too long for its operator."""
+
+    code = "operator-gone"
 
 
 class NoCalibration(DaemonError):

@@ -1,7 +1,7 @@
 """What may be started in the cell: the REST interface, and later a PLC, call these and nothing below them."""
 
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from calibration.documents.calibration import CalibrationDocument
@@ -16,11 +16,15 @@ from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPo
 from daemon.motion import MotionRules
 from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
 from daemon.runs.calibrating import Calibrating
+from daemon.runs.desk import Desk
+from daemon.runs.desk import Wish as Asked
 from daemon.runs.log import RunLog
 from daemon.runs.looking import Itinerary
+from daemon.runs.manual import ManualRoute
 from daemon.runs.scanning import Scanning
 from daemon.runs.session_log import SessionLog
-from daemon.runs.supervisor import Drive, Ending, Supervisor
+from daemon.runs.states import RunState
+from daemon.runs.supervisor import Departure, Ending, Supervisor
 from daemon.runs.verifying import Verifying
 from daemon.scans import Scans
 from daemon.settings import Settings, TaughtPose
@@ -53,13 +57,13 @@ class Operations:
         """Start a calibration run. Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, StorageError."""
         target = request.target or self.settings.target
 
-        async def prepare() -> tuple[int, Drive]:
-            await self._require_ready(await self.cell.obstacles())
+        async def prepare() -> Departure:
+            await self._require_ready(self.cell.looking_obstacles() if request.manual else await self.cell.obstacles())
             settings, intrinsics = self.settings.calibration, self.settings.camera.intrinsics
             better = Alternative(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
             auto = settings.policy == "auto"
             run = Calibrating(self.cell, self.store, self.workers, self.clock, auto, better)
-            poses = request.poses or taught(settings, request.count)
+            poses = () if request.manual else request.poses or taught(settings, request.count)
             if poses:
                 await self._require_allowed(poses)
                 itinerary = Itinerary(poses, self.rules)
@@ -67,15 +71,27 @@ class Operations:
             count = request.count or settings.count
             wish = Wish(count, request.uncertainty_mm or settings.uncertainty_mm)
             route = adaptive_route(settings, self.rules, target, await self._known(), wish)
+            if request.manual:
+                by_hand = ManualRoute(route, desk := Desk(), settings.manual_wait_s)
+                begun = self._with_session(by_hand, count, target, intrinsics, run.drive_manually, "calibration")
+                return replace(begun, first_state=RunState.WAITING, desk=desk)
             return self._with_session(route, count, target, intrinsics, run.drive_adaptively, "calibration")
 
         return await self._start("calibration", request, prepare)
+
+    async def ask(self, run_id: str, wish: Asked) -> RunRecord:
+        """A view from where the operator has jogged the arm to, or the end of the run; the run as it stands then.
+
+        Raises NotFound, RunOver, NotWaiting, CellBusy, NotStill, SamePose, TargetNotSeen, TooFewViews, DeviceError.
+        """
+        await (await self.supervisor.desk_of(run_id)).ask(wish)
+        return await self.supervisor.run(run_id)
 
     async def verify(self, request: VerifyRequest) -> RunRecord:
         """Start a verify run. Raises as `calibrate`, and NoCalibration."""
         target = request.target or self.settings.target
 
-        async def prepare() -> tuple[int, Drive]:
+        async def prepare() -> Departure:
             calibration = await self.current_document()
             await self._require_ready(await self.cell.obstacles())
             count = VERIFY_POSITIONS if request.poses is None else None
@@ -92,7 +108,7 @@ class Operations:
             return await self.scans.create(request.name, request.refine), None
         created: list[ScanRecord] = []
 
-        async def prepare() -> tuple[int, Drive]:
+        async def prepare() -> Departure:
             await self._require_ready((*await self.cell.robot_obstacles(), *self.cell.scanner_obstacles()))
             poses = request.poses or (self.settings.scanner.poses if self.settings.scanner else ())
             if not poses:
@@ -102,7 +118,7 @@ class Operations:
             await self._require_allowed(poses)
             created.append(await self.scans.create(request.name, request.refine))
             run = Scanning(self.cell, self.scans, self.rules, created[0].id)
-            return len(poses), lambda log: run.drive(poses, log)
+            return Departure(len(poses), lambda log: run.drive(poses, log))
 
         run = await self._start("scan", request, prepare)
         return created[0], run
@@ -114,13 +130,14 @@ class Operations:
             cloud = await self.cell.cloud(reading)
             return await self.scans.keep_scanned(scan_id, cloud, PoseDocument.of(reading.base_T_flange))
 
-    async def apply(self, calibration_id: str, request: ApplyRequest) -> Applied:
-        """Make a calibration current. Raises NotFound, CalibrationUnusable, StorageError."""
+    async def apply(self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None) -> Applied:
+        """Make a calibration current. Raises NotFound, CalibrationUnusable, StorageError, AppliedMeanwhile.
+
+        `expected`: only if what is in force now has one of these places in the history.
+        """
         found = await self.store.calibration(calibration_id)
         require_usable(found, request)
-        applied = Applied(found.id, self.clock.timestamp(), request.applied_by)
-        await self.store.apply(applied)
-        return applied
+        return await self.store.apply(Applied(found.id, self.clock.timestamp(), request.applied_by), expected)
 
     async def current_document(self) -> CalibrationDocument:
         """The calibration in force. Raises NoCalibration."""
@@ -142,9 +159,7 @@ class Operations:
         """Where the flange stands, at rest. Raises NotStill, DeviceError."""
         return PoseDocument.of((await self.cell.settled_pose()).base_T_flange)
 
-    async def _start(
-        self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[tuple[int, Drive]]]
-    ) -> RunRecord:
+    async def _start(self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[Departure]]) -> RunRecord:
         return await self.supervisor.start(kind, request.model_dump(mode="json", exclude_none=True), prepare)
 
     async def _require_ready(self, reasons: tuple[str, ...]) -> None:
@@ -185,7 +200,7 @@ class Operations:
         camera: CameraDocument | None,
         drive: Callable[[Route, SessionLog, RunLog], Awaitable[Ending]],
         kind: str,
-    ) -> tuple[int, Drive]:
+    ) -> Departure:
         """A run that keeps a session folder under its own id."""
         intrinsics = None if camera is None else CameraDocument.of(camera.camera())
 
@@ -194,7 +209,7 @@ class Operations:
             session = SessionLog(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
             return await drive(route, session, log)
 
-        return stations, with_session
+        return Departure(stations, with_session)
 
 
 def require_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

@@ -15,12 +15,20 @@ class CalibrateRequest(Document):
     """Everything is optional: poses of the flange (else taught ones, else planned ones), how many, another target.
 
     `uncertainty_mm`: planning ends when a mapped point is known as well as this (one sigma); `count` is then the most.
+    `manual`: nothing moves the arm; the operator jogs it, and takes each view with POST /runs/{id}/stations.
     """
 
     poses: Annotated[tuple[TaughtPose, ...], Field(min_length=3, max_length=100)] | None = None
     count: Annotated[int, Field(ge=3, le=100)] | None = None
     uncertainty_mm: PositiveFloat | None = None
     target: TargetDocument | None = None
+    manual: bool = False
+
+    @model_validator(mode="after")
+    def _jogged_or_driven(self) -> "CalibrateRequest":
+        if self.manual and self.poses is not None:
+            raise ValueError("poses are driven to, and in a manual run nothing moves the arm: leave one of them out")
+        return self
 
 
 class ArtefactRequest(Document):

@@ -114,6 +114,9 @@ class CalibrationSettings(Document):
     poses: tuple[TaughtPose, ...] = ()
     flange_T_camera_guess: PoseDocument | None = None
     base_T_target_guess: PoseDocument | None = None
+    guess_mm: Annotated[float, Field(gt=0, le=1000)] = 25.0
+    guess_deg: Annotated[float, Field(gt=0, le=45)] = 5.0
+    manual_wait_s: Annotated[float, Field(gt=0, le=86_400)] = 900.0
     limits: LimitsDocument = LimitsDocument()
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
 

@@ -46,10 +46,26 @@ async def settle(robot: Robot, settling: SettlingSettings, clock: Clock) -> Pose
         before = after
 
 
+async def standing(robot: Robot, settling: SettlingSettings, clock: Clock) -> PoseReading:
+    """The pose of an arm that somebody else moves, and that stands now: two readings. Raises NotStill at once."""
+    before = await robot.read_pose()
+    await clock.sleep(settling.gap_s)
+    after = await robot.read_pose()
+    drift = Drift.between(before, after)
+    if before.still and after.still and drift.within(settling):
+        return after
+    moved = (
+        f"it moved by {drift} within {settling.gap_s:g} s" if not drift.within(settling) else "the controller says so"
+    )
+    raise NotStill(
+        f"the arm is not at rest: {moved}", "let go of the joystick, wait until the arm stands, and ask again"
+    )
+
+
 def require_still(before: PoseReading, after: PoseReading, settling: SettlingSettings) -> None:
     """Raises NotStill when the arm moved between two readings: what was seen in between belongs to no pose."""
     drift = Drift.between(before, after)
     if not (after.still and drift.within(settling)):
         raise NotStill(
-            f"the arm moved by {drift} while it was looked at", "keep everything else from moving it, and run again"
+            f"the arm moved by {drift} while it was looked at", "keep everything else from moving it, and look again"
         )

@@ -1,6 +1,7 @@
 """Which poses a run visits: those of the request, else taught ones, else planned ones."""
 
 from dataclasses import dataclass, replace
+from math import radians
 
 from calibration.camera import CameraModel
 from calibration.documents.calibration import CalibrationDocument
@@ -78,6 +79,8 @@ def adaptive_route(
         known.flange_T_camera.transform() if known.flange_T_camera else None,
         known.base_T_target.transform() if known.base_T_target else None,
         settings.noise.noise(),
+        radians(settings.guess_deg),
+        settings.guess_mm,
     )
     assumed = "" if known.camera else "the intrinsics are unknown: planned from a usual field of view until they are"
     return AdaptiveRoute(guess, planning_limits(settings, rules), wish, rules, assumed)

@@ -24,8 +24,8 @@ from calibration.target_pose import target_pose
 from calibration.targets import Target
 from calibration.transforms import Array, inverse, rotation_from_vector, transform, vector_from_rotation
 
-GUESS_RAD, GUESS_MM = np.radians(5.0), 25.0
-"""One standard deviation per axis of a guess that is good to some 50 mm and 10 degrees."""
+GUESS_RAD, GUESS_MM = float(np.radians(5.0)), 25.0
+"""One standard deviation per axis of a guess that is good to some 50 mm and 10 degrees, unless it is said otherwise."""
 
 TURNED_RAD, TURNED_MM = np.radians(20.0), 150.0
 """The same before anything at all is known of X: only the views bound it."""
@@ -41,7 +41,10 @@ LEAST_IMAGE_NOISE_PX = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """What is stated before anything has been seen; None: nothing. Frames as in `calibration.problem`."""
+    """What is stated before anything has been seen; None: nothing. Frames as in `calibration.problem`.
+
+    `rotation_rad`, `translation_mm`: one standard deviation per axis of the two guessed poses.
+    """
 
     setup: Setup
     target: Target
@@ -49,6 +52,12 @@ class Guess:
     mount_T_camera: Array | None
     anchor_T_target: Array | None
     noise: ExpectedNoise
+    rotation_rad: float = GUESS_RAD
+    translation_mm: float = GUESS_MM
+
+    def prior(self) -> Array:
+        """Covariance (6, 6) of [rad, mm] of a guess."""
+        return _prior(self.rotation_rad, self.translation_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +111,7 @@ def _guessed(guess: Guess, camera: CameraModel, caution: float) -> Belief:
             "drive the arm to where the camera sees the whole target, or state both guesses",
         )
     scene = _scene(guess, camera, guess.mount_T_camera, guess.anchor_T_target)
-    covariance = caution**2 * _prior(GUESS_RAD, GUESS_MM)
+    covariance = caution**2 * guess.prior()
     of_mount = [(x, guess.anchor_T_target) for x in alternatives(guess.mount_T_camera, covariance)]
     of_target = [(guess.mount_T_camera, y) for y in alternatives(guess.anchor_T_target, covariance)]
     others = tuple(_scene(guess, camera, x, y) for x, y in of_mount + of_target)
@@ -150,7 +159,7 @@ def _rough(guess: Guess, problem: Problem, seen: list[View], camera: CameraModel
     camera_T_target = _target_poses(guess.target, camera, seen)
     mount_T_camera = _rough_mount(guess, anchor_T_mount, camera_T_target)
     scene = _scene(guess, camera, mount_T_camera, anchor_T_mount[-1] @ mount_T_camera @ camera_T_target[-1])
-    prior = _prior(GUESS_RAD, GUESS_MM) if guess.mount_T_camera is not None else _prior(TURNED_RAD, TURNED_MM)
+    prior = guess.prior() if guess.mount_T_camera is not None else _prior(TURNED_RAD, TURNED_MM)
     # One view or two cannot tell the lens from the distance: what is doubtful of a camera stands beside, below.
     held = replace(scene, intrinsics_free=False)
     told = view_information(held, np.array([view.base_T_flange for view in seen])).sum(axis=0)
@@ -179,12 +188,11 @@ def _rough_mount(guess: Guess, anchor_T_mount: Array, camera_T_target: Array) ->
         return kronecker(anchor_T_mount, camera_T_target)
     if len(anchor_T_mount) < 2:
         return guess.mount_T_camera
-    return _pulled(guess.mount_T_camera, anchor_T_mount, camera_T_target)
+    return _pulled(guess.mount_T_camera, np.sqrt(np.diagonal(guess.prior())), anchor_T_mount, camera_T_target)
 
 
-def _pulled(guess: Array, anchor_T_mount: Array, camera_T_target: Array) -> Array:
-    """The X near the guess for which the target stands still: least squares under the guess's own uncertainty."""
-    spread = np.sqrt(np.diagonal(_prior(GUESS_RAD, GUESS_MM)))
+def _pulled(guess: Array, spread: Array, anchor_T_mount: Array, camera_T_target: Array) -> Array:
+    """The X near the guess for which the target stands still: least squares under the guess's `spread` (6,)."""
     agree = np.repeat([np.radians(0.1), 1.0], 3)
 
     def residuals(step: Array) -> Array:

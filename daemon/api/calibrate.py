@@ -20,7 +20,7 @@ from daemon.settings import CalibrationSettings
 router = APIRouter(tags=["calibrate"])
 
 HOW_TO_START = (
-    "POST /calibrate with no body, or with poses, count, uncertainty_mm or target;"
+    "POST /calibrate with no body, or with poses, count, uncertainty_mm, target or manual;"
     " ?wait=SECONDS answers the finished run"
 )
 

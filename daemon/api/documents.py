@@ -29,6 +29,7 @@ class PlanningDocument(Answer):
     """What a run that plans as it goes expects, one sigma of a mapped point.
 
     `now_mm`: from the views so far, null before they determine X; `planned_mm`: with the `ahead` views planned next.
+    `advice`: what an operator should do before the next view of a manual run; `next_pose`: where that leads, if known.
     """
 
     now_mm: float | None
@@ -36,12 +37,15 @@ class PlanningDocument(Answer):
     ahead: int
     predicted: str | None
     note: str
+    advice: str
+    next_pose: PoseDocument | None
 
     @classmethod
     def of(cls, planning: Planning) -> "PlanningDocument":
         return cls(
             now_mm=planning.now_mm, planned_mm=planning.planned_mm, ahead=planning.ahead,
-            predicted=predicted_in_words(planning), note=planning.note,
+            predicted=predicted_in_words(planning), note=planning.note, advice=planning.advice,
+            next_pose=None if planning.next_pose is None else PoseDocument.model_validate(planning.next_pose),
         )  # fmt: skip
 
 
@@ -68,6 +72,8 @@ class RunDocument(Answer):
         links = {"self": f"/runs/{run.id}"}
         if not run.over:
             links["abort"] = f"/runs/{run.id}/abort"
+            if run.request.get("manual"):
+                links |= {"stations": f"/runs/{run.id}/stations", "finish": f"/runs/{run.id}/finish"}
         for key, folder in (("calibration_id", "calibrations"), ("scan_id", "scans")):
             if run.result and key in run.result:
                 links[key.removesuffix("_id")] = f"/{folder}/{run.result[key]}"
@@ -107,11 +113,12 @@ class CalibrationSummary(Answer):
 
 
 class AppliedDocument(Answer):
-    """A calibration became current."""
+    """A calibration became current. `sequence` counts everything that was ever applied."""
 
     calibration_id: str
     applied_at: str
     applied_by: str
+    sequence: int
 
     @classmethod
     def of(cls, applied: Applied) -> "AppliedDocument":
@@ -204,9 +211,10 @@ class CloudDocument(Answer):
 
 
 class ScanList(Answer):
-    """The newest first."""
+    """The newest first; `next` asks for those before them."""
 
     scans: list[ScanDocument]
+    next: str | None
 
 
 class RobotDocument(Answer):

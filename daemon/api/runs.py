@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.api.access import App, Before, Identifier, Limit, Wait
+from daemon.api.access import App, Before, Identifier, Limit, Wait, page_of
 from daemon.api.documents import RunDocument, RunList
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.problems import documented
@@ -20,12 +20,19 @@ POLL_S = 1
 """Retry-After of a run in progress: a station takes seconds."""
 
 
+STARTED = {200: or_text("The finished run, when `wait` was long enough"),
+           202: {"description": "Started; follow Location", "model": RunDocument,
+                 "headers": {"Location": {"schema": {"type": "string"}},
+                             "Retry-After": {"schema": {"type": "integer"}}}},
+           **documented(400, 403, 404, 409, 413, 422, 500, 502, 503, 504, 507)}  # fmt: skip
+FINISHING = {status: answer for status, answer in STARTED.items() if status not in (400, 403, 413)}
+
+
 @router.get("", response_model=RunList)
 async def runs(app: App, limit: Limit = 50, before: Before = None) -> RunList:
     """The newest first."""
-    found = await app.supervisor.runs(limit, before)
-    after = f"/runs?limit={limit}&before={found[-1].id}" if len(found) == limit else None
-    return RunList(runs=[RunDocument.of(run) for run in found], next=after)
+    page, following = page_of(await app.supervisor.runs(limit + 1, before), limit, "/runs")
+    return RunList(runs=[RunDocument.of(run) for run in page], next=following)
 
 
 @router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **documented(404)})
@@ -40,6 +47,26 @@ async def abort(request: Request, app: App, run_id: Identifier) -> Response:
     """Stop the run: when this answers the arm has been stopped and disarmed."""
     found = await app.supervisor.abort(run_id, "a request over REST")
     return await run_answer(request, app, found)
+
+
+@router.post(
+    "/{run_id}/stations",
+    response_model=RunDocument,
+    responses={200: or_text("The view is taken"), **documented(404, 409, 422, 500, 502, 503, 504, 507)},
+)
+async def station(request: Request, app: App, run_id: Identifier) -> Response:
+    """Of a manual run: take one view from where the operator has jogged the arm to, and say where to go next.
+
+    Nothing moves. Refused, and not counted: an arm that is not at rest, a picture without the target, the same pose
+    again.
+    """
+    return await run_answer(request, app, await app.operations.ask(run_id, "a view"))
+
+
+@router.post("/{run_id}/finish", response_model=RunDocument, responses=FINISHING)
+async def finish(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) -> Response:
+    """Of a manual run: no more views; solve for X, judge and store it."""
+    return await started_answer(request, app, await app.operations.ask(run_id, "the end"), wait)
 
 
 @router.get(
@@ -78,10 +105,3 @@ async def started_answer(request: Request, app: Application, run: RunRecord, wai
     if wait > 0:
         run = await app.supervisor.wait(run.id, wait)
     return await run_answer(request, app, run, 200 if run.over else 202, {"Location": f"/runs/{run.id}"})
-
-
-STARTED = {200: or_text("The finished run, when `wait` was long enough"),
-           202: {"description": "Started; follow Location", "model": RunDocument,
-                 "headers": {"Location": {"schema": {"type": "string"}},
-                             "Retry-After": {"schema": {"type": "integer"}}}},
-           **documented(400, 403, 404, 409, 413, 422, 500, 502, 503, 504, 507)}  # fmt: skip

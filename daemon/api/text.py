@@ -19,6 +19,8 @@ def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Itera
     yield f"{run.kind} run {run.id}: {run.state}, station {run.station} of {run.stations}"
     if run.planning is not None:
         yield from filter(None, (predicted_in_words(run.planning), run.planning.note))
+        if not run.over and run.planning.advice:
+            yield f"next: {run.planning.advice}"
     if run.cause is not None:
         yield f"why:  {run.cause.what}"
         yield f"do:   {run.cause.fix}"
@@ -29,6 +31,8 @@ def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Itera
         yield from _verification_lines(run.result["verification"])
     if run.result is not None and "scan_id" in run.result:
         yield f"scan {run.result['scan_id']}: {run.result['views']} views; GET /scans/{run.result['scan_id']}/cloud"
+    if not run.over and run.request.get("manual"):
+        yield f"take a view with POST /runs/{run.id}/stations, end with POST /runs/{run.id}/finish"
     if not run.over:
         yield f"follow it with GET /runs/{run.id} or /events; stop it with POST /runs/{run.id}/abort"
 

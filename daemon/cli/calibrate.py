@@ -15,6 +15,13 @@ Url = Annotated[str, typer.Option("--url", envvar="HANDEYED_URL", help="Where th
 def calibrate(
     url: Url = "http://127.0.0.1:8372",
     count: Annotated[int | None, typer.Option(help="How many poses; the settings' number by default.")] = None,
+    uncertainty: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="Stop when a mapped point is known as well as this (one sigma, mm)."),
+    ] = None,
+    manual: Annotated[
+        bool, typer.Option("--manual", help="You jog the arm and take each view with Enter; nothing else moves it.")
+    ] = False,
     request: Annotated[
         Path | None, typer.Option("--request", help="A JSON file with the whole request: poses, count, target.")
     ] = None,
@@ -23,15 +30,18 @@ def calibrate(
 ) -> None:
     """Let the daemon calibrate: THE ROBOT MOVES. Shows progress, then the verdict. Ctrl-C stops the arm.
 
+    With --manual you move it: after each view you are told what to turn next, and what that will give.
+
     Exit status: 0 accepted, 3 solved or refused but not accepted, 1 the run failed.
     """
     from calibration.documents.calibration import CalibrationDocument
+    from daemon.cli.by_hand import by_hand
     from daemon.cli.client import DaemonClient
     from daemon.cli.summary import summary
 
-    body = _body(request, count)
+    body = _body(request, count, uncertainty, manual)
     with DaemonClient(url) as daemon:
-        run = daemon.run("/calibrate", body, _tell)
+        run = by_hand(daemon, body) if body.get("manual") else daemon.run("/calibrate", body, _tell)
         if run["state"] != "finished":
             cause = run["cause"] or {"what": f"the run was {run['state']}", "fix": "start it again"}
             raise CommandError(f"{daemon.url}/runs/{run['id']}", cause["what"], cause["fix"])
@@ -46,7 +56,7 @@ def calibrate(
     raise typer.Exit(ExitStatus.OK if document.verdict.accepted else ExitStatus.NOT_ACCEPTED)
 
 
-def _body(request: Path | None, count: int | None) -> dict[str, Any]:
+def _body(request: Path | None, count: int | None, uncertainty: float | None, manual: bool) -> dict[str, Any]:
     from calibration.documents.validation import parse_document
     from daemon.requests import CalibrateRequest
     from daemon.session_folder import read_bytes
@@ -56,7 +66,8 @@ def _body(request: Path | None, count: int | None) -> dict[str, Any]:
         body = parse_document(CalibrateRequest, read_bytes(request), str(request)).model_dump(
             mode="json", exclude_none=True
         )
-    return body | ({} if count is None else {"count": count})
+    given = {"count": count, "uncertainty_mm": uncertainty, "manual": manual or None}
+    return body | {name: value for name, value in given.items() if value is not None}
 
 
 def _tell(event: dict[str, Any]) -> None:

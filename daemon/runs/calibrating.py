@@ -13,6 +13,7 @@ from daemon.clock import Clock
 from daemon.runs.adaptive import AdaptiveRoute, AdaptiveTour
 from daemon.runs.log import RunLog
 from daemon.runs.looking import Itinerary, look_from_everywhere
+from daemon.runs.manual import ManualRoute, ManualTour
 from daemon.runs.session_log import SessionLog
 from daemon.runs.states import RunEvent as E
 from daemon.runs.supervisor import Ending
@@ -48,6 +49,11 @@ class Calibrating:
         """The same, from poses that are planned after each view."""
         problem = await AdaptiveTour(route, self.cell, self.workers, session, log).drive(FEWEST_VIEWS)
         return await self._conclude(problem, log, None)
+
+    async def drive_manually(self, route: ManualRoute, session: SessionLog, log: RunLog) -> Ending:
+        """The same, from poses that the operator jogs to."""
+        problem = await ManualTour(route, self.cell, self.workers, session, log).attend(FEWEST_VIEWS)
+        return await self._conclude(problem, log, self.better)
 
     async def _conclude(self, problem: Problem, log: RunLog, better: Alternative | None) -> Ending:
         document = await self.workers.run(solved, problem, log.id, self.clock.timestamp(), better)

@@ -77,12 +77,7 @@ class RunLog:
 
     def _tell(self) -> None:
         run = self.run
-        self._events.publish(
-            "run",
-            {"id": run.id, "kind": run.kind, "state": run.state, "station": run.station, "stations": run.stations,
-             "cause": run.cause.what if run.cause else None, "at": run.updated_at,
-             "predicted": predicted_in_words(run.planning)},
-        )  # fmt: skip
+        self._events.publish("run", run_event(run))
         ending = f": {run.cause.what}" if run.cause else ""
         if run.state is RunState.MOVING and (words := predicted_in_words(run.planning)):
             ending = f", {words}"
@@ -95,3 +90,18 @@ def predicted_in_words(planning: Planning | None) -> str | None:
         return None
     now = "not yet determined" if planning.now_mm is None else f"{planning.now_mm:.2g}"
     return f"predicted {now} mm" if planning.planned_mm is None else f"predicted {now} -> {planning.planned_mm:.2g} mm"
+
+
+def run_event(run: RunRecord) -> dict[str, Any]:
+    """Where a run stands, as listeners are told."""
+    return {
+        "id": run.id,
+        "kind": run.kind,
+        "state": run.state,
+        "station": run.station,
+        "stations": run.stations,
+        "cause": run.cause.what if run.cause else None,
+        "at": run.updated_at,
+        "predicted": predicted_in_words(run.planning),
+        "advice": run.planning.advice if run.planning else "",
+    }

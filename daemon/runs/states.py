@@ -7,6 +7,7 @@ class RunState(StrEnum):
     """Where a run stands."""
 
     MOVING = "moving"
+    WAITING = "waiting"  # for the operator, who jogs
     SETTLING = "settling"
     CAPTURING = "capturing"
     PLANNING = "planning"
@@ -21,6 +22,9 @@ class RunEvent(StrEnum):
     """What happens to a run."""
 
     ARRIVED = "arrived"
+    ASKED = "asked"  # by the operator, for a view from where the arm stands
+    REFUSED = "refused"  # that view; the operator is told why, and the run goes on waiting
+    ADVISED = "advised"  # the view is taken, and the operator told where to go next
     SETTLED = "settled"
     CAPTURED = "captured"  # and there is another station
     LOOKED = "looked"  # and where to go next depends on what was seen
@@ -47,15 +51,23 @@ _ENDS_BADLY = {E.FAULT: S.FAILED, E.ABORT: S.ABORTED}
 
 NEXT_STATE: dict[RunState, dict[RunEvent, RunState]] = {
     S.MOVING: {E.ARRIVED: S.SETTLING, **_ENDS_BADLY},
-    S.SETTLING: {E.SETTLED: S.CAPTURING, **_ENDS_BADLY},
+    S.WAITING: {E.ASKED: S.SETTLING, E.ENOUGH: S.DETECTING, **_ENDS_BADLY},
+    S.SETTLING: {E.SETTLED: S.CAPTURING, E.REFUSED: S.WAITING, **_ENDS_BADLY},
     S.CAPTURING: {
+        E.REFUSED: S.WAITING,
         E.CAPTURED: S.MOVING,
         E.LOOKED: S.PLANNING,
         E.ALL_CAPTURED: S.DETECTING,
         E.ALL_STORED: S.FINISHED,
         **_ENDS_BADLY,
     },
-    S.PLANNING: {E.PLANNED: S.MOVING, E.ENOUGH: S.DETECTING, **_ENDS_BADLY},
+    S.PLANNING: {
+        E.PLANNED: S.MOVING,
+        E.ENOUGH: S.DETECTING,
+        E.ADVISED: S.WAITING,
+        E.REFUSED: S.WAITING,
+        **_ENDS_BADLY,
+    },
     S.DETECTING: {E.DETECTED: S.SOLVING, **_ENDS_BADLY},
     S.SOLVING: {E.SOLVED: S.FINISHED, **_ENDS_BADLY},
     S.FINISHED: {},

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from daemon.clock import Clock
-from daemon.errors import CellBusy, RunInProgress, RunOver, Stopping, StorageError
+from daemon.errors import CellBusy, NotWaiting, RunInProgress, RunOver, Stopping, StorageError
 from daemon.events import EventLog
 from daemon.logs import about_run
 from daemon.runs.causes import aborted, cause_of, interrupted
-from daemon.runs.log import RunLog
+from daemon.runs.desk import Desk
+from daemon.runs.log import RunLog, run_event
 from daemon.runs.states import FIRST_STATE, RunEvent, RunState
 from daemon.store.records import RunKind, RunRecord
 from daemon.store.store import Store
@@ -25,10 +26,21 @@ Ending = tuple[RunEvent, dict[str, Any]]
 Drive = Callable[[RunLog], Awaitable[Ending]]
 
 
+@dataclass(frozen=True)
+class Departure:
+    """How a run begins. `desk`: where an operator's requests reach a run that waits for them."""
+
+    stations: int
+    drive: Drive
+    first_state: RunState = FIRST_STATE
+    desk: Desk | None = None
+
+
 @dataclass
 class _InProgress:
     log: RunLog
     task: asyncio.Task[None]
+    desk: Desk | None
     aborted_by: str = ""
 
 
@@ -69,27 +81,29 @@ class Supervisor:
             except StorageError as error:
                 self._unsaved[run.id] = ended
                 log.error("this could not be stored: %s", error)
+            self._events.publish("run", run_event(ended))
         return left
 
     async def start(
-        self, kind: RunKind, request: dict[str, Any], prepare: Callable[[], Awaitable[tuple[int, Drive]]]
+        self, kind: RunKind, request: dict[str, Any], prepare: Callable[[], Awaitable[Departure]]
     ) -> RunRecord:
-        """`prepare` answers how many stations and how to drive; the run then goes on by itself.
+        """`prepare` answers how the run begins; it then goes on by itself.
 
         Raises RunInProgress at once when there is one, Stopping, StorageError, and what `prepare` raises.
         """
         self.require_free()
         self._starting = True
         try:
-            stations, drive = await prepare()
-            now = self._clock.timestamp()
-            run = RunRecord(self._new_id(self._clock), kind, FIRST_STATE, 0, stations, now, now, request=request)
+            departure = await prepare()
+            now, first = self._clock.timestamp(), departure.first_state
+            run = RunRecord(self._new_id(self._clock), kind, first, 0, departure.stations, now, now, request=request)
             run_log = RunLog(run, self._save, self._events, self._clock)
             await run_log.begin()
             if self._stopping:
                 await run_log.end(RunEvent.ABORT, cause=aborted("the daemon, which is stopping", run))
                 raise Stopping
-            self._current = _InProgress(run_log, asyncio.create_task(self._supervise(run_log, drive)))
+            task = asyncio.create_task(self._supervise(run_log, departure.drive))
+            self._current = _InProgress(run_log, task, departure.desk)
             await asyncio.sleep(0)  # a task cancelled before its first step would never tell how it ended
         finally:
             self._starting = False
@@ -108,6 +122,16 @@ class Supervisor:
         if current.log.run.state is not RunState.ABORTED:
             raise RunOver(f"run {run_id} {current.log.run.state} before it could be stopped", "look at its result")
         return current.log.run
+
+    async def desk_of(self, run_id: str) -> Desk:
+        """Where to ask the run for a view, or for its end. Raises RunOver, NotWaiting, NotFound."""
+        current = self._current
+        if current is None or current.log.id != run_id or current.log.run.over:
+            run = await self.run(run_id)
+            raise RunOver(f"run {run.id} has {run.state} already", "start another with POST /calibrate")
+        if current.desk is None:
+            raise NotWaiting(run_id)
+        return current.desk
 
     async def run(self, run_id: str) -> RunRecord:
         """The latest that is known of a run. Raises NotFound."""

@@ -26,7 +26,8 @@ class Planning:
     """How far a run that plans as it goes has come.
 
     `now_mm`: what the views so far tell of a mapped point, None before they determine it; `planned_mm`: what the
-    `ahead` views planned next will. `pictures` counts the first look too. `note` says what was assumed.
+    `ahead` views planned next will. `pictures` counts the first look too. `note` says what was assumed, `advice` where
+    an operator should jog to, and `next_pose` is that as base_T_flange.
     """
 
     now_mm: float | None = None
@@ -34,6 +35,8 @@ class Planning:
     ahead: int = 0
     pictures: int = 0
     note: str = ""
+    advice: str = ""
+    next_pose: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,8 @@ class Applied:
     calibration_id: str
     applied_at: str
     applied_by: str
+    sequence: int = field(default=0, compare=False)
+    """Given by the store: counts what was ever applied."""
 
 
 @dataclass(frozen=True)
