@@ -4,6 +4,7 @@ import asyncio
 import logging
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from daemon.cell import Cell
 from daemon.clock import Clock
@@ -29,6 +30,14 @@ JOB_LIMIT_S = 600.0
 """No detection or solution of a run takes ten minutes: a job that does hangs."""
 
 
+class Companion(Protocol):
+    """Something that works beside the REST interface for as long as the daemon runs."""
+
+    async def start(self) -> None: ...
+
+    async def stop(self) -> None: ...
+
+
 @dataclass(eq=False)
 class Application:
     """Every owner of state, handed in by the composition root."""
@@ -44,6 +53,7 @@ class Application:
     scans: Scans
     metrics: Metrics
     systemd: Systemd
+    companions: tuple[Companion, ...] = ()
     _started_s: float = field(default=0.0, init=False)
     _stopping: asyncio.Task[None] | None = field(default=None, init=False)
     _watchdog: asyncio.Task[None] | None = field(default=None, init=False)
@@ -51,9 +61,12 @@ class Application:
     async def start(self) -> None:
         """Tell off what an earlier daemon left behind, and feed the watchdog. Nothing moves."""
         self._started_s = self.clock.monotonic_s()
+        await self.events.recover()
         await self.supervisor.recover()
         await self.scans.recover()
         await self.cell.links_come_up(LINKS_LIMIT_S)
+        for companion in self.companions:
+            await companion.start()
         self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
 
     def begin_stop(self, by: str) -> None:
@@ -75,6 +88,8 @@ class Application:
         self.begin_stop("the end of the daemon")
         assert self._stopping is not None
         await self._stopping
+        for companion in reversed(self.companions):
+            await companion.stop()
         if self._watchdog is not None:
             self._watchdog.cancel()
             with suppress(asyncio.CancelledError):
@@ -82,6 +97,7 @@ class Application:
         self.scans.registering.stop()
         self.workers.close()
         await self.cell.close()
+        await self.events.written()
         await self.store.close()
 
     def uptime_s(self) -> float:

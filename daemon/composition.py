@@ -41,8 +41,9 @@ def build(
     """Everything, joined. Inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
     clock = clock or Clock()
     store = store or Store(Path(settings.storage.folder))
-    events, workers, metrics = EventLog(), Workers(clock), Metrics()
-    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock)
+    events, workers, metrics = EventLog(store.kept_events), Workers(clock), Metrics()
+    interlocks = settings.interlocks.open() if settings.interlocks else None
+    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks)
     supervisor = Supervisor(store, events, clock, new_id)
     scans = Scans(store, workers, clock, new_id, settings.scanner, Registering(store, workers, clock, events))
     rules = MotionRules.of(settings.robot)

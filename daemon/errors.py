@@ -4,6 +4,7 @@ DaemonError
 ├── RunInProgress         one run at a time; `holder` says which
 ├── CellBusy              somebody else holds the cell; `holder` says who
 ├── CellNotReady          the robot or a device would not do it now; `reasons`
+│   └── InterlockOpen     an interlock of the cell does not allow motion; `interlocks`
 ├── NotStill              the arm moved while it was looked at, or never came to rest
 ├── PictureUnusable       the camera's picture cannot be used
 ├── NoPoses               nothing says where to look from
@@ -83,6 +84,16 @@ class CellNotReady(DaemonError):
     def __init__(self, reasons: tuple[str, ...]) -> None:
         self.reasons = reasons
         super().__init__("; ".join(reasons), "put this right at the cell, see GET /ready, and ask again")
+
+
+class InterlockOpen(CellNotReady):
+    """An interlock of the cell does not allow motion; `interlocks` names which."""
+
+    code = "interlock-open"
+
+    def __init__(self, interlocks: tuple[str, ...], reasons: tuple[str, ...]) -> None:
+        self.interlocks = interlocks
+        super().__init__(reasons)
 
 
 class NotStill(DaemonError):

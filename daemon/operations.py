@@ -164,6 +164,7 @@ class Operations:
 
     async def _require_ready(self, reasons: tuple[str, ...]) -> None:
         if reasons:
+            await self.cell.require_interlocks()
             raise CellNotReady(reasons)
 
     async def _stations(

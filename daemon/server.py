@@ -14,14 +14,15 @@ import uvicorn
 
 from daemon.api.app import create_api
 from daemon.application import Application
+from daemon.connections import Door
 from daemon.errors import PortTaken
 from daemon.store.files import write_durably
 
 GRACE_S = 4
 """For answers in progress after SIGTERM. Event streams end at once by themselves."""
 
-HEADER_LIMIT_S = 10
-"""An idle connection is closed after this."""
+KEEP_ALIVE_S = 10
+"""A connection between two requests is closed after this."""
 
 PORT_FIX = "see who listens there already (ss -ltnp), or choose another [server] host or port; 0 takes any port"
 
@@ -32,12 +33,14 @@ Announce = Callable[[str], None]
 class Server(uvicorn.Server):
     """uvicorn that stops the cell's work the moment a signal comes, and tells where it listens."""
 
-    def __init__(self, application: Application, announce: Announce) -> None:
+    def __init__(self, application: Application, announce: Announce, door: Door | None = None) -> None:
+        self._door = door or Door()
         super().__init__(
             uvicorn.Config(
                 create_api(application),
+                http=self._door.protocol,  # type: ignore[arg-type] # it is called, never subclassed
                 timeout_graceful_shutdown=GRACE_S,
-                timeout_keep_alive=HEADER_LIMIT_S,
+                timeout_keep_alive=KEEP_ALIVE_S,
                 log_config=None,
                 access_log=False,
                 server_header=False,

@@ -3,7 +3,7 @@
 import difflib
 import json
 from collections.abc import Awaitable, Callable, Iterator
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Protocol, TypeVar
 
 from fastapi import Depends, Path, Query, Request
 from pydantic import BaseModel
@@ -14,6 +14,16 @@ from daemon.application import Application
 from daemon.errors import BodyMalformed, RequestRefused
 
 Model = TypeVar("Model", bound=BaseModel)
+
+
+class Identified(Protocol):
+    """A record that a page can end with."""
+
+    @property
+    def id(self) -> str: ...
+
+
+Record = TypeVar("Record", bound=Identified)
 
 ORIGIN = "request body"
 
@@ -27,7 +37,15 @@ App = Annotated[Application, Depends(_application)]
 Identifier = Annotated[str, Path(min_length=1, max_length=64, description="as in Location and in the list")]
 Wait = Annotated[float, Query(ge=0, le=3600, description="seconds to wait for the run's end before answering")]
 Limit = Annotated[int, Query(ge=1, le=500, description="how many at most")]
-Before = Annotated[str | None, Query(max_length=64, description="the last id of the page before")]
+Before = Annotated[
+    str | None, Query(min_length=1, max_length=64, description="cursor: the last id of the page before; see `next`")
+]
+
+
+def page_of(found: list[Record], limit: int, path: str) -> tuple[list[Record], str | None]:
+    """Of one record more than asked for: the page, and the link to the next when there is one."""
+    page = found[:limit]
+    return page, f"{path}?limit={limit}&before={page[-1].id}" if len(found) > limit else None
 
 
 def body_of(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:

@@ -13,6 +13,7 @@ from calibration.errors import CalibrationError
 from daemon.api import calibrate, calibrations, cell, events, health, openapi, problems, register, runs, scans
 from daemon.api.access import only_known_queries
 from daemon.api.guards import Guards
+from daemon.api.idempotency import Idempotency
 from daemon.application import Application
 from daemon.errors import DaemonError
 from daemon.software import VERSION
@@ -38,7 +39,8 @@ ABOUT = (
 
 def create_api(application: Application) -> ASGIApp:
     """The REST interface of `application`, which it starts and stops."""
-    return Guards(routes(application), application.settings.server.body_limit_bytes, application.metrics)
+    keyed = Idempotency(routes(application), application)
+    return Guards(keyed, application.settings.server.body_limit_bytes, application.metrics)
 
 
 def routes(application: Application | None) -> FastAPI:

@@ -5,8 +5,17 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.api.access import App, Before, Identifier, Limit, body_of, takes
+from daemon.api.access import App, Before, Identifier, Limit, body_of, page_of, takes
 from daemon.api.documents import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
+from daemon.api.etags import (
+    ETAG_HEADER,
+    UNCHANGED,
+    IfMatch,
+    IfNoneMatch,
+    expected_places,
+    tag_of,
+    tags_in,
+)
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.problems import documented
 from daemon.api.text import current_in_words
@@ -19,26 +28,33 @@ router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
 @router.get("", response_model=CalibrationList)
 async def calibrations(app: App, limit: Limit = 50, before: Before = None) -> CalibrationList:
-    """The newest first, and what was applied."""
-    found = await app.store.calibrations(limit, before)
+    """The newest first, and what was applied last."""
+    page, following = page_of(await app.store.calibrations(limit + 1, before), limit, "/calibrations")
     applied = await app.store.applied(limit)
     current = applied[0].calibration_id if applied else None
     return CalibrationList(
-        calibrations=[CalibrationSummary.of(record, current) for record in found],
+        calibrations=[CalibrationSummary.of(record, current) for record in page],
         applied=[AppliedDocument.of(row) for row in applied],
-        next=f"/calibrations?limit={limit}&before={found[-1].id}" if len(found) == limit else None,
+        next=following,
     )
 
 
-@router.get("/current", response_model=CurrentCalibration, responses={200: or_text("In words"), **documented(404)})
-async def current(request: Request, app: App) -> Response:
-    """The calibration in force."""
+@router.get(
+    "/current",
+    response_model=CurrentCalibration,
+    responses={200: {**or_text("In words"), "headers": ETAG_HEADER}, 304: UNCHANGED, **documented(404)},
+)
+async def current(request: Request, app: App, if_none_match: IfNoneMatch = None) -> Response:
+    """The calibration in force. Its ETag is what `If-Match` of POST /calibrations/{id}/apply expects."""
     try:
         applied, record = await app.store.current()
     except NoCalibration as error:
         raise NotFound(error.what, error.fix) from None
     document = CurrentCalibration(applied=AppliedDocument.of(applied), calibration=record.document)
-    return negotiated(request, document, lambda: current_in_words(document))
+    tag = tag_of(applied.sequence)
+    if if_none_match is not None and tag in tags_in(if_none_match):
+        return Response(status_code=304, headers={"ETag": tag, "Vary": "Accept"})
+    return negotiated(request, document, lambda: current_in_words(document), headers={"ETag": tag})
 
 
 @router.get(
@@ -55,11 +71,21 @@ async def calibration(request: Request, app: App, calibration_id: Identifier) ->
 @router.post(
     "/{calibration_id}/apply",
     response_model=AppliedDocument,
-    responses=documented(400, 404, 409, 413, 500, 507),
+    responses={200: {"description": "It is in force", "headers": ETAG_HEADER},
+               **documented(400, 403, 404, 409, 412, 413, 500, 507)},
     openapi_extra=takes(ApplyRequest),
-)
+)  # fmt: skip
 async def apply(
-    app: App, calibration_id: Identifier, body: Annotated[ApplyRequest, Depends(body_of(ApplyRequest))]
+    app: App,
+    response: Response,
+    calibration_id: Identifier,
+    body: Annotated[ApplyRequest, Depends(body_of(ApplyRequest))],
+    if_match: IfMatch = None,
 ) -> AppliedDocument:
-    """Make this calibration the one in force. What was in force before stays in the history."""
-    return AppliedDocument.of(await app.operations.apply(calibration_id, body))
+    """Make this calibration the one in force. What was in force before stays in the history.
+
+    With `If-Match`, the ETag of GET /calibrations/current: only if nothing else was applied meanwhile.
+    """
+    applied = await app.operations.apply(calibration_id, body, expected_places(if_match))
+    response.headers["ETag"] = tag_of(applied.sequence)
+    return AppliedDocument.of(applied)

@@ -12,6 +12,9 @@ from daemon.events import Event, EventLog
 
 router = APIRouter(tags=["events"])
 
+QUIET_S = 15.0
+"""After so much silence a comment is sent, so that both ends notice a connection that broke."""
+
 
 @router.get(
     "/events",
@@ -19,7 +22,10 @@ router = APIRouter(tags=["events"])
     responses={200: {"description": "Events with ids", "content": {"text/event-stream": {}}}},
 )
 async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, pattern=r"^[0-9]*$")] = "") -> Response:
-    """What happens from now on; with Last-Event-ID what was missed as well. Ends when the daemon stops."""
+    """What happens from now on; with Last-Event-ID what was missed as well. Ends when the daemon stops.
+
+    Numbers grow, also over restarts, and may leave some out. What is too long ago to be told again is an event `lost`.
+    """
     last = app.events.last
     after = min(int(last_event_id), last) if last_event_id else last
     return StreamingResponse(
@@ -29,8 +35,8 @@ async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, p
 
 async def _stream(events: EventLog, after: int) -> AsyncIterator[str]:
     yield ": what happens in the cell\n\n"
-    async for event in events.listen(after):
-        yield _sse(event)
+    async for event in events.listen(after, QUIET_S):
+        yield ": nothing new\n\n" if event is None else _sse(event)
 
 
 def _sse(event: Event) -> str:

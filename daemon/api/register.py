@@ -31,6 +31,6 @@ async def register(
     base_T_flange = await app.operations.pose_now() if pose == "now" else parse_pose(pose)
     base_T_scanner = base_T_flange.transform() @ app.scans.flange_T_scanner(document)
     numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
-    headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x:.9g}" for x in numbers)}
+    headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers)}
     stream = CloudStream(media_type, base_T_scanner, unit)
     return MovedCloud(stream, media_type, headers, app.store.folder, app.metrics.registered)

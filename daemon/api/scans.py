@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from calibration.documents.pose import PoseDocument
-from daemon.api.access import App, Identifier, Limit, Wait, body_of, takes
+from daemon.api.access import App, Before, Identifier, Limit, Wait, body_of, page_of, takes
 from daemon.api.clouds import (
     ANSWERED,
     BINARY,
@@ -41,10 +41,11 @@ BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
 
 
 @router.get("", response_model=ScanList)
-async def scans(app: App, limit: Limit = 50) -> ScanList:
+async def scans(app: App, limit: Limit = 50, before: Before = None) -> ScanList:
     """The newest first."""
-    found = await app.store.scans(limit)
-    return ScanList(scans=[ScanDocument.of(scan, await app.store.scan_views(scan.id)) for scan in found])
+    page, following = page_of(await app.store.scans(limit + 1, before), limit, "/scans")
+    found = [ScanDocument.of(scan, await app.store.scan_views(scan.id)) for scan in page]
+    return ScanList(scans=found, next=following)
 
 
 @router.post(

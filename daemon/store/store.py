@@ -1,19 +1,30 @@
 """Everything that survives a restart. Each call returns when what it wrote is on the disk."""
 
 import sqlite3
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
-from daemon.errors import NoCalibration, NotFound
+from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound
 from daemon.runs.states import FINAL_STATES
+from daemon.store.behalf import current_behalf, note
 from daemon.store.database import Database
+from daemon.store.events import KeptEvents
 from daemon.store.files import WriteFile, settle_file, write_durably
 from daemon.store.hold import FolderHold
+from daemon.store.keyed_requests import KeyedRequests
+from daemon.store.outbox import Outbox
 from daemon.store.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView, Unit
 
 DATABASE_NAME = "handeyed.sqlite"
+
+_UPDATE_RUN = (
+    "UPDATE runs SET (id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result,"
+    " planning) = (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) WHERE id = ?"
+)
 
 _CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrations"
 
@@ -31,6 +42,9 @@ class Store:
         except BaseException:
             self._hold.release()
             raise
+        self.keyed_requests = KeyedRequests(self._database)
+        self.kept_events = KeptEvents(self._database)
+        self.outbox = Outbox(self._database)
 
     async def close(self) -> None:
         await self._database.close()
@@ -43,8 +57,14 @@ class Store:
 
     async def save_run(self, run: RunRecord) -> None:
         """Insert the run, or bring its row up to date."""
-        marks = ", ".join("?" * len(run.row()))
-        await self._database.write(lambda db: db.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", run.row()))
+        behalf, row = current_behalf(), run.row()
+
+        def save(db: sqlite3.Connection) -> None:
+            if not db.execute(_UPDATE_RUN, (*row, run.id)).rowcount:
+                db.execute(f"INSERT INTO runs VALUES ({', '.join('?' * len(row))})", row)
+                note(db, behalf, run.created_at, "run", run.id, kind=run.kind)
+
+        await self._database.write(save)
 
     async def run(self, run_id: str) -> RunRecord:
         """Raises NotFound."""
@@ -54,13 +74,8 @@ class Store:
         return RunRecord.of(row)
 
     async def runs(self, limit: int, before: str | None = None) -> list[RunRecord]:
-        """The newest first; `before` is the id of the last one already seen."""
-        query = (
-            "SELECT * FROM runs WHERE ?1 IS NULL OR (created_at, id) <"
-            " (SELECT created_at, id FROM runs WHERE id = ?1) ORDER BY created_at DESC, id DESC LIMIT ?2"
-        )
-        rows = await self._database.read(lambda db: db.execute(query, (before, limit)).fetchall())
-        return [RunRecord.of(row) for row in rows]
+        """The newest first; `before` is the id of the last one already seen. Raises CursorUnknown."""
+        return [RunRecord.of(row) for row in await self._page("SELECT * FROM runs", "runs", limit, before)]
 
     async def unfinished_runs(self) -> list[RunRecord]:
         """Runs that a stopped daemon left behind."""
@@ -89,25 +104,42 @@ class Store:
         return _calibration(row)
 
     async def calibrations(self, limit: int, before: str | None = None) -> list[CalibrationRecord]:
-        """The newest first; `before` is the id of the last one already seen."""
-        query = (
-            f"{_CALIBRATION} WHERE ?1 IS NULL OR (created_at, id) <"
-            " (SELECT created_at, id FROM calibrations WHERE id = ?1) ORDER BY created_at DESC, id DESC LIMIT ?2"
-        )
-        rows = await self._database.read(lambda db: db.execute(query, (before, limit)).fetchall())
-        return [_calibration(row) for row in rows]
+        """The newest first; `before` is the id of the last one already seen. Raises CursorUnknown."""
+        return [_calibration(row) for row in await self._page(_CALIBRATION, "calibrations", limit, before)]
 
-    async def apply(self, applied: Applied) -> None:
-        """Make a calibration current; the history is kept."""
-        row = (applied.calibration_id, applied.applied_at, applied.applied_by)
-        statement = "INSERT INTO applied (calibration_id, applied_at, applied_by) VALUES (?, ?, ?)"
-        await self._database.write(lambda db: db.execute(statement, row))
+    async def apply(self, applied: Applied, expected: Sequence[int] | None = None) -> Applied:
+        """Make a calibration current; the history is kept. Answers it with its place in the history.
+
+        `expected`: only if what is in force now is one of these (0: nothing). Raises AppliedMeanwhile.
+        """
+        behalf = current_behalf()
+
+        def insert(db: sqlite3.Connection) -> int:
+            (now,) = db.execute("SELECT coalesce(max(sequence), 0) FROM applied").fetchone()
+            if expected is not None and now not in expected:
+                raise AppliedMeanwhile(now)
+            row = (applied.calibration_id, applied.applied_at, applied.applied_by)
+            db.execute("INSERT INTO applied (calibration_id, applied_at, applied_by) VALUES (?, ?, ?)", row)
+            (sequence,) = db.execute("SELECT last_insert_rowid()").fetchone()
+            note(db, behalf, applied.applied_at, "apply", str(sequence), calibration=applied.calibration_id,
+                 by=applied.applied_by)  # fmt: skip
+            return int(sequence)
+
+        return replace(applied, sequence=await self._database.write(insert))
 
     async def applied(self, limit: int = 1) -> list[Applied]:
         """What was current, the newest first; the first of them is."""
-        query = "SELECT calibration_id, applied_at, applied_by FROM applied ORDER BY sequence DESC LIMIT ?"
+        query = "SELECT calibration_id, applied_at, applied_by, sequence FROM applied ORDER BY sequence DESC LIMIT ?"
         rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
         return [Applied(*row) for row in rows]
+
+    async def applied_at_place(self, sequence: int) -> Applied:
+        """One of the history. Raises NotFound."""
+        query = "SELECT calibration_id, applied_at, applied_by, sequence FROM applied WHERE sequence = ?"
+        row = await self._database.read(lambda db: db.execute(query, (sequence,)).fetchone())
+        if row is None:
+            raise NotFound(f"nothing was applied as number {sequence}", "GET /calibrations lists what was")
+        return Applied(*row)
 
     async def current(self) -> tuple[Applied, CalibrationRecord]:
         """The calibration in force. Raises NoCalibration."""
@@ -121,8 +153,13 @@ class Store:
         return self.folder / "scans" / scan_id
 
     async def save_scan(self, scan: ScanRecord) -> None:
-        row = (scan.id, scan.created_at, scan.name, scan.refine)
-        await self._database.write(lambda db: db.execute("INSERT INTO scans VALUES (?, ?, ?, ?)", row))
+        behalf, row = current_behalf(), (scan.id, scan.created_at, scan.name, scan.refine)
+
+        def insert(db: sqlite3.Connection) -> None:
+            db.execute("INSERT INTO scans VALUES (?, ?, ?, ?)", row)
+            note(db, behalf, scan.created_at, "scan", scan.id, name=scan.name)
+
+        await self._database.write(insert)
 
     async def scan(self, scan_id: str) -> ScanRecord:
         """Raises NotFound."""
@@ -132,16 +169,16 @@ class Store:
             raise NotFound(f"there is no scan {scan_id!r}", "GET /scans lists them")
         return _scan(row)
 
-    async def scans(self, limit: int) -> list[ScanRecord]:
-        """The newest first."""
-        query = "SELECT id, created_at, name, refine FROM scans ORDER BY created_at DESC, id DESC LIMIT ?"
-        rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
-        return [_scan(row) for row in rows]
+    async def scans(self, limit: int, before: str | None = None) -> list[ScanRecord]:
+        """The newest first; `before` is the id of the last one already seen. Raises CursorUnknown."""
+        query = "SELECT id, created_at, name, refine FROM scans"
+        return [_scan(row) for row in await self._page(query, "scans", limit, before)]
 
     async def add_scan_view(
         self, scan_id: str, upload: Path, suffix: str, unit: Unit, base_T_flange: PoseDocument, created_at: str
     ) -> ScanView:
         """Give the uploaded file the scan's next number and name: the file is on the disk before its row is."""
+        behalf = current_behalf()
 
         def insert(db: sqlite3.Connection) -> ScanView:
             count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
@@ -149,6 +186,7 @@ class Store:
             settle_file(upload, upload.with_name(view.file))
             row = (scan_id, view.view, view.file, unit, base_T_flange.model_dump_json(), created_at)
             db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?)", row)
+            note(db, behalf, created_at, "view", f"{scan_id} {view.view}")
             return view
 
         return await self._database.write(insert)
@@ -158,6 +196,20 @@ class Store:
         query = "SELECT view, file, unit, base_T_flange, created_at FROM scan_views WHERE scan_id = ? ORDER BY view"
         rows = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchall())
         return [ScanView(v, file, unit, PoseDocument.model_validate_json(pose), at) for v, file, unit, pose, at in rows]
+
+    async def _page(self, query: str, table: str, limit: int, before: str | None) -> list[Any]:
+        """In the order of insertion, the newest first: a clock that jumps back does not hide what is new."""
+
+        def page(db: sqlite3.Connection) -> list[Any]:
+            end = None
+            if before is not None:
+                end = db.execute(f"SELECT rowid FROM {table} WHERE id = ?", (before,)).fetchone()
+                if end is None:
+                    raise CursorUnknown(table, before)
+            where = "" if end is None else f"WHERE rowid < {end[0]}"
+            return db.execute(f"{query} {where} ORDER BY rowid DESC LIMIT ?", (limit,)).fetchall()
+
+        return await self._database.read(page)
 
     # files
 

@@ -15,6 +15,7 @@ from calibration.documents.validation import validate_document
 from daemon.application import Application
 from daemon.cell import Devices
 from daemon.composition import build
+from daemon.connections import Door
 from daemon.server import Server
 from daemon.settings import Settings
 from daemon.store.store import Store
@@ -78,14 +79,16 @@ class Parts:
 
 
 @asynccontextmanager
-async def serving(settings: Settings, parts: Parts | None = None, store: Store | None = None) -> AsyncIterator[Bench]:
+async def serving(
+    settings: Settings, parts: Parts | None = None, store: Store | None = None, door: Door | None = None
+) -> AsyncIterator[Bench]:
     """The daemon, up; stopped in order afterwards."""
     parts = parts or Parts()
     scanner = parts.scanner if settings.scanner else None
     devices = Devices(parts.robot, parts.camera, scanner)
     application = build(settings, lambda _settings, _clock: devices, store=store)
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    server = Server(application, announced.set_result)
+    server = Server(application, announced.set_result, door)
     task = asyncio.create_task(server.listen())
     await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=10)
     url = announced.result()

@@ -1,0 +1,51 @@
+"""ETag and If-Match of the calibration in force (RFC 9110, 8.8.3 and 13.1): nobody overwrites what they never saw."""
+
+import re
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from fastapi import Header
+
+from calibration.errors import DocumentProblem
+from daemon.errors import RequestRefused
+
+TAG = re.compile(r'"applied-([0-9]{1,18})"')
+ANY = range(1, 2**62)
+"""Every place but 0: nothing in force is not a match."""
+
+LIST = re.compile(r'^\s*(\*|(W/)?"[\x21\x23-\x7e]*"(\s*,\s*(W/)?"[\x21\x23-\x7e]*")*)\s*$')
+
+IfMatch = Annotated[
+    str | None,
+    Header(max_length=500, description='ETag of GET /calibrations/current; "*": whatever is in force',
+           examples=['"applied-7"']),
+]  # fmt: skip
+IfNoneMatch = Annotated[str | None, Header(max_length=500, description="ETag of an earlier answer: 304 when unchanged")]
+
+ETAG_HEADER: dict[str, Any] = {"ETag": {"schema": {"type": "string"}, "description": "changes with what is in force"}}
+UNCHANGED: dict[str, Any] = {"description": "The same as before", "headers": ETAG_HEADER}
+
+
+def tag_of(sequence: int) -> str:
+    """Of the calibration that was applied as number `sequence`."""
+    return f'"applied-{sequence}"'
+
+
+def tags_in(header: str) -> list[str]:
+    """Of If-None-Match, compared weakly."""
+    return [part.strip().removeprefix("W/") for part in header.split(",")]
+
+
+def expected_places(if_match: str | None) -> Sequence[int] | None:
+    """Which places in the history If-Match allows; None: any. Raises RequestRefused.
+
+    A tag that is not ours, or a weak one, matches nothing.
+    """
+    if if_match is None:
+        return None
+    if if_match.strip() == "*":
+        return ANY
+    if not LIST.match(if_match):
+        fix = 'send the ETag as it came, with its quotes: "applied-7"'
+        raise RequestRefused([DocumentProblem("header.If-Match", "not a list of entity tags", fix)])
+    return [int(number) for tag in if_match.split(",") for number in TAG.findall(tag) if "W/" not in tag]
