@@ -123,62 +123,80 @@ class BlockMover:
 
 
 def _count_non_finite(points: NDArray[Any]) -> int:
-    """One cheap sum tells whether there is anything to count."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(points.sum()):
-            return 0
+    """One cheap sum tells whether there is anything to count; cv2's runs at memory speed and warns of nothing."""
+    if np.isfinite(sum(cv2.sumElems(points[None]))):
+        return 0
     return int(len(points) - np.count_nonzero(np.isfinite(points).all(axis=1)))
 
 
+class IntegerMover:
+    """Moves records whose X, Y, Z are 32-bit integers, in place; what does not fit comes out as one of the ends.
+
+    `least` and `most` (3,): the integers that were stored.
+    """
+
+    def __init__(self, matrix: Array, layout: Layout) -> None:
+        self.least, self.most = np.full(3, np.iinfo(np.int32).max), np.full(3, np.iinfo(np.int32).min)
+        self._mover = _TripleMover(matrix, layout, layout.xyz, fits_float32=False)
+
+    def move(self, block: Records) -> Records:
+        """The block itself."""
+        self._mover.store(self._mover.move(block), block)
+        for axis, plane in enumerate(self._mover.planes(len(block))):
+            self.least[axis] = min(self.least[axis], plane.min(initial=self.least[axis]))
+            self.most[axis] = max(self.most[axis], plane.max(initial=self.most[axis]))
+        return block
+
+
 class _TripleMover:
-    """Moves one triple of columns through two scratch blocks that alternate."""
+    """Moves one triple of columns: side by side they are moved as they lie, else plane by plane through scratch.
+
+    Gathering three columns one by one and merging them takes half as long as copying items of 12 bytes: NumPy copies
+    4 bytes with one instruction, and 12 by a call of memmove.
+    """
 
     def __init__(self, matrix: Array, layout: Layout, names: Triple, fits_float32: bool) -> None:
         self._matrix = matrix
         self._names = names
         kind = layout.kind(names).newbyteorder("=")
-        self._kind = (
-            np.dtype(np.float32) if kind.itemsize <= 4 and kind.kind == "f" and fits_float32 else np.dtype(float)
-        )
+        single = kind.itemsize <= 4 and kind.kind == "f" and fits_float32
+        self._kind = kind if kind == np.int32 else np.dtype(np.float32 if single else float)
         packed = layout.is_packed(names) and layout.dtype[names[0]] == self._kind
         self.whole_record = packed and layout.itemsize == 3 * self._kind.itemsize
-        self._record = _void_view(layout, names, self._kind) if packed else None
-        self._source = np.empty((0, 3), self._kind)
-        self._target = np.empty((0, 3), self._kind)
+        self._resize(0)
+
+    def _resize(self, count: int) -> None:
+        self._source, self._target = np.empty((count, 3), self._kind), np.empty((count, 3), self._kind)
+        self._planes = np.empty((3, 1, 0 if self.whole_record else count), self._kind)
 
     def move(self, block: Records) -> NDArray[Any]:
         """The triple of every record, moved: (n, 3) of this mover's own."""
         count = len(block)
         if len(self._target) < count:
-            self._source, self._target = np.empty((count, 3), self._kind), np.empty((count, 3), self._kind)
+            self._resize(count)
         source, target = self._source[:count], self._target[:count]
         if self.whole_record and block.flags.aligned and block.flags.c_contiguous:
             source = block.view(self._kind).reshape(count, 3)
-        elif self._record is not None:
-            _as_void(source)[:] = block.view(self._record)["triple"]
-        else:
-            for axis, name in enumerate(self._names):
-                source[:, axis] = block[name]
+        elif self.whole_record:
+            source[:] = np.ascontiguousarray(block).view(self._kind).reshape(count, 3)
+        elif count:
+            planes = self.planes(count)
+            for plane, name in zip(planes, self._names, strict=True):
+                plane[0] = block[name]
+            cv2.merge(planes, source[None])
         move_points(self._matrix, source, target)
         return target
 
+    def planes(self, count: int) -> list[NDArray[Any]]:
+        """Three rows (1, count) of scratch; after `store` the columns that were stored."""
+        return [plane[:, :count] for plane in self._planes]
+
     def store(self, moved: NDArray[Any], block: Records) -> None:
         """Write (n, 3) back into the records."""
-        if self._record is not None:
-            block.view(self._record)["triple"] = _as_void(moved)
-        else:
-            with np.errstate(over="ignore", invalid="ignore"):
-                for axis, name in enumerate(self._names):
-                    block[name] = moved[:, axis]
-
-
-def _void_view(layout: Layout, names: Triple, kind: np.dtype[Any]) -> np.dtype[Any]:
-    """Three packed numbers as one opaque item: copying items is three times as fast as copying columns."""
-    void = np.dtype(f"V{3 * kind.itemsize}")
-    return np.dtype(
-        {"names": ["triple"], "formats": [void], "offsets": [layout.offset(names[0])], "itemsize": layout.itemsize}
-    )
-
-
-def _as_void(points: NDArray[Any]) -> NDArray[Any]:
-    return points.view(np.dtype(f"V{3 * points.itemsize}"))[:, 0]
+        count = len(block)
+        if not count:
+            return
+        planes = cv2.split(moved[None], self.planes(count))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for plane, name in zip(planes, self._names, strict=True):
+                block[name] = plane[0]

@@ -67,10 +67,10 @@ class CloudWriter:
 
 
 @contextmanager
-def new_cloud(path: Path, layout: Layout) -> Iterator[CloudWriter]:
+def new_cloud(path: Path, layout: Layout, *, durable: bool = True) -> Iterator[CloudWriter]:
     """A cloud file that is whole under its name, or not there. Raises CloudUnsupported, CloudIOError."""
     form = form_of(path, layout)
-    with new_file(path) as file:
+    with new_file(path, durable=durable) as file:
         writer = CloudWriter(file, form)
         yield writer
         writer.finish()

@@ -1,31 +1,80 @@
-"""LAS and LAZ from file to file: the coordinates stay integers, scale and offset are folded into the matrix."""
+"""LAS and LAZ from file to file: the coordinates stay integers, scale and offset are folded into the matrix.
+
+LAS needs no library: everything but X, Y, Z and seven fields of the header passes as it is.
+"""
 
 import copy
+from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
 
 from registration.disk import GuardedFile
-from registration.errors import CloudIOError, CloudTruncated, CloudUnsupported
+from registration.errors import CloudIOError, CloudTruncated
 from registration.formats.extras import BLOCK_POINTS, library, told
-from registration.layout import Array
-from registration.motion import Motion
+from registration.formats.las import (
+    HEADER_BYTES,
+    LasFrame,
+    LasHeader,
+    moved_frame,
+    parse_header,
+    require_fit,
+    rewritten,
+)
+from registration.layout import Array, Layout
+from registration.motion import IntegerMover, Motion
+from registration.spans import THREADS, Span, copy_span, move_span
 
-INT32_LIMIT = 2**31 - 1
+XYZ = ("X", "Y", "Z")
 
 
 def move_las(source: GuardedFile, target: GuardedFile, motion: Motion, *, compress: bool) -> int:
     """Every dimension but X, Y, Z as it was. Gives the number of points. Raises CloudError's leaves."""
+    size = source.seek(0, 2)
+    source.seek(0)
+    prefix = source.read(HEADER_BYTES)
+    header = parse_header(prefix, size, source.name)
+    frame, matrix = moved_frame(header.frame, motion, source.name)
+    if header.compressed or compress:
+        source.seek(0)
+        return _through_laspy(source, target, frame, matrix, compress=compress)
+    _records(source, target, prefix, header, frame, matrix, size)
+    return header.count
+
+
+def _records(
+    source: GuardedFile,
+    target: GuardedFile,
+    prefix: bytes,
+    header: LasHeader,
+    frame: LasFrame,
+    matrix: Array,
+    size: int,
+) -> None:
+    movers = [IntegerMover(matrix, Layout(header.dtype, XYZ)) for _ in range(THREADS)]
+    end = header.begin + header.count * header.record_bytes
+    target.reserve(size)
+    copy_span(source, target, 0, header.begin)
+    move_span(source, target, Span(header.dtype, header.count, header.begin, header.begin), movers)
+    copy_span(source, target, end, size)
+    least = np.min([mover.least for mover in movers], axis=0)
+    most = np.max([mover.most for mover in movers], axis=0)
+    require_fit(least, most, source.name)
+    bounds = (least * frame.scales + frame.offsets, most * frame.scales + frame.offsets)
+    if not header.count:
+        bounds = (np.zeros(3), np.zeros(3))
+    target.write_at(rewritten(prefix, replace(frame, least=bounds[0], most=bounds[1]))[: header.begin], 0)
+
+
+def _through_laspy(source: GuardedFile, target: GuardedFile, frame: LasFrame, matrix: Array, *, compress: bool) -> int:
+    """LAZ, on one side or on both."""
     name = source.name
     laspy = library("laspy", "las", name)
-    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
-    if compress or name.lower().endswith(".laz"):
-        errors += (library("lazrs", "las", name).LazrsError,)
+    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException, library("lazrs", "las", name).LazrsError)
     with told(name, "header", *errors):
         reader = laspy.open(source.raw, closefd=False)
         header = copy.deepcopy(reader.header)
-        matrix = _into_integers(header, motion)
+    header.scales, header.offsets = frame.scales, frame.offsets
     try:
         with laspy.open(target.raw, mode="w", header=header, do_compress=compress, closefd=False) as writer:
             return _pass(reader, writer, matrix, errors, name)
@@ -34,43 +83,20 @@ def move_las(source: GuardedFile, target: GuardedFile, motion: Motion, *, compre
         raise CloudIOError(target.name, "file", what, "check path, rights and free space") from None
 
 
-def _into_integers(header: Any, motion: Motion) -> Array:
-    """Set the header's new scale and offset; gives (3, 4) from old integers to new ones."""
-    old_scale, old_offset = np.array(header.scales, float), np.array(header.offsets, float)
-    centre = (np.array(header.mins, float) + np.array(header.maxs, float)) / 2
-    factor = float(np.linalg.norm(motion.matrix[:, 0]))
-    scale = float(old_scale.max()) * factor
-    offset = np.rint(motion.matrix[:, :3] @ centre + motion.matrix[:, 3])
-    header.scales, header.offsets = [scale] * 3, offset
-    linear = motion.matrix[:, :3] * old_scale / scale
-    shift = (motion.matrix[:, :3] @ old_offset + motion.matrix[:, 3] - offset) / scale
-    matrix: Array = np.column_stack([linear, shift])
-    return matrix
-
-
 def _pass(reader: Any, writer: Any, matrix: Array, errors: tuple[type[Exception], ...], name: str) -> int:
     with told(name, "point 0", *errors):
-        record_type = type(reader.read_points(0))
+        empty = reader.read_points(0)
+    mover = IntegerMover(matrix, Layout(empty.array.dtype, XYZ))
     seen, expected = 0, int(reader.header.point_count)
-    source, out = np.empty((BLOCK_POINTS, 3)), np.empty((BLOCK_POINTS, 3))
     while seen < expected:
         with told(name, f"point {seen}", *errors):
             chunk = reader.read_points(min(BLOCK_POINTS, expected - seen))
-        count = len(chunk)
-        if not count:
+        if not len(chunk):
             what = f"the header promises {expected} points, the file has {seen}"
             raise CloudTruncated(name, f"point {seen}", what, "copy the whole file again")
-        array = chunk.array
-        for axis, column in enumerate("XYZ"):
-            source[:count, axis] = array[column]
-        cv2.transform(source[None, :count], matrix, out[None, :count])
-        np.rint(out[:count], out=out[:count])
-        if not np.abs(out[:count]).max() <= INT32_LIMIT:
-            what = "the moved points do not fit LAS's 32-bit integers at this scale"
-            raise CloudUnsupported(name, f"point {seen}", what, "write a PLY instead")
-        for axis, column in enumerate("XYZ"):
-            array[column] = out[:count, axis]
+        array = mover.move(chunk.array)
+        require_fit(mover.least, mover.most, name)
         header = writer.header
-        writer.write_points(record_type(array, header.point_format, header.scales, header.offsets))
-        seen += count
+        writer.write_points(type(empty)(array, header.point_format, header.scales, header.offsets))
+        seen += len(chunk)
     return seen

@@ -1,18 +1,23 @@
 """LAS, LAZ and E57, where their libraries are installed."""
 
+import contextlib
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from registration.errors import CloudError, CloudUnsupported
 from registration.files import move_file
 from registration.formats import extras
+from registration.formats.las import SCALES
 from registration.layout import XYZ_FLOAT32, Records
 from registration.motion import Motion
 from registration.reading import open_cloud
-from tests.registration.clouds import BASE_T_CAMERA, cloud, moved, xyz
+from tests.registration.clouds import BASE_T_CAMERA, cases, cloud, moved, xyz
 
 MOTION = Motion.of(BASE_T_CAMERA, "mm")
 
@@ -62,6 +67,59 @@ def test_las_becomes_las_and_keeps_every_dimension(tmp_path: Path, source: str, 
     np.testing.assert_allclose(after.header.mins, after.xyz.min(axis=0), atol=1e-6)
     for name in ("intensity", "red", "gps_time", "quality", "classification"):
         assert np.array_equal(np.asarray(after[name]), np.asarray(before[name])), name
+
+
+def test_las_needs_no_library_and_keeps_every_other_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = las(tmp_path / "in.las", 100_000)
+    with (tmp_path / "in.las").open("ab") as file:
+        file.write(b"what stands behind the points")
+    for name in ("laspy", "lazrs"):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert move_file(tmp_path / "in.las", tmp_path / "out.las", MOTION).points == 100_000
+    theirs, ours = ((tmp_path / name).read_bytes() for name in ("in.las", "out.las"))
+    header = before.header.offset_to_point_data
+    size = before.header.point_format.size
+    assert len(theirs) == len(ours)
+    assert ours[:SCALES] + ours[227:header] == theirs[:SCALES] + theirs[227:header]
+    end = header + 100_000 * size
+    assert ours[end:] == theirs[end:]
+    rows = [np.frombuffer(content[header:end], np.uint8).reshape(-1, size)[:, 12:] for content in (ours, theirs)]
+    assert np.array_equal(*rows)
+
+
+def test_las_whose_points_leave_its_integers_is_told(tmp_path: Path) -> None:
+    las(tmp_path / "in.las", 1000)
+    content = bytearray((tmp_path / "in.las").read_bytes())
+    header = int.from_bytes(content[96:100], "little")
+    content[header : header + 12] = 3 * (2**31 - 1).to_bytes(4, "little")
+    (tmp_path / "in.las").write_bytes(content)
+    for target in ("out.las", "out.laz"):
+        with pytest.raises(CloudUnsupported, match=r"^in\.las: points: the moved points do not fit"):
+            move_file(tmp_path / "in.las", tmp_path / target, MOTION)
+
+
+def test_an_empty_las_stays_one(tmp_path: Path) -> None:
+    laspy = pytest.importorskip("laspy", reason="laspy is not installed: LAS is not tested")
+    laspy.create(point_format=3).write(str(tmp_path / "in.las"))
+    for target in ("out.las", "out.laz"):
+        assert move_file(tmp_path / "in.las", tmp_path / target, MOTION).points == 0
+        assert len(laspy.read(str(tmp_path / target)).x) == 0
+
+
+@settings(max_examples=cases(100), deadline=None)
+@given(st.data())
+def test_a_damaged_las_header_is_told_or_moved(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    source = folder / "sound.las"
+    if not source.exists():
+        las(source, 20)
+    content = bytearray(source.read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, 400))
+        content[at : at + 1] = data.draw(st.binary(min_size=0, max_size=9))
+    (folder / "damaged.las").write_bytes(content)
+    with contextlib.suppress(CloudError):
+        move_file(folder / "damaged.las", folder / "answer.las", MOTION, durable=False)
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])

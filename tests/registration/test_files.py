@@ -3,9 +3,12 @@
 import contextlib
 import errno
 import itertools
+import os
+import resource
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from registration import disk
+from registration import disk, files, spans
 from registration.errors import CloudError, CloudIOError, CloudTruncated, CloudUnsupported
 from registration.files import move_file
 from registration.formats import npy, pcd, ply
@@ -278,35 +281,69 @@ def test_missing_and_unknown_files_are_told(tmp_path: Path) -> None:
         move_file(tmp_path / "cloud.docx", tmp_path / "out.docx", MOTION)
 
 
-class FullDisk:
-    """Takes some bytes, then has no space left."""
-
-    def __init__(self, space: int) -> None:
-        self.space = space
-
-    def write(self, data: memoryview) -> int:
-        if not self.space:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        taken = min(len(data), self.space)
-        self.space -= taken
-        return taken
-
-    def tell(self) -> int:
-        return 4711
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """Files of this process may not grow beyond `size` bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize("target", ["out.ply", "out.pcd"])
+@pytest.mark.parametrize("reserves", [True, False])
+@pytest.mark.parametrize("target", ["out.ply", "out.pcd", "out.xyz"])
 def test_a_disk_that_fills_up_leaves_the_old_file_and_no_other(
-    tmp_path: Path, target: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, target: str, reserves: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path / "in.ply", RICH, cloud(RICH, 3000))
     (tmp_path / target).write_text("what was there")
-    write_all, full = disk.GuardedFile.write, disk.GuardedFile(FullDisk(50_000), target)  # type: ignore[arg-type]
-    monkeypatch.setattr(disk.GuardedFile, "write", lambda _, data: write_all(full, data))
-    with pytest.raises(CloudIOError, match=f"{target}: byte 4711: it cannot be written .No space left"):
+    if not reserves:
+        monkeypatch.setattr(disk.GuardedFile, "reserve", lambda self, length: None)
+    with (
+        room_for(50_000),
+        pytest.raises(CloudIOError, match=rf"{target}: byte \d+: it cannot be written .File too large"),
+    ):
         move_file(tmp_path / "in.ply", tmp_path / target, MOTION)
     assert (tmp_path / target).read_text() == "what was there"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.ply", target]
+
+
+def test_a_file_system_that_cannot_reserve_is_written_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def cannot(*_: object) -> None:
+        raise OSError(errno.EOPNOTSUPP, "Operation not supported")
+
+    records = cloud(RICH, 3000)
+    write(tmp_path / "in.ply", RICH, records)
+    monkeypatch.setattr(os, "posix_fallocate", cannot)
+    move_file(tmp_path / "in.ply", tmp_path / "out.ply", MOTION)
+    np.testing.assert_allclose(xyz(read(tmp_path / "out.ply")), moved(records), rtol=0, atol=2e-3)
+
+
+@pytest.mark.parametrize("layout", [XYZ_FLOAT32, RICH])
+def test_two_threads_write_the_bytes_of_one(tmp_path: Path, layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path / "in.ply", layout, cloud(layout, 300_000))
+    counted = move_file(tmp_path / "in.ply", tmp_path / "two.ply", MOTION)
+    monkeypatch.setattr(files, "THREADS", 1)
+    monkeypatch.setattr(spans, "SPAN_BYTES", 50_000)
+    assert move_file(tmp_path / "in.ply", tmp_path / "one.ply", MOTION, durable=False) == counted
+    assert counted.points == 300_000
+    assert (tmp_path / "two.ply").read_bytes() == (tmp_path / "one.ply").read_bytes()
+
+
+def test_a_file_that_shrinks_while_it_is_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path / "in.ply", RICH, cloud(RICH, 50_000))
+    reserve = disk.GuardedFile.reserve
+
+    def shrink(self: disk.GuardedFile, length: int) -> None:
+        os.truncate(tmp_path / "in.ply", 1_000_000)
+        reserve(self, length)
+
+    monkeypatch.setattr(disk.GuardedFile, "reserve", shrink)
+    with pytest.raises(CloudTruncated, match=r"in\.ply: point \d+: the file ends after \d+ of 50000 points"):
+        move_file(tmp_path / "in.ply", tmp_path / "out.ply", MOTION)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.ply"]
 
 
 def test_plyfile_reads_ours_and_we_read_its(tmp_path: Path) -> None:
