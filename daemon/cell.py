@@ -7,11 +7,13 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from daemon.clock import Clock
-from daemon.errors import CellBusy, CellNotReady, NoScanner
+from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.settings import SettlingSettings
 from daemon.settling import require_still, settle, standing
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
+from drivers.interlocked_robot import InterlockedRobot
+from drivers.interlocks import Interlocks
 
 log = logging.getLogger(__name__)
 
@@ -36,8 +38,11 @@ class Devices:
 class Cell:
     """Owns the devices. One holder at a time; the arm is armed only while a holder that moves it holds the cell."""
 
-    def __init__(self, devices: Devices, settling: SettlingSettings, clock: Clock) -> None:
-        self.robot = devices.robot
+    def __init__(
+        self, devices: Devices, settling: SettlingSettings, clock: Clock, interlocks: Interlocks | None = None
+    ) -> None:
+        self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
+        self._interlocks = interlocks
         self._camera, self._scanner = devices.camera, devices.scanner
         self._settling, self._clock = settling, clock
         self._holder: str | None = None
@@ -134,6 +139,15 @@ class Cell:
 
     async def robot_obstacles(self) -> tuple[str, ...]:
         """Why the robot could not be moved now."""
+        return (*await self._controller_obstacles(), *(await self._interlock_obstacles()).values())
+
+    async def require_interlocks(self) -> None:
+        """Raises InterlockOpen, naming which."""
+        obstacles = await self._interlock_obstacles()
+        if obstacles:
+            raise InterlockOpen(tuple(obstacles), tuple(obstacles.values()))
+
+    async def _controller_obstacles(self) -> tuple[str, ...]:
         try:
             async with asyncio.timeout(STATUS_LIMIT_S):
                 return motion_obstacles(await self.robot.read_status())
@@ -141,6 +155,11 @@ class Cell:
             return ("robot: it does not answer a status request",)
         except DeviceError as error:
             return (str(error),)
+
+    async def _interlock_obstacles(self) -> dict[str, str]:
+        """By the interlock's name why it does not allow motion."""
+        readings = await self._interlocks.readings() if self._interlocks else ()
+        return {reading.name: f"interlock {reading.name}: {reading.why}" for reading in readings if not reading.allows}
 
     def scanner_obstacles(self) -> tuple[str, ...]:
         """Why the scanner could not be asked for a cloud now."""

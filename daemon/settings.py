@@ -17,6 +17,7 @@ from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.transforms import Array
+from daemon.plc.settings import InterlockSettings, PlcSettings
 from drivers.catalogue import check_camera_address, check_robot_address, check_scanner_address
 from drivers.errors import AddressNotUnderstood
 
@@ -154,6 +155,19 @@ class StorageSettings(Document):
     reserve_mb: Annotated[float, Field(ge=0, le=1_000_000)] = 500.0
 
 
+class DriftSettings(Document):
+    """When the daemon itself verifies (which moves the arm), and when a drift is called one.
+
+    `every_h` 0: verifications come from the MES, the PLC or an operator. `allowed_mm`: drift that does no harm.
+    """
+
+    every_h: Annotated[float, Field(ge=0, le=10_000)] = 0.0
+    allowed_mm: Annotated[float, Field(ge=0, le=100)] = 0.0
+    weight: Annotated[float, Field(gt=0, le=1)] = 0.2
+    learn: Annotated[int, Field(ge=1, le=50)] = 5
+    runs_between_false_alarms: Annotated[float, Field(ge=10, le=1e6)] = 1000.0
+
+
 class Settings(Document):
     """The whole file."""
 
@@ -164,6 +178,9 @@ class Settings(Document):
     calibration: CalibrationSettings = CalibrationSettings()
     server: ServerSettings = ServerSettings()
     storage: StorageSettings = StorageSettings()
+    plc: PlcSettings | None = None
+    interlocks: InterlockSettings | None = None
+    drift: DriftSettings = DriftSettings()
 
 
 def load_settings(path: Path) -> Settings:

@@ -9,7 +9,8 @@ DeviceError
 ├── AddressNotUnderstood   an address whose scheme or parts name no driver (a ValueError, too)
 ├── RequestRefused         the controller refused to arm, or to tell something; carries its status name
 ├── MoveRefused            the controller refused a move before it began; carries its status name
-└── MoveFailed             a move began and did not reach its goal
+├── MoveFailed             a move began and did not reach its goal
+└── InterlockRefused       an interlock of the cell does not allow motion; `interlocks` names which
 """
 
 
@@ -87,3 +88,13 @@ class MoveFailed(DeviceError):
     def __init__(self, device: str, what: str, fix: str, status: str) -> None:
         super().__init__(device, what, fix)
         self.status = status
+
+
+class InterlockRefused(DeviceError):
+    """An interlock of the cell does not allow motion; `interlocks` names which."""
+
+    code = "interlock-open"
+
+    def __init__(self, device: str, what: str, fix: str, interlocks: tuple[str, ...]) -> None:
+        super().__init__(device, what, fix)
+        self.interlocks = interlocks

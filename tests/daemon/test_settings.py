@@ -23,8 +23,15 @@ OTHER_KINDS = {
     "tag_mm",
     "gap_mm",
     "family",
+    "serial",
+    "baud",
+    "parity",
+    "interlocks",
+    "signals",
+    "name",
+    "allows",
 }
-"""Keys of other targets than the example's; named in its comment."""
+"""Keys of other targets, and of other devices, than the example's; named in its comments."""
 
 SMALLEST = """
 [robot]
