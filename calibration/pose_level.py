@@ -1,21 +1,22 @@
 """X from pairs of poses alone, for sources that give no pixels: trackers, odometry, another program's detections.
 
-Maximum likelihood over X, the target's pose and four noise levels: rotation and translation of the robot, which
-`calibration.diagnosis.fit` scores, and of the camera, the likeliest of a table. Views that disagree are left out.
+Maximum likelihood over X, the target's pose, a scale where the camera knows none, and the noise: what kind of camera it
+is (`calibration.pose_pairs.noise_models`), how large each of its errors and the robot's are, and how heavy their tails.
+Views that disagree are left out. What the motions do not tell is refused.
 """
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from calibration.consistency.consensus import agreeing_views
-from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, fits, residuals_of
 from calibration.errors import UndeterminedError
 from calibration.observability import axis_in_words, motion_of, require_determined
+from calibration.pose_pairs.drift import FEWEST_VIEWS, fit_drift
+from calibration.pose_pairs.noise_models import CAMERAS
+from calibration.pose_pairs.residuals import PosePairs, closed_form
+from calibration.pose_pairs.white import PoseFit, distances_of, fit_white, outlying
 from calibration.problem import Setup
 from calibration.transforms import Array
 
@@ -23,55 +24,74 @@ MOST_ROUNDS = 4
 REACH_MM = 100.0
 """Views vote with four points this far from the target's origin."""
 
-OUTLYING = float(chi2.ppf(1 - 1e-4, 6))
+TAILS = (np.inf, 4.0)
 LEAST_AXIS_SPREAD = float(np.tan(np.radians(0.5)))
 """Of two turns whose axes are one degree apart; unlike the widest angle it is not fooled by small, noisy turns."""
-
-CAMERA_LEVELS_RAD = (1e-5, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
-CAMERA_LEVELS_MM = (1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 
 
 @dataclass(frozen=True, eq=False)
 class PoseSolution:
     """`mount_T_camera` (4, 4), `anchor_T_target` (4, 4), `used` (n,); `covariance` (12, 12) of both, [rad, mm] each.
 
-    The covariance is of `pose @ exp(.)`. Noise levels are one standard deviation per axis.
+    The covariance is of `pose @ exp(.)`. `scale`: the camera's millimetres in true ones. `camera` is the kind of noise
+    that explains it best, `deviations` are one standard deviation per axis and source, in rad or mm.
     """
 
     mount_T_camera: Array
     anchor_T_target: Array
     covariance: Array
     used: NDArray[np.bool_]
-    robot_rotation_rad: float
-    robot_translation_mm: float
-    camera_rotation_rad: float
-    camera_translation_mm: float
+    scale: float
+    camera: str
+    deviations: dict[str, float]
 
 
-def solve_hand_eye_poses(setup: Setup, base_T_flange: Array, camera_T_target: Array) -> PoseSolution:
-    """X from the robot's and the camera's poses (n, 4, 4), mm. Raises UndeterminedError where it is not determined."""
+def solve_hand_eye_poses(
+    setup: Setup, base_T_flange: Array, camera_T_target: Array, *, metric: bool = True
+) -> PoseSolution:
+    """X from the robot's and the camera's poses (n, 4, 4), mm. Raises UndeterminedError where it is not determined.
+
+    `metric=False`: the camera's lengths are right up to one unknown factor, as those of a single moving camera are.
+    """
     _require_poses(base_T_flange, camera_T_target)
-    everything = _evidence(setup, base_T_flange, camera_T_target, CAMERA_LEVELS_RAD[0], CAMERA_LEVELS_MM[0])
-    points = REACH_MM * np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
-    used = agreeing_views(everything.anchor_T_mount(), camera_T_target, points)
+    pairs = PosePairs(setup, base_T_flange, camera_T_target, metric)
+    used = _agreeing(pairs)
     for _ in range(MOST_ROUNDS):
         _require_axes(base_T_flange[used])
-        likeliest, level = _likeliest(setup, base_T_flange[used], camera_T_target[used])
-        residuals, covariance = residuals_of(_evidence(setup, base_T_flange, camera_T_target, *level), likeliest)
-        distances = np.einsum("ni,ni->n", residuals, np.linalg.solve(covariance, residuals[..., None])[..., 0])
-        agreeing = distances < OUTLYING
+        likeliest = _likeliest(pairs.take(used))
+        distances = distances_of(pairs, likeliest)
+        agreeing = distances < outlying(likeliest.tails)
         if np.array_equal(agreeing, used) or agreeing.sum() <= len(used) // 2:
             break
         used = agreeing
+    if used.sum() >= FEWEST_VIEWS:
+        drifting = fit_drift(pairs.take(used), likeliest.chain)
+        likeliest = max(likeliest, drifting, key=lambda one: one.log_likelihood)
     return PoseSolution(
-        likeliest.mount_T_camera[0],
-        likeliest.anchor_T_target[0],
-        _covariance(likeliest),
+        likeliest.chain.mount_T_camera,
+        likeliest.chain.anchor_T_target,
+        likeliest.covariance[:12, :12],
         used,
-        likeliest.robot_rotation_rad,
-        likeliest.robot_translation_mm,
-        *level,
+        likeliest.chain.scale,
+        likeliest.camera,
+        {source: float(np.sqrt(variance)) for source, variance in likeliest.variances.items()},
     )
+
+
+def _likeliest(pairs: PosePairs) -> PoseFit:
+    start = closed_form(pairs)
+    tails = TAILS if len(pairs) >= FEWEST_VIEWS else TAILS[:1]
+    fitted = [fit_white(pairs, start, camera, t) for camera in CAMERAS for t in tails]
+    return max(fitted, key=lambda one: one.log_likelihood)
+
+
+def _agreeing(pairs: PosePairs) -> NDArray[np.bool_]:
+    seen = pairs.camera_T_target
+    if not pairs.metric:
+        seen = seen.copy()
+        seen[:, :3, 3] /= closed_form(pairs).scale
+    points = REACH_MM * np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
+    return agreeing_views(pairs.anchor_T_mount(), seen, points)
 
 
 def _require_poses(base_T_flange: Array, camera_T_target: Array) -> None:
@@ -96,23 +116,3 @@ def _require_axes(base_T_flange: Array) -> None:
             f"all turns are about one axis, but for noise: translation along {axis} is not determined",
             f"add poses turned by 30 degrees or more about an axis across {axis}",
         )
-
-
-def _likeliest(setup: Setup, base_T_flange: Array, camera_T_target: Array) -> tuple[Fit, tuple[float, float]]:
-    """The best fit over the table of camera levels, all of them tried in one go."""
-    levels = list(product(CAMERA_LEVELS_RAD, CAMERA_LEVELS_MM))
-    fitted = fits([_evidence(setup, base_T_flange, camera_T_target, *level) for level in levels])
-    best = int(np.argmax([one.log_likelihood for one in fitted]))
-    return fitted[best], levels[best]
-
-
-def _evidence(setup: Setup, base_T_flange: Array, camera_T_target: Array, rad: float, mm: float) -> Evidence:
-    n = len(base_T_flange)
-    covariance = np.tile(np.diag(np.repeat([rad**2, mm**2], 3)), (n, 1, 1))
-    return Evidence(setup, np.arange(n), base_T_flange, camera_T_target, covariance)
-
-
-def _covariance(fitted: Fit) -> Array:
-    weighted = np.swapaxes(fitted.by_shared, 1, 2) @ np.linalg.inv(fitted.covariance)
-    covariance: Array = np.linalg.inv((weighted @ fitted.by_shared).sum(axis=0))
-    return covariance

@@ -1,0 +1,121 @@
+"""How far a camera's poses are from what X, the target's pose and a scale say, with derivatives.
+
+The camera sees `camera_T_target = inverse(anchor_T_mount @ X) @ Y`, lengths multiplied by `scale`. A residual is
+predicted less seen, of the target in the camera: [rotation vector in rad, translation of its origin in mm].
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.closed_forms.kronecker import as_rotation, kronecker
+from calibration.problem import Setup
+from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, skew, transform, vector_from_rotation
+
+
+@dataclass(frozen=True, eq=False)
+class PosePairs:
+    """n views: where the robot says its flange is, and where the camera says the target is (n, 4, 4).
+
+    `metric` is False where the camera's lengths are known up to a common factor only (one moving camera, no target).
+    """
+
+    setup: Setup
+    base_T_flange: Array
+    camera_T_target: Array
+    metric: bool = True
+
+    def __len__(self) -> int:
+        return len(self.base_T_flange)
+
+    def take(self, chosen: NDArray[np.bool_]) -> "PosePairs":
+        """Only the chosen views."""
+        return replace(self, base_T_flange=self.base_T_flange[chosen], camera_T_target=self.camera_T_target[chosen])
+
+    def anchor_T_mount(self) -> Array:
+        """(n, 4, 4), see `calibration.problem`."""
+        return self.base_T_flange if self.setup == "eye-in-hand" else inverse(self.base_T_flange)
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """`mount_T_camera`, `anchor_T_target` (4, 4); the camera's millimetres are `scale` true ones."""
+
+    mount_T_camera: Array
+    anchor_T_target: Array
+    scale: float = 1.0
+
+    def moved(self, step: Array) -> "Chain":
+        """By [X 6, Y 6] or [X 6, Y 6, log scale]."""
+        X = self.mount_T_camera @ transform(rotation_from_vector(step[:3]), step[3:6])
+        Y = self.anchor_T_target @ transform(rotation_from_vector(step[6:9]), step[9:12])
+        return Chain(X, Y, self.scale * float(np.exp(step[12])) if len(step) > 12 else self.scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Residuals (n, 6) and derivatives (n, 6, p); `predicted` (n, 4, 4) with the camera's own lengths.
+
+    `by_camera`, `by_flange`, `by_base` (n, 6, 6): what a small motion [rotation, translation] of the camera, of the
+    flange and of the robot's base does to them.
+    """
+
+    residuals: Array
+    by_shared: Array
+    predicted: Array
+    by_camera: Array
+    by_flange: Array
+    by_base: Array
+
+
+def linearise(pairs: PosePairs, chain: Chain) -> Linearised:
+    """At a chain."""
+    X, Y = chain.mount_T_camera, chain.anchor_T_target
+    metric = inverse(pairs.anchor_T_mount() @ X) @ Y
+    predicted = metric.copy()
+    predicted[:, :3, 3] *= chain.scale
+    turn = metric[:, :3, :3] @ np.swapaxes(pairs.camera_T_target[:, :3, :3], 1, 2)
+    shift = predicted[:, :3, 3] - pairs.camera_T_target[:, :3, 3]
+    if pairs.setup == "eye-in-hand":
+        flange = np.broadcast_to(adjoint(inverse(X)), (len(pairs), 6, 6))
+    else:
+        flange = adjoint(metric @ inverse(Y))
+    by_camera = _of_motion(metric, np.broadcast_to(np.eye(6), (len(pairs), 6, 6)), chain.scale)
+    by_flange = by_camera @ flange
+    columns = [-by_camera, by_camera @ adjoint(metric)]
+    if not pairs.metric:
+        columns.append(np.concatenate([np.zeros((len(pairs), 3, 1)), predicted[:, :3, 3:]], axis=1))
+    return Linearised(
+        np.concatenate([vector_from_rotation(turn), shift], axis=1),
+        np.concatenate(columns, axis=2),
+        predicted,
+        by_camera,
+        by_flange,
+        by_flange @ adjoint(inverse(pairs.base_T_flange)),
+    )
+
+
+def _of_motion(camera_T_target: Array, motion: Array, scale: float) -> Array:
+    """Residuals' change for `exp(motion) @ camera_T_target`."""
+    moved = scale * (motion[:, 3:] - skew(camera_T_target[:, :3, 3]) @ motion[:, :3])
+    return np.concatenate([motion[:, :3], moved], axis=1)
+
+
+def closed_form(pairs: PosePairs) -> Chain:
+    """A start: rotation in Kronecker form, then translations (and the scale) where the target scatters least."""
+    mount, seen = pairs.anchor_T_mount(), pairs.camera_T_target
+    X = kronecker(mount, seen)
+    scale = 1.0
+    if not pairs.metric:
+        # R_i t + lambda R_i R c_i + t_i is the target's origin in the anchor, the same for every view.
+        turned = mount[:, :3, :3]
+        offset = turned @ X[:3, :3] @ seen[:, :3, 3:]
+        coefficients = np.concatenate([turned, offset, np.broadcast_to(-np.eye(3), turned.shape)], axis=2)
+        solved = np.linalg.lstsq(coefficients.reshape(-1, 7), -mount[:, :3, 3].reshape(-1), rcond=None)[0]
+        factor = max(float(solved[3]), 1e-6)
+        X, scale = transform(X[:3, :3], solved[:3]), 1 / factor
+        seen = seen.copy()
+        seen[:, :3, 3] *= factor
+    targets = mount @ X @ seen
+    return Chain(X, transform(as_rotation(targets[:, :3, :3].mean(axis=0)), targets[:, :3, 3].mean(axis=0)), scale)
