@@ -51,7 +51,9 @@ def echo_server(ready: Any) -> None:
 
 def daemon_process(folder: str, ready: Any) -> None:
     """The daemon with its real server, devices from the tests' fakes, and a calibration in force."""
-    asyncio.run(_daemon(Path(folder), ready))
+    import uvloop
+
+    uvloop.run(_daemon(Path(folder), ready))
 
 
 async def _daemon(folder: Path, ready: Any) -> None:

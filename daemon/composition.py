@@ -1,10 +1,11 @@
 """The one composition root: from settings to a running daemon."""
 
-import asyncio
 import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
+
+import uvloop
 
 from daemon.application import Application
 from daemon.cell import Cell, Devices
@@ -69,7 +70,7 @@ def serve(settings: Settings, *, ready_file: Path | None = None) -> None:
     Raises StorageError, DeviceError, PortTaken.
     """
     log_to_stdout()
-    asyncio.run(_serve(settings, announce_in(ready_file)))
+    uvloop.run(_serve(settings, announce_in(ready_file)))
 
 
 async def _serve(settings: Settings, announce: Announce) -> None:
