@@ -10,6 +10,7 @@ DeviceError
 ├── RequestRefused         the controller refused to arm, or to tell something; carries its status name
 ├── MoveRefused            the controller refused a move before it began; carries its status name
 ├── MoveFailed             a move began and did not reach its goal
+│   └── MoveStalled        it does not go on; whoever sees it stops the arm
 └── InterlockRefused       an interlock of the cell does not allow motion; `interlocks` names which
 """
 
@@ -88,6 +89,13 @@ class MoveFailed(DeviceError):
     def __init__(self, device: str, what: str, fix: str, status: str) -> None:
         super().__init__(device, what, fix)
         self.status = status
+
+
+class MoveStalled(MoveFailed):
+    """A move began and does not go on: it may still be under way, and is stopped."""
+
+    def __init__(self, device: str, what: str, fix: str) -> None:
+        super().__init__(device, what, fix, "STALLED")
 
 
 class InterlockRefused(DeviceError):

@@ -4,15 +4,16 @@ import asyncio
 import contextlib
 
 from calibration.transforms import Array
-from drivers.errors import DeviceError, MoveFailed, MoveRefused
+from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
 from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotStatus
 from drivers.robots import cb_wire
+from drivers.robots.arrival import Arrival
 from drivers.robots.cb_link import CbLink
 from drivers.robots.conversation import Answered, Conversation, Overtaken
 from drivers.robots.refusals import move_failed, move_refused, request_refused
 from drivers.robots.transport import Transport
 from drivers.timing import Timing
-from protocols.cb.codes import Flag, Status
+from protocols.cb.codes import Status
 from protocols.cb.messages import (
     Arm,
     GetJoints,
@@ -28,9 +29,6 @@ from protocols.cb.messages import (
 )
 
 POLL_S = 0.06
-STANDS_PER_MILLE = 1000
-FORGOTTEN_AFTER_S = 2.0
-"""A controller that stands, reports no move and never names ours for this long has forgotten it."""
 
 
 class CbRobot:
@@ -96,9 +94,9 @@ class CbRobot:
         conversation = self._link.conversation()
         try:
             await self._arrive(conversation, await self._begin(conversation, move))
-        except (MoveRefused, MoveFailed):
-            raise  # nothing is under way
-        except BaseException:
+        except BaseException as error:
+            if _nothing_is_under_way(error):
+                raise
             stopping = asyncio.create_task(_stop_quietly(conversation), name=f"stops {self._device}")
             self._stopping.add(stopping)
             stopping.add_done_callback(self._stopping.discard)
@@ -133,24 +131,17 @@ class CbRobot:
 
     async def _arrive(self, conversation: Conversation, seq: int) -> None:
         """Ask until the move `seq` ended. Bound to its conversation: a reconnect ends it as LinkLost."""
-        idle_since_s: float | None = None
+        arrival = Arrival(self._device, seq)
         while True:
             await self._timing.sleep(POLL_S)
             answered = await self._read(GetStatus(), "reading the status", conversation)
             assert isinstance(answered.reply, Report)
-            report = answered.reply
-            if report.finished_seq == seq:
-                if report.finished_status != Status.OK:
-                    raise move_failed(self._device, report.finished_status)
+            if arrival.reached(answered.reply, self._timing.clock()):
                 return
-            now_s = self._timing.clock()
-            if report.flags & Flag.MOVING or report.progress_per_mille < STANDS_PER_MILLE:
-                idle_since_s = None
-            elif idle_since_s is None:
-                idle_since_s = now_s
-            elif now_s - idle_since_s > FORGOTTEN_AFTER_S:
-                what = f"the controller stands still and does not know move {seq} any more"
-                raise MoveFailed(self._device, what, "read the pose before going on", Status.ABORTED.name)
+
+
+def _nothing_is_under_way(error: BaseException) -> bool:
+    return isinstance(error, MoveRefused | MoveFailed) and not isinstance(error, MoveStalled)
 
 
 async def _stop_quietly(conversation: Conversation) -> None:

@@ -176,7 +176,12 @@ class Conversation:
                     fix = "the controller's program and this release do not belong together"
                     self._settle(GarbledAnswer(self._device, f"an answer that is none: {reason}", fix))
                 case FramingBroken(reason=reason):
-                    fix = "check that the address is the communication task's"
+                    greeted = self._session.session is not None
+                    fix = (
+                        "check the cable and its shield"
+                        if greeted
+                        else "check that the address is the communication task's"
+                    )
                     self.lose(GarbledAnswer(self._device, f"what came is not the CB link: {reason}", fix))
                 case GreetingLost():
                     fix = "nothing of before runs on; arm again"

@@ -11,7 +11,10 @@ WHAT_TO_DO: dict[int, tuple[str, str]] = {
     Status.VERSION: ("no common version was agreed", "load the program modules of this release"),
     Status.BUSY: ("a move is already running", "wait for it to end, or stop it"),
     Status.NOT_ARMED: ("the arm is not armed", "arm it; it is disarmed after every reconnect"),
-    Status.WRONG_MODE: ("the mode switch does not allow it", "switch to automatic, or hold the enabling device"),
+    Status.WRONG_MODE: (
+        "the controller is not in automatic mode, or its motion program does not run",
+        "switch to automatic, and start the program of the motion task",
+    ),
     Status.MOTORS_OFF: ("the motors are off", "switch the motors on at the controller"),
     Status.UNREACHABLE: ("no joint angles reach the pose", "choose a pose nearer to the arm, or another configuration"),
     Status.OUTSIDE_BOX: (

@@ -35,7 +35,9 @@ class TcpConnection:
         except OSError as error:
             raise self._lost(error) from error
         if not data:
-            raise LinkLost(self._device, "the controller closed the connection", "it is dialled again by itself")
+            raise LinkLost(
+                self._device, "the controller closed the connection", "see whether its communication task runs"
+            )
         return data
 
     async def close(self) -> None:

@@ -44,11 +44,15 @@ Mangle = Callable[[Request, bytes], Iterable[bytes]]
 
 @dataclass
 class FakeArm:
-    """What the controller knows. `polls_per_move`: a move ends at this STATUS; None: never by itself."""
+    """What the controller knows. `polls_per_move`: a move ends at this STATUS; None: never by itself.
+
+    `advances`: whether a move comes nearer to its goal from one STATUS to the next.
+    """
 
     session: int = 7
     pose: Pose = STANDING
     polls_per_move: int | None = 2
+    advances: bool = True
     ends_with: Status = Status.OK
     refuses: dict[type, Status] = field(default_factory=dict)
     armed: bool = False
@@ -114,7 +118,8 @@ class FakeArm:
         moving = bool(self.running_seq)
         flags = Flag.MOTORS_ON | Flag.AUTO | (Flag.MOVING if moving else Flag.IN_POSITION)
         flags |= Flag.ARMED if self.armed else Flag(0)
-        return Report(flags, *self.finished, 500 if moving else 1000, 4321)
+        done = min(self.polls, 999) if self.advances else 500
+        return Report(flags, *self.finished, done if moving else 1000, 4321)
 
 
 class FakeController:

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost, MoveFailed
+from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost, MoveFailed, MoveStalled
 from drivers.interfaces import Configuration, MoveGoal
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.conversation import REPLY_LIMIT_S
@@ -404,6 +404,21 @@ async def test_a_move_over_a_dying_link_is_lost_and_never_asked_again():
         await fake.advance(20)
         assert robot.link.connected
         assert len(controller.arm.moves) == 1
+
+
+async def test_an_arm_that_stands_on_its_way_is_stopped_and_told_why():
+    controller = FakeController()
+    controller.arm.polls_per_move, controller.arm.advances = None, False
+    async with on_a_memory_line(controller) as (robot, _, fake):
+        await robot.set_armed(True)
+        moving = asyncio.create_task(robot.move_to(GOAL))
+        await fake.advance(4.5)
+        assert not moving.done()
+        await fake.advance(1.5)
+        with pytest.raises(MoveStalled, match="stood still for 5 s after 50 % of the way"):
+            await moving
+        assert controller.arm.count(Stop) == 1
+        assert robot.link.connected
 
 
 async def test_a_controller_that_forgot_the_move_does_not_hold_it_for_ever():

@@ -1,0 +1,56 @@
+"""When a move is over, from one report of the controller after another. No clock and no wire in here."""
+
+from dataclasses import dataclass
+
+from drivers.errors import MoveFailed, MoveStalled
+from drivers.robots.refusals import move_failed
+from protocols.cb.codes import Flag, Status
+from protocols.cb.messages import Report
+
+STANDS_PER_MILLE = 1000
+FORGOTTEN_AFTER_S = 2.0
+"""A controller that stands, reports no move and never names ours for this long has forgotten it."""
+STALLED_AFTER_S = 5.0
+"""A thousandth of the way in five seconds is no speed that anybody calibrates with."""
+
+
+@dataclass
+class Arrival:
+    """Watches the move `seq` of `device`."""
+
+    device: str
+    seq: int
+    _progress_per_mille: int = -1
+    _advanced_at_s: float = 0.0
+
+    def reached(self, report: Report, now_s: float) -> bool:
+        """Does the arm stand at its goal? Raises MoveFailed when the move is over, and MoveStalled when it is not."""
+        if report.finished_seq == self.seq:
+            if report.finished_status != Status.OK:
+                raise move_failed(self.device, report.finished_status)
+            return True
+        if report.progress_per_mille != self._progress_per_mille:
+            self._progress_per_mille, self._advanced_at_s = report.progress_per_mille, now_s
+        waited_s = now_s - self._advanced_at_s
+        if self._no_longer_known(report) and waited_s > FORGOTTEN_AFTER_S:
+            what = f"the controller stands still and does not know move {self.seq} any more"
+            raise MoveFailed(self.device, what, "read the pose before going on", Status.ABORTED.name)
+        if waited_s > STALLED_AFTER_S:
+            raise MoveStalled(self.device, *_why_it_waits(report))
+        return False
+
+    def _no_longer_known(self, report: Report) -> bool:
+        return report.progress_per_mille >= STANDS_PER_MILLE and not report.flags & Flag.MOVING
+
+
+def _why_it_waits(report: Report) -> tuple[str, str]:
+    if report.progress_per_mille >= STANDS_PER_MILLE:
+        return (
+            "the arm does not come to rest at its goal",
+            "look for vibration, and that the payload is set; run it again",
+        )
+    done = f"{report.progress_per_mille / 10:.0f} % of the way"
+    return (
+        f"the arm has stood still for {STALLED_AFTER_S:g} s after {done}, and was stopped",
+        "turn the speed override up at the pendant, and see that nothing holds the program; then run it again",
+    )
