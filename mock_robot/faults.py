@@ -27,7 +27,7 @@ class Fault:
     """One row. `strikes` is how often it strikes unless told otherwise; None until it is cleared."""
 
     name: str
-    area: Literal["link", "serial", "robot"]
+    area: Literal["link", "serial", "robot", "rws"]
     summary: str
     strikes: int | None = 1
     begin: StateFault | None = None
@@ -106,6 +106,17 @@ class FaultBoard:
                 active.fault.begin(controller, now_s)
                 self._struck(active)
 
+    def is_on(self, name: str) -> bool:
+        """Is a fault on and awake, for who looks at it by name?"""
+        return name in self._active and self._active[name].awake
+
+    def strikes(self, name: str) -> bool:
+        """The same, and it counts as having struck."""
+        on = self.is_on(name)
+        if on:
+            self._struck(self._active[name])
+        return on
+
     def incoming(self, data: bytes) -> bytes:
         """Bytes from the wire as the controller gets to see them."""
         for active in self._awake("receive"):
@@ -135,7 +146,7 @@ class FaultBoard:
     def _awake(self, place: Literal["receive", "reply", "send"], command: Command | None = None) -> list[ActiveFault]:
         return [
             active
-            for active in self._active.values()
+            for active in list(self._active.values())  # a program in a thread of its own may ask, too
             if active.awake
             and getattr(active.fault, place) is not None
             and (active.only is None or active.only == command or place == "receive")
@@ -146,4 +157,4 @@ class FaultBoard:
         if active.strikes_left is not None:
             active.strikes_left -= 1
             if active.strikes_left <= 0:
-                del self._active[active.fault.name]
+                self._active.pop(active.fault.name, None)

@@ -4,17 +4,21 @@ MODULE CELL_comm
   CONST num CELL_HALF_FRAME := 0.5;
   CONST num CELL_IDLE := 10;
   CONST num CELL_PAYLOAD_MAX := 1012;
-  CONST num CELL_BUILD := 1;
+  CONST num CELL_BUILD := 2;
+  CONST num CELL_STANDS := 0.01;
 
   VAR socketdev cell_server;
-  VAR socketdev cell_client;
-  VAR socketdev cell_guest;
+  ! Two places: the client is cell_peer{cell_who}, a guest waits at the other one.
+  VAR socketdev cell_peer{2};
+  VAR num cell_who := 1;
   VAR iodev cell_line;
   VAR clock cell_heard;
   VAR clock cell_quiet;
   VAR clock cell_since_hello;
   VAR clock cell_guest_since;
   VAR clock cell_looked;
+  VAR clock cell_rung;
+  VAR clock cell_sampled;
 
   VAR bool cell_open := FALSE;
   VAR bool cell_has_guest := FALSE;
@@ -24,6 +28,7 @@ MODULE CELL_comm
   VAR bool cell_timed_out := FALSE;
   VAR bool cell_stored := FALSE;
   VAR bool cell_keep := FALSE;
+  VAR bool cell_held := FALSE;
   VAR num cell_byte := 0;
 
   ! The frame that is being received, and the answer that is being built.
@@ -41,16 +46,16 @@ MODULE CELL_comm
   VAR num cell_pos := 0;
 
   ! The newest request and its reply: asked again, it is answered from here.
+  VAR rawbytes cell_last_request;
   VAR rawbytes cell_last_reply;
   VAR num cell_last_seq := 0;
-  VAR num cell_last_sum := 0;
-  VAR num cell_last_command := 0;
 
   VAR num cell_move_seq := 0;
   VAR num cell_finished_seq := 0;
   VAR num cell_finished_status := 0;
   VAR robtarget cell_asked;
   VAR robtarget cell_here;
+  VAR jointtarget cell_seen;
 
   FUNC num cell_fletcher(VAR rawbytes data, num count)
     ! Over bytes 1 to 10 and the payload; every partial sum is exact in a num.
@@ -65,6 +70,8 @@ MODULE CELL_comm
       ENDIF
     ENDFOR
     RETURN high * 256 + low;
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC num cell_length_of(num command)
@@ -90,6 +97,8 @@ MODULE CELL_comm
     DEFAULT:
       RETURN -1;
     ENDTEST
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC num cell_u16(num offset)
@@ -97,12 +106,16 @@ MODULE CELL_comm
     VAR num value := 0;
     UnpackRawBytes cell_rx, 13 + offset, value \IntX:=UINT;
     RETURN value;
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC num cell_float(num offset)
     VAR num value := 0;
     UnpackRawBytes cell_rx, 13 + offset, value \Float4;
     RETURN value;
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC bool cell_finite(num offset)
@@ -112,15 +125,20 @@ MODULE CELL_comm
     UnpackRawBytes cell_rx, 13 + offset + 3, top \IntX:=USINT;
     UnpackRawBytes cell_rx, 13 + offset + 2, next \IntX:=USINT;
     RETURN ((top MOD 128) <> 127) OR (next < 128);
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC num cell_forbidden()
-    ! The first reason against any motion; CELL_OK when there is none.
-    IF DOutput(cell_do_estop) = 1 RETURN CELL_ESTOP;
-    IF DOutput(cell_do_motors) = 0 RETURN CELL_MOTORS_OFF;
-    IF OpMode() = OP_MAN_TEST RETURN CELL_WRONG_MODE;
-    IF DOutput(cell_do_running) = 0 RETURN CELL_WRONG_MODE;
-    RETURN CELL_OK;
+    ! The first reason against any motion; CB_OK when there is none.
+    IF DOutput(cell_do_estop) = 1 RETURN CB_ESTOP;
+    IF DOutput(cell_do_motors) = 0 RETURN CB_MOTORS_OFF;
+    IF OpMode() = OP_MAN_TEST RETURN CB_WRONG_MODE;
+    IF DOutput(cell_do_running) = 1 RETURN CB_OK;
+    IF DOutput(cell_do_error) = 1 RETURN CB_MOTION_ERROR;
+    RETURN CB_WRONG_MODE;
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC num cell_flags()
@@ -134,6 +152,8 @@ MODULE CELL_comm
     IF DOutput(cell_do_running) = 1 flags := flags + 64;
     IF (OpMode() <> OP_AUTO) OR (CSpeedOverride() < 100) flags := flags + 128;
     RETURN flags;
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC num cell_t_ms()
@@ -142,12 +162,16 @@ MODULE CELL_comm
       ClkStart cell_since_hello;
     ENDIF
     RETURN Trunc(ClkRead(cell_since_hello) * 1000);
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC num cell_axis_progress(num start, num goal, num now, num best)
     ! Of the axis that has the longest way: how much is done, per mille; best carries the way so far.
     IF Abs(goal - start) <= best RETURN -1;
     RETURN Trunc(1000 * Abs(now - start) / Abs(goal - start));
+  ERROR
+    RAISE;
   ENDFUNC
 
   FUNC num cell_progress()
@@ -172,6 +196,35 @@ MODULE CELL_comm
     ENDFOR
     IF part > 1000 part := 1000;
     RETURN part;
+  ERROR
+    RAISE;
+  ENDFUNC
+
+  FUNC num cell_apart(jointtarget one, jointtarget other)
+    ! How far two postures are apart: the axes' differences added, in degrees.
+    VAR num sum := 0;
+    sum := Abs(one.robax.rax_1 - other.robax.rax_1) + Abs(one.robax.rax_2 - other.robax.rax_2);
+    sum := sum + Abs(one.robax.rax_3 - other.robax.rax_3) + Abs(one.robax.rax_4 - other.robax.rax_4);
+    RETURN sum + Abs(one.robax.rax_5 - other.robax.rax_5) + Abs(one.robax.rax_6 - other.robax.rax_6);
+  ERROR
+    RAISE;
+  ENDFUNC
+
+  FUNC bool cell_repeated()
+    ! Is the request, byte for byte, the one before?
+    VAR num count := 0;
+    VAR num new := 0;
+    VAR num old := 0;
+    count := 12 + cell_len;
+    IF RawBytesLen(cell_last_request) <> count RETURN FALSE;
+    FOR i FROM 1 TO count DO
+      UnpackRawBytes cell_rx, i, new \IntX:=USINT;
+      UnpackRawBytes cell_last_request, i, old \IntX:=USINT;
+      IF new <> old RETURN FALSE;
+    ENDFOR
+    RETURN TRUE;
+  ERROR
+    RAISE;
   ENDFUNC
 
   PROC main()
@@ -187,15 +240,16 @@ MODULE CELL_comm
       WHILE TRUE DO
         cell_accept;
         IF cell_open cell_serve;
-        SocketClose cell_client;
+        SocketClose cell_peer{cell_who};
+        cell_supervise;
       ENDWHILE
     ENDIF
   ERROR
     RAISE;
   UNDO
     cell_armed := FALSE;
-    SocketClose cell_guest;
-    SocketClose cell_client;
+    SocketClose cell_peer{1};
+    SocketClose cell_peer{2};
     SocketClose cell_server;
   ENDPROC
 
@@ -207,24 +261,29 @@ MODULE CELL_comm
     cell_request := FALSE;
     cell_done := FALSE;
     cell_verdict := 0;
-    cell_abort_status := CELL_ABORTED;
+    cell_abort_status := CB_ABORTED;
     cell_abort := TRUE;
+    cell_ring;
+    cell_held := IsStopMoveAct(\FromNonMoveTask);
     cell_last_seq := 0;
     cell_stored := FALSE;
     cell_greeted := FALSE;
     cell_watched := FALSE;
     cell_finished_seq := 0;
-    cell_finished_status := CELL_OK;
+    cell_finished_status := CB_OK;
     ClkReset cell_looked;
     ClkStart cell_looked;
+    ClkReset cell_sampled;
+    ClkStart cell_sampled;
   ERROR
     RAISE;
   ENDPROC
 
   PROC cell_listen()
     SocketClose cell_server;
-    SocketClose cell_client;
-    SocketClose cell_guest;
+    SocketClose cell_peer{1};
+    SocketClose cell_peer{2};
+    cell_has_guest := FALSE;
     SocketCreate cell_server;
     IF cell_address = "" THEN
       SocketBind cell_server, GetSysInfo(\LanIp), cell_port;
@@ -237,8 +296,14 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_accept()
+    ! The guest that waits becomes the client; else whoever connects.
     cell_open := TRUE;
-    SocketAccept cell_server, cell_client \Time:=1;
+    IF cell_has_guest THEN
+      cell_who := 3 - cell_who;
+      cell_has_guest := FALSE;
+      RETURN;
+    ENDIF
+    SocketAccept cell_server, cell_peer{cell_who} \Time:=0.1;
   ERROR
     cell_open := FALSE;
     IF ERRNO = ERR_SOCK_TIMEOUT THEN
@@ -261,9 +326,9 @@ MODULE CELL_comm
       cell_step;
       cell_tick;
     ENDWHILE
-    cell_halt CELL_ABORTED;
+    cell_halt CB_ABORTED;
   ERROR
-    cell_halt CELL_ABORTED;
+    cell_halt CB_ABORTED;
     RAISE;
   ENDPROC
 
@@ -277,7 +342,7 @@ MODULE CELL_comm
       RETURN;
     ENDIF
     IF cell_use_serial THEN
-      cell_take_line;
+      cell_take_line missing;
     ELSE
       cell_take_socket missing;
     ENDIF
@@ -296,11 +361,11 @@ MODULE CELL_comm
     ! Never ask for more than is there, but for one byte: a time-out then loses nothing.
     VAR num count := 1;
     cell_got := 0;
-    count := SocketPeek(cell_client);
+    count := SocketPeek(cell_peer{cell_who});
     IF count > missing count := missing;
     IF count < 1 count := 1;
     cell_timed_out := FALSE;
-    SocketReceive cell_client \RawData:=cell_part \ReadNoOfBytes:=count \NoRecBytes:=cell_got \Time:=0.02;
+    SocketReceive cell_peer{cell_who} \RawData:=cell_part \ReadNoOfBytes:=count \NoRecBytes:=cell_got \Time:=0.02;
     IF cell_timed_out cell_got := 0;
     IF cell_got > 0 THEN
       CopyRawBytes cell_part, 1, cell_rx, cell_have + 1 \NoOfBytes:=cell_got;
@@ -316,15 +381,20 @@ MODULE CELL_comm
     RETURN;
   ENDPROC
 
-  PROC cell_take_line()
+  PROC cell_take_line(num missing)
+    ! A few bytes at a time, so that nothing else waits for long.
+    VAR num most := 16;
+    IF missing < most most := missing;
     cell_got := 0;
     cell_timed_out := FALSE;
-    cell_byte := ReadBin(cell_line \Time:=0.02);
-    IF NOT cell_timed_out THEN
-      PackRawBytes cell_byte, cell_rx, cell_have + 1 \IntX:=USINT;
-      cell_have := cell_have + 1;
-      cell_got := 1;
-    ENDIF
+    WHILE cell_got < most AND (NOT cell_timed_out) DO
+      cell_byte := ReadBin(cell_line \Time:=0.02);
+      IF NOT cell_timed_out THEN
+        cell_have := cell_have + 1;
+        cell_got := cell_got + 1;
+        PackRawBytes cell_byte, cell_rx, cell_have \IntX:=USINT;
+      ENDIF
+    ENDWHILE
   ERROR
     IF ERRNO = ERR_DEV_MAXTIME THEN
       cell_timed_out := TRUE;
@@ -396,7 +466,7 @@ MODULE CELL_comm
     sum := cell_fletcher(cell_rx, 12 + cell_len);
     cell_begin;
     IF sum <> cell_sum THEN
-      cell_status := CELL_BAD_SUM;
+      cell_status := CB_BAD_SUM;
       cell_send;
       cell_drop;
       RETURN;
@@ -419,46 +489,44 @@ MODULE CELL_comm
     VAR num ahead := 0;
     UnpackRawBytes cell_rx, 3, version \IntX:=USINT;
     IF cell_seq = 0 THEN
-      cell_refuse CELL_BAD_FIELD;
+      cell_refuse CB_BAD_FIELD;
       RETURN;
     ENDIF
     IF version <> 1 THEN
-      cell_refuse CELL_BAD_VERSION;
+      cell_refuse CB_BAD_VERSION;
       RETURN;
     ENDIF
     IF cell_stored THEN
       ahead := cell_seq - cell_last_seq;
       IF ahead < 0 ahead := ahead + 65535;
-      IF ahead = 0 AND cell_sum = cell_last_sum AND cell_command = cell_last_command THEN
-        cell_put cell_last_reply;
-        RETURN;
+      IF ahead = 0 THEN
+        IF cell_repeated() THEN
+          cell_put cell_last_reply;
+          RETURN;
+        ENDIF
       ENDIF
       IF (ahead = 0 OR ahead > 32767) AND cell_command <> 2 THEN
-        cell_refuse CELL_SEQ_TAKEN;
+        cell_refuse CB_SEQ_TAKEN;
         RETURN;
       ENDIF
     ENDIF
     IF cell_length_of(cell_command) < 0 THEN
-      cell_refuse CELL_UNKNOWN_CMD;
+      cell_refuse CB_UNKNOWN_CMD;
       RETURN;
     ENDIF
     IF cell_len <> cell_length_of(cell_command) THEN
-      cell_refuse CELL_BAD_LEN;
+      cell_refuse CB_BAD_LEN;
       RETURN;
     ENDIF
     IF (NOT cell_greeted) AND cell_command > 2 THEN
-      cell_refuse CELL_BAD_VERSION;
+      cell_refuse CB_BAD_VERSION;
       RETURN;
     ENDIF
     cell_keep := TRUE;
     cell_do_command;
     IF cell_keep THEN
       cell_finish_frame;
-      cell_last_reply := cell_tx;
-      cell_last_seq := cell_seq;
-      cell_last_sum := cell_sum;
-      cell_last_command := cell_command;
-      cell_stored := TRUE;
+      cell_remember;
       cell_put cell_tx;
     ENDIF
     IF cell_command = 9 AND cell_keep THEN
@@ -470,10 +538,21 @@ MODULE CELL_comm
     RAISE;
   ENDPROC
 
+  PROC cell_remember()
+    ClearRawBytes cell_last_request;
+    CopyRawBytes cell_rx, 1, cell_last_request, 1 \NoOfBytes:=12 + cell_len;
+    ClearRawBytes cell_last_reply;
+    CopyRawBytes cell_tx, 1, cell_last_reply, 1;
+    cell_last_seq := cell_seq;
+    cell_stored := TRUE;
+  ERROR
+    RAISE;
+  ENDPROC
+
   PROC cell_do_command()
     TEST cell_command
     CASE 1:
-      cell_status := CELL_OK;
+      cell_status := CB_OK;
     CASE 2:
       cell_hello;
     CASE 3:
@@ -481,7 +560,7 @@ MODULE CELL_comm
     CASE 4:
       cell_move;
     CASE 5:
-      cell_stop CELL_ABORTED;
+      cell_stop CB_ABORTED;
     CASE 6:
       cell_report;
     CASE 7:
@@ -489,7 +568,7 @@ MODULE CELL_comm
     CASE 8:
       cell_get_joints;
     CASE 9:
-      cell_halt CELL_ABORTED;
+      cell_halt CB_ABORTED;
     ENDTEST
   ERROR
     RAISE;
@@ -500,13 +579,13 @@ MODULE CELL_comm
     version_max := cell_u16(2);
     IF version_max = 0 version_max := cell_u16(0);
     IF cell_u16(0) > 1 OR version_max < 1 THEN
-      cell_refuse CELL_BAD_VERSION;
+      cell_refuse CB_BAD_VERSION;
       RETURN;
     ENDIF
-    cell_halt CELL_ABORTED;
+    cell_halt CB_ABORTED;
     cell_await_motion;
     cell_finished_seq := 0;
-    cell_finished_status := CELL_OK;
+    cell_finished_status := CB_OK;
     cell_greeted := TRUE;
     ClkReset cell_since_hello;
     ClkStart cell_since_hello;
@@ -524,7 +603,7 @@ MODULE CELL_comm
     ! A stopped move belongs to the client before; its end is not reported to this one.
     cell_busy := FALSE;
     cell_timed_out := FALSE;
-    WaitUntil cell_abort = FALSE \MaxTime:=1.5 \PollRate:=0.01;
+    WaitUntil (NOT cell_abort) OR DOutput(cell_do_running) = 0 \MaxTime:=1.5 \PollRate:=0.01;
   ERROR
     IF ERRNO = ERR_WAIT_MAXTIME TRYNEXT;
     RAISE;
@@ -532,7 +611,7 @@ MODULE CELL_comm
 
   PROC cell_get_pose()
     IF cell_u16(0) > 1 THEN
-      cell_refuse CELL_BAD_FIELD;
+      cell_refuse CB_BAD_FIELD;
       RETURN;
     ENDIF
     IF cell_u16(0) = 1 THEN
@@ -587,17 +666,17 @@ MODULE CELL_comm
   PROC cell_arm()
     VAR num against := 0;
     IF cell_u16(2) > 1 THEN
-      cell_refuse CELL_BAD_FIELD;
+      cell_refuse CB_BAD_FIELD;
       RETURN;
     ENDIF
     IF cell_u16(2) = 0 THEN
-      cell_halt CELL_ABORTED;
+      cell_halt CB_ABORTED;
       RETURN;
     ENDIF
     against := cell_forbidden();
-    IF against = CELL_OK AND cell_u16(0) <> cell_session against := CELL_NOT_ARMED;
+    IF against = CB_OK AND cell_u16(0) <> cell_session against := CB_NOT_ARMED;
     cell_status := against;
-    IF against = CELL_OK cell_armed := TRUE;
+    IF against = CB_OK cell_armed := TRUE;
   ERROR
     RAISE;
   ENDPROC
@@ -606,18 +685,18 @@ MODULE CELL_comm
     VAR num kind := 0;
     kind := cell_u16(64);
     IF kind < 1 OR kind > 2 THEN
-      cell_refuse CELL_BAD_FIELD;
+      cell_refuse CB_BAD_FIELD;
       RETURN;
     ENDIF
     cell_note_end;
     cell_status := cell_forbidden();
-    IF cell_status <> CELL_OK RETURN;
-    cell_status := CELL_NOT_ARMED;
+    IF cell_status <> CB_OK RETURN;
+    cell_status := CB_NOT_ARMED;
     IF NOT cell_armed RETURN;
-    cell_status := CELL_BUSY;
-    IF cell_busy OR cell_abort RETURN;
+    cell_status := CB_BUSY;
+    IF cell_busy OR cell_abort OR cell_held RETURN;
     cell_read_goal;
-    IF cell_status <> CELL_OK RETURN;
+    IF cell_status <> CB_OK RETURN;
     cell_goal := cell_asked;
     cell_goal_speed := cell_float(60);
     cell_goal_kind := kind;
@@ -625,7 +704,7 @@ MODULE CELL_comm
     cell_done := FALSE;
     cell_request := TRUE;
     cell_await_verdict;
-    IF cell_status = CELL_ACCEPTED THEN
+    IF cell_status = CB_ACCEPTED THEN
       cell_move_seq := cell_seq;
       cell_busy := TRUE;
     ENDIF
@@ -638,10 +717,11 @@ MODULE CELL_comm
     cell_status := cell_verdict;
   ERROR
     IF ERRNO = ERR_WAIT_MAXTIME THEN
-      cell_halt CELL_WRONG_MODE;
-      cell_abort_status := CELL_WRONG_MODE;
+      cell_armed := FALSE;
+      cell_abort_status := CB_WRONG_MODE;
       cell_abort := TRUE;
-      cell_status := CELL_WRONG_MODE;
+      cell_ring;
+      cell_status := CB_WRONG_MODE;
       RETURN;
     ENDIF
     RAISE;
@@ -650,10 +730,10 @@ MODULE CELL_comm
   PROC cell_read_goal()
     ! Everything that can be wrong with a goal, but for its reach.
     VAR num norm := 0;
-    cell_status := CELL_SPEED;
+    cell_status := CB_SPEED;
     IF NOT cell_finite(60) RETURN;
     IF cell_float(60) <= 0 OR cell_float(60) > cell_speed_max RETURN;
-    cell_status := CELL_BAD_FIELD;
+    cell_status := CB_BAD_FIELD;
     FOR i FROM 0 TO 6 DO
       IF NOT cell_finite(4 * i) RETURN;
     ENDFOR
@@ -677,11 +757,11 @@ MODULE CELL_comm
     IF cell_here.extax.eax_d < 8.9E9 cell_asked.extax.eax_d := cell_float(48);
     IF cell_here.extax.eax_e < 8.9E9 cell_asked.extax.eax_e := cell_float(52);
     IF cell_here.extax.eax_f < 8.9E9 cell_asked.extax.eax_f := cell_float(56);
-    cell_status := CELL_OUTSIDE_BOX;
+    cell_status := CB_OUTSIDE_BOX;
     IF cell_asked.trans.x < cell_box_low.x OR cell_asked.trans.x > cell_box_high.x RETURN;
     IF cell_asked.trans.y < cell_box_low.y OR cell_asked.trans.y > cell_box_high.y RETURN;
     IF cell_asked.trans.z < cell_box_low.z OR cell_asked.trans.z > cell_box_high.z RETURN;
-    cell_status := CELL_OK;
+    cell_status := CB_OK;
   ERROR
     RAISE;
   ENDPROC
@@ -691,7 +771,17 @@ MODULE CELL_comm
     IF cell_busy AND (NOT cell_done) AND (NOT cell_abort) THEN
       cell_abort_status := reason;
       cell_abort := TRUE;
+      cell_ring;
     ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_ring()
+    ! Wake the trap of the motion task. What rings while that task is stopped is lost.
+    cell_bell := 1 - cell_bell;
+    ClkReset cell_rung;
+    ClkStart cell_rung;
   ERROR
     RAISE;
   ENDPROC
@@ -713,12 +803,73 @@ MODULE CELL_comm
     RAISE;
   ENDPROC
 
+  PROC cell_supervise()
+    ! The motion task: may it move, does it run, has it heard of the abort?
+    IF (cell_armed OR cell_busy) AND cell_forbidden() <> CB_OK THEN
+      cell_halt cell_forbidden();
+      cell_hold;
+    ENDIF
+    IF DOutput(cell_do_running) = 0 THEN
+      cell_take_over;
+      RETURN;
+    ENDIF
+    IF cell_abort AND ClkRead(cell_rung) >= 0.1 cell_ring;
+    IF cell_held AND (NOT cell_abort) AND cell_forbidden() = CB_OK cell_release;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_hold()
+    ! A move that was interrupted would go on when its task is started: not before it was dropped.
+    IF cell_held OR (NOT cell_busy) RETURN;
+    cell_held := TRUE;
+    StopMove \AllMotionTasks;
+  ERROR
+    TRYNEXT;
+  ENDPROC
+
+  PROC cell_release()
+    StartMove \AllMotionTasks;
+    cell_held := FALSE;
+  ERROR
+    RETURN;
+  ENDPROC
+
+  PROC cell_take_over()
+    ! The motion task is stopped and cannot tell how its move ended: it has when the arm stands.
+    VAR jointtarget now;
+    IF (NOT cell_busy) AND (NOT cell_moving) RETURN;
+    IF ClkRead(cell_sampled) < 0.1 RETURN;
+    ClkReset cell_sampled;
+    ClkStart cell_sampled;
+    now := CJointT(\TaskName:="T_ROB1");
+    IF cell_apart(now, cell_seen) < CELL_STANDS THEN
+      cell_moving := FALSE;
+      cell_settled := TRUE;
+      IF cell_busy cell_note_stop;
+    ENDIF
+    cell_seen := now;
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_note_stop()
+    cell_finished_seq := cell_move_seq;
+    cell_finished_status := CB_ABORTED;
+    IF cell_abort cell_finished_status := cell_abort_status;
+    IF cell_finished_status = CB_WRONG_MODE AND DOutput(cell_do_error) = 1 cell_finished_status := CB_MOTION_ERROR;
+    cell_busy := FALSE;
+    IF cell_greeted AND cell_open cell_announce;
+  ERROR
+    RAISE;
+  ENDPROC
+
   PROC cell_tick()
     ! What nobody asks for: switches, silence, the end of a move, a second client.
-    IF (cell_armed OR cell_busy) AND cell_forbidden() <> CELL_OK cell_halt cell_forbidden();
+    cell_supervise;
     IF cell_watched AND ClkRead(cell_heard) >= CELL_HEARTBEAT THEN
       cell_watched := FALSE;
-      cell_halt CELL_ABORTED;
+      cell_halt CB_ABORTED;
     ENDIF
     IF (NOT cell_use_serial) AND ClkRead(cell_heard) >= CELL_IDLE cell_open := FALSE;
     IF cell_busy AND cell_done AND (NOT cell_abort) THEN
@@ -752,7 +903,7 @@ MODULE CELL_comm
       RETURN;
     ENDIF
     cell_has_guest := TRUE;
-    SocketAccept cell_server, cell_guest \Time:=0.001;
+    SocketAccept cell_server, cell_peer{3 - cell_who} \Time:=0.001;
     ClkReset cell_guest_since;
     ClkStart cell_guest_since;
   ERROR
@@ -767,33 +918,36 @@ MODULE CELL_comm
     VAR num command := 0;
     VAR num seq := 0;
     VAR num got := 0;
-    IF ClkRead(cell_heard) >= CELL_HEARTBEAT cell_open := FALSE;
-    IF SocketPeek(cell_guest) >= 12 THEN
-      SocketReceive cell_guest \RawData:=cell_part \ReadNoOfBytes:=12 \NoRecBytes:=got \Time:=0.1;
+    IF ClkRead(cell_heard) >= CELL_HEARTBEAT THEN
+      cell_open := FALSE;
+      RETURN;
+    ENDIF
+    IF SocketPeek(cell_peer{3 - cell_who}) >= 12 THEN
+      SocketReceive cell_peer{3 - cell_who} \RawData:=cell_part \ReadNoOfBytes:=12 \NoRecBytes:=got \Time:=0.1;
       UnpackRawBytes cell_part, 4, command \IntX:=USINT;
       UnpackRawBytes cell_part, 5, seq \IntX:=UINT;
       cell_command := command;
       cell_seq := seq;
       cell_begin;
-      cell_status := CELL_BUSY;
+      cell_status := CB_BUSY;
       cell_finish_frame;
-      SocketSend cell_guest \RawData:=cell_tx \NoOfBytes:=RawBytesLen(cell_tx);
+      SocketSend cell_peer{3 - cell_who} \RawData:=cell_tx \NoOfBytes:=RawBytesLen(cell_tx);
       cell_has_guest := FALSE;
-      SocketClose cell_guest;
-    ELSEIF ClkRead(cell_guest_since) >= 1 OR (NOT cell_open) THEN
+      SocketClose cell_peer{3 - cell_who};
+    ELSEIF ClkRead(cell_guest_since) >= 1 THEN
       cell_has_guest := FALSE;
-      SocketClose cell_guest;
+      SocketClose cell_peer{3 - cell_who};
     ENDIF
   ERROR
     cell_has_guest := FALSE;
-    SocketClose cell_guest;
+    SocketClose cell_peer{3 - cell_who};
     RETURN;
   ENDPROC
 
   PROC cell_begin()
     ! An empty answer to cell_command and cell_seq.
     ClearRawBytes cell_tx;
-    cell_status := CELL_OK;
+    cell_status := CB_OK;
     cell_pos := 13;
   ERROR
     RAISE;
@@ -873,7 +1027,7 @@ MODULE CELL_comm
     IF cell_use_serial THEN
       WriteRawBytes cell_line, data;
     ELSE
-      SocketSend cell_client \RawData:=data \NoOfBytes:=RawBytesLen(data);
+      SocketSend cell_peer{cell_who} \RawData:=data \NoOfBytes:=RawBytesLen(data);
     ENDIF
   ERROR
     cell_open := FALSE;

@@ -1,11 +1,11 @@
 MODULE CELL_motion
-  ! The motion task (T_ROB1): one move at a time, stopped by cell_abort.
+  ! The motion task (T_ROB1): one move at a time, stopped by cell_abort when cell_bell rings.
   VAR intnum cell_abort_intno;
 
   PROC main()
     IDelete cell_abort_intno;
     CONNECT cell_abort_intno WITH cell_abort_trap;
-    IPers cell_abort, cell_abort_intno;
+    IPers cell_bell, cell_abort_intno;
     ConfJ \On;
     ConfL \On;
     SingArea \Off;
@@ -36,14 +36,14 @@ MODULE CELL_motion
     cell_from_joints := CJointT();
     cell_goal_joints := CalcJointT(cell_goal, tool0 \WObj:=wobj0 \ErrorNumber:=reach);
     IF reach <> 0 THEN
-      cell_verdict := CELL_UNREACHABLE;
+      cell_verdict := CB_UNREACHABLE;
       RETURN;
     ENDIF
     speed := [cell_goal_speed, 500, 5000, 1000];
     IF OpMode() <> OP_AUTO AND speed.v_tcp > 250 speed.v_tcp := 250;
     cell_settled := FALSE;
     cell_moving := TRUE;
-    cell_verdict := CELL_ACCEPTED;
+    cell_verdict := CB_ACCEPTED;
     IF cell_goal_kind = 2 THEN
       MoveL cell_goal, speed, fine, tool0 \WObj:=wobj0;
     ELSE
@@ -52,7 +52,7 @@ MODULE CELL_motion
     cell_moving := FALSE;
     WaitTime \InPos, 0.3;
     cell_settled := TRUE;
-    cell_done_status := CELL_OK;
+    cell_done_status := CB_OK;
     cell_done := TRUE;
   ERROR
     RAISE;
@@ -65,5 +65,7 @@ MODULE CELL_motion
       StartMove;
       ExitCycle;
     ENDIF
+  ERROR
+    RAISE;
   ENDTRAP
 ENDMODULE

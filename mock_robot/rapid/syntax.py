@@ -2,25 +2,32 @@
 
 from functools import cache
 from importlib.resources import files
+from typing import Literal
 
 from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedInput
 
-from mock_robot.errors import MockError
+from mock_robot.rapid.errors import RapidSyntaxError
+
+Node = Tree[Token]
 
 
-class RapidSyntaxError(MockError):
-    """A module that cannot be read: which, where, and what stands there."""
-
-    def __init__(self, module: str, line: int, found: str) -> None:
-        self.module, self.line, self.found = module, line, found
-        super().__init__(f"{module}:{line}: {found}; only the RAPID subset of mock_robot/rapid/rapid.lark is read")
-
-
-def parse_module(text: str, module: str) -> "Tree[Token]":
+def parse_module(text: str, module: str) -> Node:
     """The tree of a module; raises RapidSyntaxError."""
+    return _parsed(text, module, "module")
+
+
+@cache
+def parse_system() -> Node:
+    """The tree of system.rapid: what a controller brings along."""
+    text = files("mock_robot.rapid").joinpath("system.rapid").read_text(encoding="ascii")
+    return _parsed(text, "system.rapid", "system")
+
+
+@cache
+def _parsed(text: str, module: str, start: Literal["module", "system"]) -> Node:
     try:
-        return _parser().parse(text)
+        return _parser().parse(text, start=start)
     except UnexpectedInput as error:
         raise RapidSyntaxError(module, int(error.line), error.get_context(text, 30).strip()) from error
 
@@ -28,4 +35,33 @@ def parse_module(text: str, module: str) -> "Tree[Token]":
 @cache
 def _parser() -> Lark:
     grammar = files("mock_robot.rapid").joinpath("rapid.lark").read_text(encoding="ascii")
-    return Lark(grammar, parser="lalr", propagate_positions=True)
+    return Lark(grammar, parser="lalr", start=["module", "system"], propagate_positions=True)
+
+
+def line_of(node: Node | Token) -> int:
+    """The line a node begins in; 0 for an empty one."""
+    return int((node.line if isinstance(node, Token) else getattr(node.meta, "line", 0)) or 0)
+
+
+def part(node: Node, index: int) -> Node:
+    """A child that is a tree."""
+    child = node.children[index]
+    assert isinstance(child, Tree), node
+    return child
+
+
+def parts(node: Node, rule: str | None = None) -> list[Node]:
+    """The children that are trees, of that rule."""
+    return [child for child in node.children if isinstance(child, Tree) and rule in (None, child.data)]
+
+
+def word(node: Node, index: int) -> str:
+    """A child that is a token."""
+    child = node.children[index]
+    assert isinstance(child, Token), node
+    return str(child)
+
+
+def name(node: Node, index: int) -> str:
+    """A name as the controller compares it: without case."""
+    return word(node, index).casefold()

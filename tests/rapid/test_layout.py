@@ -18,5 +18,5 @@ def test_every_request_has_the_length_of_the_link() -> None:
 
 def test_every_status_has_the_number_of_the_link() -> None:
     text = (RAPID / "CELL_shared.sys").read_text("ascii")
-    found = re.findall(r"CONST num CELL_\w+ := (\d+);", text)
+    found = re.findall(r"CONST num CB_\w+ := (\d+);", text)
     assert [int(number) for number in found] == [int(status) for status in Status]

@@ -1,0 +1,179 @@
+"""A cabinet that runs the RAPID of deploy/rapid: its tasks, its configuration, and its switches."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from mock_robot.cabinet import Cabinet
+from mock_robot.errors import MockError
+from mock_robot.fault_table import FAULTS
+from mock_robot.rapid.configuration import TaskPlan, serial_ports, signals, task_plans
+from mock_robot.rapid.devices import SerialLine
+from mock_robot.rapid.errors import ProgramStopped
+from mock_robot.rapid.frames import Garbling
+from mock_robot.rapid.interrupts import Interrupts
+from mock_robot.rapid.program import Memory, Program
+from mock_robot.rapid.services import Devices, Services
+from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.unit import MotionUnit
+from protocols.cb import messages as cb
+from protocols.cb.codes import Status
+
+DEPLOYED = Path(__file__).parents[2] / "deploy" / "rapid"
+READY_LIMIT_S = 20.0
+SYSTEM_STOP = 10014
+
+
+@dataclass
+class Loaded:
+    """A task that was loaded, and what belongs to it."""
+
+    plan: TaskPlan
+    task: Task
+    interrupts: Interrupts
+
+
+@dataclass
+class RapidController(Cabinet):
+    """Tasks in threads, started by `begin` and ended by `end`. `settings`: PERS an integrator sets before loading."""
+
+    clock: Callable[[], float] = monotonic
+    folder: Path = DEPLOYED
+    settings: dict[str, Any] = field(default_factory=dict)
+    board: Garbling = field(default_factory=lambda: Garbling(FAULTS))
+    devices: Devices = field(default_factory=Devices)
+    memory: Memory = field(default_factory=Memory, init=False)
+    unit: MotionUnit = field(init=False)
+    _loaded: list[Loaded] = field(default_factory=list, init=False)
+    _error: set[str] = field(default_factory=set, init=False)
+    _turn: Any = field(default_factory=threading.RLock, init=False)
+
+    def __post_init__(self) -> None:
+        self._plans = task_plans(self.folder)
+        motion = next((plan.name for plan in self._plans if plan.motion), "")
+        self.unit = MotionUnit(self, self.clock, motion, lambda: self.board.wake(self, self.clock()))
+
+    # --- life ---
+
+    def begin(self, serial_fileno: int | None = None) -> None:
+        """Load, start every task, and wait until somebody can connect. Raises MockError when nobody ever can."""
+        if serial_fileno is not None:
+            self.devices.lines = {name: SerialLine(serial_fileno) for name in serial_ports(self.folder)}
+        self._load()
+        for name, value in self.settings.items():
+            self.memory.preset(name, value)
+        self._run()
+        if not self.devices.reachable.wait(READY_LIMIT_S):
+            raise MockError(f"the RAPID program does not answer: {self.log[-1].text if self.log else 'no event'}")
+        if self.devices.address is not None:
+            self.memory.preset("cell_port", float(self.devices.address[1]))
+
+    def end(self) -> None:
+        """End every task, close everything."""
+        with self._turn:
+            for loaded in self._loaded:
+                loaded.task.end()
+                loaded.interrupts.end()
+            self._loaded.clear()
+            self.devices.close()
+
+    def restart(self, now_s: float) -> None:
+        """A warm start: PERS keep their values, everything else begins anew; the program is started from main."""
+        if any(loaded.task.is_current for loaded in self._loaded):
+            threading.Thread(target=self._restart, name="rapid restart", daemon=True).start()
+        else:
+            self._restart()
+
+    def _restart(self) -> None:
+        with self._turn:
+            self.end()
+            self.unit.reset()
+            self._error.clear()
+            self.record(self.clock(), 10002, "controller restarted")
+            self._load()
+            self._run()
+        self.devices.reachable.wait(READY_LIMIT_S)
+
+    def _load(self) -> None:
+        known = signals(
+            self.folder,
+            {
+                "MotOnState": lambda _: self.panel.motors_on,
+                "EmStop": lambda _: self.panel.emergency_stop,
+                "TaskExecuting": self._executes,
+                "Error": lambda name: name in self._error,
+            },
+        )
+        for plan in self._plans:
+            task = Task(plan.name, self, plan.motion)
+            program = Program(task, self.memory, known)
+            program.load(plan.sources)
+            interrupts = Interrupts(task)
+            task.services = Services(
+                self.unit, self.panel, self.devices, self.board, interrupts, program.errors, self._note
+            )
+            task.main = program.main()
+            self._loaded.append(Loaded(plan, task, interrupts))
+        self._watch()
+
+    def _watch(self) -> None:
+        """What the bench shows of the program's own state."""
+        session, armed = self.memory["cell_session"], self.memory["cell_armed"]
+
+        def notice() -> None:
+            self.session, self.armed = int(session.value), bool(armed.value)
+
+        session.watchers = armed.watchers = (notice,)
+
+    def _run(self) -> None:
+        allowed = self.panel.forbids_motion() is None
+        self.unit.held = not allowed
+        for loaded in self._loaded:
+            loaded.task.begin(running=allowed or loaded.plan.kind != "NORMAL")
+
+    # --- switches ---
+
+    def tick(self, now_s: float) -> list[cb.Answer]:
+        """The tasks do their work by themselves."""
+        return []
+
+    def halt(self, now_s: float, result: Status) -> None:
+        """Every normal task stops, as on a controller whose program is stopped, and the arm with them."""
+        self.panel.program_running = False
+        for loaded in self._loaded:
+            if loaded.plan.kind == "NORMAL":
+                loaded.task.stop()
+        self.unit.hold()
+
+    def obey_panel(self, now_s: float) -> None:
+        """What is forbidden ends; what was stopped goes on when the program is started."""
+        super().obey_panel(now_s)
+        if self.panel.forbids_motion() is None:
+            self._error.clear()
+            self.unit.free()
+            for loaded in self._loaded:
+                loaded.task.start()
+
+    def program_failed(self, task: Task, stopped: ProgramStopped) -> None:
+        """A task's program stopped by itself: an entry in the event log, and whatever goes down with it."""
+        now_s = self.clock()
+        self.record(now_s, stopped.code, f"{task.name} stopped at {stopped.where}: {stopped.text}")
+        plan = next((loaded.plan for loaded in self._loaded if loaded.task is task), None)
+        if plan is None:
+            return
+        self._error.add(task.name)
+        if plan.motion:
+            self.unit.clear()
+        if plan.stops_all:
+            self.record(now_s, SYSTEM_STOP, f"{task.name} is trusted to run: all tasks are stopped")
+        if plan.stops_all or plan.kind == "NORMAL":
+            self.halt(now_s, Status.MOTION_ERROR)
+
+    def _executes(self, task_name: str) -> bool:
+        return any(loaded.task.running for loaded in self._loaded if loaded.task.name == task_name)
+
+    def _note(self, code: int, text: str) -> None:
+        self.record(self.clock(), code, text)

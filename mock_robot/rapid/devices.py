@@ -1,0 +1,220 @@
+"""Devices of RAPID programs on real ones: socketdev on sockets, iodev on a pty; and the faults on their wires."""
+
+import os
+import queue
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from mock_robot.rapid.errors import RapidError
+from mock_robot.rapid.frames import Garbling
+from mock_robot.rapid.types import Atom
+from mock_robot.wire import Close, Pause, Reset, Send, WireStep
+
+CHUNK = 4096
+
+
+@dataclass
+class Carrier:
+    """What one connection puts on its wire: at once, or in order and late when a fault says so."""
+
+    write: Callable[[bytes], None]
+    hang_up: Callable[[bool], None]
+    _late: "queue.SimpleQueue[WireStep] | None" = field(default=None, init=False)
+
+    def carry(self, steps: tuple[WireStep, ...]) -> None:
+        """Do the steps; those with pauses do not keep the program waiting."""
+        if self._late is None and all(isinstance(step, Send) for step in steps):
+            for step in steps:
+                self._do(step)
+            return
+        if self._late is None:
+            self._late = queue.SimpleQueue()
+            threading.Thread(target=self._carry_late, args=(self._late,), name="rapid wire", daemon=True).start()
+        for step in steps:
+            self._late.put(step)
+
+    def end(self) -> None:
+        """Nothing more will come."""
+        if self._late is not None:
+            self._late.put(Close())
+
+    def _carry_late(self, late: "queue.SimpleQueue[WireStep]") -> None:
+        while True:
+            step = late.get()
+            with suppress(OSError):
+                self._do(step)
+            if isinstance(step, Close | Reset):
+                return
+
+    def _do(self, step: WireStep) -> None:
+        match step:
+            case Send(data):
+                self.write(data)
+            case Pause(seconds):
+                time.sleep(seconds)
+            case Close():
+                self.hang_up(False)
+            case Reset():
+                self.hang_up(True)
+
+
+class SocketDevice:
+    """A socketdev: not created, created, bound, listening, or connected."""
+
+    def __init__(self) -> None:
+        self.state = "closed"
+        self.end: socket.socket | None = None
+        self.arrived = bytearray()
+        self.over = False
+        self._carrier: Carrier | None = None
+
+    def create(self) -> None:
+        """A new socket; an open one is an error."""
+        self.require(self.end is None, "ERR_SOCK_ISCON", "the socket is in use: close it first")
+        self._open(socket.socket(socket.AF_INET, socket.SOCK_STREAM), "created")
+        assert self.end is not None
+        self.end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+
+    def connect(self, end: socket.socket) -> None:
+        """The end of an accepted connection."""
+        end.setblocking(False)
+        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._open(end, "connected")
+        self._carrier = Carrier(self._write, self._hang_up)
+
+    def _open(self, end: socket.socket, state: str) -> None:
+        self.end, self.state, self.arrived, self.over, self._carrier = end, state, bytearray(), False, None
+
+    def close(self) -> None:
+        """Close; a closed one stays so."""
+        carrier, self._carrier = self._carrier, None
+        if carrier is not None:
+            carrier.end()
+        end, self.end, self.state = self.end, None, "closed"
+        if end is not None:
+            end.close()
+        self.arrived.clear()
+
+    def opened(self) -> socket.socket:
+        """The socket of a created one."""
+        if self.end is None:
+            raise RapidError("ERR_SOCK_CLOSED", "the socket is closed")
+        return self.end
+
+    def connected(self) -> socket.socket:
+        """The socket of a connection."""
+        end = self.opened()
+        self.require(self.state == "connected", "ERR_SOCK_NOT_CONN", f"the socket is {self.state}, not connected")
+        return end
+
+    def look(self, board: Garbling) -> int:
+        """Take what has come; how many bytes wait. Raises ERR_SOCK_CLOSED when the peer is gone and nothing waits."""
+        end = self.connected()
+        try:
+            while not self.over and (data := end.recv(CHUNK)):
+                self.arrived += board.incoming(data)
+            self.over = True
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.over = True
+        if self.over and not self.arrived:
+            raise RapidError("ERR_SOCK_CLOSED", "the peer closed the connection")
+        return len(self.arrived)
+
+    def take(self, count: int) -> bytes:
+        """So many of the bytes that wait."""
+        taken = bytes(self.arrived[:count])
+        del self.arrived[:count]
+        return taken
+
+    def send(self, data: bytes, board: Garbling) -> None:
+        """Put bytes on the wire, as the faults have it."""
+        self.connected()
+        assert self._carrier is not None
+        try:
+            self._carrier.carry(board.outgoing_bytes(data))
+        except OSError as error:
+            raise RapidError("ERR_SOCK_CLOSED", f"the peer is gone: {error.strerror}") from None
+
+    @staticmethod
+    def require(holds: bool, error: str, detail: str) -> None:
+        """Raise a RapidError unless it holds."""
+        if not holds:
+            raise RapidError(error, detail)
+
+    def _write(self, data: bytes) -> None:
+        if self.end is not None:
+            self.end.sendall(data)
+
+    def _hang_up(self, reset: bool) -> None:
+        end = self.end
+        if end is None or self.state != "connected":
+            return
+        self.over = True  # the program notices, and closes: with a linger of 0 that is a reset
+        with suppress(OSError):
+            if reset:
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            else:
+                end.shutdown(socket.SHUT_RDWR)
+
+
+@dataclass
+class SerialLine:
+    """The controller's end of a pty, behind a port's name."""
+
+    fileno: int
+    arrived: bytearray = field(default_factory=bytearray)
+
+    def look(self, board: Garbling) -> int:
+        """Take what has come; how many bytes wait."""
+        with suppress(BlockingIOError, OSError):
+            while data := os.read(self.fileno, CHUNK):
+                self.arrived += board.incoming(data)
+        return len(self.arrived)
+
+    def write(self, data: bytes) -> None:
+        """What nobody reads is gone, as on a wire."""
+        with suppress(BlockingIOError):
+            os.write(self.fileno, data)
+
+
+class IoDevice:
+    """An iodev: a serial line once it is opened."""
+
+    def __init__(self) -> None:
+        self._line: SerialLine | None = None
+        self._carrier: Carrier | None = None
+
+    def open(self, line: SerialLine) -> None:
+        """Belongs to this line from now on."""
+        self._line, self._carrier = line, Carrier(line.write, lambda reset: None)
+
+    def close(self) -> None:
+        """Let go of the line."""
+        if self._carrier is not None:
+            self._carrier.end()
+        self._line = self._carrier = None
+
+    @property
+    def line(self) -> SerialLine:
+        """The line of an open device."""
+        if self._line is None:
+            raise RapidError("ERR_FILEACC", "the channel is not open")
+        return self._line
+
+    def send(self, data: bytes, board: Garbling) -> None:
+        """Put bytes on the line, as the faults have it."""
+        assert self.line is not None
+        assert self._carrier is not None
+        self._carrier.carry(board.outgoing_bytes(data))
+
+
+SOCKETDEV = Atom("socketdev", SocketDevice, device=True)
+IODEV = Atom("iodev", IoDevice, device=True)
+DEVICES = (SOCKETDEV, IODEV)

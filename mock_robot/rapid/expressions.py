@@ -1,0 +1,256 @@
+"""Expressions to closures: checked for their types once, then evaluated without looking back."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from lark import Token, Tree
+
+from mock_robot.rapid.errors import RapidError
+from mock_robot.rapid.operators import BINARY, COMPARISONS, MINUS
+from mock_robot.rapid.scope import Builtin, Context, Data, Frame, Part, Routine, Slot
+from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
+from mock_robot.rapid.types import BOOL, BYTE, DNUM, NUM, STRING, Array, Record, Type
+from mock_robot.rapid.values import short, single
+
+Evaluate = Callable[[Frame], Any]
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A type, and what gives the value in a frame."""
+
+    type: Type
+    evaluate: Evaluate
+
+
+def expression(context: Context, node: Node, wanted: Type | None = None) -> Expression:
+    """Compile an expression; `wanted` decides what a number or an aggregate is. Raises RapidProgramError."""
+    found = _KINDS[node.data](context, node, wanted)
+    if wanted is not None and found.type != wanted:
+        raise context.wrong(line_of(node), f"{wanted.name} is wanted here, this is {found.type.name}")
+    return found
+
+
+def _number(context: Context, node: Node, wanted: Type | None) -> Expression:
+    value = float(word(node, 0))
+    if wanted is DNUM:
+        return Expression(DNUM, lambda frame: value)
+    if wanted is BYTE and value.is_integer() and 0 <= value <= 255:
+        return Expression(BYTE, lambda frame: int(value))
+    value = single(value)
+    return Expression(NUM, lambda frame: value)
+
+
+def _string(context: Context, node: Node, wanted: Type | None) -> Expression:
+    text = unquoted(word(node, 0))
+    try:
+        short(text)
+    except RapidError as error:
+        raise context.wrong(line_of(node), error.detail) from None
+    return Expression(STRING, lambda frame: text)
+
+
+def unquoted(literal: str) -> str:
+    """The text of a string literal: doubled quotes and backslashes are one, backslash and two hex digits a byte."""
+    text, at = "", 1
+    while at < len(literal) - 1:
+        if literal[at] == "\\" and literal[at + 1] != "\\":
+            text, at = text + chr(int(literal[at + 1 : at + 3], 16)), at + 3
+        elif literal[at] in '\\"':
+            text, at = text + literal[at], at + 2
+        else:
+            text, at = text + literal[at], at + 1
+    return text
+
+
+def _aggregate(context: Context, node: Node, wanted: Type | None) -> Expression:
+    if not isinstance(wanted, Record | Array):
+        raise context.wrong(line_of(node), f"an aggregate cannot be {'told its type' if wanted is None else 'a value'}")
+    items = parts(node)
+    if len(items) != len(wanted.parts):
+        raise context.wrong(line_of(node), f"{wanted.name} has {len(wanted.parts)} parts, here are {len(items)}")
+    evaluates = [expression(context, item, kind).evaluate for item, kind in zip(items, wanted.parts, strict=True)]
+    copies = [kind.copy for kind in wanted.parts]
+    pairs = list(zip(copies, evaluates, strict=True))
+    return Expression(wanted, lambda frame: [copy(evaluate(frame)) for copy, evaluate in pairs])
+
+
+def _binary(context: Context, node: Node, wanted: Type | None) -> Expression:
+    """Operands and operators in turn, from left to right."""
+    children = node.children
+    wish = DNUM if wanted is DNUM else None
+    left = expression(context, part(node, 0), None if wish is None else _wish(context, part(node, 0), wish))
+    for operator, operand in zip(children[1::2], children[2::2], strict=True):
+        assert isinstance(operand, Tree)
+        right = expression(context, operand, _wish(context, operand, left.type if left.type is DNUM else None))
+        left = _combined(context, str(operator).upper(), left, right, line_of(node))
+    return left
+
+
+def _wish(context: Context, node: Node, wanted: Type | None) -> Type | None:
+    """A literal number may become a dnum; nothing else may."""
+    return wanted if wanted is DNUM and node.data == "number" else None
+
+
+def _combined(context: Context, operator: str, left: Expression, right: Expression, line: int) -> Expression:
+    entry = BINARY.get((operator, left.type.name, right.type.name))
+    if entry is None and operator in ("=", "<>") and left.type == right.type and not getattr(left.type, "device", 0):
+        entry = (BOOL, COMPARISONS[operator])
+    if entry is None:
+        raise context.wrong(line, f"{left.type.name} {operator} {right.type.name} is nothing")
+    result, combine = entry
+    first, second = left.evaluate, right.evaluate
+    return Expression(result, combine(first, second))
+
+
+def _conjunction(context: Context, node: Node, wanted: Type | None) -> Expression:
+    terms = [expression(context, item, BOOL).evaluate for item in parts(node)]
+    if len(terms) == 2:
+        first, second = terms
+        return Expression(BOOL, lambda frame: first(frame) and second(frame))
+    return Expression(BOOL, lambda frame: all(term(frame) for term in terms))
+
+
+def _not(context: Context, node: Node, wanted: Type | None) -> Expression:
+    inner = expression(context, part(node, 0), BOOL).evaluate
+    return Expression(BOOL, lambda frame: not inner(frame))
+
+
+def _minus(context: Context, node: Node, wanted: Type | None) -> Expression:
+    inner = expression(context, part(node, 0), _wish(context, part(node, 0), wanted))
+    if inner.type.name not in MINUS:
+        raise context.wrong(line_of(node), f"- {inner.type.name} is nothing")
+    negate, evaluate = MINUS[inner.type.name], inner.evaluate
+    return Expression(inner.type, lambda frame: negate(evaluate(frame)))
+
+
+def _function(context: Context, node: Node, wanted: Type | None) -> Expression:
+    from mock_robot.rapid.calls import call  # calls have arguments, which are expressions
+
+    called = name(node, 0)
+    if called == "present":
+        return _present(context, node)
+    symbol = context.scope.find(called)
+    if not isinstance(symbol, Routine | Builtin) or symbol.kind != "func":
+        raise context.wrong(line_of(node), f"no function is named {word(node, 0)}")
+    assert symbol.result is not None
+    return Expression(symbol.result, call(context, symbol, node))
+
+
+def _present(context: Context, node: Node) -> Expression:
+    arguments = parts(node)
+    target = parts(arguments[0])[0] if arguments else None
+    symbol = None if target is None or target.data != "target" else context.scope.find(name(target, 0))
+    if not isinstance(symbol, Data) or not symbol.optional:
+        raise context.wrong(line_of(node), "Present asks for an optional parameter")
+    place = symbol.place
+    return Expression(BOOL, lambda frame: frame[place] is not None)
+
+
+def _target(context: Context, node: Node, wanted: Type | None) -> Expression:
+    symbol, indices, steps, kind = resolved(context, node)
+    base = _reader(symbol)
+    if not indices and not steps:
+        return Expression(kind, base)
+    if not indices and len(steps) == 1:
+        (only,) = steps
+        return Expression(kind, lambda frame: base(frame)[only])
+    if len(indices) == 1 and not steps:
+        (index,) = indices
+        return Expression(kind, lambda frame: (at := base(frame))[place_of(index(frame), len(at))])
+
+    def walk(frame: Frame) -> Any:
+        value = base(frame)
+        for index in indices:
+            value = value[place_of(index(frame), len(value))]
+        for step in steps:
+            value = value[step]
+        return value
+
+    return Expression(kind, walk)
+
+
+def _reader(symbol: Data) -> Evaluate:
+    slot, place = symbol.slot, symbol.place
+    if slot is None:
+        return lambda frame: frame[place].value
+    if symbol.storage == "const":
+        constant = slot.value
+        return lambda frame: constant
+    return lambda frame: slot.value
+
+
+def resolved(context: Context, node: Node) -> tuple[Data, list[Evaluate], list[int], Type]:
+    """What a target names: the data, the indices into it, the components within, and the type in the end."""
+    symbol = context.scope.find(name(node, 0))
+    if not isinstance(symbol, Data):
+        raise context.wrong(line_of(node), f"no data is named {word(node, 0)}")
+    kind, indices, steps = symbol.type, [], []
+    for child in node.children[1:]:
+        if child is None:
+            continue
+        assert isinstance(child, Tree)
+        if child.data == "component_of":
+            place = kind.place(name(child, 0)) if isinstance(kind, Record) else None
+            if place is None:
+                raise context.wrong(line_of(node), f"{kind.name} has no component {word(child, 0)}")
+            steps.append(place)
+            kind = kind.parts[place]  # type: ignore[union-attr]
+        else:
+            if not isinstance(kind, Array):
+                raise context.wrong(line_of(node), f"{word(node, 0)} has no such dimension")
+            indices.append(expression(context, child, NUM).evaluate)
+            kind = kind.element
+    return symbol, indices, steps, kind
+
+
+def place_of(index: float, length: int) -> int:
+    """Where element `index` (counted from 1) lies. Raises ERR_OUTOFBND."""
+    if not 1 <= index <= length or index != math.floor(index):
+        raise RapidError("ERR_OUTOFBND", f"element {index:g} of {length}")
+    return int(index) - 1
+
+
+def reference(context: Context, node: Node) -> tuple[Data, Type, Evaluate]:
+    """A target as something that can be written to: its data, its type, and what gives the slot in a frame."""
+    if node.data != "target":
+        raise context.wrong(line_of(node), "a data object is wanted here, not an expression")
+    symbol, indices, steps, kind = resolved(context, node)
+    slot, place = symbol.slot, symbol.place
+    root: Evaluate = (lambda frame: frame[place]) if slot is None else (lambda frame: slot)
+    if not indices and not steps:
+        return symbol, kind, root
+
+    def part_of(frame: Frame) -> Part:
+        holder: Slot = root(frame)
+        value = holder.value
+        places = [place_of(index(frame), len(value)) for index in indices] + steps
+        for step in places[:-1]:
+            value = value[step]
+        return Part(value, places[-1], holder)
+
+    return symbol, kind, part_of
+
+
+def _literal(value: bool) -> Callable[[Context, Node, Type | None], Expression]:
+    return lambda context, node, wanted: Expression(BOOL, lambda frame: value)
+
+
+_KINDS: dict[str | Token, Callable[[Context, Node, Type | None], Expression]] = {
+    "number": _number,
+    "string": _string,
+    "true": _literal(True),
+    "false": _literal(False),
+    "aggregate": _aggregate,
+    "expr": _binary,
+    "comparison": _binary,
+    "sum": _binary,
+    "product": _binary,
+    "conjunction": _conjunction,
+    "not_": _not,
+    "minus": _minus,
+    "function": _function,
+    "target": _target,
+}

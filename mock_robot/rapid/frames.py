@@ -1,0 +1,43 @@
+"""The bench's faults between a RAPID program and its wire: the frames it sends are read, altered, garbled."""
+
+from dataclasses import replace
+
+from mock_robot.faults import FaultBoard
+from mock_robot.wire import WireStep
+from protocols.cb.codes import REPLY_BIT, Command, Status
+from protocols.cb.frames import Frame, FrameReader
+from protocols.cb.messages import ANSWERS, Refused, pack, unpack
+
+
+class Garbling(FaultBoard):
+    """A fault board for a program that sends bytes: whole frames are read from them, so that answers can be altered."""
+
+    def outgoing_bytes(self, data: bytes) -> tuple[WireStep, ...]:
+        """What the wire carries instead of these bytes of the program."""
+        frame = _frame(data) if self.active else None
+        if frame is None or frame.seq == 0:
+            return self.outgoing(None, data)
+        command = _command(frame)
+        return self.outgoing(command, self._altered(command, frame, data))
+
+    def _altered(self, command: Command | None, frame: Frame, data: bytes) -> bytes:
+        if command is None or frame.status > Status.ACCEPTED:
+            return data
+        answer = unpack(ANSWERS[command], frame.payload)
+        altered = self.replied(command, answer)
+        return data if altered is answer or isinstance(altered, Refused) else _with(frame, pack(altered))
+
+
+def _with(frame: Frame, payload: bytes) -> bytes:
+    return replace(frame, payload=payload).encode()
+
+
+def _frame(data: bytes) -> Frame | None:
+    """The frame these bytes are; None when they are none."""
+    events = FrameReader(resynchronise=False).feed(data)
+    return events[0] if len(events) == 1 and isinstance(events[0], Frame) else None
+
+
+def _command(frame: Frame) -> Command | None:
+    number = frame.command & ~REPLY_BIT
+    return Command(number) if number in [*Command] else None

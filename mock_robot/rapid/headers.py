@@ -1,0 +1,71 @@
+"""Headers of routines, of modules and of system.rapid alike, to parameters; and what a controller brings along."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+from mock_robot.rapid.devices import DEVICES
+from mock_robot.rapid.errors import RapidProgramError
+from mock_robot.rapid.scope import Builtin, Context, ErrorNumbers, Parameter, Scope, Slot
+from mock_robot.rapid.syntax import Node, line_of, name, parse_system, part, parts
+from mock_robot.rapid.types import ATOMS, Record, Type
+
+SYSTEM = "system.rapid"
+
+
+def _bare(scope: Scope) -> Context:
+    return Context(None, SYSTEM, scope, ErrorNumbers({}, Slot(0.0)))
+
+
+def parameters_of(context: Context, node: Node | None) -> tuple[Parameter, ...]:
+    """The parameters of a header, in order; alternatives carry the same number above 0."""
+    found: list[Parameter] = []
+    for number, child in enumerate([] if node is None else parts(node), 1):
+        if child.data == "parameter":
+            found.append(_parameter(context, child))
+            continue
+        alternatives = parts(child)
+        shared = number if len(alternatives) > 1 else 0
+        found += [_parameter(context, each, True, shared) for each in alternatives]
+    return tuple(found)
+
+
+def _parameter(context: Context, node: Node, optional: bool = False, alternative: int = 0) -> Parameter:
+    mode = "in" if node.children[0] is None else name(node, 0)
+    kind = context.type_named(name(node, 1), line_of(node))
+    return Parameter(name(node, 2), kind, mode, optional, alternative, node.children[3] is not None)
+
+
+def declare_types(context: Context, module: Node) -> None:
+    """Records and aliases of a module."""
+    for node in parts(module):
+        if node.data == "record":
+            components = tuple((name(c, 1), context.type_named(name(c, 0), line_of(c))) for c in parts(node))
+            context.scope.types[name(node, 0)] = Record(name(node, 0), components)
+        elif node.data == "alias":
+            context.scope.types[name(node, 1)] = context.type_named(name(node, 0), line_of(node))
+
+
+@cache
+def system_types() -> Mapping[str, Type]:
+    """The types a controller has."""
+    scope = Scope(types={atom.name: atom for atom in (*ATOMS, *DEVICES)})
+    declare_types(_bare(scope), parse_system())
+    return scope.types
+
+
+def builtins(does: Mapping[str, Callable[..., Any]]) -> list[Builtin]:
+    """Every instruction and function of system.rapid with what does it."""
+    context = _bare(Scope(types=dict(system_types())))
+    found = []
+    for node in parts(parse_system()):
+        if node.data not in ("proc_header", "func_header"):
+            continue
+        function = node.data == "func_header"
+        called = name(node, int(function))
+        if called not in does:
+            raise RapidProgramError(SYSTEM, line_of(node), f"nothing does {called}")
+        parameters = parameters_of(context, part(node, -1) if parts(node) else None)
+        result = context.type_named(name(node, 0), line_of(node)) if function else None
+        found.append(Builtin(called, "func" if function else "proc", parameters, result, does[called]))
+    return found

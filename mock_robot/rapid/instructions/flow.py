@@ -1,0 +1,74 @@
+"""Waiting and leaving. Waiting instructions let traps run meanwhile.
+
+WaitTime runs on the arm's time, which the bench may speed up; \\MaxTime and \\PollRate are wire time.
+"""
+
+from collections.abc import Callable
+from time import monotonic
+from types import MappingProxyType
+from typing import Any
+
+from mock_robot.rapid.errors import CycleLeft, RapidError
+from mock_robot.rapid.scope import Slot
+from mock_robot.rapid.tasks import Task
+
+POLL_S = 0.1
+POLL_LEAST_S = 0.004
+
+
+def exit_cycle(task: Task) -> None:
+    if task.motion:
+        task.services.unit.clear()
+    raise CycleLeft
+
+
+def wait_time(task: Task, in_position: bool | None, seconds: float) -> None:
+    """With \\InPos the time counts from standstill."""
+    unit = task.services.unit
+    if in_position:
+        while not unit.settled(seconds):
+            task.wait(unit.settles_in_s(seconds))
+    else:
+        task.wait(seconds / unit.time_scale)
+
+
+def wait_until(
+    task: Task,
+    in_position: bool | None,
+    condition: Callable[[], bool],
+    max_time: float | None,
+    time_flag: Slot | None,
+    poll_rate: float | None,
+) -> None:
+    poll_s = max(POLL_LEAST_S, POLL_S if poll_rate is None else poll_rate)
+    ends_s = None if max_time is None else monotonic() + max_time
+    if time_flag is not None:
+        time_flag.value = False
+    while not condition():
+        if ends_s is not None and monotonic() >= ends_s:
+            if time_flag is None:
+                raise RapidError("ERR_WAIT_MAXTIME", f"not within {max_time:g} s")
+            time_flag.value = True
+            return
+        task.wait(poll_s if ends_s is None else min(poll_s, max(0.0, ends_s - monotonic())))
+
+
+def tp_write(task: Task, text: str, number: float | None, truth: bool | None, pos: Any) -> None:
+    shown = [text, *(str(each) for each in (number, truth, pos) if each is not None)]
+    task.services.note(0, " ".join(shown))
+
+
+def err_write(task: Task, warning: bool | None, info: bool | None, header: str, reason: str, *more: str | None) -> None:
+    kind = 80001 if info else 80002 if warning else 80003
+    task.services.note(kind, ": ".join([header, reason, *(line for line in more if line)]))
+
+
+DOES = MappingProxyType(
+    {
+        "ExitCycle": exit_cycle,
+        "WaitTime": wait_time,
+        "WaitUntil": wait_until,
+        "TPWrite": tp_write,
+        "ErrWrite": err_write,
+    }
+)

@@ -1,0 +1,116 @@
+"""Moves, and stopping them. A move is `fine`: the program goes on when the arm is there."""
+
+from types import MappingProxyType
+from typing import Any
+
+from calibration.arm import OtherConfiguration, PoseRefused
+from mock_robot.rapid.errors import ProgramStopped, RapidError
+from mock_robot.rapid.postures import flange_of, joints_rad
+from mock_robot.rapid.scope import Slot
+from mock_robot.rapid.tasks import Task
+
+OUTSIDE_REACH, OTHER_CONFIGURATION, JOINT_OUT_OF_RANGE, NEAR_SINGULARITY = 50050, 50080, 50027, 50026
+"""ABB's event numbers."""
+
+
+def _move_to_target(task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Any) -> Any:
+    unit = _own_unit(task, zone)
+    try:
+        flange = flange_of(target, tool.value, wobj and wobj.value)
+        joints = unit.joints_for(flange, target[2])
+    except PoseRefused as error:
+        code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH
+        raise ProgramStopped(code, task.name, error.what) from error
+    unit.external = [have if have >= 8.9e9 else want for have, want in zip(unit.external, target[3], strict=True)]
+    return unit, joints
+
+
+def move_j(task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None) -> None:
+    unit, joints = _move_to_target(task, target, speed, zone, tool, wobj)
+    _travel(task, unit, joints, speed, linear=False)
+
+
+def move_l(task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None) -> None:
+    unit, joints = _move_to_target(task, target, speed, zone, tool, wobj)
+    _travel(task, unit, joints, speed, linear=True)
+
+
+def move_abs_j(
+    task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None
+) -> None:
+    unit, joints = _own_unit(task, zone), joints_rad(target)
+    try:
+        unit.arm.require_within_limits(joints)
+    except PoseRefused as error:
+        raise ProgramStopped(JOINT_OUT_OF_RANGE, task.name, error.what) from error
+    _travel(task, unit, joints, speed, linear=False)
+
+
+def _own_unit(task: Task, zone: list[Any]) -> Any:
+    if not task.motion:
+        raise RapidError("ERR_NORUNUNIT", f"{task.name} moves no arm")
+    if not zone[0]:
+        raise RapidError("ERR_ARGVALERR", "the mock moves to stop points: zone fine")
+    return task.services.unit
+
+
+def _travel(task: Task, unit: Any, joints: Any, speed: list[float], *, linear: bool) -> None:
+    unit.order(joints, speed[0], linear)
+    while not unit.arrived():
+        task.wait(unit.arrives_in_s(), until=unit.arrived)
+    if unit.blocked():
+        unit.clear()
+        text = "the arm cannot follow the line: it comes close to a singularity, or to another posture"
+        raise ProgramStopped(NEAR_SINGULARITY, task.name, text)
+
+
+def stop_move(task: Task, all_tasks: bool | None) -> None:
+    """Goes on when the arm stands."""
+    if all_tasks and task.motion:
+        raise RapidError("ERR_ARGVALERR", "\\AllMotionTasks is for tasks that move nothing")
+    unit = task.services.unit
+    unit.stop(task.name)
+    while unit.moving():
+        task.wait(unit.stands_in_s())
+
+
+def start_move(task: Task, all_tasks: bool | None) -> None:
+    unit = task.services.unit
+    if not unit.may_start():
+        raise RapidError("ERR_STARTMOVE", "the robot is in hold state")
+    unit.start(task.name)
+
+
+def clear_path(task: Task) -> None:
+    task.services.unit.clear()
+
+
+def is_stop_move_active(task: Task, from_move_task: bool | None, from_other: bool | None) -> bool:
+    unit = task.services.unit
+    own = unit.task_name in unit.stopped_by
+    return bool(own if from_move_task else unit.stopped_by - {unit.task_name})
+
+
+def vel_set(task: Task, override: float, most: float) -> None:
+    task.services.unit.override_percent, task.services.unit.speed_most = override, most
+
+
+def _setting(task: Task, *switches: Any) -> None:
+    """Configuration supervision is always on here, singularities are never driven around: nothing to set."""
+
+
+DOES = MappingProxyType(
+    {
+        "MoveJ": move_j,
+        "MoveL": move_l,
+        "MoveAbsJ": move_abs_j,
+        "StopMove": stop_move,
+        "StartMove": start_move,
+        "ClearPath": clear_path,
+        "IsStopMoveAct": is_stop_move_active,
+        "VelSet": vel_set,
+        "ConfJ": _setting,
+        "ConfL": _setting,
+        "SingArea": _setting,
+    }
+)

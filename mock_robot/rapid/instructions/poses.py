@@ -1,0 +1,60 @@
+"""Where the arm is, and which joints a target would need."""
+
+from types import MappingProxyType
+from typing import Any
+
+from calibration.arm import OutOfReach, PoseRefused
+from mock_robot.rapid.errors import RapidError
+from mock_robot.rapid.postures import flange_of, joints_rad, robax, singles, target_at
+from mock_robot.rapid.scope import Slot
+from mock_robot.rapid.tasks import Task
+
+TOOL0 = [True, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]]
+"""As much of tool0 as a pose needs."""
+
+
+def _unit(task: Task, task_name: str | None) -> Any:
+    """The arm of the task that is named; a task without one has to name one."""
+    unit = task.services.unit
+    if task_name is None and not task.motion:
+        raise RapidError("ERR_TASKNAME", f"{task.name} moves no arm: name the task that does")
+    if task_name is not None and task_name.casefold() != unit.task_name.casefold():
+        raise RapidError("ERR_TASKNAME", f"{task_name} moves no arm")
+    return unit
+
+
+def c_rob_t(task: Task, task_name: str | None, tool: Slot | None, wobj: Slot | None) -> list[Any]:
+    unit = _unit(task, task_name)
+    joints = unit.joints_now()
+    pose = target_at(unit.arm.forward(joints), TOOL0 if tool is None else tool.value, wobj and wobj.value)
+    return [*pose, [float(part) for part in unit.arm.configuration(joints)], unit.external_axes()]
+
+
+def c_joint_t(task: Task, task_name: str | None) -> list[Any]:
+    unit = _unit(task, task_name)
+    return [robax(unit.joints_now()), unit.external_axes()]
+
+
+def calc_joint_t(task: Task, target: list[Any], tool: Slot, wobj: Slot | None, error_number: Slot | None) -> list[Any]:
+    """Without \\ErrorNumber an unreachable target is an error; with it the number is set, and the joints are none."""
+    unit = task.services.unit
+    try:
+        if error_number is not None:
+            error_number.value = 0.0
+        joints = unit.joints_for(flange_of(target, tool.value, wobj and wobj.value), target[2])
+        return [robax(joints), list(target[3])]
+    except PoseRefused as error:
+        name = "ERR_OUTSIDE_REACH" if isinstance(error, OutOfReach) else "ERR_ROBLIMIT"
+        if error_number is None:
+            raise RapidError(name, error.what) from None
+        error_number.value = task.services.errors.numbers[name]
+        return [[0.0] * 6, list(target[3])]
+
+
+def calc_rob_t(task: Task, joints: list[Any], tool: Slot, wobj: Slot | None) -> list[Any]:
+    arm, axes = task.services.unit.arm, joints_rad(joints)
+    pose = target_at(arm.forward(axes), tool.value, wobj and wobj.value)
+    return [*pose, singles(arm.configuration(axes)), list(joints[1])]
+
+
+DOES = MappingProxyType({"CRobT": c_rob_t, "CJointT": c_joint_t, "CalcJointT": calc_joint_t, "CalcRobT": calc_rob_t})

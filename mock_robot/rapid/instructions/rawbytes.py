@@ -1,0 +1,99 @@
+"""Values into rawbytes and out of them: little-endian unless \\Network, positions from 1."""
+
+import struct
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from mock_robot.rapid.errors import RapidError
+from mock_robot.rapid.scope import Slot
+from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.types import BYTE, NUM, STRING, Type
+from mock_robot.rapid.values import INTEGER_HIGH, INTEGER_LOW, STRING_MAX, integer, single
+
+INTEGERS: Mapping[float, str] = MappingProxyType({1: "B", 2: "H", 4: "I", -1: "b", -2: "h", -4: "i"})
+"""struct's letter for the constants USINT, UINT, UDINT, SINT, INT, DINT of system.rapid."""
+
+
+def clear(task: Task, raw: Slot, from_index: float | None) -> None:
+    raw.value.clear(1 if from_index is None else integer(from_index))
+
+
+def copy(task: Task, source: Slot, from_index: float, target: Slot, to_index: float, count: float | None) -> None:
+    first = integer(from_index)
+    number = source.value.length - first + 1 if count is None else integer(count)
+    target.value.write(integer(to_index), source.value.read(first, number, "ERR_RAW_COPY"), "ERR_RAW_COPY")
+
+
+def length(task: Task, raw: Slot) -> float:
+    return float(raw.value.length)
+
+
+def pack(
+    task: Task,
+    value: tuple[Type, Any],
+    raw: Slot,
+    network: bool | None,
+    index: float,
+    hex1: bool | None,
+    int_x: float | None,
+    float4: bool | None,
+    ascii_: bool | None,
+) -> None:
+    kind, content = value
+    if kind == NUM and int_x is not None:
+        packed = _packed(INTEGERS[int_x], network, integer(content))
+    elif kind == NUM and float4:
+        packed = _packed("f", network, content)
+    elif kind == BYTE and (hex1 or ascii_):
+        packed = bytes([content])
+    elif kind == STRING and ascii_:
+        packed = content.encode("latin-1")
+    else:
+        raise RapidError("ERR_ARGVALERR", f"{kind.name} cannot be packed so")
+    raw.value.write(integer(index), packed)
+
+
+def _packed(letter: str, network: bool | None, value: float) -> bytes:
+    try:
+        return struct.pack((">" if network else "<") + letter, value)
+    except struct.error as error:
+        raise RapidError("ERR_ARGVALERR", f"{value:g} cannot be packed: {error}") from None
+
+
+def unpack(
+    task: Task,
+    raw: Slot,
+    network: bool | None,
+    index: float,
+    value: tuple[Type, Slot],
+    hex1: bool | None,
+    int_x: float | None,
+    float4: bool | None,
+    ascii_: float | None,
+) -> None:
+    kind, slot = value
+    first, order = integer(index), ">" if network else "<"
+    if kind == NUM and int_x is not None:
+        letter = order + INTEGERS[int_x]
+        (number,) = struct.unpack(letter, raw.value.read(first, struct.calcsize(letter)))
+        slot.value = float(number) if INTEGER_LOW <= number <= INTEGER_HIGH else single(number)
+    elif kind == NUM and float4:
+        (slot.value,) = struct.unpack(order + "f", raw.value.read(first, 4))
+    elif kind == BYTE and hex1:
+        slot.value = raw.value.read(first, 1)[0]
+    elif kind == STRING and ascii_ is not None and 1 <= ascii_ <= STRING_MAX:
+        slot.value = raw.value.read(first, integer(ascii_)).decode("latin-1")
+    else:
+        raise RapidError("ERR_ARGVALERR", f"{kind.name} cannot be unpacked so")
+
+
+DOES = MappingProxyType(
+    {
+        "ClearRawBytes": clear,
+        "CopyRawBytes": copy,
+        "RawBytesLen": length,
+        "PackRawBytes": pack,
+        "UnpackRawBytes": unpack,
+    }
+)

@@ -1,0 +1,67 @@
+"""Serial lines: an iodev on the pty behind a port's name."""
+
+from time import monotonic
+from types import MappingProxyType
+from typing import Any
+
+from mock_robot.rapid.errors import RapidError
+from mock_robot.rapid.instructions.sockets import DEFAULT_WAIT_S, WAIT_MAX_S
+from mock_robot.rapid.scope import Slot
+from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.values import integer
+
+
+def open_(
+    task: Task,
+    port: str,
+    slot: Slot,
+    read: bool | None,
+    write: bool | None,
+    append: bool | None,
+    binary: bool | None,
+) -> None:
+    """Both directions need \\Bin and none of the others."""
+    if not binary or read or write or append:
+        raise RapidError("ERR_ARGVALERR", "the mock opens a channel with \\Bin alone, for both directions")
+    line = task.services.devices.lines.get(port.casefold())
+    if line is None:
+        raise RapidError("ERR_FILEOPEN", f"no channel is named {port}")
+    slot.value.open(line)
+    task.services.devices.add(slot.value)
+
+
+def close(task: Task, slot: Slot) -> None:
+    slot.value.close()
+    task.services.devices.drop(slot.value)
+
+
+def clear_buffer(task: Task, slot: Slot) -> None:
+    slot.value.line.look(task.services.wire)
+    slot.value.line.arrived.clear()
+
+
+def read_bin(task: Task, slot: Slot, time: float | None) -> float:
+    """One byte."""
+    line, seconds = slot.value.line, DEFAULT_WAIT_S if time is None else time
+    ends_s = None if seconds >= WAIT_MAX_S else monotonic() + seconds
+    while not line.arrived and not line.look(task.services.wire):
+        left_s = None if ends_s is None else max(0.0, ends_s - monotonic())
+        if not task.wait(left_s, line.fileno):
+            raise RapidError("ERR_DEV_MAXTIME", "no byte came")
+    return float(line.arrived.pop(0))
+
+
+def write_raw_bytes(task: Task, slot: Slot, raw: Any, count: float | None) -> None:
+    data = raw.value.valid() if count is None else raw.value.read(1, integer(count))
+    slot.value.send(data, task.services.wire)
+
+
+DOES = MappingProxyType(
+    {
+        "Open": open_,
+        "Close": close,
+        "ClearIOBuff": clear_buffer,
+        "ReadBin": read_bin,
+        "WriteRawBytes": write_raw_bytes,
+    }
+)

@@ -1,0 +1,146 @@
+"""Sockets of a program on real ones. What waits is taken when it is asked for; a time-out loses nothing."""
+
+import errno
+from time import monotonic
+from types import MappingProxyType
+from typing import Any
+
+from mock_robot.rapid.devices import SocketDevice
+from mock_robot.rapid.errors import RapidError
+from mock_robot.rapid.scope import Slot
+from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.values import RAWBYTES_MAX, STRING_MAX, integer
+
+WAIT_MAX_S = 9999999.0
+DEFAULT_WAIT_S = 60.0
+PORT_LOWEST = 1025
+STATES = MappingProxyType({"created": 1.0, "connected": 2.0, "bound": 3.0, "listening": 4.0, "closed": 5.0})
+
+
+def create(task: Task, slot: Slot) -> None:
+    slot.value.create()
+    task.services.devices.add(slot.value)
+
+
+def bind(task: Task, slot: Slot, address: str, port: float) -> None:
+    """To an address the controller owns. Port 0 is the mock's own: the system chooses."""
+    device: SocketDevice = slot.value
+    end, number = device.opened(), integer(port)
+    device.require(device.state == "created", "ERR_SOCK_IS_BOUND", f"the socket is {device.state}")
+    device.require(number == 0 or PORT_LOWEST <= number <= 65535, "ERR_SOCK_UNSPEC", f"port {number} is not free")
+    try:
+        end.bind((address, number))
+    except OSError as error:
+        name = "ERR_SOCK_ADDR_INUSE" if error.errno == errno.EADDRINUSE else "ERR_SOCK_UNSPEC"
+        raise RapidError(name, f"{address}:{number}: {error.strerror}") from None
+    device.state = "bound"
+    task.services.devices.bound(end.getsockname())
+
+
+def listen(task: Task, slot: Slot) -> None:
+    device: SocketDevice = slot.value
+    device.opened()
+    device.require(device.state == "bound", "ERR_SOCK_NOT_BOUND", f"the socket is {device.state}")
+    device.opened().listen(4)
+    device.opened().setblocking(False)
+    device.state = "listening"
+    task.services.devices.listening()
+
+
+def accept(task: Task, slot: Slot, client: Slot, address: Slot | None, time: float | None) -> None:
+    device: SocketDevice = slot.value
+    device.require(client.value.end is None, "ERR_SOCK_ISCON", "the client socket is in use: close it first")
+    while True:
+        end = device.opened()
+        device.require(device.state == "listening", "ERR_SOCK_NOT_BOUND", f"the socket is {device.state}")
+        if not task.wait(_limit(time), end.fileno()):
+            raise RapidError("ERR_SOCK_TIMEOUT", "nobody connected")
+        try:
+            connection, peer = end.accept()
+        except BlockingIOError:
+            continue  # it was gone again
+        break
+    client.value.connect(connection)
+    task.services.devices.add(client.value)
+    if address is not None:
+        address.value = str(peer[0])
+
+
+def receive(
+    task: Task,
+    slot: Slot,
+    text: Slot | None,
+    raw: Slot | None,
+    wanted: float | None,
+    got: Slot | None,
+    time: float | None,
+) -> None:
+    """With \\ReadNoOfBytes all of them, else what there is."""
+    device: SocketDevice = slot.value
+    if text is None and raw is None:
+        raise RapidError("ERR_ARGVALERR", "give \\Str or \\RawData")
+    most = STRING_MAX if text is not None else RAWBYTES_MAX
+    least = 1 if wanted is None else integer(wanted)
+    device.require(1 <= least <= most, "ERR_ARGVALERR", f"{least} bytes of at most {most}")
+    waited = _await(task, device, least, _limit(time))
+    data = device.take(most if wanted is None else waited)
+    if text is not None:
+        text.value = data.decode("latin-1")
+    if raw is not None:
+        raw.value.fill(data)
+    if got is not None:
+        got.value = float(len(data))
+
+
+def _await(task: Task, device: SocketDevice, least: int, limit_s: float | None) -> int:
+    """Until so many bytes wait; how many to take (fewer when the peer has gone)."""
+    ends_s = None if limit_s is None else monotonic() + limit_s
+    while device.look(task.services.wire) < least and not device.over:
+        left_s = None if ends_s is None else max(0.0, ends_s - monotonic())
+        if not task.wait(left_s, device.connected().fileno()):
+            raise RapidError("ERR_SOCK_TIMEOUT", f"{len(device.arrived)} of {least} bytes came")
+    return min(least, len(device.arrived))
+
+
+def send(task: Task, slot: Slot, text: str | None, raw: Slot | None, count: float | None) -> None:
+    if text is None and raw is None:
+        raise RapidError("ERR_ARGVALERR", "give \\Str or \\RawData")
+    data = text.encode("latin-1") if text is not None else _content(raw, count)
+    slot.value.send(data, task.services.wire)
+
+
+def _content(raw: Any, count: float | None) -> bytes:
+    return bytes(raw.value.valid() if count is None else raw.value.read(1, integer(count)))
+
+
+def close(task: Task, slot: Slot) -> None:
+    slot.value.close()
+    task.services.devices.drop(slot.value)
+
+
+def peek(task: Task, slot: Slot) -> float:
+    return float(slot.value.look(task.services.wire))
+
+
+def status(task: Task, slot: Slot) -> float:
+    return STATES[slot.value.state]
+
+
+def _limit(time: float | None) -> float | None:
+    seconds = DEFAULT_WAIT_S if time is None else time
+    return None if seconds >= WAIT_MAX_S else max(0.0, seconds)
+
+
+DOES = MappingProxyType(
+    {
+        "SocketCreate": create,
+        "SocketBind": bind,
+        "SocketListen": listen,
+        "SocketAccept": accept,
+        "SocketReceive": receive,
+        "SocketSend": send,
+        "SocketClose": close,
+        "SocketPeek": peek,
+        "SocketGetStatus": status,
+    }
+)

@@ -1,0 +1,203 @@
+"""The program of one task: its modules declared, checked and compiled; and the PERS that outlive it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidProgramError
+from mock_robot.rapid.expressions import expression
+from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
+from mock_robot.rapid.instructions import DOES
+from mock_robot.rapid.scope import (
+    Context,
+    Data,
+    ErrorNumbers,
+    Frame,
+    Persistent,
+    Routine,
+    Scope,
+    Slot,
+)
+from mock_robot.rapid.statements import Run, block
+from mock_robot.rapid.syntax import Node, line_of, name, parse_module, parse_system, part, parts
+from mock_robot.rapid.tasks import EXECUTION_ERROR, Task
+from mock_robot.rapid.types import NUM, SIGNALDO, Array, Type
+
+
+@dataclass(frozen=True)
+class Source:
+    """A module's file. `shared`: loaded once for all tasks, not into one."""
+
+    name: str
+    text: str
+    shared: bool = False
+
+
+@dataclass
+class Memory:
+    """The PERS of a controller: shared by its tasks, and kept over a restart."""
+
+    _kept: dict[str, tuple[Type, Persistent]] = field(default_factory=dict)
+
+    def slot(self, key: str, kind: Type, initial: Callable[[], Any]) -> Persistent:
+        """The PERS of that name; `initial` is asked when there is none of this type yet."""
+        known = self._kept.get(key)
+        if known is None or known[0] != kind:
+            known = self._kept[key] = (kind, Persistent(initial()))
+        return known[1]
+
+    def __getitem__(self, key: str) -> Persistent:
+        return self._kept[key][1]
+
+    def preset(self, key: str, value: Any) -> None:
+        """What an integrator writes into the module before it is loaded; the type comes from what is there."""
+        kind, slot = self._kept[key]
+        slot.value = kind.copy(value)
+
+
+@dataclass
+class Program:
+    """Everything a task can run."""
+
+    task: Task
+    memory: Memory
+    signals: Mapping[str, object]
+    scope: Scope = field(init=False)
+    errors: ErrorNumbers = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.scope = Scope(types=dict(system_types()))
+        self.errors = ErrorNumbers({}, Slot(0.0))
+        for builtin in builtins(DOES):
+            self.scope.symbols[builtin.name] = builtin
+        context = Context(self.task, SYSTEM, self.scope, self.errors)
+        for node in parts(parse_system(), "data"):
+            self._declare_data(context, node)
+        symbols = {each.name: each for each in self.scope.symbols.values() if isinstance(each, Data)}
+        numbers = {n.upper(): d.slot.value for n, d in symbols.items() if n.startswith("err_") and d.slot is not None}
+        errno = symbols["errno"].slot
+        assert errno is not None
+        self.errors = ErrorNumbers(numbers, errno)
+        for signal, device in self.signals.items():
+            self.scope.symbols[signal.casefold()] = Data(signal.casefold(), SIGNALDO, "var", Slot(device))
+        self.scope = Scope(self.scope)
+
+    def load(self, sources: Sequence[Source]) -> None:
+        """Declare every module, then compile every routine. Raises RapidSyntaxError, RapidProgramError."""
+        loaded = [(source, parse_module(source.text, source.name)) for source in sources]
+        pending: list[tuple[Context, Routine, Node]] = []
+        for source, module in loaded:
+            context = Context(self.task, source.name, self.scope, self.errors)
+            declare_types(context, module)
+            for node in parts(module):
+                if node.data in ("proc", "func", "trap"):
+                    pending.append((context, self._declare_routine(context, node), node))
+        for source, module in loaded:
+            context = Context(self.task, source.name, self.scope, self.errors)
+            for node in parts(module, "data"):
+                self._declare_data(context, node, shared=source.shared)
+        for context, routine, node in pending:
+            _compile(context, routine, node)
+
+    def main(self) -> Callable[[], None]:
+        """What runs the procedure main once. Raises RapidProgramError when there is none."""
+        main = self.scope.find("main")
+        if not isinstance(main, Routine) or main.kind != "proc" or main.parameters:
+            raise RapidProgramError(self.task.name, 0, "no module of this task has a PROC main()")
+
+        def run() -> None:
+            assert main.body is not None
+            try:
+                main.body([None] * (main.places + 1))
+            except RaisedFurther as raised:
+                error = raised.error
+                raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error}, raised out of main") from error
+
+        return run
+
+    def _declare_routine(self, context: Context, node: Node) -> Routine:
+        function = node.data == "func"
+        place = int(function)
+        parameters = () if node.data == "trap" else parameters_of(context, _tree_or_none(node, place + 1))
+        result = context.type_named(name(node, 0), line_of(node)) if function else None
+        where = f"{context.module}:{line_of(node)}"
+        routine = Routine(name(node, place), str(node.data), parameters, result, where)
+        self.scope.declare(routine, context.module, line_of(node))
+        return routine
+
+    def _declare_data(self, context: Context, node: Node, shared: bool = False) -> None:
+        storage, called, line = name(node, 1), name(node, 3), line_of(node)
+        kind, initial = _type_and_initial(context, node)
+        if storage == "var" and shared:
+            raise context.wrong(line, f"VAR {called} in a shared module: only PERS and CONST are shared here")
+        if storage != "var" and initial is None and (storage == "const" or node.children[0] is not None):
+            raise context.wrong(line, f"{storage.upper()} {called} needs an initial value")
+
+        def value() -> Any:
+            return kind.initial() if initial is None else kind.copy(initial([None]))
+
+        if storage == "pers":
+            private = node.children[0] is not None
+            slot: Slot = self.memory.slot(f"{self.task.name}/{called}" if private else called, kind, value)
+        else:
+            slot = Slot(value())
+        context.scope.declare(Data(called, kind, storage, slot), context.module, line)
+
+
+def _tree_or_none(node: Node, place: int) -> Node | None:
+    return None if node.children[place] is None else part(node, place)
+
+
+def _type_and_initial(context: Context, node: Node) -> tuple[Type, Run | None]:
+    """Of a declaration: REACH, STORAGE, type, name, then at most one dimension, then the initial value."""
+    kind: Type = context.type_named(name(node, 2), line_of(node))
+    *dimensions, initial = node.children[4:]
+    for dimension in reversed([each for each in dimensions if each is not None]):
+        length = expression(context, dimension, NUM).evaluate([None])  # type: ignore[arg-type]
+        kind = Array(kind, int(length))
+    if initial is None:
+        return kind, None
+    return kind, expression(context, initial, kind).evaluate  # type: ignore[arg-type]
+
+
+_STORAGE_OF_MODE = {"in": "var", "var": "var", "inout": "var", "pers": "pers"}
+
+
+def _compile(context: Context, routine: Routine, node: Node) -> None:
+    """Body, handler and UNDO of a routine."""
+    inner = Context(context.task, context.module, Scope(context.scope), context.errors, routine)
+    for parameter in routine.parameters:
+        storage = _STORAGE_OF_MODE[parameter.mode]
+        inner.local(parameter.name, parameter.type, storage, line_of(node), parameter.optional)
+    body = parts(node, "body")[0]
+    locals_ = [_local(inner, data) for data in parts(body, "data")]
+    statements = block(inner, [each for each in parts(body) if each.data != "data"])
+    inner.in_handler = True
+    for handler in parts(node, "error"):
+        routine.handler = block(inner, parts(part(handler, 0)))
+    undo = [block(inner, parts(part(each, 0))) for each in parts(node, "undo")]
+
+    def run(frame: Frame) -> Any:
+        for place, make in locals_:
+            frame[place] = Slot(make(frame))
+        return statements(frame)
+
+    def run_with_undo(frame: Frame) -> Any:
+        try:
+            return run(frame)
+        except CycleLeft:
+            undo[0](frame)
+            raise
+
+    routine.body = run_with_undo if undo else run
+
+
+def _local(context: Context, node: Node) -> tuple[int, Run]:
+    storage, called, line = name(node, 1), name(node, 3), line_of(node)
+    if storage == "pers":
+        raise context.wrong(line, f"PERS {called} in a routine: a PERS belongs to a module")
+    kind, initial = _type_and_initial(context, node)
+    place = context.local(called, kind, storage, line).place
+    if initial is None:
+        return place, lambda frame: kind.initial()
+    return place, lambda frame: kind.copy(initial(frame))

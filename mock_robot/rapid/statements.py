@@ -1,0 +1,267 @@
+"""Statements to closures. A closure answers how the routine goes on: with the next one (None), or one of `Flow`."""
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any
+
+from lark import Token
+
+from mock_robot.rapid.calls import call
+from mock_robot.rapid.errors import ProgramStopped, RaisedFurther, RapidError
+from mock_robot.rapid.expressions import Evaluate, expression, reference
+from mock_robot.rapid.interrupts import connection
+from mock_robot.rapid.scope import Builtin, Context, Frame, Routine, Scope, Slot
+from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
+from mock_robot.rapid.tasks import EXECUTION_ERROR
+from mock_robot.rapid.types import BOOL, NUM, Atom
+from mock_robot.rapid.values import single
+
+RETRIES_MAX = 4
+"""The system parameter No Of Retry."""
+
+
+class Flow(IntEnum):
+    """How a routine goes on when not with the next statement."""
+
+    RETURNED = 1
+    NEXT = 2
+    AGAIN = 3
+
+
+class _RaisedHere(Exception):
+    """RAISE in a handler; `error` when it names another one."""
+
+    def __init__(self, error: RapidError | None) -> None:
+        self.error = error
+
+
+Run = Callable[[Frame], Any]
+
+
+def block(context: Context, statements: list[Node]) -> Run:
+    """Statements one after the other; between two of them the task attends. Errors go to the routine's handler."""
+    runs = [_KINDS[node.data](context, node) for node in statements]
+    lines = [line_of(node) for node in statements]
+    task, module, count = context.task, context.module, len(runs)
+    handle = _stop_in_handler if context.in_handler else _handle
+
+    def run(frame: Frame) -> Any:
+        at, retries = 0, 0
+        while True:
+            try:
+                for place in range(at, count):
+                    at = place
+                    if task.attention:
+                        task.attend()
+                    if flow := runs[at](frame):
+                        return flow
+                return None
+            except RapidError as error:
+                error.where = error.where or f"{module}:{lines[at]}"
+                flow = handle(context, frame, error)
+            if flow is Flow.RETURNED:
+                return flow
+            if flow is Flow.NEXT:
+                at, retries = at + 1, 0
+            elif (retries := retries + 1) > RETRIES_MAX:
+                raise ProgramStopped(EXECUTION_ERROR, f"{module}:{lines[at]}", f"retried {RETRIES_MAX} times in vain")
+
+    return run
+
+
+def _handle(context: Context, frame: Frame, error: RapidError) -> Flow:
+    """The routine's own handler; without one the system's, which stops: the caller is not asked."""
+    routine = context.routine
+    assert routine is not None
+    if routine.handler is None:
+        raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error}; {routine.name} has no ERROR handler") from error
+    context.errors.note(error)
+    try:
+        return Flow(routine.handler(frame) or Flow.RETURNED)
+    except _RaisedHere as raised:
+        raise RaisedFurther(raised.error or error) from None
+
+
+def _stop_in_handler(context: Context, frame: Frame, error: RapidError) -> Flow:
+    raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error} inside an ERROR handler") from error
+
+
+def _if(context: Context, node: Node) -> Run:
+    """IF, ELSEIF and ELSE: the first branch whose condition holds."""
+    branches = [(expression(context, part(node, 0), BOOL).evaluate, block(context, parts(part(node, 1))))]
+    for other in parts(node, "elseif"):
+        condition = expression(context, part(other, 0), BOOL).evaluate
+        branches.append((condition, block(context, parts(part(other, 1)))))
+    otherwise = [block(context, parts(part(each, 0))) for each in parts(node, "else")]
+    if len(branches) == 1:
+        ((only, then),) = branches
+        last = otherwise[0] if otherwise else _nothing
+        return lambda frame: then(frame) if only(frame) else last(frame)
+
+    def run(frame: Frame) -> Any:
+        for condition, then in branches:
+            if condition(frame):
+                return then(frame)
+        return otherwise[0](frame) if otherwise else None
+
+    return run
+
+
+def _nothing(frame: Frame) -> None:
+    """No statement."""
+
+
+def _if_one(context: Context, node: Node) -> Run:
+    condition = expression(context, part(node, 0), BOOL).evaluate
+    then = block(context, [part(node, 1)])
+    return lambda frame: then(frame) if condition(frame) else None
+
+
+def _while(context: Context, node: Node) -> Run:
+    condition = expression(context, part(node, 0), BOOL).evaluate
+    body, task = block(context, parts(part(node, 1))), context.task
+
+    def run(frame: Frame) -> Any:
+        while condition(frame):
+            if task.attention:
+                task.attend()
+            if flow := body(frame):
+                return flow
+        return None
+
+    return run
+
+
+def _for(context: Context, node: Node) -> Run:
+    first, last = (expression(context, part(node, place), NUM).evaluate for place in (1, 2))
+    step = None if node.children[3] is None else expression(context, part(node, 3), NUM).evaluate
+    outer, context.scope = context.scope, Scope(context.scope)
+    place = context.local(name(node, 0), NUM, "loop", line_of(node)).place
+    body = block(context, parts(part(node, 4)))
+    context.scope = outer
+
+    def run(frame: Frame) -> Any:
+        value, end = first(frame), last(frame)
+        by = (1.0 if value <= end else -1.0) if step is None else step(frame)
+        slot = frame[place] = Slot(value)
+        while value <= end if by > 0 else value >= end:
+            slot.value = value
+            if flow := body(frame):
+                return flow
+            value = single(value + by)
+        return None
+
+    return run
+
+
+def _test(context: Context, node: Node) -> Run:
+    subject = expression(context, part(node, 0))
+    cases = []
+    for case in parts(node, "case"):
+        *values, body = parts(case)
+        evaluates = [expression(context, value, subject.type).evaluate for value in values]
+        cases.append((evaluates, block(context, parts(body))))
+    default = [block(context, parts(part(each, 0))) for each in parts(node, "default")]
+    evaluate = subject.evaluate
+
+    def run(frame: Frame) -> Any:
+        value = evaluate(frame)
+        for candidates, body in cases:
+            if any(candidate(frame) == value for candidate in candidates):
+                return body(frame)
+        return default[0](frame) if default else None
+
+    return run
+
+
+def _assign(context: Context, node: Node) -> Run:
+    symbol, kind, slot_in = reference(context, part(node, 0))
+    if symbol.storage not in ("var", "pers"):
+        raise context.wrong(line_of(node), f"{symbol.name} is {symbol.storage.upper()}: nothing can be assigned to it")
+    if isinstance(kind, Atom) and kind.device:
+        raise context.wrong(line_of(node), f"a {kind.name} has no value to assign")
+    evaluate = expression(context, part(node, 1), kind).evaluate
+    if isinstance(kind, Atom):
+
+        def assign_atom(frame: Frame) -> None:
+            slot_in(frame).value = evaluate(frame)
+
+        return assign_atom
+    copy = kind.copy
+
+    def assign(frame: Frame) -> None:
+        slot_in(frame).value = copy(evaluate(frame))
+
+    return assign
+
+
+def _return(context: Context, node: Node) -> Run:
+    routine, value = context.routine, node.children[0]
+    assert routine is not None
+    if (routine.kind == "func") is (value is None):
+        raise context.wrong(line_of(node), f"RETURN in {routine.name} {'needs a' if value is None else 'has no'} value")
+    if value is None:
+        return lambda frame: Flow.RETURNED
+    assert routine.result is not None
+    assert not isinstance(value, Token)
+    evaluate, copy = expression(context, value, routine.result).evaluate, routine.result.copy
+
+    def run(frame: Frame) -> Flow:
+        frame[0] = copy(evaluate(frame))
+        return Flow.RETURNED
+
+    return run
+
+
+def _raise(context: Context, node: Node) -> Run:
+    number: Evaluate | None = None
+    if node.children[0] is not None:
+        number = expression(context, part(node, 0), NUM).evaluate
+    elif not context.in_handler:
+        raise context.wrong(line_of(node), "RAISE without a number belongs into an ERROR handler")
+    inside, numbered = context.in_handler, context.errors.numbered
+
+    def run(frame: Frame) -> None:
+        error = None if number is None else numbered(number(frame))
+        if inside or error is None:
+            raise _RaisedHere(error)
+        raise error
+
+    return run
+
+
+def _in_handler(flow: Flow) -> Callable[[Context, Node], Run]:
+    def compiled(context: Context, node: Node) -> Run:
+        if not context.in_handler:
+            raise context.wrong(line_of(node), f"{str(node.data).upper()} belongs into an ERROR handler")
+        return lambda frame: flow
+
+    return compiled
+
+
+def _call(context: Context, node: Node) -> Run:
+    symbol = context.scope.find(name(node, 0))
+    if not isinstance(symbol, Routine | Builtin) or symbol.kind != "proc":
+        raise context.wrong(line_of(node), f"no instruction or procedure is named {word(node, 0)}")
+    run = call(context, symbol, node)
+
+    def calling(frame: Frame) -> None:
+        run(frame)
+
+    return calling
+
+
+_KINDS: dict[str, Callable[[Context, Node], Run]] = {
+    "if_": _if,
+    "if_one": _if_one,
+    "while_": _while,
+    "for_": _for,
+    "test": _test,
+    "assign": _assign,
+    "return_": _return,
+    "raise_": _raise,
+    "retry": _in_handler(Flow.AGAIN),
+    "trynext": _in_handler(Flow.NEXT),
+    "connect": connection,
+    "call": _call,
+}

@@ -1,0 +1,177 @@
+"""A program task: one thread that runs main over and over, stops between instructions, and runs traps there."""
+
+import os
+import select
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Any, Protocol
+
+from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther
+from mock_robot.rapid.scope import Routine
+
+EXECUTION_ERROR = 10020
+"""ABB's event number: execution error state."""
+
+
+class TaskOwner(Protocol):
+    """Who is told that a program stopped by itself."""
+
+    def program_failed(self, task: "Task", stopped: ProgramStopped) -> None: ...
+
+
+@dataclass(eq=False)
+class Task:
+    """One task. `attention` is looked at between instructions; whoever sets it wakes a waiting instruction, too.
+
+    As on a controller, an interrupt that comes while the task is stopped is lost.
+    """
+
+    name: str
+    owner: TaskOwner
+    motion: bool
+    services: Any = None
+    attention: bool = field(default=True, init=False)
+    running: bool = field(default=False, init=False)
+    main: Callable[[], Any] | None = field(default=None, init=False)
+    interrupts_disabled: bool = field(default=False, init=False)
+    _turn: Any = field(default_factory=threading.RLock, init=False)
+    _pending: "deque[Routine]" = field(default_factory=deque, init=False)
+    _trapping: bool = field(default=False, init=False)
+    _leaving: bool = field(default=False, init=False)
+    _ended: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        self._ear, self._mouth = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._thread = threading.Thread(target=self._live, name=f"rapid {self.name}", daemon=True)
+
+    # --- from outside ---
+
+    def begin(self, *, running: bool) -> None:
+        """Start the thread, with its program pointer at main."""
+        self.running = running
+        self._thread.start()
+
+    @property
+    def is_current(self) -> bool:
+        """Is it this task that asks?"""
+        return self._thread is threading.current_thread()
+
+    def start(self) -> None:
+        """Go on where the task was stopped."""
+        self.running = True
+        self.rouse()
+
+    def stop(self) -> None:
+        """Stop before the next instruction, or inside one that waits."""
+        with self._turn:
+            self.running = False
+            self._pending.clear()
+        self.rouse()
+
+    def move_pointer_to_main(self) -> None:
+        """Every routine is dropped."""
+        self._leaving = True
+        self.rouse()
+
+    def end(self, limit_s: float = 5.0) -> None:
+        """Drop every routine and end the thread."""
+        self._ended = True
+        self.move_pointer_to_main()
+        if self._thread.is_alive() and not self.is_current:
+            self._thread.join(limit_s)
+
+    def interrupt(self, trap: Routine) -> None:
+        """An interrupt came: its trap runs before the next instruction. Lost while the task is stopped."""
+        with self._turn:
+            if not self.running:
+                return
+            self._pending.append(trap)
+        self.rouse()
+
+    def rouse(self) -> None:
+        """Whatever the task waits for, let it look around."""
+        self.attention = True
+        with suppress(BlockingIOError, OSError):
+            os.write(self._mouth, b"\0")
+
+    # --- from the program ---
+
+    def attend(self) -> None:
+        """Between two instructions: stand still while stopped, run the traps that are due. Raises CycleLeft."""
+        while True:
+            with self._turn:
+                if self._leaving:
+                    self._leaving = False  # what UNDO does on the way out is not left again
+                    raise CycleLeft
+                trap = None
+                if self.running or self._ended:
+                    if not self._pending or self._trapping or self.interrupts_disabled:
+                        self.attention = False
+                        return
+                    trap = self._pending.popleft()
+            if trap is None:
+                self._listen(None)
+            else:
+                self._run_trap(trap)
+
+    def wait(self, seconds: float | None, fileno: int | None = None, until: Callable[[], bool] | None = None) -> bool:
+        """Until the descriptor can be read or `until` holds (True), or time is over; traps run meanwhile."""
+        ends_s = None if seconds is None else monotonic() + seconds
+        while True:
+            if self.attention:
+                self.attend()
+            if until is not None and until():
+                return True
+            left_s = None if ends_s is None else ends_s - monotonic()
+            if fileno is None and left_s is not None and left_s <= 0.0:
+                return False
+            if self._listen(left_s, fileno):
+                return True
+            if ends_s is not None and monotonic() >= ends_s:
+                return until is not None and until()
+
+    def _listen(self, seconds: float | None, fileno: int | None = None) -> bool:
+        """Until the descriptor can be read (True), somebody rouses the task, or time is over."""
+        poll = select.poll()
+        poll.register(self._ear, select.POLLIN)
+        if fileno is not None:
+            poll.register(fileno, select.POLLIN)
+        ready = dict(poll.poll(None if seconds is None else max(0.0, 1000 * seconds)))
+        if ready.pop(self._ear, 0):
+            with suppress(BlockingIOError):
+                os.read(self._ear, 4096)
+        return bool(ready)
+
+    def _run_trap(self, trap: Routine) -> None:
+        assert trap.body is not None
+        self._trapping = True
+        try:
+            trap.body([None] * (trap.places + 1))
+        except RaisedFurther as raised:
+            text = f"{raised.error} was raised out of a TRAP"
+            raise ProgramStopped(EXECUTION_ERROR, raised.error.where, text) from raised
+        finally:
+            self._trapping = False
+
+    # --- the thread ---
+
+    def _live(self) -> None:
+        assert self.main is not None
+        try:
+            while not self._ended:
+                try:
+                    self._leaving = self._ended
+                    self.attend()
+                    self.main()
+                except CycleLeft:
+                    continue
+                except ProgramStopped as stopped:
+                    self.running = False
+                    self.owner.program_failed(self, stopped)
+        finally:
+            for end in (self._ear, self._mouth):
+                os.close(end)
