@@ -32,6 +32,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--robot-port", type=_port, default=0, help="0: chosen by the system")
     run.add_argument("--devices-port", type=_port, default=0)
     run.add_argument("--control-port", type=_port, default=0)
+    run.add_argument("--rws-port", type=_port, default=0, help="Robot Web Services 1.0, HTTP")
+    run.add_argument("--rws2-port", type=_port, default=0, help="Robot Web Services 2.0, HTTPS")
     run.add_argument("--robot-only", action="store_true", help="no camera and no scanner")
     run.add_argument("--serial", action="store_true", help="open a serial line (a pty), too")
     run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mock_robot.rws.station import RwsUrls
+
 
 @dataclass(frozen=True)
 class Announcement:
@@ -18,6 +20,7 @@ class Announcement:
     devices_url: str | None
     control_url: str
     sheet: dict[str, Any]
+    rws: RwsUrls | None = None
 
     def document(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -28,6 +31,7 @@ class Announcement:
             "robot": {"host": self.robot_host, "port": self.robot_port, "serial": self.serial_path},
             "camera": self._device("camera/snapshot.png"),
             "scanner": self._device("scanner/cloud.ply"),
+            "rws": None if self.rws is None else {"1.0": self.rws.first, "2.0": self.rws.second},
             "control": self.control_url,
             "cell": self.sheet,
         }

@@ -57,6 +57,7 @@ class Cabinet(ABC):
     armed: bool = field(default=False, init=False)
     moves_accepted: int = field(default=0, init=False)
     log: deque[LogEntry] = field(default_factory=lambda: deque(maxlen=1000), init=False)
+    recorded: int = field(default=0, init=False)
 
     def robot_s(self, now_s: float) -> float:
         """The arm's own time."""
@@ -119,6 +120,7 @@ class Cabinet(ABC):
     def record(self, now_s: float, code: int, text: str) -> None:
         """A line for the event log."""
         self.log.append(LogEntry(now_s, code, text))
+        self.recorded += 1
 
     def flags(self, now_s: float) -> Flag:
         """The state in 16 bits."""

@@ -22,6 +22,7 @@ from mock_robot.http_server import HttpServer
 from mock_robot.link_shells import SerialShell, TcpShell
 from mock_robot.motion import RobotNoise, SimulatedArm
 from mock_robot.posture import start_joints
+from mock_robot.rws.station import RwsStation
 from mock_robot.truth import CellTruth
 from mock_robot.truth_sheet import BOX_MM, cell_sheet
 from protocols.cb.codes import Command
@@ -40,7 +41,8 @@ class FlangeNow(NamedTuple):
 class Ports:
     """Which ports to listen on; 0: the system chooses. `serial` opens a pty beside the socket.
 
-    `devices` None: no camera and no scanner, for who needs the robot alone.
+    `devices` None: no camera and no scanner, for who needs the robot alone. `rws` None: no Robot Web Services;
+    else the ports of 1.0 and 2.0.
     """
 
     host: str = LOOPBACK
@@ -48,6 +50,7 @@ class Ports:
     devices: int | None = 0
     control: int = 0
     serial: bool = False
+    rws: tuple[int, int] | None = None
 
 
 class MockCell:
@@ -75,6 +78,7 @@ class MockCell:
         self.faults = FaultBoards(self.controller, robot_faults)
         self._tcp = TcpShell(self.controller, robot_faults, clock)
         self._serial = SerialShell(self.controller, robot_faults, clock)
+        self.rws = RwsStation(self.controller, robot_faults, clock)
         self._closing = AsyncExitStack()
 
     async def start(self, ports: Ports) -> Announcement:
@@ -88,7 +92,9 @@ class MockCell:
         devices = None if ports.devices is None else await self._serve(self._devices(), ports.host, ports.devices)
         bench = ControlPort(self.controller, self.faults, self.clock, self.nudge)
         control = await self._serve(bench, ports.host, ports.control)
-        return Announcement(self.truth.seed, host, port, serial, devices, control, cell_sheet(self.truth))
+        rws = None if ports.rws is None else await self.rws.start(ports.host, *ports.rws)
+        self._closing.push_async_callback(self.rws.close)
+        return Announcement(self.truth.seed, host, port, serial, devices, control, cell_sheet(self.truth), rws)
 
     async def close(self) -> None:
         """Close every wire."""
@@ -116,6 +122,7 @@ class MockCell:
         """Something changed by hand: the links look at it now."""
         self._tcp.nudge()
         self._serial.nudge()
+        self.rws.nudge()
 
     def _devices(self) -> object:
         from mock_robot.http_devices import create_app  # renderer and ray caster: only where they are wanted

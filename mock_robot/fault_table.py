@@ -189,6 +189,17 @@ _ROWS = (
         reply=_posed(lambda p: replace(p, configuration=(*p.configuration[:3], p.configuration[3] ^ 2))),
     ),
     Fault("robot-clock-jump", "robot", "the controller's clock is an hour ahead", None, reply=_clock_jump),
+    # --- Robot Web Services: looked at by name in mock_robot.rws ---
+    Fault("rws-401", "rws", "every RWS request is told 401, and all sessions end", None),
+    Fault("rws-406", "rws", "every RWS request is told 406: no media type will do", None),
+    Fault("rws-503", "rws", "every RWS request is told 503", None),
+    Fault("rws-410", "rws", "mastership answers 410, as RobotWare 8 does", None),
+    Fault("rws-slow", "rws", "every RWS answer comes 2 s late", None),
+    Fault("rws-garbage", "rws", "every RWS answer is cut off", None),
+    Fault("rws-sessions-exhausted", "rws", "other clients hold all 70 sessions", None),
+    Fault("rws-mastership-held", "rws", "the pendant holds the mastership of everything", None),
+    Fault("rws-subscription-gone", "rws", "subscriptions say nothing any more; their sockets stay open", None),
+    Fault("rws-other-tool", "rws", "another tool and work object are selected at the pendant", None),
 )
 
 FAULTS: Mapping[str, Fault] = MappingProxyType({row.name: row for row in _ROWS})

@@ -21,10 +21,13 @@ class _Server(uvicorn.Server):
 class HttpServer:
     """One application, one port."""
 
-    def __init__(self, application: Any) -> None:
+    def __init__(self, application: Any, **options: Any) -> None:
+        """`options`: more of uvicorn's, such as a certificate."""
+        options = {"ws": "none", **options}
         config = uvicorn.Config(
-            application, log_level="error", access_log=False, lifespan="off", ws="none", timeout_graceful_shutdown=1
+            application, log_level="error", access_log=False, lifespan="off", timeout_graceful_shutdown=1, **options
         )
+        self._scheme = "https" if config.is_ssl else "http"
         self._server = _Server(config)
         self._serving: asyncio.Task[None] | None = None
 
@@ -37,7 +40,7 @@ class HttpServer:
             if self._serving.done():
                 self._serving.result()
             await asyncio.sleep(0.005)
-        return f"http://{host}:{chosen}"
+        return f"{self._scheme}://{host}:{chosen}"
 
     async def close(self) -> None:
         """Stop serving; open answers get a second to end."""

@@ -23,7 +23,14 @@ async def _run(options: argparse.Namespace) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, told.set)
     devices = None if options.robot_only else options.devices_port
-    ports = Ports(options.host, options.robot_port, devices, options.control_port, options.serial)
+    ports = Ports(
+        options.host,
+        options.robot_port,
+        devices,
+        options.control_port,
+        options.serial,
+        (options.rws_port, options.rws2_port),
+    )
     try:
         announcement = await cell.start(ports)
         for fault in options.fault:

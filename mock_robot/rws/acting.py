@@ -1,0 +1,265 @@
+"""Everything that changes something, and what must hold for it: the table of state, mode and execution."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from mock_robot.panel import Mode
+from mock_robot.rws.context import Context
+from mock_robot.rws.exchange import DONE, Item, Reply
+from mock_robot.rws.mastership import DOMAINS, Consent
+from mock_robot.rws.memory import TASKS, module_name
+from mock_robot.rws.refusals import (
+    BAD_ARGUMENT,
+    NO_MODULE,
+    NO_PATH,
+    NO_RESOURCE,
+    NO_SIGNAL,
+    REJECTED,
+    WRONG_STATE,
+    RwsRefused,
+)
+from mock_robot.rws.volumes import NoVolume
+
+Parts = Mapping[str, str]
+
+
+class Act(Enum):
+    """What can be asked of the controller."""
+
+    MOTORS_ON = "motors on"
+    MOTORS_OFF = "motors off"
+    START = "start"
+    STOP = "stop"
+    RESET_POINTER = "program pointer to main"
+    SPEED = "speed ratio"
+    WRITE_DATA = "write RAPID data"
+    LOAD = "load or unload a module"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """When an act is allowed; None: always. `master`: the domain that must be held."""
+
+    states: frozenset[str] | None = None
+    execution: str | None = None
+    manual: bool = True
+    master: str | None = None
+    consent_to_execute: bool = False
+
+
+RULES: Mapping[Act, Rule] = {
+    Act.MOTORS_ON: Rule(states=frozenset({"motoroff", "motoron", "emergencystopreset"}), manual=False),
+    Act.MOTORS_OFF: Rule(),
+    Act.START: Rule(frozenset({"motoron"}), "stopped", master="rapid", consent_to_execute=True),
+    Act.STOP: Rule(),
+    Act.RESET_POINTER: Rule(execution="stopped", master="rapid"),
+    Act.SPEED: Rule(manual=False, master="rapid"),
+    Act.WRITE_DATA: Rule(master="rapid"),
+    Act.LOAD: Rule(execution="stopped", master="rapid"),
+}
+
+
+def allow(context: Context, act: Act) -> None:
+    """Raises RwsRefused: mode first, then who is master, then state and execution, as the controllers answer."""
+    rule, world = RULES[act], context.world
+    if not rule.manual and world.mode is not Mode.AUTO:
+        raise RwsRefused(REJECTED, f"{act.value}: only in automatic mode")
+    if rule.consent_to_execute and not world.mastership.may_execute(context.session, world.mode, context.now_s):
+        raise RwsRefused(REJECTED, f"{act.value}: the operator has to grant it (RMMP exec)")
+    if rule.master is not None:
+        context.require_master(rule.master)
+    if rule.states is not None and world.controller_state not in rule.states:
+        raise RwsRefused(WRONG_STATE, f"{act.value}: not in state {world.controller_state}")
+    if rule.execution is not None and world.execution_state != rule.execution:
+        raise RwsRefused(WRONG_STATE, f"{act.value}: not while execution is {world.execution_state}")
+
+
+# --- panel ---
+
+
+def set_controller_state(context: Context, parts: Parts) -> Reply:
+    wanted = context.asked.form.get("ctrl-state")
+    acts = {"motoron": Act.MOTORS_ON, "motoroff": Act.MOTORS_OFF}
+    if wanted not in acts:
+        raise RwsRefused(BAD_ARGUMENT)
+    allow(context, acts[wanted])
+    context.world.cabinet.switch_motors(wanted == "motoron", context.now_s)
+    return DONE
+
+
+def set_speed_ratio(context: Context, parts: Parts) -> Reply:
+    try:
+        ratio = float(context.asked.form.get("speed-ratio", ""))
+    except ValueError:
+        raise RwsRefused(BAD_ARGUMENT) from None
+    if not 0 <= ratio <= 100:
+        raise RwsRefused(BAD_ARGUMENT)
+    allow(context, Act.SPEED)
+    context.world.cabinet.panel.speed_override = ratio / 100
+    return DONE
+
+
+# --- RAPID ---
+
+
+def start(context: Context, parts: Parts) -> Reply:
+    required = {"regain", "execmode", "cycle", "condition", "stopatbp", "alltaskbytsp"}
+    if not required <= context.asked.form.keys():
+        raise RwsRefused(BAD_ARGUMENT, f"Missing {', '.join(sorted(required - context.asked.form.keys()))}")
+    allow(context, Act.START)
+    cycle = context.asked.form["cycle"]
+    context.world.cycle = context.world.cycle if cycle == "asis" else cycle
+    context.world.cabinet.run_program(True, context.now_s)
+    for program in context.world.programs:
+        program()
+    return DONE
+
+
+def stop(context: Context, parts: Parts) -> Reply:
+    if context.asked.form.get("stopmode", "stop") not in ("cycle", "instr", "stop", "qstop"):
+        raise RwsRefused(BAD_ARGUMENT)
+    allow(context, Act.STOP)
+    if context.world.execution_state == "running":
+        context.world.cabinet.run_program(False, context.now_s)
+    return DONE
+
+
+def reset_pointer(context: Context, parts: Parts) -> Reply:
+    allow(context, Act.RESET_POINTER)
+    context.world.cabinet.record(context.now_s, 10155, "program pointer set to main")
+    return DONE
+
+
+def set_cycle(context: Context, parts: Parts) -> Reply:
+    if context.asked.form.get("cycle") not in ("once", "forever", "asis"):
+        raise RwsRefused(BAD_ARGUMENT)
+    allow(context, Act.WRITE_DATA)
+    context.world.cycle = context.asked.form["cycle"]
+    return DONE
+
+
+def write_symbol(context: Context, parts: Parts) -> Reply:
+    found = context.world.memory.symbol(parts["symbol"])
+    if found is None:
+        raise RwsRefused(context.dialect.no_symbol)
+    if not context.asked.form.get("value"):
+        raise RwsRefused(BAD_ARGUMENT)
+    allow(context, Act.WRITE_DATA)
+    found[1].value = context.asked.form["value"]
+    return DONE
+
+
+def activate(context: Context, parts: Parts) -> Reply:
+    return _select(context, parts, True)
+
+
+def deactivate(context: Context, parts: Parts) -> Reply:
+    return _select(context, parts, False)
+
+
+def _select(context: Context, parts: Parts, active: bool) -> Reply:
+    task = parts.get("task") or context.asked.form.get("task", "")
+    if task not in TASKS:
+        raise RwsRefused(NO_RESOURCE)
+    allow(context, Act.LOAD)
+    (context.world.memory.inactive.discard if active else context.world.memory.inactive.add)(task)
+    return DONE
+
+
+def load_module(context: Context, parts: Parts) -> Reply:
+    world, task = context.world, parts["task"]
+    if task not in world.memory.modules:
+        raise RwsRefused(NO_RESOURCE)
+    try:
+        content = world.volumes.files[world.volumes.canonical(context.asked.form.get("modulepath", ""))]
+    except (KeyError, NoVolume):
+        raise RwsRefused(NO_PATH) from None
+    allow(context, Act.LOAD)
+    name = module_name(content)
+    if name is None or (name in world.memory.modules[task] and context.asked.form.get("replace", "false") != "true"):
+        raise RwsRefused(BAD_ARGUMENT, "No module in the file, or its name is loaded already")
+    world.memory.modules[task][name] = "SysMod" if b"SYSMODULE" in content[:200].upper() else "ProgMod"
+    world.cabinet.record(context.now_s, 10044, f"module {name} loaded into {task}")
+    return DONE
+
+
+def unload_module(context: Context, parts: Parts) -> Reply:
+    loaded = context.world.memory.modules.get(parts["task"], {})
+    if context.asked.form.get("module") not in loaded:
+        raise RwsRefused(NO_MODULE)
+    allow(context, Act.LOAD)
+    del loaded[context.asked.form["module"]]
+    return DONE
+
+
+# --- signals, mastership, consent ---
+
+
+def write_signal(context: Context, parts: Parts) -> Reply:
+    found = context.world.memory.signal(parts["signal"])
+    if found is None:
+        raise RwsRefused(NO_SIGNAL)
+    try:
+        value = float(context.asked.form.get("lvalue", ""))
+    except ValueError:
+        raise RwsRefused(BAD_ARGUMENT) from None
+    if not found[1].written:
+        raise RwsRefused(REJECTED, "Rejected: the signal's access level allows no remote client")
+    context.world.mastership.require(
+        context.session, "motion", context.world.mode, context.now_s, explicit=False
+    )  # in manual mode the operator's consent
+    found[1].value = value
+    return DONE
+
+
+def domains_of(context: Context, parts: Parts) -> tuple[str, ...]:
+    """The domains that a path names; all of them when it names none. 2.0 has `edit` for cfg and rapid."""
+    names = {"": DOMAINS, "motion": ("motion",)}
+    names |= {"edit": ("cfg", "rapid")} if context.dialect.version == 2 else {"cfg": ("cfg",), "rapid": ("rapid",)}
+    try:
+        return names[parts.get("domain") or ""]
+    except KeyError:
+        raise RwsRefused(NO_RESOURCE) from None
+
+
+def request_mastership(context: Context, parts: Parts) -> Reply:
+    world = context.world
+    world.mastership.request(context.session, domains_of(context, parts), world.mode, context.now_s)
+    return DONE
+
+
+def release_mastership(context: Context, parts: Parts) -> Reply:
+    context.world.mastership.release(context.session, domains_of(context, parts))
+    return DONE
+
+
+def mastership(context: Context, parts: Parts) -> Reply:
+    holders = [context.world.mastership.holder(domain) for domain in domains_of(context, parts)]
+    holder = next((each for each in holders if each is not None), None)
+    state = "nomaster" if holder is None else "local" if not holder.abb_cookie else "remote"
+    values = {"mastership": state, "uid": "", "application": holder.user if holder else ""}
+    return Reply(items=[Item("msh-resource", parts.get("domain") or "mastership", values)])
+
+
+def ask_consent(context: Context, parts: Parts) -> Reply:
+    privilege = context.asked.form.get("privilege", "")
+    if privilege not in ("modify", "exec"):
+        raise RwsRefused(BAD_ARGUMENT)
+    context.world.mastership.ask_consent(context.session, privilege, context.world.mode, context.now_s)
+    return Reply(202, [Item("user-rmmp", "rmmp", {"status": Consent.PENDING.value})])
+
+
+def poll_consent(context: Context, parts: Parts) -> Reply:
+    consent = context.world.mastership.poll_consent(context.session, context.now_s)
+    return Reply(items=[Item("user-rmmp-poll", "rmmp", {"status": consent.value})])
+
+
+def cancel_consent(context: Context, parts: Parts) -> Reply:
+    context.world.mastership.cancel_consent(context.session)
+    return DONE
+
+
+def nothing_to_do(context: Context, parts: Parts) -> Reply:
+    """Bookkeeping of some clients."""
+    return DONE

@@ -1,0 +1,62 @@
+"""The cabinet's event log as RWS lists it: numbered, newest first, with words for type and arguments."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from mock_robot.cabinet import Cabinet, LogEntry
+from mock_robot.rws.exchange import Item
+
+INFORMATION, WARNING, ERROR = 1, 2, 3
+_TYPES: tuple[tuple[range, int], ...] = (
+    (range(10000, 20000), INFORMATION),
+    (range(20000, 80000), ERROR),
+    (range(80001, 80002), ERROR),
+    (range(80002, 80003), WARNING),
+    (range(80003, 80004), INFORMATION),
+)
+USER_EVENTS = range(80001, 80004)
+"""ErrWrite's codes: their texts are lines, the first of them the header."""
+PAGE = 50
+
+
+@dataclass(frozen=True)
+class EventLog:
+    """What `GET /rw/elog/0` tells. `epoch` is the wall clock at zero of the cell's clock."""
+
+    cabinet: Cabinet
+    epoch: datetime
+
+    @classmethod
+    def beginning(cls, cabinet: Cabinet, now_s: float) -> "EventLog":
+        """With the wall clock of now."""
+        return cls(cabinet, datetime.now(UTC) - timedelta(seconds=now_s))
+
+    @property
+    def newest(self) -> int:
+        """The number of the newest entry; 0 when there is none."""
+        return self.cabinet.recorded
+
+    def items(self, above: int = 0) -> list[Item]:
+        """Newest first, those numbered above `above`."""
+        log, newest = self.cabinet.log, self.newest
+        numbered = [(newest - back, entry) for back, entry in enumerate(reversed(log))][:PAGE]
+        return [self._item(number, entry) for number, entry in numbered if number > above]
+
+    def _item(self, number: int, entry: LogEntry) -> Item:
+        at = self.epoch + timedelta(seconds=entry.at_s)
+        lines = entry.text.split("\n") if entry.code in USER_EVENTS else []
+        kind = next((kind for codes, kind in _TYPES if entry.code in codes), WARNING)
+        values = {
+            "msgtype": str(kind),
+            "code": str(entry.code),
+            "src-name": "MC0",
+            "tstamp": f"{at:%Y-%m-%d T  %H:%M:%S}",
+            "title": entry.text.split("\n")[0],
+            "desc": entry.text.replace("\n", " "),
+            "conseqs": "",
+            "causes": "",
+            "actions": "",
+            "argc": str(len(lines)),
+        }
+        arguments = {"argv": [{"type": "STRING", "value": line} for line in lines]} if lines else {}
+        return Item("elog-message", f"/rw/elog/0/{number}", {**values, **arguments})

@@ -1,0 +1,65 @@
+"""A request as the controller reads it, and its answer before it is written down in XHTML or JSON."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import parse_qsl, unquote
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One request. `path` has no trailing and no double slash; `facet` is what followed a semicolon (`;value`)."""
+
+    method: str
+    path: str
+    facet: str
+    query: Mapping[str, str]
+    form: Mapping[str, str]
+    headers: Mapping[str, str]
+    body: bytes
+    base: str
+
+    @property
+    def action(self) -> str | None:
+        """What `?action=` says: RWS 1.0 names verbs there."""
+        return self.query.get("action")
+
+
+@dataclass(frozen=True)
+class Item:
+    """One resource: its class, its title, its values in the order in which they are written."""
+
+    kind: str
+    title: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Reply:
+    """An answer. `listed`: a collection, which RWS 2.0 puts elsewhere. `content`: a file's bytes instead of items."""
+
+    status: int = 200
+    items: Sequence[Item] = ()
+    listed: bool = False
+    content: bytes | None = None
+    media_type: str = "application/octet-stream"
+    headers: Sequence[tuple[str, str]] = ()
+
+
+DONE = Reply(204)
+"""A POST that was done: no body."""
+
+
+def parse(method: str, raw_path: bytes, query: bytes, headers: Mapping[str, str], body: bytes, base: str) -> Asked:
+    """The request as the handlers want it."""
+    path, _, facet = unquote(raw_path.partition(b"?")[0].decode("latin-1")).partition(";")
+    path = "/" + re.sub("/+", "/", path).strip("/")
+    form: dict[str, str] = {}
+    if "urlencoded" in headers.get("content-type", ""):
+        form = _last_of_each(body.decode("latin-1"))
+    return Asked(method, path, facet, _last_of_each(query.decode("latin-1")), form, headers, body, base)
+
+
+def _last_of_each(text: str) -> dict[str, str]:
+    return dict(parse_qsl(text, keep_blank_values=True))

@@ -1,0 +1,132 @@
+"""The paths of both services: method, path, verb, who answers. 1.0 has its verbs in `?action=`, 2.0 in the path."""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from mock_robot.rws import acting, disk, reading
+from mock_robot.rws.context import Context, Dialect
+from mock_robot.rws.exchange import Reply
+from mock_robot.rws.numbers import UNUSED_1, UNUSED_2
+from mock_robot.rws.refusals import (
+    BAD_ARGUMENT,
+    NO_FILE_1,
+    NO_FILE_2,
+    NO_MODULE,
+    NO_MODULE_2,
+    NO_RESOURCE,
+    NO_SYMBOL_1,
+    NO_SYMBOL_2,
+    NO_VOLUME_2,
+    RwsRefused,
+)
+
+Handler = Callable[[Context, Mapping[str, str]], Reply]
+Row = tuple[str, str, str | None, Handler]
+
+RWS_1 = Dialect(1, False, UNUSED_1, ("j1", "j4", "j6", "jx"), NO_SYMBOL_1, NO_MODULE, NO_FILE_1, NO_FILE_1)
+RWS_2 = Dialect(2, True, UNUSED_2, ("cf1", "cf4", "cf6", "cfx"), NO_SYMBOL_2, NO_MODULE_2, NO_FILE_2, NO_VOLUME_2)
+
+_UNIT = "/rw/motionsystem/mechunits/(?P<mechunit>[^/]+)"
+_TASK = "/rw/rapid/tasks/(?P<task>[^/]+)"
+
+_SHARED: tuple[Row, ...] = (
+    ("GET", "/rw/panel/opmode", None, reading.operating_mode),
+    ("GET", "/rw/panel/speedratio", None, reading.speed_ratio),
+    ("POST", "/rw/panel/speedratio", "setspeedratio", acting.set_speed_ratio),
+    ("GET", "/rw/motionsystem/mechunits", None, reading.mechunits),
+    ("GET", _UNIT, None, reading.mechunit),
+    ("GET", f"{_UNIT}/robtarget", None, reading.robtarget),
+    ("GET", f"{_UNIT}/cartesian", None, reading.cartesian),
+    ("GET", f"{_UNIT}/jointtarget", None, reading.jointtarget),
+    ("GET", "/rw/rapid/execution", None, reading.execution),
+    ("GET", "/rw/rapid/tasks", None, reading.tasks),
+    ("GET", "/rw/iosystem/signals", None, reading.signals),
+    ("GET", "/rw/iosystem/signals/(?P<signal>.+)", None, reading.signal),
+    ("GET", "/rw/elog/0", None, reading.event_log),
+    ("GET", r"/rw/elog/0/(?P<number>\d+)", None, reading.event_log_entry),
+    ("GET", "/rw/system", None, reading.system),
+    ("GET", "/rw/system/options", None, reading.options),
+    ("GET", "/ctrl/identity", None, reading.identity),
+    ("GET", r"/ctrl/\$RAMDISK", None, reading.ramdisk),
+    ("POST", "/users/rmmp", None, acting.ask_consent),
+    ("POST", "/users/rmmp", "cancel", acting.cancel_consent),
+    ("GET", "/users/rmmp/poll", None, acting.poll_consent),
+    ("GET", "/rw/mastership(?:/(?P<domain>[a-z]+))?", None, acting.mastership),
+    ("GET", "/fileservice/(?P<path>.+)", None, disk.read_file),
+    ("PUT", "/fileservice/(?P<path>.+)", None, disk.write_file),
+    ("DELETE", "/fileservice/(?P<path>.+)", None, disk.delete_file),
+)
+_FIRST: tuple[Row, ...] = (
+    ("GET", "/rw/panel/ctrlstate", None, reading.controller_state),
+    ("POST", "/rw/panel/ctrlstate", "setctrlstate", acting.set_controller_state),
+    ("POST", "/rw/rapid/execution", "start", acting.start),
+    ("POST", "/rw/rapid/execution", "stop", acting.stop),
+    ("POST", "/rw/rapid/execution", "resetpp", acting.reset_pointer),
+    ("POST", "/rw/rapid/execution", "setcycle", acting.set_cycle),
+    ("POST", _TASK, "activate", acting.activate),
+    ("POST", _TASK, "deactivate", acting.deactivate),
+    ("POST", _TASK, "loadmod", acting.load_module),
+    ("POST", _TASK, "unloadmod", acting.unload_module),
+    ("GET", "/rw/rapid/modules", None, reading.modules),
+    ("GET", f"{_TASK}/modules/(?P<module>[^/]+)", None, reading.module),
+    ("GET", "/rw/rapid/symbol/data/RAPID/(?P<symbol>.+)", None, reading.symbol_value),
+    ("POST", "/rw/rapid/symbol/data/RAPID/(?P<symbol>.+)", "set", acting.write_symbol),
+    ("GET", "/rw/rapid/symbol/properties/RAPID/(?P<symbol>.+)", None, reading.symbol_properties),
+    ("POST", "/rw/rapid/symbols", "search-symbols", reading.symbols),
+    ("POST", "/rw/iosystem/signals/(?P<signal>.+)", "set", acting.write_signal),
+    ("POST", "/rw/mastership(?:/(?P<domain>[a-z]+))?", "request", acting.request_mastership),
+    ("POST", "/rw/mastership(?:/(?P<domain>[a-z]+))?", "release", acting.release_mastership),
+)
+_SECOND: tuple[Row, ...] = (
+    ("GET", "/rw/panel/ctrl-state", None, reading.controller_state),
+    ("POST", "/rw/panel/ctrl-state", None, acting.set_controller_state),
+    ("POST", "/rw/rapid/execution/start", None, acting.start),
+    ("POST", "/rw/rapid/execution/stop", None, acting.stop),
+    ("POST", "/rw/rapid/execution/resetpp", None, acting.reset_pointer),
+    ("POST", "/rw/rapid/execution/cycle", None, acting.set_cycle),
+    ("POST", "/rw/rapid/tasks/activate", None, acting.activate),
+    ("POST", "/rw/rapid/tasks/deactivate", None, acting.deactivate),
+    ("POST", f"{_TASK}/loadmod", None, acting.load_module),
+    ("POST", f"{_TASK}/unloadmod", None, acting.unload_module),
+    ("GET", f"{_TASK}/modules", None, reading.modules),
+    ("GET", f"{_TASK}/modules/(?P<module>[^/]+)", None, reading.module),
+    ("GET", "/rw/rapid/symbol/RAPID/(?P<symbol>.+)/data", None, reading.symbol_value),
+    ("POST", "/rw/rapid/symbol/RAPID/(?P<symbol>.+)/data", None, acting.write_symbol),
+    ("GET", "/rw/rapid/symbol/RAPID/(?P<symbol>.+)/properties", None, reading.symbol_properties),
+    ("POST", "/rw/rapid/symbols/search", None, reading.symbols),
+    ("POST", "/rw/iosystem/signals/(?P<signal>.+)/set-value", None, acting.write_signal),
+    ("POST", "/rw/mastership(?:/(?P<domain>edit|motion))?/request", None, acting.request_mastership),
+    ("POST", "/rw/mastership(?:/(?P<domain>edit|motion))?/release", None, acting.release_mastership),
+    ("POST", "/rw/mastership/watchdog", None, acting.nothing_to_do),
+    ("POST", "/rw/infostream/disconnectclient", None, acting.nothing_to_do),
+    ("POST", "/rw/_istream/streamdisconnect", None, acting.nothing_to_do),
+)
+
+
+@dataclass(frozen=True)
+class Routes:
+    """The rows of one service."""
+
+    rows: tuple[tuple[str, re.Pattern[str], str | None, Handler], ...]
+
+    @classmethod
+    def of(cls, rows: Iterable[Row]) -> "Routes":
+        """The rows, with their paths as patterns."""
+        return cls(tuple((method, re.compile(path), verb, handler) for method, path, verb, handler in rows))
+
+    def answer(self, context: Context) -> Reply:
+        """Find who answers, and let them. Raises RwsRefused."""
+        asked, known = context.asked, False
+        for method, pattern, verb, handler in self.rows:
+            match = pattern.fullmatch(asked.path)
+            if match is None or method != asked.method:
+                continue
+            known = True
+            if method != "POST" or verb == asked.action:
+                return handler(context, match.groupdict())
+        raise RwsRefused(BAD_ARGUMENT if known else NO_RESOURCE, "Invalid action" if known else None)
+
+
+ROUTES = {1: Routes.of((*_SHARED, *_FIRST)), 2: Routes.of((*_SHARED, *_SECOND))}
+DIALECTS = {1: RWS_1, 2: RWS_2}

@@ -1,0 +1,223 @@
+"""One service as an ASGI application: who asks, how often, in which media type; then the table of routes."""
+
+import asyncio
+import base64
+import binascii
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from mock_robot.rws.context import Context
+from mock_robot.rws.digest import DigestAuth
+from mock_robot.rws.documents import JSON_1, JSON_2, XHTML_1, XHTML_2, Writing, subscribed
+from mock_robot.rws.exchange import DONE, Asked, Reply, parse
+from mock_robot.rws.polls import Polls
+from mock_robot.rws.refusals import GONE, NO_RESOURCE, NOT_ACCEPTABLE, UNSUPPORTED_MEDIA, RwsRefused
+from mock_robot.rws.routes import DIALECTS, ROUTES
+from mock_robot.rws.sessions import Session, Sessions, SessionsExhausted
+from mock_robot.rws.subscriptions import Subscriptions
+from mock_robot.rws.world import World
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+PASSWORDS = {"Default User": "robotics", "Admin": "robotics", "admin": "robotics"}
+BODY_MAX = 64 * 2**20
+SLOW_S = 2.0
+"""How late answers come under the fault that delays them."""
+
+
+class Unauthorized(Exception):
+    """Nobody, or with a wrong password: 401."""
+
+
+class TooBusy(Exception):
+    """503."""
+
+
+@dataclass
+class Service:
+    """RWS `version` of a world. Sessions and subscriptions are its own; mastership is the world's."""
+
+    world: World
+    version: int
+    _known_session: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.sessions = Sessions(self._session_ended)
+        self.subscriptions = Subscriptions(self.world, self.version)
+        self.polls = Polls(self.subscriptions, self.world.clock)
+        self._digest = DigestAuth(PASSWORDS)
+        self._known_session = self.world.cabinet.session
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request, or one subscription's socket."""
+        self.look_around()
+        if scope["type"] == "websocket":
+            await self.polls.serve(scope, receive, send, self._session_of(_headers(scope)))
+        elif scope["type"] == "http":
+            await self._serve(scope, await _body(receive), send)
+
+    def look_around(self) -> None:
+        """Notice what happened to the controller: a restart forgets everybody, faults do their work."""
+        if self.world.cabinet.session != self._known_session:
+            self._known_session = self.world.cabinet.session
+            self.sessions.end_all()
+            self._digest.forget()
+            self.subscriptions.forget()
+        faults, now_s = self.world.faults, self.world.clock()
+        if faults.is_on("rws-401"):
+            self.sessions.end_all()
+        if faults.is_on("rws-sessions-exhausted"):
+            self.sessions.end_all()
+            self.sessions.fill_up(now_s)
+        else:
+            self.sessions.empty_of("somebody else")
+        if faults.is_on("rws-mastership-held"):
+            self.world.mastership.take_locally()
+        else:
+            self.world.mastership.give_back_locally()
+        if faults.is_on("rws-subscription-gone"):
+            self.subscriptions.forget(silently=True)
+        self.polls.nudge()
+
+    async def _serve(self, scope: Scope, body: bytes, send: Send) -> None:
+        headers = _headers(scope)
+        base = f"{scope['scheme']}://{headers.get('host', '127.0.0.1')}/"
+        asked = parse(scope["method"], scope["raw_path"], scope["query_string"], headers, body, base)
+        writing = self._writing(asked)
+        session: Session | None = None
+        cookies: list[tuple[str, str]] = []
+        try:
+            session, cookies = self._admit(asked)
+            await asyncio.sleep(self._delay_s(session))
+            reply = self._answer(asked, session)
+        except Unauthorized:
+            challenge = 'Basic realm="validusers@robapi.abb"' if self.version == 2 else self._digest.challenge(
+                headers.get("host", ""), stale="nonce" in headers.get("authorization", ""))  # fmt: skip
+            await _respond(send, 401, "text/html", b"<html>Unauthorized</html>", [("www-authenticate", challenge)])
+        except (SessionsExhausted, TooBusy):
+            await _respond(send, 503, "text/html", b"<html>Service Unavailable</html>", cookies)
+        except RwsRefused as refused:
+            content = writing.refusal(refused, base).encode()
+            await _respond(send, refused.status, writing.media_type, content, cookies)
+        else:
+            await self._write(send, writing, reply, base, cookies)
+
+    def _admit(self, asked: Asked) -> tuple[Session, list[tuple[str, str]]]:
+        """The session, and the cookies of a new one. Raises Unauthorized, SessionsExhausted, TooBusy."""
+        faults = self.world.faults
+        if faults.strikes("rws-503"):
+            raise TooBusy
+        if faults.strikes("rws-401"):
+            raise Unauthorized
+        session = self._session_of(asked.headers)
+        if session is not None:
+            return session, []
+        user = self._user(asked.headers.get("authorization", ""), asked.method)
+        if user is None:
+            raise Unauthorized
+        session = self.sessions.open(user, self.world.clock())
+        return session, session.cookies
+
+    def _session_of(self, headers: Mapping[str, str]) -> Session | None:
+        return self.sessions.find(headers.get("cookie", ""), self.world.clock())
+
+    def _user(self, authorization: str, method: str) -> str | None:
+        if self.version == 1:
+            return self._digest.user(authorization, method)
+        scheme, _, secret = authorization.partition(" ")
+        try:
+            user, _, password = base64.b64decode(secret, validate=True).decode().partition(":")
+        except (binascii.Error, UnicodeDecodeError):
+            return None
+        return user if scheme.lower() == "basic" and PASSWORDS.get(user) == password else None
+
+    def _delay_s(self, session: Session) -> float:
+        slow_s = SLOW_S if self.world.faults.strikes("rws-slow") else 0.0
+        return slow_s + self.sessions.wait_s(session, self.world.clock())
+
+    def _answer(self, asked: Asked, session: Session) -> Reply:
+        self._require_media_types(asked)
+        if asked.path.startswith("/subscription"):
+            return self._subscription(asked, session)
+        if asked.path == "/logout" and asked.method == "GET":
+            self.sessions.end(session)
+            return DONE
+        if self.version == 2 and asked.path.startswith("/rw/mastership") and self.world.faults.strikes("rws-410"):
+            raise RwsRefused(GONE)
+        context = Context(self.world, DIALECTS[self.version], session, asked, self.world.clock())
+        return ROUTES[self.version].answer(context)
+
+    def _subscription(self, asked: Asked, session: Session) -> Reply:
+        if asked.method == "POST" and asked.path == "/subscription":
+            group = self.subscriptions.create(session, asked.form)
+            url = asked.base.replace("http", "ws", 1) + f"poll/{group.number}"
+            content = subscribed(url).encode()
+            media_type = XHTML_1.media_type if self.version == 1 else XHTML_2.media_type
+            return Reply(201, content=content, media_type=media_type, headers=[("location", url), *session.cookies])
+        number = asked.path.removeprefix("/subscription/")
+        if asked.method == "DELETE" and number.isdecimal() and self.subscriptions.delete(int(number)):
+            return Reply(200 if self.version == 1 else 204)
+        raise RwsRefused(NO_RESOURCE)
+
+    def _require_media_types(self, asked: Asked) -> None:
+        """RWS 2.0 wants its version named in both. Raises RwsRefused."""
+        if self.world.faults.strikes("rws-406"):
+            raise RwsRefused(NOT_ACCEPTABLE)
+        if self.version == 1:
+            return
+        content_type = asked.headers.get("content-type", "").replace(" ", "").lower()
+        if asked.method == "POST" and content_type != "application/x-www-form-urlencoded;v=2.0":
+            raise RwsRefused(UNSUPPORTED_MEDIA)
+        accept = asked.headers.get("accept", "*/*").replace(" ", "").lower()
+        if "*/*" not in accept and not any(
+            wanted.media_type in accept for wanted in (JSON_2, XHTML_2)
+        ):  # what is accepted may list others beside it
+            raise RwsRefused(NOT_ACCEPTABLE)
+
+    def _writing(self, asked: Asked) -> Writing:
+        if self.version == 1:
+            return JSON_1 if asked.query.get("json") == "1" else XHTML_1
+        return JSON_2 if "hal+json" in asked.headers.get("accept", "").lower() else XHTML_2
+
+    async def _write(
+        self, send: Send, writing: Writing, reply: Reply, base: str, cookies: list[tuple[str, str]]
+    ) -> None:
+        headers = [*reply.headers, *(cookies if not reply.headers else [])]
+        if reply.status == 204:
+            await _respond(send, 204, None, b"", headers)
+            return
+        if reply.content is not None:
+            await _respond(send, reply.status, reply.media_type, reply.content, headers)
+            return
+        content = b"<garbled" if self.world.faults.strikes("rws-garbage") else writing.reply(reply, base).encode()
+        await _respond(send, reply.status, writing.media_type, content, headers)
+
+    def _session_ended(self, session: Session) -> None:
+        self.world.mastership.ended(session)
+        self.subscriptions.ended(session)
+        self.polls.nudge()
+
+
+def _headers(scope: Scope) -> dict[str, str]:
+    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+
+
+async def _body(receive: Receive) -> bytes:
+    body = bytearray()
+    while len(body) <= BODY_MAX:
+        message = await receive()
+        body += message.get("body", b"")
+        if not message.get("more_body"):
+            break
+    return bytes(body)
+
+
+async def _respond(
+    send: Send, status: int, media_type: str | None, content: bytes, headers: list[tuple[str, str]]
+) -> None:
+    typed = [("content-type", media_type), ("content-length", str(len(content)))] if media_type else []
+    raw = [(name.encode("latin-1"), value.encode("latin-1")) for name, value in [*typed, *headers]]
+    await send({"type": "http.response.start", "status": status, "headers": raw})
+    await send({"type": "http.response.body", "body": content})

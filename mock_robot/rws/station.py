@@ -1,0 +1,69 @@
+"""Both services of one controller on their ports: 1.0 over HTTP, 2.0 over HTTPS."""
+
+import tempfile
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+from mock_robot.cabinet import Cabinet
+from mock_robot.faults import FaultBoard
+from mock_robot.http_server import HttpServer
+from mock_robot.rws.service import Service
+from mock_robot.rws.world import World
+
+PING_S = 30.0
+_SOCKETS: dict[str, Any] = {"ws_ping_interval": PING_S, "ws_ping_timeout": None, "ws_per_message_deflate": False}
+
+
+class _NeverPongs(WebSocketsSansIOProtocol):
+    """RWS 2.0 leaves a client's pings unanswered."""
+
+    def handle_ping(self) -> None:
+        """Drop the pong."""
+        self.conn.data_to_send()
+
+
+@dataclass(frozen=True)
+class RwsUrls:
+    """Where the services are."""
+
+    first: str
+    second: str
+
+
+class RwsStation:
+    """The services, and the world they show."""
+
+    def __init__(self, cabinet: Cabinet, faults: FaultBoard, clock: Callable[[], float]) -> None:
+        self.world = World(cabinet, faults, clock)
+        self.first, self.second = Service(self.world, 1), Service(self.world, 2)
+        self._closing = AsyncExitStack()
+
+    async def start(self, host: str, port_1: int, port_2: int) -> RwsUrls:
+        """Serve both."""
+        if not self.world.cabinet.recorded:
+            self.world.cabinet.record(self.world.clock(), 10017, "automatic mode confirmed")
+        from mock_robot.rws.certificate import write_self_signed  # loads half of cryptography: only where it is served
+
+        plain = HttpServer(self.first, ws="websockets-sansio", **_SOCKETS)
+        with tempfile.TemporaryDirectory() as folder:  # read when the server is made
+            certificate, key = write_self_signed(Path(folder), host)
+            files = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
+            secured = HttpServer(self.second, ws=_NeverPongs, **_SOCKETS, **files)
+            urls = RwsUrls(await plain.start(host, port_1), await secured.start(host, port_2))
+        self._closing.push_async_callback(secured.close)
+        self._closing.push_async_callback(plain.close)
+        return urls
+
+    def nudge(self) -> None:
+        """Something happened to the controller."""
+        self.first.look_around()
+        self.second.look_around()
+
+    async def close(self) -> None:
+        """Stop serving."""
+        await self._closing.aclose()

@@ -1,0 +1,107 @@
+"""What both services show: the cabinet behind the CB link, and beside it what only RWS has."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calibration.transforms import Array, inverse, quaternion_from_rotation
+from mock_robot.cabinet import Cabinet
+from mock_robot.faults import FaultBoard
+from mock_robot.panel import Mode
+from mock_robot.rws.elog import EventLog
+from mock_robot.rws.mastership import Mastership
+from mock_robot.rws.memory import Memory
+from mock_robot.rws.volumes import Volumes
+
+MOTORS_ON_CODE, MOTORS_OFF_CODE, ESTOP_CODE, RELEASED_CODE = 10011, 10012, 10013, 10014
+_SWITCHED = (MOTORS_ON_CODE, MOTORS_OFF_CODE, ESTOP_CODE, RELEASED_CODE)
+
+
+@dataclass(frozen=True)
+class Selected:
+    """Tool and work object that the pendant has selected: what a request without either gets."""
+
+    tool: str = "tool0"
+    wobj: str = "wobj0"
+
+
+@dataclass
+class World:
+    """The one truth. `programs` are told when RAPID starts."""
+
+    cabinet: Cabinet
+    faults: FaultBoard
+    clock: Callable[[], float]
+    memory: Memory = field(default_factory=Memory)
+    volumes: Volumes = field(default_factory=Volumes)
+    mastership: Mastership = field(default_factory=Mastership)
+    tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4), "tGripper": _shifted(150.0)})
+    wobjs: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4), "wobjTableN": _shifted(100.0)})
+    picked: Selected = Selected()
+    cycle: str = "forever"
+    programs: list[Callable[[], None]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.elog = EventLog.beginning(self.cabinet, self.clock())
+
+    @property
+    def mode(self) -> Mode:
+        """The key's position."""
+        return self.cabinet.panel.mode
+
+    @property
+    def selected(self) -> Selected:
+        """What the pendant has selected now."""
+        return Selected("tGripper", "wobjTableN") if self.faults.is_on("rws-other-tool") else self.picked
+
+    @property
+    def controller_state(self) -> str:
+        """As RWS names it. A released emergency stop waits for the motors to be switched on."""
+        panel = self.cabinet.panel
+        if panel.emergency_stop:
+            return "emergencystop"
+        if panel.motors_on:
+            return "motoron"
+        last = next((entry.code for entry in reversed(self.cabinet.log) if entry.code in _SWITCHED), MOTORS_OFF_CODE)
+        return "emergencystopreset" if last == RELEASED_CODE else "motoroff"
+
+    @property
+    def execution_state(self) -> str:
+        """Does RAPID run?"""
+        return "running" if self.cabinet.panel.program_running else "stopped"
+
+    @property
+    def joints_deg(self) -> Array:
+        """Axes (6,) now."""
+        degrees: Array = np.degrees(self.cabinet.arm.joints_at(self._robot_s))
+        return degrees
+
+    @property
+    def configuration(self) -> tuple[int, int, int, int]:
+        """cf1, cf4, cf6, cfx."""
+        cf1, cf4, cf6, cfx = self.cabinet.arm.arm.configuration(self.cabinet.arm.joints_at(self._robot_s))
+        return cf1, cf4, cf6, cfx
+
+    def pose(self, tool: str, wobj: str, coordinate: str) -> tuple[Array, Array]:
+        """Position (3,) mm and quaternion (4,) wxyz of a tool. KeyError: no such tool, work object or coordinate."""
+        base_T_tool = self.cabinet.arm.reported_base_T_flange(self._robot_s) @ self.tools[tool]
+        base_T_wobj = self.wobjs[wobj]
+        pose = {
+            "base": base_T_tool,
+            "world": base_T_tool,
+            "word": base_T_tool,  # as ABB's own documents and clients spell it
+            "wobj": base_T_tool if wobj == "wobj0" else inverse(base_T_wobj) @ base_T_tool,
+            "tool": np.eye(4),
+        }[coordinate.lower()]
+        return pose[:3, 3], quaternion_from_rotation(pose[:3, :3])
+
+    @property
+    def _robot_s(self) -> float:
+        return self.cabinet.robot_s(self.clock())
+
+
+def _shifted(z_mm: float) -> Array:
+    shift = np.eye(4)
+    shift[2, 3] = z_mm
+    return shift
