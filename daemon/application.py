@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -9,7 +10,7 @@ from typing import Protocol
 from daemon.cell import Cell
 from daemon.clock import Clock
 from daemon.events import EventLog
-from daemon.metrics import Metrics
+from daemon.metrics import Metric, Metrics
 from daemon.operations import Operations
 from daemon.runs.supervisor import Supervisor
 from daemon.scans import Scans
@@ -36,6 +37,14 @@ class Companion(Protocol):
     async def start(self) -> None: ...
 
     async def stop(self) -> None: ...
+
+    def warnings(self) -> list[str]:
+        """For GET /ready: what should be looked after though work goes on."""
+        ...
+
+    def families(self) -> Iterable[Metric]:
+        """For GET /metrics."""
+        ...
 
 
 @dataclass(eq=False)

@@ -7,15 +7,18 @@ from pathlib import Path
 
 import uvloop
 
-from daemon.application import Application
+from daemon.application import Application, Companion
 from daemon.cell import Cell, Devices
 from daemon.clock import Clock, time_ordered_id
 from daemon.devices import open_devices
+from daemon.drift.schedule import DriftSchedule
+from daemon.drift.watch import DriftWatch
 from daemon.events import EventLog
 from daemon.logs import log_to_stdout
 from daemon.metrics import Metrics
 from daemon.motion import MotionRules
 from daemon.operations import Operations
+from daemon.plc.companion import Plc
 from daemon.registering import Registering
 from daemon.runs.supervisor import Supervisor
 from daemon.scans import Scans
@@ -49,6 +52,10 @@ def build(
     scans = Scans(store, workers, clock, new_id, settings.scanner, Registering(store, workers, clock, events))
     rules = MotionRules.of(settings.robot)
     operations = Operations(settings, cell, store, supervisor, workers, scans, rules, clock)
+    drift = DriftWatch(settings, store, events, workers)
+    companions: list[Companion] = [drift, DriftSchedule(operations, clock, 3600 * settings.drift.every_h)]
+    if settings.plc is not None:
+        companions.append(Plc.of(settings.plc, operations, drift, clock))
     return Application(
         settings=settings,
         clock=clock,
@@ -61,6 +68,7 @@ def build(
         scans=scans,
         metrics=metrics,
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
+        companions=tuple(companions),
     )
 
 

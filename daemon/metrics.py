@@ -23,7 +23,7 @@ class Metric:
         yield f"# TYPE {self.name} {self.kind}"
         for labels, value in self.samples.items():
             inside = ",".join(f'{key}="{_escaped(text)}"' for key, text in labels)
-            yield f"{self.name}{{{inside}}} {value:g}" if inside else f"{self.name} {value:g}"
+            yield f"{self.name}{{{inside}}} {_number(value)}" if inside else f"{self.name} {_number(value)}"
 
 
 @dataclass(eq=False)
@@ -59,3 +59,8 @@ def exposition(families: Iterable[Metric]) -> str:
 
 def _escaped(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+
+
+def _number(value: float) -> str:
+    """Every digit of a counter: six would stand still for hours."""
+    return str(int(value)) if value == int(value) else repr(float(value))

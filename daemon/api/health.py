@@ -64,7 +64,7 @@ async def readiness(app: Application) -> ReadyDocument:
         await app.store.current()
     except NoCalibration as error:
         register.append(error.what)
-    warnings = _disk_warnings(app)
+    warnings = [*_disk_warnings(app), *(warning for companion in app.companions for warning in companion.warnings())]
     return ReadyDocument(
         ready=not calibrate or not register,
         calibrate=Readiness(ready=not calibrate, reasons=calibrate),
@@ -104,6 +104,7 @@ async def _families(app: Application) -> list[Metric]:
         Metric("handeyed_disk_free_bytes", "gauge", "Free where the store lies.",
                {(): float(shutil.disk_usage(app.store.folder).free)}),
         *app.metrics.families(),
+        *(family for companion in app.companions for family in companion.families()),
     ]  # fmt: skip
     try:
         _, current = await app.store.current()

@@ -41,7 +41,7 @@ def test_a_log_record_is_one_line_with_its_run_whatever_it_says() -> None:
     record = logging.makeLogRecord({"name": "x", "levelname": "INFO", "msg": "two\nlines \x1b[31m red"})
     with about_run("r7"):
         line = OneLine().format(record)
-    assert line == "INFO run=r7 x: two\\nlines \\x1b[31m red"
+    assert line == "INFO run=r7 request=- x: two\\nlines \\x1b[31m red"
 
 
 async def test_the_oldest_job_is_known_while_it_runs(tmp_path: Path) -> None:

@@ -1,0 +1,70 @@
+"""Verifications that the daemon begins by itself: only when the settings say so, for they move the arm."""
+
+import asyncio
+import logging
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from calibration.errors import CalibrationError
+from daemon.clock import Clock
+from daemon.errors import DaemonError
+from daemon.logs import about_request
+from daemon.metrics import Metric
+from daemon.operations import Operations
+from daemon.requests import VerifyRequest
+from daemon.store.behalf import Behalf, on_behalf_of
+from drivers.errors import DeviceError
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 60.0
+"""A cell that is in use, or in manual mode, is asked again after this."""
+
+SCHEDULE = Behalf(actor="the drift schedule")
+
+
+@dataclass(eq=False)
+class DriftSchedule:
+    """The first verification comes a whole interval after the start: a restart moves nothing."""
+
+    operations: Operations
+    clock: Clock
+    every_s: float
+    _task: asyncio.Task[None] | None = field(default=None, init=False)
+
+    async def start(self) -> None:
+        if self.every_s > 0:
+            self._task = asyncio.create_task(self._verify_now_and_then(), name="drift schedule")
+
+    async def stop(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._task
+
+    def warnings(self) -> list[str]:
+        return []
+
+    def families(self) -> Iterator[Metric]:
+        return iter(())
+
+    async def _verify_now_and_then(self) -> None:
+        while True:
+            await self.clock.sleep(self.every_s)
+            refused = ""
+            while (why := await self._refusal()) is not None:
+                if why != refused:
+                    log.info("the scheduled verification waits: %s", why)
+                refused = why
+                await self.clock.sleep(RETRY_S)
+
+    async def _refusal(self) -> str | None:
+        """Why it could not begin; None when it has."""
+        with on_behalf_of(SCHEDULE), about_request("drift-schedule"):
+            try:
+                run = await self.operations.verify(VerifyRequest())
+            except (DaemonError, DeviceError, CalibrationError) as error:
+                return str(error)
+        log.info("the scheduled verification is run %s", run.id)
+        return None

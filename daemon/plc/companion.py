@@ -1,0 +1,78 @@
+"""Everything of the PLC, joined: the door, Modbus TCP, and RTU where the settings name a line."""
+
+import random
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from daemon.clock import Clock
+from daemon.drift.watch import DriftWatch
+from daemon.errors import PortTaken
+from daemon.metrics import Metric
+from daemon.operations import Operations
+from daemon.plc.door import PlcDoor
+from daemon.plc.rtu import ModbusRtu
+from daemon.plc.settings import PlcSettings
+from daemon.plc.tcp import Limits, ModbusTcp, Respond
+from daemon.software import VERSION
+from protocols.modbus.bank import Identification, respond
+from protocols.plc.handshake import Rules
+
+IDENTIFICATION = Identification("handeyed", "handeyed", VERSION, name="eye-in-hand calibration")
+
+PORT_FIX = "see who listens there already (ss -ltnp), or choose another [plc] host or port; 0 takes any port"
+
+
+@dataclass(frozen=True, eq=False)
+class Plc:
+    """Serves for as long as the daemon runs."""
+
+    door: PlcDoor
+    tcp: ModbusTcp
+    rtu: ModbusRtu | None
+
+    @classmethod
+    def of(cls, settings: PlcSettings, operations: Operations, drift: DriftWatch, clock: Clock) -> "Plc":
+        """Listening, not yet answering. Raises PortTaken."""
+        rules = Rules(settings.word_order, settings.motion, settings.heartbeat_limit_s or None)
+        door = PlcDoor(operations, drift, clock, rules)
+
+        def respond_to(client: str) -> Respond:
+            bank = door.bank(client, settings.may_write(client))
+            return lambda pdu: respond(pdu, bank, IDENTIFICATION)
+
+        tcp = ModbusTcp(listener_at(settings), respond_to, Limits(settings.connections, settings.idle_limit_s))
+        line = settings.serial
+        rtu = None if line is None else ModbusRtu(line, door.bank(line.port, True), IDENTIFICATION, random.random)
+        return cls(door, tcp, rtu)
+
+    async def start(self) -> None:
+        self.door.start()
+        await self.tcp.start()
+        if self.rtu is not None:
+            await self.rtu.start()
+
+    async def stop(self) -> None:
+        if self.rtu is not None:
+            await self.rtu.stop()
+        await self.tcp.stop()
+        await self.door.stop()
+
+    def warnings(self) -> list[str]:
+        return []
+
+    def families(self) -> Iterator[Metric]:
+        """For GET /metrics."""
+        yield Metric("handeyed_plc_connections", "gauge", "PLCs connected over Modbus TCP.",
+                     {(): float(self.tcp.connections)})  # fmt: skip
+
+
+def listener_at(settings: PlcSettings) -> socket.socket:
+    """A socket that listens there. Raises PortTaken."""
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    try:
+        return socket.create_server((settings.host, settings.port), family=family, backlog=64)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        what = f"cannot listen for PLCs on {settings.host} port {settings.port} ({reason})"
+        raise PortTaken(what, PORT_FIX) from None

@@ -1,0 +1,125 @@
+"""Modbus RTU over a serial line or a pyserial URL: pymodbus frames it, the registers are ours."""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+
+from pymodbus.constants import ExcCodes
+from pymodbus.pdu.device import ModbusDeviceIdentification
+from pymodbus.server import ModbusSerialServer
+from pymodbus.simulator import DataType, SimData, SimDevice
+
+from daemon.plc.settings import PlcSerialSettings
+from drivers.backoff import Backoff
+from protocols.modbus.bank import Bank, Identification
+from protocols.modbus.codes import Function
+from protocols.modbus.errors import RequestRefused
+from protocols.plc.bank import BITS
+from protocols.plc.registers import SIZE
+
+log = logging.getLogger(__name__)
+
+READS_BITS = (Function.READ_COILS, Function.READ_DISCRETE_INPUTS)
+WRITES_BITS = (Function.WRITE_COIL, Function.WRITE_COILS)
+
+
+class ModbusRtu:
+    """The line, opened again when it was lost. It is shared by nobody: whoever is on it may write."""
+
+    def __init__(
+        self, settings: PlcSerialSettings, bank: Bank, identification: Identification, chance: Callable[[], float]
+    ) -> None:
+        self._settings, self._bank, self._identification = settings, bank, identification
+        self._backoff = Backoff(chance)
+        self._lost = asyncio.Event()
+        self._server: ModbusSerialServer | None = None
+        self._task: asyncio.Task[None] | None = None
+        self.opened = asyncio.Event()
+
+    async def start(self) -> None:
+        self._task = asyncio.create_task(self._keep_open(), name="Modbus RTU")
+
+    async def stop(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._task
+
+    async def _keep_open(self) -> None:
+        told = False
+        while True:
+            try:
+                self._server = self._made()
+                await self._server.serve_forever(background=True)
+                log.info("the PLC's serial line %s is open", self._settings.port)
+                self._backoff.succeeded()
+                told = False
+                self.opened.set()
+                await self._lost.wait()
+                log.warning("the PLC's serial line %s was lost; it is opened again by itself", self._settings.port)
+            except (RuntimeError, OSError) as error:
+                if not told:
+                    log.warning("the PLC's serial line %s cannot be opened: %s", self._settings.port, error)
+                told = True
+            finally:
+                self.opened.clear()
+                self._lost.clear()
+                if self._server is not None:
+                    await self._server.shutdown()  # type: ignore[no-untyped-call]
+                    self._server = None
+            await asyncio.sleep(self._backoff.next_wait_s())
+
+    def _made(self) -> ModbusSerialServer:
+        settings, told = self._settings, self._identification
+        identity = ModbusDeviceIdentification(  # type: ignore[no-untyped-call]
+            info_name={"VendorName": told.vendor, "ProductCode": told.product, "MajorMinorRevision": told.revision}
+        )
+        bits = [SimData(0, values=0, count=1, datatype=DataType.REGISTERS)]
+        words = [SimData(0, values=0, count=SIZE, datatype=DataType.REGISTERS)]
+        device = SimDevice(settings.unit, (bits, bits, words, words), action=self._act)
+        return ModbusSerialServer(
+            device,
+            identity=identity,
+            port=settings.port,
+            baudrate=settings.baud,
+            parity=settings.parity,
+            ignore_missing_devices=True,
+            trace_connect=self._connected,
+        )
+
+    def _connected(self, up: bool) -> None:
+        if not up:
+            self._lost.set()
+
+    async def _act(
+        self,
+        function: int,
+        _start: int,
+        address: int,
+        count: int,
+        registers: list[int],
+        values: list[int] | list[bool] | None,
+    ) -> ExcCodes | None:
+        """pymodbus's hook before each access: writes go to our bank, reads come from it."""
+        try:
+            if values is not None:
+                self._write(Function(function), address, values)
+            registers[:] = self._image(Function(function))
+        except RequestRefused as refused:
+            return ExcCodes(refused.code)
+        return None
+
+    def _write(self, function: Function, address: int, values: list[int] | list[bool]) -> None:
+        if function in WRITES_BITS:
+            self._bank.write_bits(address, [bool(value) for value in values])
+        else:
+            self._bank.write_words(address, [int(value) for value in values])
+
+    def _image(self, function: Function) -> list[int]:
+        """The whole block that pymodbus is about to answer from."""
+        if function in READS_BITS or function in WRITES_BITS:
+            table = Function.READ_DISCRETE_INPUTS if function is Function.READ_DISCRETE_INPUTS else Function.READ_COILS
+            bits = self._bank.bits(table, 0, BITS)
+            return [sum(bit << place for place, bit in enumerate(bits))]
+        return list(self._bank.words(Function.READ_HOLDING_REGISTERS, 0, SIZE))

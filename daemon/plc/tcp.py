@@ -1,0 +1,185 @@
+"""Modbus TCP for a plant: pipelined requests, a cap on connections, and a bad one closed at once and told once.
+
+pymodbus's own TCP server answers only the first of several pipelined requests and stays deaf after a bad header.
+"""
+
+import asyncio
+import logging
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from protocols.modbus.errors import HeaderBroken
+from protocols.modbus.mbap import Adu, MbapReader
+
+log = logging.getLogger(__name__)
+
+AT_ONCE = 32
+"""Requests of one client answered before others have their turn."""
+
+HALF_FRAME_LIMIT_S = 0.8
+"""The rest of a request comes within milliseconds, or never."""
+
+Respond = Callable[[bytes], bytes]
+"""From a request's PDU to the answer's."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Connections at a time, and how long one may be silent."""
+
+    connections: int
+    idle_s: float
+    half_frame_s: float = HALF_FRAME_LIMIT_S
+
+
+class ModbusTcp:
+    """The listener and its connections. `respond_to` makes the answering function for a client's address."""
+
+    def __init__(self, listener: socket.socket, respond_to: Callable[[str], Respond], limits: Limits) -> None:
+        self._listener, self._respond_to, self.limits = listener, respond_to, limits
+        self._connections: set[_Connection] = set()
+        self._full = False
+        self._server: asyncio.Server | None = None
+
+    @property
+    def port(self) -> int:
+        """Where it really listens: port 0 lets the system choose."""
+        port: int = self._listener.getsockname()[1]
+        return port
+
+    @property
+    def connections(self) -> int:
+        return len(self._connections)
+
+    async def start(self) -> None:
+        self._server = await asyncio.get_running_loop().create_server(lambda: _Connection(self), sock=self._listener)
+
+    async def stop(self) -> None:
+        """No more connections, and every one closed."""
+        if self._server is None:
+            self._listener.close()
+            return
+        self._server.close()
+        for connection in list(self._connections):
+            connection.abort()
+        await self._server.wait_closed()
+
+    def admit(self, connection: "_Connection", client: str) -> Respond | None:
+        """The answering function; None when there are too many, which is told once until there are fewer."""
+        if len(self._connections) >= self.limits.connections:
+            if not self._full:
+                log.warning("a PLC connection of %s is refused: %d are open already", client, self.connections)
+            self._full = True
+            return None
+        self._connections.add(connection)
+        return self._respond_to(client)
+
+    def left(self, connection: "_Connection") -> None:
+        if connection in self._connections:
+            self._connections.remove(connection)
+            self._full = False
+
+
+class _Connection(asyncio.Protocol):
+    """One client. Answers are written in the order of their requests, before the next is looked at."""
+
+    def __init__(self, server: ModbusTcp) -> None:
+        self._server = server
+        self._reader = MbapReader()
+        self._loop = asyncio.get_running_loop()
+        self._client = "?"
+        self._respond: Respond | None = None
+        self._heard_s = self._loop.time()
+        self._timer: asyncio.TimerHandle | None = None
+        self._transport: asyncio.Transport | None = None
+        self._slow = self._working = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        peer = transport.get_extra_info("peername")
+        self._client = peer[0] if peer else "?"
+        self._respond = self._server.admit(self, self._client)
+        if self._respond is None:
+            transport.abort()
+            return
+        self._watch(self._server.limits.idle_s)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._server.left(self)
+        self._transport = None
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def data_received(self, data: bytes) -> None:
+        self._heard_s = self._loop.time()
+        self._work(data)
+
+    def pause_writing(self) -> None:
+        """A client that asks and does not read is not asked for more; the idle limit ends it."""
+        self._slow = True
+        self._pace()
+
+    def resume_writing(self) -> None:
+        self._slow = False
+        self._pace()
+
+    def abort(self) -> None:
+        if self._transport is not None:
+            self._transport.abort()
+
+    def _work(self, data: bytes = b"") -> None:
+        """Some of what has come, then the others' turn."""
+        self._working = False
+        transport, respond = self._transport, self._respond
+        if transport is None or respond is None or transport.is_closing():
+            return
+        answers = []
+        try:
+            for adu in self._reader.feed(data):
+                answers.append(Adu(adu.transaction, adu.unit, respond(adu.pdu)).encode())
+                if len(answers) >= AT_ONCE:
+                    self._working = True
+                    self._loop.call_soon(self._work)
+                    break
+        except HeaderBroken as error:
+            transport.writelines(answers)
+            self._close(f"it does not speak Modbus TCP: {error}")
+            return
+        transport.writelines(answers)
+        self._pace()
+        if self._reader.half_frame_bytes and not self._working:
+            self._watch(self._server.limits.half_frame_s)
+
+    def _pace(self) -> None:
+        transport = self._transport
+        if transport is None or transport.is_closing():
+            return
+        if self._slow or self._working:
+            transport.pause_reading()
+        else:
+            transport.resume_reading()
+
+    def _watch(self, limit_s: float) -> None:
+        """Look again when the client may have been silent for too long."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self._loop.call_at(self._heard_s + limit_s, self._look)
+
+    def _look(self) -> None:
+        limits, silent_s = self._server.limits, self._loop.time() - self._heard_s
+        half = self._reader.half_frame_bytes
+        if half and silent_s >= limits.half_frame_s:
+            self._close(f"a request stopped after {half} bytes")
+        elif silent_s >= limits.idle_s:
+            self._close(f"it was silent for {limits.idle_s:g} s")
+        else:
+            self._watch(limits.half_frame_s if half else limits.idle_s)
+
+    def _close(self, why: str) -> None:
+        """Told once; what was answered already is still sent, but nobody waits long for it to be taken."""
+        log.warning("a PLC connection of %s is closed: %s", self._client, why)
+        if self._transport is not None:
+            self._transport.close()
+            self._loop.call_later(HALF_FRAME_LIMIT_S, self.abort)
