@@ -1,12 +1,15 @@
 """Causes that touch every robot pose alike: another convention, another unit, another order."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.fit import Fit
+from calibration.diagnosis.significance import Background, Test
 from calibration.diagnosis.trial import Trial
 from calibration.transforms import (
     Array,
@@ -172,7 +175,18 @@ def _pitch(evidence: Evidence) -> Trial:
         unknowns=1,
         bonus=3 * len(evidence) * float(np.log(factor)),
         size=factor,
+        test=partial(_resized, factor=factor),
     )
+
+
+def _resized(scaled: Evidence, fitted: Fit, factor: float) -> Test:
+    """Is the target of another size? One more linear step makes the estimate the likeliest one."""
+    slope = np.zeros((len(scaled), 6, 1))
+    slope[:, 3:, 0] = -scaled.camera_T_target[:, :3, 3]
+    background = Background.of(replace(fitted, by_shared=np.concatenate([fitted.by_shared, slope], axis=2)))
+    gradient = np.einsum("nij,ni->j", background.weighted, fitted.residuals)
+    size = np.log(factor) - float(background.shared[-1] @ gradient)
+    return background.of_shared(np.array([size]), np.eye(len(background.shared))[-1:])
 
 
 def target_scale(evidence: Evidence) -> float:

@@ -24,6 +24,9 @@ from calibration.transforms import Array
 FEWEST_VIEWS = 5
 """With fewer, any one view can be blamed on the others."""
 
+FEW_VIEWS = 8
+"""Fewer must bring the gain as well: they know their own noise too badly for a small chance to be trusted."""
+
 MOST_VIEWS = 50
 """More are thinned to this many, with the worst kept: what is wrong with all of them shows in these."""
 
@@ -31,11 +34,15 @@ AT_ONCE = 10
 """Steps in which the view of a change is closed in on."""
 
 GAIN = 8.0
-"""Log-likelihood, after paying for unknowns and alternatives, that a cause must bring.
+"""Log-likelihood, after paying for alternatives, that another reading of the same numbers must bring.
 
 Under a clean session a likelihood ratio exceeds e^g with a chance below e^-g, whatever the alternative (Markov's
-inequality: its mean is 1). A dozen kinds of causes at e^-8 each make 0.4 %.
+inequality: its mean is 1). Between different readings the chance is far smaller still.
 """
+
+CHANCE = 5e-4
+"""How often each of four kinds of fault (one pose, X changed, the target's pose changed, the target's size) may be
+named in a clean session, all its alternatives together. With the lens's, a quarter of a percent of clean sessions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,16 +86,14 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis 
         *outcomes_of(trials, sample, as_it_came),
         *mistyped_outcomes(sample, among, as_it_came.log_likelihood),
     ]
-    outcomes = sorted((o for o in outcomes if np.isfinite(o.gain)), key=lambda outcome: -outcome.gain)
-    if not outcomes:
-        return None
-    best = outcomes[0]
     # The views that were left out are alternatives too.
-    if best.gain < GAIN + np.log(len(evidence) / len(sample)):
+    best_of_each = _best_of_each(outcomes)
+    found = [outcome for outcome in best_of_each if _convinces(outcome, len(evidence), len(sample))]
+    if not found:
         return None
+    best, *others = found
     if best.trial.code in CHANGE_CODES and len(sample) < len(evidence):
         best = _located(evidence, best)
-    others = [outcome for outcome in outcomes if outcome.trial.code != best.trial.code]
     return Diagnosis(
         best.trial,
         best.gain,
@@ -99,6 +104,23 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis 
         as_it_came.robot_rotation_rad,
         best.robot_rotation_rad,
     )
+
+
+def _best_of_each(outcomes: list[Outcome]) -> list[Outcome]:
+    """Of each code the outcome that gains most; the best code first."""
+    best: dict[str, Outcome] = {}
+    for outcome in sorted((o for o in outcomes if np.isfinite(o.gain)), key=lambda outcome: -outcome.gain):
+        best.setdefault(outcome.trial.code, outcome)
+    return list(best.values())
+
+
+def _convinces(outcome: Outcome, views: int, tried: int) -> bool:
+    """Beyond chance, with as many more alternatives as there are `views` that were not `tried`."""
+    left_out = views / tried
+    gains = outcome.gain >= GAIN + np.log(left_out)
+    if outcome.chance is None or (tried < FEW_VIEWS and not gains):
+        return bool(gains)
+    return outcome.chance() * left_out < CHANCE
 
 
 def _located(evidence: Evidence, found: Outcome) -> Outcome:

@@ -32,7 +32,7 @@ def findings_of(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Fin
         f" as they came, by {_size(diagnosis.after_mm, diagnosis.after_rad)} with this explanation"
     )
     other = diagnosis.runner_up
-    if other is not None and diagnosis.runner_up_gain > max(GAIN, diagnosis.gain - GAIN):
+    if other is not None and diagnosis.runner_up_gain > diagnosis.gain - GAIN:
         message += f". Nearly as likely: {other.message}"
     return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix),)
 

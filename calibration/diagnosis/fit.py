@@ -6,7 +6,7 @@ Assumptions of the same shape are fitted together: the cost is a few array opera
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,8 @@ Labels = NDArray[np.intp]
 class Fit:
     """`mount_T_camera` (g, 4, 4) and `anchor_T_target` (h, 4, 4), one a label; robot variances (2,) in rad² and mm².
 
-    Residuals (n, 6) with their covariance (n, 6, 6) and derivatives by the shared unknowns (n, 6, p).
+    Residuals (n, 6) with their covariance (n, 6, 6), derivatives by the shared unknowns (n, 6, p) and by the robot's
+    error (n, 6, 6).
     """
 
     mount_T_camera: Array
@@ -52,6 +53,7 @@ class Fit:
     residuals: Array
     covariance: Array
     by_shared: Array
+    by_robot: Array
     log_likelihood: float
 
     @property
@@ -126,7 +128,16 @@ def fits(
     covariance = _covariance(stack.covariance, linear.by_robot, variances)
     value = likeliest
     return [
-        Fit(X[t], Y[t], variances[t], linear.residuals[t], covariance[t], linear.by_shared[t], float(value[t]))
+        Fit(
+            X[t],
+            Y[t],
+            variances[t],
+            linear.residuals[t],
+            covariance[t],
+            linear.by_shared[t],
+            linear.by_robot[t],
+            float(value[t]),
+        )
         for t in range(len(evidences))
     ]
 
@@ -137,11 +148,19 @@ def predicted_base_T_flange(evidence: Evidence, fitted: Fit, view: int) -> Array
     return anchor_T_mount if evidence.setup == "eye-in-hand" else inverse(anchor_T_mount)
 
 
-def residuals_of(evidence: Evidence, fitted: Fit) -> tuple[Array, Array]:
-    """Residuals (n, 6) and their covariance (n, 6, 6) of views that need not have taken part in the fit."""
+def applied(evidence: Evidence, fitted: Fit) -> Fit:
+    """The fit as it is, looked at from views that need not have taken part in it."""
     stack = _stacked([evidence], [None], [None])
     linear = _linearised(stack, fitted.mount_T_camera[None, :1], fitted.anchor_T_target[None, :1])
-    return linear.residuals[0], _covariance(stack.covariance, linear.by_robot, fitted.variances[None])[0]
+    covariance = _covariance(stack.covariance, linear.by_robot, fitted.variances[None])[0]
+    seen = replace(fitted, residuals=linear.residuals[0], covariance=covariance)
+    return replace(seen, by_shared=linear.by_shared[0], by_robot=linear.by_robot[0])
+
+
+def residuals_of(evidence: Evidence, fitted: Fit) -> tuple[Array, Array]:
+    """Residuals (n, 6) and their covariance (n, 6, 6) of views that need not have taken part in the fit."""
+    seen = applied(evidence, fitted)
+    return seen.residuals, seen.covariance
 
 
 def _stacked(

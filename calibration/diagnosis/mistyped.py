@@ -2,18 +2,21 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from scipy.stats import f as fisher
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import SMALLEST_INFORMATION, Fit, fits, inverted, predicted_base_T_flange, residuals_of
+from calibration.diagnosis.fit import Fit, applied, fits, predicted_base_T_flange
+from calibration.diagnosis.significance import Background, Outsider, Test
 from calibration.diagnosis.trial import Outcome, Trial, few_views_factor, price_of
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 
 FREE_POSE = 6
 NUMBERS = ("x", "y", "z", "q1 (w)", "q2 (x)", "q3 (y)", "q4 (z)")
-PLAUSIBLE = 22.5
-"""A view that is in order has a smaller squared distance in 999 of 1000 cases (chi², 6 degrees of freedom)."""
+IMPLAUSIBLE = 1e-3
+"""A view that is in order is off by more this often."""
 
 TOLD_APART = 6.0
 """Squared distances differ by this much where one number explains the view and another does not."""
@@ -27,50 +30,63 @@ STEPS = np.array([1e-2] * 3 + [1e-5] * 4)
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """What the other views say of one: their fit, the view's residual (6,) and its information (6, 6)."""
+    """What the other views say of one: their fit, and how far it is off against them; `views`: how many there are."""
 
     view: Evidence
     fitted: Fit
-    residual: Array
-    information: Array
-    log_determinant: float
+    outsider: Outsider
+    off: Test
+    views: int
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """`misfit`: squared distance that this explanation leaves; `chance`: see `Outcome`."""
+
+    misfit: float
+    unknowns: int
+    alternatives: int
+    message: str
+    chance: float
 
 
 def mistyped_outcomes(evidence: Evidence, suspects: Sequence[int], baseline: float) -> Iterator[Outcome]:
     """For each suspect the better of: its pose is wrong somehow, one of its numbers is wrong."""
-    others = [evidence.take(np.delete(np.arange(len(evidence)), row)) for row in suspects]
+    n = len(evidence)
+    others = [evidence.take(np.delete(np.arange(n), row)) for row in suspects]
     for row, fitted in zip(suspects, fits(others), strict=True):
         view = evidence.take(np.array([row]))
-        residual, covariance = residuals_of(view, fitted)
-        log_determinant = float(np.linalg.slogdet(covariance[0])[1])
-        rest = Rest(view, fitted, residual[0], inverted(covariance[0]), log_determinant)
-        n = len(evidence)
-        best = _best(_whole_pose(rest, n), [*_numbers(rest, n), *_signs(rest, n)])
-        raw = fitted.log_likelihood - 0.5 * (log_determinant + best.misfit) - baseline
+        rest = _rest(view, fitted, n)
+        numbers = [*_numbers(rest), *_signs(rest)]
+        best = _best(rest, _whole_pose(rest), numbers)
+        own = float(np.linalg.slogdet(applied(view, fitted).covariance[0])[1])
+        raw = fitted.log_likelihood - 0.5 * (own + best.misfit) - baseline
         gain = few_views_factor(n, best.unknowns) * raw - price_of(n, best.unknowns, best.alternatives)
         trial = Trial("pose-mistyped", (int(view.indices[0]),), view, view, best.message, FIX)
-        yield Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad)
+        # Two questions were asked of each view: is it off, and is one of its numbers.
+        chance = partial(min, *(2 * number.chance for number in numbers), 2 * n * rest.off.chance, 1.0)
+        yield Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
 
 
 FIX = "read that pose on the controller again; if it is right, the arm had not settled, or the image is bad"
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    misfit: float
-    unknowns: int
-    alternatives: int
-    message: str
+def _rest(view: Evidence, fitted: Fit, n: int) -> Rest:
+    background = Background.of(fitted)
+    seen = applied(view, background.fitted)
+    outsider = background.of_outsider(seen.residuals[0], seen.covariance[0], seen.by_shared[0], seen.by_robot[0])
+    return Rest(view, fitted, outsider, outsider.off(), n)
 
 
-def _best(whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
+def _best(rest: Rest, whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
     """The one number that explains the view, if there is one and no other does as well; else the pose as a whole."""
     first, second = sorted(numbers, key=lambda candidate: candidate.misfit + 2 * price_of(1, candidate.unknowns, 1))[:2]
-    told = first.misfit < PLAUSIBLE and second.misfit > first.misfit + TOLD_APART
+    plausible = 6 * float(fisher.isf(IMPLAUSIBLE, 6, rest.off.degrees))
+    told = first.misfit < plausible and second.misfit > first.misfit + TOLD_APART
     return first if told else whole
 
 
-def _whole_pose(rest: Rest, n: int) -> _Candidate:
+def _whole_pose(rest: Rest) -> _Candidate:
     where = int(rest.view.indices[0])
     expected = predicted_base_T_flange(rest.view, rest.fitted, 0)
     off = expected[:3, 3] - rest.view.base_T_flange[0, :3, 3]
@@ -78,29 +94,31 @@ def _whole_pose(rest: Rest, n: int) -> _Candidate:
         np.arccos(np.clip((np.trace(expected[:3, :3].T @ rest.view.base_T_flange[0, :3, :3]) - 1) / 2, -1, 1))
     )
     message = f"the pose of view {where} disagrees with all others by {np.linalg.norm(off):.2f} mm and {turn:.2f} deg"
-    return _Candidate(0.0, FREE_POSE, n, message)
+    return _Candidate(0.0, FREE_POSE, rest.views, message, 1.0)
 
 
-def _numbers(rest: Rest, n: int) -> Iterator[_Candidate]:
+def _numbers(rest: Rest) -> Iterator[_Candidate]:
     """One of the seven numbers off by what fits best, to first order: a larger slip in a quaternion breaks its norm."""
     given = _printed(rest.view.base_T_flange[0])
     stepped = _residuals(rest, np.concatenate([given[None], given + np.diag(STEPS)]))
     slopes = (stepped[1:] - stepped[0]) / STEPS[:, None]
-    information = np.einsum("ki,ij,kj->k", slopes, rest.information, slopes)
-    changes = -(slopes @ rest.information @ rest.residual) / np.maximum(information, SMALLEST_INFORMATION)
+    changes = np.array([rest.outsider.fitting(slope) for slope in slopes])
     told = (np.arange(7) < 3) | (np.abs(changes) < LARGEST_SLIP)
     right = given + np.diag(np.where(told, changes, 0.0))
-    misfits = _misfits(rest, right)
+    misfits = rest.outsider.left_by(_residuals(rest, right))
     for index in np.flatnonzero(told).tolist():
-        yield _Candidate(misfits[index], 1, 7 * n, _message(rest, given, right[index], index))
+        alternatives = 7 * rest.views
+        chance = alternatives * rest.outsider.off_along(slopes[index]).chance
+        message = _message(rest, given, right[index], index)
+        yield _Candidate(float(misfits[index]), 1, alternatives, message, chance)
 
 
-def _signs(rest: Rest, n: int) -> Iterator[_Candidate]:
+def _signs(rest: Rest) -> Iterator[_Candidate]:
     """A sign lost in one of the quaternion's elements."""
     given = _printed(rest.view.base_T_flange[0])
     right = given * (1 - 2 * np.eye(7)[3:])
-    for index, misfit in enumerate(_misfits(rest, right)):
-        yield _Candidate(misfit, 0, 7 * n, _message(rest, given, right[index], 3 + index))
+    for index, misfit in enumerate(rest.outsider.left_by(_residuals(rest, right))):
+        yield _Candidate(float(misfit), 0, 7 * rest.views, _message(rest, given, right[index], 3 + index), 1.0)
 
 
 def _message(rest: Rest, given: Array, right: Array, index: int) -> str:
@@ -116,15 +134,9 @@ def _printed(base_T_flange: Array) -> Array:
     return np.concatenate([base_T_flange[:3, 3], quaternion_from_rotation(base_T_flange[:3, :3])])
 
 
-def _misfits(rest: Rest, numbers: Array) -> list[float]:
-    residuals = _residuals(rest, numbers)
-    return [float(misfit) for misfit in np.einsum("ki,ij,kj->k", residuals, rest.information, residuals)]
-
-
 def _residuals(rest: Rest, numbers: Array) -> Array:
     """The view's residual (k, 6) if its pose were what these numbers (k, 7) say."""
     quaternions = numbers[:, 3:] / np.linalg.norm(numbers[:, 3:], axis=1, keepdims=True)
     poses = transform(rotation_from_quaternion(quaternions), numbers[:, :3])
     copies = rest.view.take(np.zeros(len(numbers), np.intp)).with_robot_poses(poses)
-    residuals: Array = residuals_of(copies, rest.fitted)[0]
-    return residuals
+    return applied(copies, rest.fitted).residuals

@@ -1,12 +1,14 @@
 """One suspected cause, applied to the evidence: what would have to be true, and what a person should do about it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, Labels, fit, fits
+from calibration.diagnosis.significance import Test
 
 TOGETHER = 2000
 """Views fitted at once: enough to make numpy's overhead small, few enough for the cache."""
@@ -23,6 +25,8 @@ class Trial:
     unknowns : free numbers the cause brings; alternatives : how many such trials there are. Both cost likelihood.
     bonus : log-likelihood the cause brings beside the fit (a change of measure).
     size : how large the target is under this cause, against what was said.
+    test : from the evidence as it would be and the fit to it, whether chance could do the same; None where the cause is
+    another reading of the same numbers, which no chance turns into the other.
     """
 
     code: str
@@ -37,16 +41,21 @@ class Trial:
     alternatives: int = 1
     bonus: float = 0.0
     size: float = 1.0
+    test: Callable[[Evidence, Fit], Test] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """`gain` in log-likelihood after paying for unknowns and alternatives, and the robot noise that is left."""
+    """`gain` in log-likelihood after paying for unknowns and alternatives, and the robot noise that is left.
+
+    `chance()`: how often a session without the fault would look as guilty of it; None as for the trial's test.
+    """
 
     trial: Trial
     gain: float
     robot_translation_mm: float
     robot_rotation_rad: float
+    chance: Callable[[], float] | None
 
 
 def outcomes_of(trials: Sequence[Trial], evidence: Evidence, as_it_came: Fit) -> list[Outcome]:
@@ -78,7 +87,12 @@ def _outcome(trial: Trial, fitted: Fit, before: float) -> Outcome:
     n = len(trial.evidence)
     raw = fitted.log_likelihood + trial.bonus - before
     gain = few_views_factor(n, trial.unknowns) * raw - price_of(n, trial.unknowns, trial.alternatives)
-    return Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad)
+    chance = None if trial.test is None else partial(_chance, trial.test, trial, fitted)
+    return Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
+
+
+def _chance(test: Callable[[Evidence, Fit], Test], trial: Trial, fitted: Fit) -> float:
+    return min(trial.alternatives * test(trial.evidence, fitted).chance, 1.0)
 
 
 def price_of(n: int, unknowns: int, alternatives: int) -> float:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
+from calibration.diagnosis.significance import Background, Test
 from calibration.diagnosis.trial import Trial
-from calibration.transforms import Array, transform
+from calibration.transforms import Array, inverse, transform, vector_from_rotation
 
 SUSPECTS = 10
 """Views that fit worst, among which mistyped and swapped ones are sought."""
@@ -153,4 +154,25 @@ def moved_trials(evidence: Evidence, points: Sequence[int]) -> Iterator[Trial]:
                 y_labels=None if change.of_x else labels,
                 unknowns=6,
                 alternatives=2 * len(evidence),
+                test=x_changed if change.of_x else y_changed,
             )
+
+
+def x_changed(_: Evidence, fitted: Fit) -> Test:
+    """Is X another one from some view on?"""
+    return _changed(fitted, fitted.mount_T_camera, 0)
+
+
+def y_changed(_: Evidence, fitted: Fit) -> Test:
+    """Is the target's pose another one from some view on?"""
+    return _changed(fitted, fitted.anchor_T_target, 6)
+
+
+def _changed(fitted: Fit, poses: Array, first: int) -> Test:
+    """`poses` (2, 4, 4) before and after; `first`: where among the shared unknowns theirs begin."""
+    before, after = poses
+    between = inverse(before) @ after
+    step = np.concatenate([vector_from_rotation(between[None, :3, :3])[0], between[:3, 3]])
+    by_unknowns = np.zeros((6, fitted.by_shared.shape[2]))
+    by_unknowns[:, first : first + 6], by_unknowns[:, first + 6 : first + 12] = -np.eye(6), np.eye(6)
+    return Background.of(fitted).of_shared(step, by_unknowns)
