@@ -14,6 +14,7 @@ import numpy as np
 from registration.disk import GuardedFile
 from registration.errors import CloudTruncated
 from registration.layout import Records
+from registration.motion import LANES
 
 SPAN_BYTES = 1 << 19
 """Of one block: small enough for a core's second-level cache, large enough that the kernel writes in large folios."""
@@ -38,7 +39,9 @@ class Span:
 
     @property
     def block_points(self) -> int:
-        return max(1, SPAN_BYTES // self.dtype.itemsize)
+        """Full lanes, where a block holds that many."""
+        points = max(1, SPAN_BYTES // self.dtype.itemsize)
+        return points - points % LANES if points > LANES else points
 
 
 def move_span(source: GuardedFile, target: GuardedFile, span: Span, movers: Sequence[Mover]) -> None:

@@ -30,6 +30,9 @@ Done = Callable[[CloudStream, int], None]
 CHECKED_WHOLE_BYTES = 1_000_000
 """A body up to this is looked at to its end before the answer begins: what is wrong with it is told as a problem."""
 
+SMALL_BYTES = 4096
+"""What is smaller is not worth a message of its own."""
+
 REFUSALS = (RegistrationError, StorageError, BodyTooLarge)
 
 
@@ -60,15 +63,19 @@ class Passage:
 
     async def _put(self, parts: Iterator[bytes | memoryview]) -> int:
         """The moved parts, the header with the frame's name in it; answers how many bytes."""
-        size = 0
+        size, held = 0, b""
         for part in parts:
-            content = bytes(part)
             if self.stream.header is not None and not self._headed:
-                content, self._headed = self._head(), True
-            if content:
-                await self.spool.put(content)
-                size += len(content)
-        return size
+                part, self._headed = self._head(), True
+            if len(part) < SMALL_BYTES:  # a point that two pieces shared travels with what follows it
+                held += part
+                continue
+            content, held = b"".join((held, part)), b""
+            await self.spool.put(content)
+            size += len(content)
+        if held:
+            await self.spool.put(held)
+        return size + len(held)
 
     def _head(self) -> bytes:
         """The cloud's header as it is answered: a PLY's older comments may name another frame."""
