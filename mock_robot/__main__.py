@@ -34,8 +34,16 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--control-port", type=_port, default=0)
     run.add_argument("--rws-port", type=_port, default=0, help="Robot Web Services 1.0, HTTP")
     run.add_argument("--rws2-port", type=_port, default=0, help="Robot Web Services 2.0, HTTPS")
+    run.add_argument(
+        "--controller",
+        choices=("rapid", "python"),
+        default="rapid",
+        help="whose program answers: the shipped RAPID, interpreted (default), or its quick twin in Python",
+    )
     run.add_argument("--robot-only", action="store_true", help="no camera and no scanner")
-    run.add_argument("--serial", action="store_true", help="open a serial line (a pty), too")
+    run.add_argument(
+        "--serial", action="store_true", help="open a serial line (a pty): with RAPID in place of the socket"
+    )
     run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")
     run.add_argument("--ready-file", type=Path, help="write the JSON line there, too")
     run.add_argument("--with-parent", action="store_true", help="end when standard input closes")

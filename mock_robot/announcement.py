@@ -15,7 +15,7 @@ class Announcement:
 
     seed: int
     robot_host: str
-    robot_port: int
+    robot_port: int | None
     serial_path: str | None
     devices_url: str | None
     control_url: str

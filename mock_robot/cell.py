@@ -5,7 +5,7 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from random import Random
 from time import monotonic
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -14,20 +14,23 @@ from calibration.transforms import Array
 from mock_robot.announcement import Announcement
 from mock_robot.cabinet import Box
 from mock_robot.control_port import ControlPort
-from mock_robot.controller import Controller
 from mock_robot.fault_boards import FaultBoards
-from mock_robot.fault_table import FAULTS
-from mock_robot.faults import FaultBoard
 from mock_robot.http_server import HttpServer
-from mock_robot.link_shells import SerialShell, TcpShell
 from mock_robot.motion import RobotNoise, SimulatedArm
 from mock_robot.posture import start_joints
 from mock_robot.rws.station import RwsStation
 from mock_robot.truth import CellTruth
 from mock_robot.truth_sheet import BOX_MM, cell_sheet
+from mock_robot.wires import PythonWires, RapidWires, Wires
 from protocols.cb.codes import Command
 
 LOOPBACK = "127.0.0.1"
+
+RobotProgram = Literal["rapid", "python"]
+"""Whose program answers the link: the shipped RAPID in the mock's interpreter, or its quick twin in Python."""
+ROBOT_PROGRAMS: tuple[RobotProgram, ...] = get_args(RobotProgram)
+
+_WIRES: dict[RobotProgram, type[PythonWires] | type[RapidWires]] = {"rapid": RapidWires, "python": PythonWires}
 
 
 class FlangeNow(NamedTuple):
@@ -39,7 +42,9 @@ class FlangeNow(NamedTuple):
 
 @dataclass(frozen=True)
 class Ports:
-    """Which ports to listen on; 0: the system chooses. `serial` opens a pty beside the socket.
+    """Which ports to listen on; 0: the system chooses.
+
+    `serial` opens a pty: beside the socket with the Python program, in its place with the RAPID, as on a controller.
 
     `devices` None: no camera and no scanner, for who needs the robot alone. `rws` None: no Robot Web Services;
     else the ports of 1.0 and 2.0.
@@ -63,32 +68,29 @@ class MockCell:
         time_scale: float = 1.0,
         session: int | None = None,
         clock: Callable[[], float] = monotonic,
+        program: RobotProgram = "python",
     ) -> None:
         arm = arm_named(truth.arm)
         noise = RobotNoise(truth.noise.robot_translation_mm, np.radians(truth.noise.robot_rotation_deg), truth.seed)
         self.truth, self.clock = truth, clock
-        self.controller = Controller(
+        self._wires: Wires = _WIRES[program](
             SimulatedArm(arm, start_joints(arm, truth), noise),
             session=session or Random().randrange(1, 65536),
             time_scale=time_scale,
             started_at_s=clock(),
             box=Box(*BOX_MM),
+            clock=clock,
+            seed=truth.seed,
         )
-        robot_faults = FaultBoard(FAULTS, truth.seed)
-        self.faults = FaultBoards(self.controller, robot_faults)
-        self._tcp = TcpShell(self.controller, robot_faults, clock)
-        self._serial = SerialShell(self.controller, robot_faults, clock)
-        self.rws = RwsStation(self.controller, robot_faults, clock)
+        self.controller = self._wires.controller
+        self.faults = FaultBoards(self.controller, self._wires.board)
+        self.rws = RwsStation(self.controller, self._wires.board, clock)
         self._closing = AsyncExitStack()
 
     async def start(self, ports: Ports) -> Announcement:
         """Open every wire; where they are."""
-        host, port = await self._tcp.start(ports.host, ports.robot)
-        self._closing.push_async_callback(self._tcp.close)
-        serial = None
-        if ports.serial:
-            serial = await self._serial.start()
-            self._closing.push_async_callback(self._serial.close)
+        self._closing.push_async_callback(self._wires.close)
+        host, port, serial = await self._wires.start(ports.host, ports.robot, ports.serial)
         devices = None if ports.devices is None else await self._serve(self._devices(), ports.host, ports.devices)
         bench = ControlPort(self.controller, self.faults, self.clock, self.nudge)
         control = await self._serve(bench, ports.host, ports.control)
@@ -120,8 +122,7 @@ class MockCell:
 
     def nudge(self) -> None:
         """Something changed by hand: the links look at it now."""
-        self._tcp.nudge()
-        self._serial.nudge()
+        self._wires.nudge()
         self.rws.nudge()
 
     def _devices(self) -> object:

@@ -17,7 +17,7 @@ def run_until_told(options: argparse.Namespace) -> int:
 
 
 async def _run(options: argparse.Namespace) -> int:
-    cell = MockCell(CellTruth.from_seed(options.seed), time_scale=options.time_scale)
+    cell = MockCell(CellTruth.from_seed(options.seed), time_scale=options.time_scale, program=options.controller)
     told = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):

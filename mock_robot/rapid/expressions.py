@@ -188,10 +188,7 @@ def resolved(context: Context, node: Node) -> tuple[Data, list[Evaluate], list[i
     if not isinstance(symbol, Data):
         raise context.wrong(line_of(node), f"no data is named {word(node, 0)}")
     kind, indices, steps = symbol.type, [], []
-    for child in node.children[1:]:
-        if child is None:
-            continue
-        assert isinstance(child, Tree)
+    for child in parts(node):
         if child.data == "component_of":
             place = kind.place(name(child, 0)) if isinstance(kind, Record) else None
             if place is None:

@@ -33,7 +33,9 @@ def parameters_of(context: Context, node: Node | None) -> tuple[Parameter, ...]:
 def _parameter(context: Context, node: Node, optional: bool = False, alternative: int = 0) -> Parameter:
     mode = "in" if node.children[0] is None else name(node, 0)
     kind = context.type_named(name(node, 1), line_of(node))
-    return Parameter(name(node, 2), kind, mode, optional, alternative, node.children[3] is not None)
+    return Parameter(
+        name(node, 2), kind, mode, optional, alternative, len(node.children) > 3 and bool(node.children[3])
+    )
 
 
 def declare_types(context: Context, module: Node) -> None:

@@ -52,7 +52,8 @@ def base_T_object(wobj: list[Any] | None) -> Array:
 
 def joints_rad(joints: list[Any]) -> Array:
     """The axes (6,) of a jointtarget."""
-    return np.radians(joints[0])
+    axes: Array = np.radians(joints[0])
+    return axes
 
 
 def robax(joints: Array) -> list[float]:

@@ -7,7 +7,7 @@ from typing import Any
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidProgramError
 from mock_robot.rapid.expressions import expression
 from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
-from mock_robot.rapid.instructions import DOES
+from mock_robot.rapid.instructions.table import DOES
 from mock_robot.rapid.scope import (
     Context,
     Data,
@@ -19,7 +19,7 @@ from mock_robot.rapid.scope import (
     Slot,
 )
 from mock_robot.rapid.statements import Run, block
-from mock_robot.rapid.syntax import Node, line_of, name, parse_module, parse_system, part, parts
+from mock_robot.rapid.syntax import Node, given, line_of, name, parse_module, parse_system, part, parts
 from mock_robot.rapid.tasks import EXECUTION_ERROR, Task
 from mock_robot.rapid.types import NUM, SIGNALDO, Array, Type
 
@@ -118,7 +118,7 @@ class Program:
     def _declare_routine(self, context: Context, node: Node) -> Routine:
         function = node.data == "func"
         place = int(function)
-        parameters = () if node.data == "trap" else parameters_of(context, _tree_or_none(node, place + 1))
+        parameters = () if node.data == "trap" else parameters_of(context, given(node, place + 1))
         result = context.type_named(name(node, 0), line_of(node)) if function else None
         where = f"{context.module}:{line_of(node)}"
         routine = Routine(name(node, place), str(node.data), parameters, result, where)
@@ -144,20 +144,14 @@ class Program:
         context.scope.declare(Data(called, kind, storage, slot), context.module, line)
 
 
-def _tree_or_none(node: Node, place: int) -> Node | None:
-    return None if node.children[place] is None else part(node, place)
-
-
 def _type_and_initial(context: Context, node: Node) -> tuple[Type, Run | None]:
     """Of a declaration: REACH, STORAGE, type, name, then at most one dimension, then the initial value."""
     kind: Type = context.type_named(name(node, 2), line_of(node))
-    *dimensions, initial = node.children[4:]
-    for dimension in reversed([each for each in dimensions if each is not None]):
-        length = expression(context, dimension, NUM).evaluate([None])  # type: ignore[arg-type]
-        kind = Array(kind, int(length))
-    if initial is None:
-        return kind, None
-    return kind, expression(context, initial, kind).evaluate  # type: ignore[arg-type]
+    initial = given(node, -1)
+    dimensions = parts(node) if initial is None else parts(node)[:-1]
+    for dimension in reversed(dimensions):
+        kind = Array(kind, int(expression(context, dimension, NUM).evaluate([None])))
+    return kind, None if initial is None else expression(context, initial, kind).evaluate
 
 
 _STORAGE_OF_MODE = {"in": "var", "var": "var", "inout": "var", "pers": "pers"}

@@ -33,7 +33,7 @@ class Persistent(Slot):
         self.watchers: tuple[Callable[[], None], ...] = ()
 
     @property
-    def value(self) -> Any:  # type: ignore[override]
+    def value(self) -> Any:
         return self._value
 
     @value.setter

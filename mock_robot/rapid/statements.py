@@ -4,14 +4,12 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Any
 
-from lark import Token
-
 from mock_robot.rapid.calls import call
 from mock_robot.rapid.errors import ProgramStopped, RaisedFurther, RapidError
 from mock_robot.rapid.expressions import Evaluate, expression, reference
 from mock_robot.rapid.interrupts import connection
 from mock_robot.rapid.scope import Builtin, Context, Frame, Routine, Scope, Slot
-from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
+from mock_robot.rapid.syntax import Node, given, line_of, name, part, parts, word
 from mock_robot.rapid.tasks import EXECUTION_ERROR
 from mock_robot.rapid.types import BOOL, NUM, Atom
 from mock_robot.rapid.values import single
@@ -134,7 +132,8 @@ def _while(context: Context, node: Node) -> Run:
 
 def _for(context: Context, node: Node) -> Run:
     first, last = (expression(context, part(node, place), NUM).evaluate for place in (1, 2))
-    step = None if node.children[3] is None else expression(context, part(node, 3), NUM).evaluate
+    stride = given(node, 3)
+    step = None if stride is None else expression(context, stride, NUM).evaluate
     outer, context.scope = context.scope, Scope(context.scope)
     place = context.local(name(node, 0), NUM, "loop", line_of(node)).place
     body = block(context, parts(part(node, 4)))
@@ -196,14 +195,13 @@ def _assign(context: Context, node: Node) -> Run:
 
 
 def _return(context: Context, node: Node) -> Run:
-    routine, value = context.routine, node.children[0]
+    routine, value = context.routine, given(node, 0)
     assert routine is not None
     if (routine.kind == "func") is (value is None):
         raise context.wrong(line_of(node), f"RETURN in {routine.name} {'needs a' if value is None else 'has no'} value")
     if value is None:
         return lambda frame: Flow.RETURNED
     assert routine.result is not None
-    assert not isinstance(value, Token)
     evaluate, copy = expression(context, value, routine.result).evaluate, routine.result.copy
 
     def run(frame: Frame) -> Flow:
@@ -215,8 +213,8 @@ def _return(context: Context, node: Node) -> Run:
 
 def _raise(context: Context, node: Node) -> Run:
     number: Evaluate | None = None
-    if node.children[0] is not None:
-        number = expression(context, part(node, 0), NUM).evaluate
+    if (asked := given(node, 0)) is not None:
+        number = expression(context, asked, NUM).evaluate
     elif not context.in_handler:
         raise context.wrong(line_of(node), "RAISE without a number belongs into an ERROR handler")
     inside, numbered = context.in_handler, context.errors.numbered

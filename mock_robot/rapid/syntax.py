@@ -50,8 +50,14 @@ def part(node: Node, index: int) -> Node:
     return child
 
 
+def given(node: Node, index: int) -> Node | None:
+    """A child that may be left out; None when it is."""
+    child: object = node.children[index]
+    return child if isinstance(child, Tree) else None
+
+
 def parts(node: Node, rule: str | None = None) -> list[Node]:
-    """The children that are trees, of that rule."""
+    """The children that are trees, of that rule; what is left out is none."""
     return [child for child in node.children if isinstance(child, Tree) and rule in (None, child.data)]
 
 

@@ -19,8 +19,8 @@ from typing import Any
 import httpx
 
 from mock_robot.announcement import Announcement
-from mock_robot.cell import MockCell, Ports
-from mock_robot.controller import Controller
+from mock_robot.cabinet import Cabinet
+from mock_robot.cell import MockCell, Ports, RobotProgram
 from mock_robot.truth import CellTruth
 from protocols.cb.codes import Command
 
@@ -35,7 +35,7 @@ class RunningCell:
     announcement: Announcement
 
     @property
-    def controller(self) -> Controller:
+    def controller(self) -> Cabinet:
         return self.cell.controller
 
     @property
@@ -72,9 +72,10 @@ async def running_cell(
     serial: bool = False,
     devices: bool = True,
     truth: CellTruth | None = None,
+    program: RobotProgram = "python",
 ) -> AsyncIterator[RunningCell]:
     """A cell on ports the system chose, closed at the end whatever happens."""
-    cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale)
+    cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale, program=program)
     try:
         yield RunningCell(cell, await cell.start(Ports(serial=serial, devices=0 if devices else None)))
     finally:

@@ -226,7 +226,8 @@ def test_an_unknown_fault_is_refused_by_name() -> None:
 
 async def test_the_process_announces_itself_answers_and_ends_on_sigterm(tmp_path: Path) -> None:
     ready = tmp_path / "ready.json"
-    arguments = ("--seed", "3", "--time-scale", "20", "--serial", "--robot-only", "--ready-file", str(ready))
+    options = "--seed 3 --time-scale 20 --serial --robot-only --controller python --ready-file"
+    arguments = (*options.split(), str(ready))
     async with cell_process(*arguments) as cell:
         assert json.loads(ready.read_text()) == cell.announcement
         assert cell.announcement["seed"] == 3

@@ -16,7 +16,7 @@ OUTSIDE_REACH, OTHER_CONFIGURATION, JOINT_OUT_OF_RANGE, NEAR_SINGULARITY = 50050
 def _move_to_target(task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Any) -> Any:
     unit = _own_unit(task, zone)
     try:
-        flange = flange_of(target, tool.value, wobj and wobj.value)
+        flange = flange_of(target, tool.value, None if wobj is None else wobj.value)
         joints = unit.joints_for(flange, target[2])
     except PoseRefused as error:
         code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH

@@ -23,10 +23,14 @@ def _unit(task: Task, task_name: str | None) -> Any:
     return unit
 
 
+def _value(slot: Slot | None) -> Any:
+    return None if slot is None else slot.value
+
+
 def c_rob_t(task: Task, task_name: str | None, tool: Slot | None, wobj: Slot | None) -> list[Any]:
     unit = _unit(task, task_name)
     joints = unit.joints_now()
-    pose = target_at(unit.arm.forward(joints), TOOL0 if tool is None else tool.value, wobj and wobj.value)
+    pose = target_at(unit.arm.forward(joints), TOOL0 if tool is None else tool.value, _value(wobj))
     return [*pose, [float(part) for part in unit.arm.configuration(joints)], unit.external_axes()]
 
 
@@ -41,7 +45,7 @@ def calc_joint_t(task: Task, target: list[Any], tool: Slot, wobj: Slot | None, e
     try:
         if error_number is not None:
             error_number.value = 0.0
-        joints = unit.joints_for(flange_of(target, tool.value, wobj and wobj.value), target[2])
+        joints = unit.joints_for(flange_of(target, tool.value, _value(wobj)), target[2])
         return [robax(joints), list(target[3])]
     except PoseRefused as error:
         name = "ERR_OUTSIDE_REACH" if isinstance(error, OutOfReach) else "ERR_ROBLIMIT"
@@ -53,7 +57,7 @@ def calc_joint_t(task: Task, target: list[Any], tool: Slot, wobj: Slot | None, e
 
 def calc_rob_t(task: Task, joints: list[Any], tool: Slot, wobj: Slot | None) -> list[Any]:
     arm, axes = task.services.unit.arm, joints_rad(joints)
-    pose = target_at(arm.forward(axes), tool.value, wobj and wobj.value)
+    pose = target_at(arm.forward(axes), tool.value, _value(wobj))
     return [*pose, singles(arm.configuration(axes)), list(joints[1])]
 
 

@@ -1,0 +1,132 @@
+"""The robot's wires, and whose program answers on them."""
+
+import asyncio
+import os
+import tty
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from typing import Protocol
+
+from mock_robot.cabinet import Box, Cabinet
+from mock_robot.controller import Controller
+from mock_robot.fault_table import FAULTS
+from mock_robot.faults import FaultBoard
+from mock_robot.link_shells import SerialShell, TcpShell
+from mock_robot.motion import SimulatedArm
+from mock_robot.rapid.controller import RapidController
+from mock_robot.rapid.frames import Garbling
+
+Clock = Callable[[], float]
+
+
+class Wires(Protocol):
+    """A cabinet whose link can be reached between `start` and `close`."""
+
+    @property
+    def controller(self) -> Cabinet: ...
+
+    @property
+    def board(self) -> FaultBoard: ...
+
+    async def start(self, host: str, port: int, serial: bool) -> tuple[str, int | None, str | None]:
+        """Open them; host, port and serial path, None for what is not there."""
+
+    async def close(self) -> None: ...
+
+    def nudge(self) -> None:
+        """Something was changed by hand: look at it now."""
+
+
+class PythonWires:
+    """The Python program: a socket, and a pty beside it when it is asked for."""
+
+    def __init__(
+        self,
+        arm: SimulatedArm,
+        *,
+        session: int,
+        time_scale: float,
+        started_at_s: float,
+        box: Box,
+        clock: Clock,
+        seed: int,
+    ) -> None:
+        self.controller: Cabinet = (
+            controller := Controller(arm, session=session, time_scale=time_scale, started_at_s=started_at_s, box=box)
+        )
+        self.board = FaultBoard(FAULTS, seed)
+        self._tcp = TcpShell(controller, self.board, clock)
+        self._serial = SerialShell(controller, self.board, clock)
+        self._closing = AsyncExitStack()
+
+    async def start(self, host: str, port: int, serial: bool) -> tuple[str, int | None, str | None]:
+        """The socket's address, and the pty's path."""
+        host, port = await self._tcp.start(host, port)
+        self._closing.push_async_callback(self._tcp.close)
+        if not serial:
+            return host, port, None
+        path = await self._serial.start()
+        self._closing.push_async_callback(self._serial.close)
+        return host, port, path
+
+    async def close(self) -> None:
+        """Hang up."""
+        await self._closing.aclose()
+
+    def nudge(self) -> None:
+        """Both look."""
+        self._tcp.nudge()
+        self._serial.nudge()
+
+
+class RapidWires:
+    """The RAPID program: it opens its own socket, or the pty behind its serial port, as its settings say."""
+
+    def __init__(
+        self,
+        arm: SimulatedArm,
+        *,
+        session: int,
+        time_scale: float,
+        started_at_s: float,
+        box: Box,
+        clock: Clock,
+        seed: int,
+    ) -> None:
+        self.board = Garbling(FAULTS, seed)
+        self.controller = self._rapid = RapidController(
+            arm, session, time_scale, started_at_s, box, clock=clock, board=self.board
+        )
+        self._ends: tuple[int, ...] = ()
+
+    async def start(self, host: str, port: int, serial: bool) -> tuple[str, int | None, str | None]:
+        """What an integrator sets before loading, then the program's own doing."""
+        rapid = self._rapid
+        rapid.devices.host = host
+        rapid.settings = {
+            "cell_use_serial": serial,
+            "cell_port": float(port),
+            "cell_box_low": list(rapid.box.low_mm),
+            "cell_box_high": list(rapid.box.high_mm),
+            "cell_session": float(rapid.session - 1),
+        }
+        path = None
+        if serial:
+            self._ends = os.openpty()
+            for end in self._ends:
+                tty.setraw(end)
+            os.set_blocking(self._ends[0], False)
+            path = os.ttyname(self._ends[1])
+        await asyncio.to_thread(rapid.begin, self._ends[0] if serial else None)
+        address = rapid.devices.address
+        return host, None if address is None else address[1], path
+
+    async def close(self) -> None:
+        """The tasks end, their sockets close."""
+        await asyncio.to_thread(self._rapid.end)
+        for end in self._ends:
+            os.close(end)
+        self._ends = ()
+
+    def nudge(self) -> None:
+        """Its tasks look by themselves."""
