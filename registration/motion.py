@@ -79,13 +79,11 @@ def move_points(matrix: Array, points: NDArray[Any], out: NDArray[Any]) -> None:
     """`out` (n, 3) = matrix (3, 4 or 3, 3) @ points (n, 3): C-contiguous, the same float type, not the same memory.
 
     A point comes out with the same bits wherever it stands in a block of any length: OpenCV rounds the last few
-    points of a call differently, so these are moved again in front of `LANES` idle points, unless lanes fill up.
+    points of a call differently, so these are moved again in front of `LANES` idle points.
     """
     if not len(points):
         return
     cv2.transform(points[None], matrix, out[None])
-    if len(points) % LANES == 0:
-        return
     last = max(0, len(points) - LANES)
     row = np.zeros((1, 2 * LANES, 3), points.dtype)
     row[0, : len(points) - last] = points[last:]

@@ -14,7 +14,6 @@ import numpy as np
 from registration.disk import GuardedFile
 from registration.errors import CloudTruncated
 from registration.layout import Records
-from registration.motion import LANES
 
 SPAN_BYTES = 1 << 19
 """Of one block: small enough for a core's second-level cache, large enough that the kernel writes in large folios."""
@@ -39,9 +38,7 @@ class Span:
 
     @property
     def block_points(self) -> int:
-        """Full lanes, where a block holds that many."""
-        points = max(1, SPAN_BYTES // self.dtype.itemsize)
-        return points - points % LANES if points > LANES else points
+        return max(1, SPAN_BYTES // self.dtype.itemsize)
 
 
 def move_span(source: GuardedFile, target: GuardedFile, span: Span, movers: Sequence[Mover]) -> None:

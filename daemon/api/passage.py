@@ -64,7 +64,8 @@ class Passage:
     async def _put(self, parts: Iterator[bytes | memoryview]) -> int:
         """The moved parts, the header with the frame's name in it; answers how many bytes."""
         size, held = 0, b""
-        for part in parts:
+        for moved in parts:
+            part = moved
             if self.stream.header is not None and not self._headed:
                 part, self._headed = self._head(), True
             if len(part) < SMALL_BYTES:  # a point that two pieces shared travels with what follows it
