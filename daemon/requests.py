@@ -1,12 +1,20 @@
 """Bodies of requests that start something."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import ConfigDict, Field, PositiveFloat, model_validator
 
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from daemon.settings import TaughtPose
+
+
+def _examples(*bodies: dict[str, Any]) -> ConfigDict:
+    """For `model_config`: shown in openapi.json."""
+    return ConfigDict(json_schema_extra={"examples": list(bodies)})
+
+
+_POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6, 0.8, 0.0]}
 
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
 
@@ -17,6 +25,8 @@ class CalibrateRequest(Document):
     `uncertainty_mm`: planning ends when a mapped point is known as well as this (one sigma); `count` is then the most.
     `manual`: nothing moves the arm; the operator jogs it, and takes each view with POST /runs/{id}/stations.
     """
+
+    model_config = _examples({}, {"count": 8, "uncertainty_mm": 0.1}, {"poses": [_POSE, _POSE, _POSE]})
 
     poses: Annotated[tuple[TaughtPose, ...], Field(min_length=3, max_length=100)] | None = None
     count: Annotated[int, Field(ge=3, le=100)] | None = None
@@ -44,6 +54,8 @@ class VerifyRequest(Document):
     With `artefact` and `scan_id` the scanner is verified instead: each view of that scan is a position of the artefact.
     """
 
+    model_config = _examples({}, {"scan_id": "20261121-090000-3f9a1c", "artefact": {"radius_mm": 25.0}})
+
     poses: Annotated[tuple[TaughtPose, ...], Field(min_length=2, max_length=100)] | None = None
     target: TargetDocument | None = None
     artefact: ArtefactRequest | None = None
@@ -64,6 +76,8 @@ class ScanRequest(Document):
     `refine`: after each view the views are fitted to each other in the background, within the robot's noise.
     """
 
+    model_config = _examples({"name": "door 4711"}, {"name": "door 4711", "capture": True, "refine": True})
+
     name: Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
     capture: bool = False
     refine: bool = False
@@ -76,6 +90,8 @@ class ScanRequest(Document):
 
 class ApplyRequest(Document):
     """Who applies a calibration; a rejected one is applied only when `despite_verdict` says so."""
+
+    model_config = _examples({"applied_by": "Ann"}, {"applied_by": "Ann", "despite_verdict": True})
 
     applied_by: Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = "operator"
     despite_verdict: bool = False

@@ -1,6 +1,5 @@
 """The daemon's settings: one TOML file, loaded once, frozen. deploy/handeyed.example.toml shows every key."""
 
-import ipaddress
 import tomllib
 from collections.abc import Callable
 from math import radians
@@ -18,6 +17,7 @@ from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.transforms import Array
 from daemon.plc.settings import InterlockSettings, PlcSettings
+from daemon.settings_server import ServerSettings, WebhookSettings
 from drivers.catalogue import check_camera_address, check_robot_address, check_scanner_address
 from drivers.errors import AddressNotUnderstood
 
@@ -122,32 +122,6 @@ class CalibrationSettings(Document):
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
 
 
-class ServerSettings(Document):
-    """Where the REST interface listens. There is no password yet: other addresses than loopback must be meant."""
-
-    host: str = "127.0.0.1"
-    port: Annotated[int, Field(ge=0, le=65535)] = 8372
-    trusted_network: bool = False
-    body_limit_mb: Annotated[float, Field(gt=0, le=65536)] = 2048.0
-
-    @model_validator(mode="after")
-    def _loopback_unless_trusted(self) -> "ServerSettings":
-        try:
-            loopback = ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            loopback = self.host == "localhost"
-        if not loopback and not self.trusted_network:
-            raise ValueError(
-                f"host {self.host!r} can be reached by others and nobody is asked for a key: use 127.0.0.1, "
-                "or set trusted_network = true when the network is closed"
-            )
-        return self
-
-    @property
-    def body_limit_bytes(self) -> int:
-        return int(self.body_limit_mb * 1_000_000)
-
-
 class StorageSettings(Document):
     """The folder for everything that must survive. A relative one is taken from the settings file's folder."""
 
@@ -177,6 +151,7 @@ class Settings(Document):
     target: TargetDocument
     calibration: CalibrationSettings = CalibrationSettings()
     server: ServerSettings = ServerSettings()
+    webhooks: tuple[WebhookSettings, ...] = ()
     storage: StorageSettings = StorageSettings()
     plc: PlcSettings | None = None
     interlocks: InterlockSettings | None = None
@@ -191,7 +166,14 @@ def load_settings(path: Path) -> Settings:
         raise _unreadable(path, "document", error.strerror or str(error), "give the path of a settings file") from None
     settings = parse_settings(content, str(path))
     folder = path.resolve().parent / settings.storage.folder
-    return settings.model_copy(update={"storage": settings.storage.model_copy(update={"folder": str(folder)})})
+    beside = path.resolve().parent
+    return settings.model_copy(
+        update={
+            "storage": settings.storage.model_copy(update={"folder": str(folder)}),
+            "server": settings.server.beside(beside),
+            "webhooks": tuple(webhook.beside(beside) for webhook in settings.webhooks),
+        }
+    )
 
 
 def parse_settings(content: bytes, origin: str) -> Settings:

@@ -1,8 +1,8 @@
 """A pose on the wire: {"translation_mm": [x, y, z], "quaternion_wxyz": [w, x, y, z]}."""
 
+import math
 from typing import Annotated, Self
 
-import numpy as np
 from pydantic import AfterValidator
 
 from calibration.documents.validation import Document
@@ -17,7 +17,7 @@ Vector = tuple[float, float, float]
 
 
 def _unit(quaternion: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-    norm = float(np.linalg.norm(quaternion))
+    norm = math.hypot(*quaternion)
     if not abs(norm - 1.0) <= QUATERNION_NORM_TOLERANCE:
         raise ValueError(f"norm {norm:.4g} is not 1: a quaternion is w, x, y, z with w first and norm 1")
     return quaternion

@@ -49,7 +49,7 @@ def page_of(found: list[Record], limit: int, path: str) -> tuple[list[Record], s
 
 
 def body_of(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
-    """A dependency: the JSON body as `model`; an empty body is an empty object. See `openapi.with_bodies`."""
+    """A dependency: the JSON body as `model`; an empty body is an empty object. See `openapi.described`."""
 
     async def read(request: Request) -> Model:
         return validate_document(model, _json(await request.body()), ORIGIN)

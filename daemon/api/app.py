@@ -40,7 +40,7 @@ ABOUT = (
 def create_api(application: Application) -> ASGIApp:
     """The REST interface of `application`, which it starts and stops."""
     keyed = Idempotency(routes(application), application)
-    return Guards(keyed, application.settings.server.body_limit_bytes, application.metrics)
+    return Guards(keyed, application.settings.server, application.metrics)
 
 
 def routes(application: Application | None) -> FastAPI:
@@ -62,6 +62,8 @@ def routes(application: Application | None) -> FastAPI:
         redoc_url=None,
         dependencies=[Depends(only_known_queries)],
         responses=problems.documented(422, 500),
+        generate_unique_id_function=lambda route: f"{route.tags[0]}.{route.name}" if route.tags else route.name,
+        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
     )
     app.state.application = application
     for router in ROUTERS:
@@ -70,7 +72,7 @@ def routes(application: Application | None) -> FastAPI:
         app.add_exception_handler(kind, problems.handle)
     app.add_exception_handler(RequestValidationError, problems.handle_validation)
     app.add_exception_handler(HTTPException, _http_error)
-    app.openapi = lambda: openapi.with_bodies(app)  # type: ignore[method-assign]
+    app.openapi = lambda: openapi.described(app)  # type: ignore[method-assign]
     return app
 
 

@@ -17,6 +17,14 @@ class Answer(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
+def _example(**answer: Any) -> ConfigDict:
+    """For `model_config`: shown in openapi.json."""
+    return ConfigDict(frozen=True, json_schema_extra={"examples": [answer]})
+
+
+_ID, _AT = "20261121-090000-3f9a1c", "2026-11-21T09:00:00.123Z"
+
+
 class CauseDocument(Answer):
     """Why a run ended badly, and how to go on."""
 
@@ -51,6 +59,22 @@ class PlanningDocument(Answer):
 
 class RunDocument(Answer):
     """One run. `station` counts the stations captured so far; `result` depends on `kind`."""
+
+    model_config = _example(
+        id=_ID,
+        kind="calibration",
+        state="finished",
+        over=True,
+        station=3,
+        stations=3,
+        created_at=_AT,
+        updated_at=_AT,
+        cause=None,
+        request={"count": 3},
+        result={"calibration_id": _ID, "accepted": True, "applied": False},
+        planning=None,
+        links={"self": f"/runs/{_ID}", "calibration": f"/calibrations/{_ID}"},
+    )
 
     id: str
     kind: Literal["calibration", "verify", "scan"]
@@ -96,6 +120,8 @@ class RunList(Answer):
 class CalibrationSummary(Answer):
     """One line of the list."""
 
+    model_config = _example(id=_ID, run_id=_ID, created_at=_AT, accepted=True, current=True, point_mm=0.06)
+
     id: str
     run_id: str | None
     created_at: str
@@ -114,6 +140,8 @@ class CalibrationSummary(Answer):
 
 class AppliedDocument(Answer):
     """A calibration became current. `sequence` counts everything that was ever applied."""
+
+    model_config = _example(calibration_id=_ID, applied_at=_AT, applied_by="Ann", sequence=7)
 
     calibration_id: str
     applied_at: str
@@ -170,6 +198,16 @@ class ScanViewDocument(Answer):
 
 class ScanDocument(Answer):
     """A part looked at from several sides; `run` fills it when the daemon drives the scanner."""
+
+    model_config = _example(
+        id=_ID,
+        name="door 4711",
+        refine=False,
+        created_at=_AT,
+        views=[],
+        run=None,
+        links={"self": f"/scans/{_ID}", "views": f"/scans/{_ID}/views", "cloud": f"/scans/{_ID}/cloud"},
+    )
 
     id: str
     name: str
@@ -239,6 +277,8 @@ class RobotDocument(Answer):
 class HealthDocument(Answer):
     """The daemon answers."""
 
+    model_config = _example(status="alive", software="handeyed 0.1.0", uptime_s=86400.0)
+
     status: Literal["alive"]
     software: str
     uptime_s: float
@@ -246,6 +286,8 @@ class HealthDocument(Answer):
 
 class Readiness(Answer):
     """Could this be done now, else why not."""
+
+    model_config = _example(ready=False, reasons=["robot: motors are off"])
 
     ready: bool
     reasons: list[str]

@@ -1,5 +1,6 @@
 """Progress as server-sent events."""
 
+import asyncio
 import json
 from collections.abc import AsyncIterator
 from typing import Annotated
@@ -37,6 +38,7 @@ async def _stream(events: EventLog, after: int) -> AsyncIterator[str]:
     yield ": what happens in the cell\n\n"
     async for event in events.listen(after, QUIET_S):
         yield ": nothing new\n\n" if event is None else _sse(event)
+        await asyncio.sleep(0)  # a listener that went away is noticed between two events
 
 
 def _sse(event: Event) -> str:

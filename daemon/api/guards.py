@@ -1,23 +1,32 @@
 """What every request passes before it reaches a route: size, origin, counting. Plain ASGI, so that bodies stream."""
 
+import re
+import socket
+
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from daemon.api.problems import answer, problem_of
-from daemon.errors import BodyTooLarge, CrossOrigin
+from daemon.errors import BodyTooLarge, CrossOrigin, HostNotAllowed
 from daemon.metrics import Metrics
+from daemon.settings_server import ServerSettings
 
 JSON_LIMIT_BYTES = 1_000_000
 """A hundred poses are 20 kB."""
 
 CLOUD_PATHS = ("/register", "/scans/")
+HOST = re.compile(
+    r"(?:(?P<address>[0-9]{1,3}(?:\.[0-9]{1,3}){3}|\[[0-9A-Fa-f:.]+\])|(?P<name>[A-Za-z0-9._-]+))(?::[0-9]{1,5})?"
+)
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
 class Guards:
-    """Refuses a body over its limit before it is read, and a foreign page's request; counts every answer."""
+    """Refuses a body over its limit before it is read, a foreign name and a foreign page; counts every answer."""
 
-    def __init__(self, app: ASGIApp, cloud_limit_bytes: int, metrics: Metrics) -> None:
-        self._app, self._cloud_limit, self._metrics = app, cloud_limit_bytes, metrics
+    def __init__(self, app: ASGIApp, server: ServerSettings, metrics: Metrics) -> None:
+        self._app, self._cloud_limit, self._metrics = app, server.body_limit_bytes, metrics
+        own = ("localhost", socket.gethostname(), socket.getfqdn(), server.host, *server.allowed_hosts)
+        self._hosts = frozenset(name.lower() for name in own)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -27,14 +36,24 @@ class Guards:
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
         try:
             exchange.require_length(headers.get(b"content-length", ""))
+            self._require_own_name(scope["http_version"], headers)
             _require_own_origin(scope["method"], headers)
             await self._app(scope, exchange.receive, exchange.send)
-        except (BodyTooLarge, CrossOrigin) as error:
+        except (BodyTooLarge, CrossOrigin, HostNotAllowed) as error:
             if exchange.status is not None:
                 raise
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, exchange.send)
         finally:
             self._metrics.requests[_method(scope["method"]), exchange.status or 500] += 1
+
+    def _require_own_name(self, http_version: str, headers: dict[bytes, str]) -> None:
+        """A name that somebody else resolves to this machine (DNS rebinding) is not ours; an address always is."""
+        host = headers.get(b"host")
+        if host is None and http_version == "1.0":
+            return
+        name = HOST.fullmatch(host or "")
+        if name is None or not (name["address"] or name["name"].lower() in self._hosts):
+            raise HostNotAllowed(host or "")
 
     def _limit(self, path: str) -> int:
         return self._cloud_limit if path.startswith(CLOUD_PATHS) else JSON_LIMIT_BYTES

@@ -1,27 +1,98 @@
-"""openapi.json: what FastAPI derives, and the bodies and problems it does not see."""
+"""openapi.json: what FastAPI derives, and what it does not see: bodies, problems, keys, examples."""
 
+from http import HTTPStatus
 from typing import Any, Literal
 
 from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from daemon.api.problems import Problem
+from daemon.api.documents import Answer
+from daemon.api.problem_examples import example_of
+from daemon.api.problems import MEDIA_TYPE, Problem
 from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
 
 BODIES: tuple[type[BaseModel], ...] = (CalibrateRequest, VerifyRequest, ScanRequest, ApplyRequest, Problem)
 MODE: Literal["validation"] = "validation"
 REF = "#/components/schemas/{model}"
 
+IDEMPOTENCY_KEY: dict[str, Any] = {
+    "name": "Idempotency-Key",
+    "in": "header",
+    "required": False,
+    "description": "A name for this request, such as a UUID. Sent again with the same name and body it is answered as"
+    " the first time and nothing is done twice; with another body: 422; while the first is in progress: 409.",
+    "schema": {"type": "string", "minLength": 1, "maxLength": 255, "pattern": "^[!#-~]{1,255}$"},
+    "example": "8e03978e-40d5-43dd-bc93-6894a57f9324",
+}
+"""Quotes, as of a structured field, are taken too; the schema describes what is simplest to send."""
 
-def with_bodies(app: FastAPI) -> dict[str, Any]:
-    """The document, complete: models of bodies that `access.body_of` reads, and of problems."""
+EVERY_REQUEST = (421,)
+EVERY_POST = (403, 409, 413, 507)
+"""Refused before a route is reached: a foreign page, a key in use, a body too large, a key that cannot be kept."""
+
+TAGS = {
+    "calibrate": "The main job: where the camera sits on the flange, and whether that still holds.",
+    "runs": "What the arm was asked to do: at most one run at a time.",
+    "calibrations": "Results, and which of them is in force.",
+    "cell": "Robot and camera as they are now.",
+    "register": "One cloud into the robot's base frame, while it passes by.",
+    "scans": "Parts larger than one view.",
+    "events": "What happens, as it happens.",
+    "health": "Is it alive, could it work, what has it counted.",
+}
+
+
+def described(app: FastAPI) -> dict[str, Any]:
+    """The document, complete."""
     if app.openapi_schema is None:
         document = FastAPI.openapi(app)
         _, schemas = models_json_schema([(model, MODE) for model in BODIES], ref_template=REF)
-        components = document.setdefault("components", {}).setdefault("schemas", {})
+        components = document.setdefault("components", {})
+        models = components.setdefault("schemas", {})
         for unused in ("HTTPValidationError", "ValidationError"):
-            components.pop(unused, None)
-        components.update(schemas["$defs"])
+            models.pop(unused, None)
+        models.update(schemas["$defs"])
+        for answer in Answer.__subclasses__():
+            if answer.__name__ in models and (shown := _examples_of(answer)):
+                models[answer.__name__]["examples"] = shown
+        components["parameters"] = {"IdempotencyKey": IDEMPOTENCY_KEY}
+        document["tags"] = [{"name": name, "description": about} for name, about in TAGS.items()]
+        document["servers"] = [{"url": "http://127.0.0.1:8372", "description": "this machine, as it comes"}]
+        problems = _finish(document)
+        components["responses"] = {str(status): _problem(status) for status in sorted(problems)}
         app.openapi_schema = document
     return app.openapi_schema
+
+
+def _finish(document: dict[str, Any]) -> set[int]:
+    """Problems by reference, keys and statuses that every operation shares; answers which statuses there are."""
+    used: set[int] = set()
+    for item in document["paths"].values():
+        for method, operation in item.items():
+            if method == "post":
+                reference = {"$ref": "#/components/parameters/IdempotencyKey"}
+                operation.setdefault("parameters", []).append(reference)
+            for status in (*EVERY_REQUEST, *(EVERY_POST if method == "post" else ())):
+                operation["responses"].setdefault(str(status), {"content": {MEDIA_TYPE: {}}})
+            for status, answer in operation["responses"].items():
+                if MEDIA_TYPE in answer.get("content", {}):
+                    operation["responses"][status] = {"$ref": f"#/components/responses/{status}"}
+                    used.add(int(status))
+            operation["responses"] = dict(sorted(operation["responses"].items()))
+    return used
+
+
+def _examples_of(answer: type[BaseModel]) -> list[Any]:
+    """As the model has them: FastAPI leaves out what is null."""
+    extra = answer.model_config.get("json_schema_extra")
+    shown = extra.get("examples") if isinstance(extra, dict) else None
+    return shown if isinstance(shown, list) else []
+
+
+def _problem(status: int) -> dict[str, Any]:
+    schema = {"$ref": "#/components/schemas/Problem"}
+    return {
+        "description": HTTPStatus(status).phrase,
+        "content": {MEDIA_TYPE: {"schema": schema, "example": example_of(status)}},
+    }

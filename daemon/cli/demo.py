@@ -85,7 +85,7 @@ def _port() -> int:
     """The usual port when it is free, so that the curl lines are always the same; else one the system chooses."""
     import socket
 
-    from daemon.settings import ServerSettings
+    from daemon.settings_server import ServerSettings
 
     usual = ServerSettings()
     try:

@@ -7,6 +7,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import httpx
+import jsonschema_rs
 import pytest
 
 from daemon.api.app import routes
@@ -35,7 +36,9 @@ def test_every_operation_says_what_it_does_and_every_answer_has_a_meaning(
     path: str, method: str, spec: dict[str, Any]
 ) -> None:
     assert spec.get("description"), (path, method)
-    for status, answer in spec["responses"].items():
+    shared = json.loads(OPENAPI.read_text())["components"]["responses"]
+    for status, given in spec["responses"].items():
+        answer = shared[given["$ref"].rpartition("/")[2]] if "$ref" in given else given
         assert answer["description"], (path, method, status)
         if status.isdigit() and int(status) >= 400 and path != "/ready":
             assert list(answer["content"]) == ["application/problem+json"]
@@ -44,8 +47,24 @@ def test_every_operation_says_what_it_does_and_every_answer_has_a_meaning(
 def test_every_reference_in_openapi_leads_somewhere() -> None:
     text = OPENAPI.read_text()
     document = json.loads(text)
-    references = {part.split('"')[0] for part in text.split('"$ref": "#/components/schemas/')[1:]}
-    assert references <= set(document["components"]["schemas"])
+    references = {part.split('"')[0] for part in text.split('"$ref": "#/components/')[1:]}
+    there = {f"{kind}/{name}" for kind, entries in document["components"].items() for name in entries}
+    assert references <= there
+
+
+def test_every_example_in_openapi_is_what_its_schema_says() -> None:
+    document = json.loads(OPENAPI.read_text())
+    schemas = document["components"]["schemas"]
+    validators = {name: jsonschema_rs.validator_for({**schema, "components": document["components"]})
+                  for name, schema in schemas.items()}  # fmt: skip
+    shown = 0
+    for name, schema in schemas.items():
+        for example in schema.get("examples", []):
+            validators[name].validate(example)
+            shown += 1
+    for answer in document["components"]["responses"].values():
+        validators["Problem"].validate(answer["content"]["application/problem+json"]["example"])
+    assert shown >= 10
 
 
 async def refused(bench: Bench, method: str, path: str, **request: Any) -> dict[str, Any]:
@@ -145,7 +164,7 @@ async def test_a_body_over_the_limit_is_refused_before_it_is_read(tmp_path: Path
     async with serving(settings_for(tmp_path, server={"port": 0, "body_limit_mb": 5})) as bench:
         url = urlsplit(bench.url)
         reader, writer = await asyncio.open_connection(url.hostname, url.port)
-        writer.write(f"POST {path} HTTP/1.1\r\nHost: x\r\nContent-Length: 5000001\r\n\r\n".encode())
+        writer.write(f"POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5000001\r\n\r\n".encode())
         answer = await asyncio.wait_for(reader.read(), 5)
         assert b" 413 " in answer.splitlines()[0]
         assert b"body-too-large" in answer
@@ -158,7 +177,7 @@ async def test_a_body_without_a_length_is_cut_off_at_the_limit(tmp_path: Path) -
         sent = 0
         url = urlsplit(bench.url)
         reader, writer = await asyncio.open_connection(url.hostname, url.port)
-        writer.write(b"POST /calibrate HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n")
+        writer.write(b"POST /calibrate HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n")
         answer = asyncio.create_task(reader.readuntil(b"\r\n\r\n"))
         while not answer.done() and sent < 3 * JSON_LIMIT_BYTES:
             writer.write(b"10000\r\n" + b" " * 0x10000 + b"\r\n")
@@ -175,6 +194,20 @@ async def test_a_page_from_elsewhere_cannot_move_the_robot(tmp_path: Path) -> No
         assert not bench.robot.goals
         own = await bench.client.post("/calibrate", headers={"origin": bench.url})
         assert own.status_code == 202
+
+
+FOREIGN = ["evil.example", "evil.example:8372", "localhost.evil.example", "127.0.0.1.evil.example", "", "a b", "[::1"]
+OWN = ["localhost", "LOCALHOST:1", "127.0.0.1:8372", "[::1]:8372", "192.168.1.7", "cell-7.plant.example"]
+
+
+async def test_a_name_that_somebody_else_resolves_to_us_is_refused(tmp_path: Path) -> None:
+    """DNS rebinding: to the browser the page and the daemon have the same origin then."""
+    async with serving(settings_for(tmp_path, server={"allowed_hosts": ["cell-7.plant.example"]})) as bench:
+        for host in FOREIGN:
+            problem = await refused(bench, "GET", "/health", headers={"host": host})
+            assert (problem["status"], problem["code"]) == (421, "host-not-allowed"), host
+        for host in OWN:
+            assert (await bench.client.get("/health", headers={"host": host})).status_code == 200, host
 
 
 async def test_a_rejected_calibration_is_applied_only_on_purpose(tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ async def test_a_client_that_reads_while_it_sends_gets_the_first_points_before_i
         await with_a_calibration(bench)
         content = cloud(2_000_000).astype("<f4").tobytes()
         reader, writer = await asyncio.open_connection(urlsplit(bench.url).hostname, urlsplit(bench.url).port)
-        head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: x\r\nContent-Type: application/octet-stream\r\n"
+        head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
         writer.write(f"{head}Content-Length: {len(content)}\r\n\r\n".encode() + content[:1_200_000])
         answer = await reader.readuntil(b"\r\n\r\n")
         first = await reader.readexactly(12)

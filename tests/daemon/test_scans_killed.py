@@ -67,7 +67,7 @@ async def test_a_finished_upload_survives_a_kill_and_an_interrupted_one_leaves_n
         assert answer.status_code == 201, answer.text
         host = urlsplit(str(client.base_url))
         _, writer = await asyncio.open_connection(host.hostname, host.port)
-        head = f"POST {link}?pose={POSES[1]} HTTP/1.1\r\nHost: x\r\nContent-Type: application/x-ply\r\n"
+        head = f"POST {link}?pose={POSES[1]} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/x-ply\r\n"
         writer.write(f"{head}Content-Length: {len(torn)}\r\n\r\n".encode() + torn[: len(torn) // 2])
         folder = tmp_path / "store" / "scans" / scan["id"]
         await becomes(lambda: any(file.stat().st_size > 100_000 for file in folder.glob(".*.upload")))

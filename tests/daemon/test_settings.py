@@ -90,6 +90,7 @@ def test_the_example_shows_the_defaults() -> None:
     for section in ("calibration", "server", "storage"):
         shown, default = getattr(example, section), getattr(smallest, section)
         given = {"flange_T_camera_guess", "base_T_target_guess", "uncertainty_mm"}
+        given |= {"allowed_hosts", "certificate", "private_key"}
         assert shown.model_dump(exclude={*given, "limits"}) == default.model_dump(exclude={*given, "limits"})
     assert example.robot.settling == smallest.robot.settling
     assert example.calibration.limits.model_copy(update={"box_mm": None}) == smallest.calibration.limits
@@ -105,7 +106,7 @@ def test_the_example_shows_the_defaults() -> None:
         (("[1, 1, 1]", "[1, -1, 1]"), "robot", "each minimum below its maximum"),
         (("[1, 1, 1]", "[1, nan, 1]"), "robot.box_mm[1][1]", "finite"),
         (('address = "tcp://r:1"', 'address = "tcp://r:1"\nmodel = "IRB 9"'), "robot.model", "IRB 1600-6/1.45"),
-        (("[camera]", '[server]\nhost = "0.0.0.0"\n[camera]'), "server", "trusted_network"),
+        (("[camera]", '[server]\nhost = "0.0.0.0"\n[camera]'), "server", "handeyed tls init"),
         (("[camera]", "[calibration]\ncount = 2\n[camera]"), "calibration.count", "greater than or equal to 3"),
         (
             (

@@ -1,0 +1,34 @@
+"""One problem of each status, as the daemon tells it, for openapi.json."""
+
+from typing import Any
+
+from calibration.errors import DocumentProblem
+from daemon import errors
+from daemon.api.problems import problem_of
+from drivers import errors as device
+
+_RUN = "20261121-090000-3f9a1c"
+_FULL = "the disk of /var/lib/handeyed/handeyed.sqlite is full"
+
+EXAMPLES: dict[int, Exception] = {
+    400: errors.BodyMalformed("the body is not JSON (Expecting value at line 1, column 2)", "send JSON, or no body"),
+    403: errors.CrossOrigin("a page of 'https://elsewhere.example' asks", "ask from a page of this daemon"),
+    404: errors.NotFound(f"there is no run {_RUN!r}", "GET /runs lists them"),
+    406: errors.NotAcceptable("a cloud is not answered as 'image/png'", "set Accept to application/x-ply"),
+    409: errors.RunInProgress("calibration", _RUN),
+    412: errors.AppliedMeanwhile(7),
+    413: errors.BodyTooLarge(1_000_000),
+    415: errors.UnknownMediaType("a cloud of type 'text/csv' is not taken", "set Content-Type to application/x-ply"),
+    421: errors.HostNotAllowed("elsewhere.example"),
+    422: errors.RequestRefused([DocumentProblem("cuont", "unknown key", "did you mean 'count'?")]),
+    500: errors.StorageError("/var/lib/handeyed: input/output error", "check the disk"),
+    502: errors.PictureUnusable("the camera gave a picture of 640 x 480 pixels", "set its resolution back"),
+    503: errors.CellNotReady(("robot: motors are off",)),
+    504: device.DeviceTimeout("robot tcp://192.168.125.1:5020", "no answer within 2 s", "look at the controller"),
+    507: errors.StorageFull(_FULL, "free some space there; what was stored before is unharmed"),
+}
+
+
+def example_of(status: int) -> dict[str, Any]:
+    """As problem+json."""
+    return problem_of(EXAMPLES[status]).model_dump(exclude_none=True)

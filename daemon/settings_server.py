@@ -1,0 +1,80 @@
+"""Settings of the doors to the network: where the REST interface listens, and who is told by webhooks."""
+
+import ipaddress
+from pathlib import Path
+from typing import Annotated, Literal
+from urllib.parse import urlsplit
+
+from pydantic import AfterValidator, Field, model_validator
+
+from calibration.documents.validation import Document
+
+Topic = Literal["run.ended", "calibration.stored", "calibration.applied", "scan.view", "alarm"]
+
+
+def is_loopback(host: str) -> bool:
+    """Only this machine can reach it."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _http_url(url: str) -> str:
+    parts = urlsplit(url)
+    if parts.scheme not in ("http", "https") or not parts.hostname or parts.username or parts.fragment:
+        raise ValueError("give http://HOST:PORT/PATH or https://..., without user and fragment")
+    return url
+
+
+HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._-]+$")]
+
+
+class ServerSettings(Document):
+    """Where the REST interface listens. Any other address than this machine's own needs a certificate, and keys."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8372
+    allowed_hosts: tuple[HostName, ...] = ()
+    certificate: str | None = None
+    private_key: str | None = None
+    body_limit_mb: Annotated[float, Field(gt=0, le=65536)] = 2048.0
+
+    @model_validator(mode="after")
+    def _secret_unless_loopback(self) -> "ServerSettings":
+        if (self.certificate is None) != (self.private_key is None):
+            raise ValueError("certificate and private_key belong together: give both, or neither")
+        if not self.loopback and self.certificate is None:
+            raise ValueError(
+                f"host {self.host!r} can be reached by others: give certificate and private_key ('handeyed tls init'"
+                " makes them), or use 127.0.0.1"
+            )
+        return self
+
+    @property
+    def loopback(self) -> bool:
+        return is_loopback(self.host)
+
+    @property
+    def body_limit_bytes(self) -> int:
+        return int(self.body_limit_mb * 1_000_000)
+
+    def beside(self, folder: Path) -> "ServerSettings":
+        """Relative files are taken from the settings file's folder."""
+        if self.certificate is None or self.private_key is None:
+            return self
+        files = {"certificate": str(folder / self.certificate), "private_key": str(folder / self.private_key)}
+        return self.model_copy(update=files)
+
+
+class WebhookSettings(Document):
+    """Who is told what happened. `secret_file` holds what messages are signed with, 32 bytes or more a line."""
+
+    receiver: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")]
+    url: Annotated[str, Field(max_length=2000), AfterValidator(_http_url)]
+    secret_file: Annotated[str, Field(min_length=1)]
+    topics: tuple[Topic, ...] = ()
+
+    def beside(self, folder: Path) -> "WebhookSettings":
+        """A relative file is taken from the settings file's folder."""
+        return self.model_copy(update={"secret_file": str(folder / self.secret_file)})
