@@ -1,0 +1,95 @@
+"""A PLC's program for tests: reads by name, writes bits, waits for status as a ladder would."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from pymodbus.client import AsyncModbusTcpClient
+
+from daemon.plc.companion import Plc
+from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_of, unsigned_of
+from protocols.plc.codes import Control, Status
+from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind
+from tests.daemon.cells import Bench
+
+MOVING = {"port": 0, "writers": ["127.0.0.1"], "motion": True}
+"""[plc] of a PLC that may move the arm."""
+
+NONE = Status(0)
+
+READERS = {Kind.FLOAT32: float_of, Kind.INT32: integer_of, Kind.UINT32: unsigned_of}
+
+
+def plc_of(bench: Bench) -> Plc:
+    return next(companion for companion in bench.application.companions if isinstance(companion, Plc))
+
+
+def value_of(image: list[int], name: str, order: WordOrder = WordOrder.HIGH_FIRST) -> Any:
+    """One named value of all registers."""
+    register = BY_NAME[name]
+    words = image[register.address : register.address + register.registers]
+    if register.kind in READERS:
+        return READERS[register.kind](words, order)
+    return text_of(words) if register.kind is Kind.TEXT24 else words[0]
+
+
+@dataclass
+class Ladder:
+    """Somebody with pymodbus."""
+
+    client: Any
+    control: Control = field(default=Control(0))
+
+    async def image(self) -> list[int]:
+        """Every register: two reads, as no PLC takes more than 125 at once."""
+        first = await self.client.read_holding_registers(0, count=RESULT)
+        second = await self.client.read_input_registers(RESULT, count=SIZE - RESULT)
+        return [*first.registers, *second.registers]
+
+    async def status(self) -> Status:
+        return Status((await self.client.read_input_registers(16, count=1)).registers[0])
+
+    async def sets(self, control: Control) -> None:
+        self.control = control
+        answer = await self.client.write_register(0, int(control))
+        assert not answer.isError(), answer
+
+    async def waits(self, wanted: Status, unwanted: Status = NONE, within_s: float = 20.0) -> Status:
+        async with asyncio.timeout(within_s):
+            while True:
+                status = await self.status()
+                if status & wanted == wanted and not status & unwanted:
+                    return status
+                await asyncio.sleep(0.01)
+
+    async def triggers(self, trigger: Control) -> Status:
+        """Until it is answered; then lets go."""
+        await self.sets(Control(0))
+        await self.sets(trigger)
+        status = await self.waits(Status.TRIGGER_ACK)
+        await self.sets(Control(0))
+        await self.waits(Status(0), unwanted=Status.TRIGGER_ACK)
+        return status
+
+    async def result(self) -> list[int]:
+        """The block once it is valid, checked, acknowledged."""
+        await self.waits(Status.RESULTS_VALID)
+        image = await self.image()
+        assert image[-1] == crc16(image[RESULT:-1])
+        await self.sets(Control.RESULTS_ACK)
+        await self.waits(Status(0), unwanted=Status.RESULTS_VALID)
+        await self.sets(Control(0))
+        return image
+
+
+@asynccontextmanager
+async def ladder(bench: Bench) -> AsyncIterator[Ladder]:
+    """A PLC that is connected."""
+    client = AsyncModbusTcpClient("127.0.0.1", port=plc_of(bench).tcp.port, timeout=10, retries=0, reconnect_delay=0)
+    assert await client.connect()
+    try:
+        yield Ladder(client)
+    finally:
+        client.close()
