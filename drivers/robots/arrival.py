@@ -40,7 +40,8 @@ class Arrival:
         return False
 
     def _no_longer_known(self, report: Report) -> bool:
-        return report.progress_per_mille >= STANDS_PER_MILLE and not report.flags & Flag.MOVING
+        stands = bool(report.flags & Flag.IN_POSITION) and not report.flags & Flag.MOVING
+        return stands and report.progress_per_mille >= STANDS_PER_MILLE
 
 
 def _why_it_waits(report: Report) -> tuple[str, str]:

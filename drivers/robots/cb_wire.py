@@ -23,7 +23,9 @@ KINDS = {"joint": MoveKind.JOINT, "linear": MoveKind.LINEAR}
 def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
     """What a pose reply says; raises GarbledAnswer for NaN or a quaternion whose norm is off by more than 2e-3."""
     if not np.all(np.isfinite([*pose.position_mm, *pose.quaternion_wxyz, *pose.external_axes])):
-        raise _garbled(device, f"a pose with a number that is none: {pose.position_mm}, {pose.quaternion_wxyz}")
+        raise _garbled(
+            device, f"a pose with a number that is none: {_told(pose.position_mm)}, {_told(pose.quaternion_wxyz)}"
+        )
     quaternion_wxyz = np.array(pose.quaternion_wxyz)
     try:  # SciPy normalises, so float32 rounding of the quaternion leaves a true rotation
         base_R_flange = rotation_from_quaternion(quaternion_wxyz)
@@ -41,7 +43,7 @@ def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
 def joints_rad(device: str, joints: Joints) -> Array:
     """The arm's axis angles (6,) in rad; raises GarbledAnswer."""
     if not np.all(np.isfinite(joints.axes_deg)):
-        raise _garbled(device, f"axis angles with a number that is none: {joints.axes_deg}")
+        raise _garbled(device, f"axis angles with a number that is none: {_told(joints.axes_deg)}")
     angles_rad: Array = np.radians(np.array(joints.axes_deg, float))
     return angles_rad
 
@@ -114,6 +116,10 @@ def _six(axes: tuple[float, ...]) -> tuple[float, float, float, float, float, fl
 
 def _not_sent(device: str, wrong: str) -> MoveRefused:
     return MoveRefused(device, f"the goal was not sent: {wrong}", "correct the goal", Status.BAD_FIELD.name)
+
+
+def _told(numbers: tuple[float, ...]) -> str:
+    return f"({', '.join(f'{number:.6g}' for number in numbers)})"
 
 
 def _garbled(device: str, what: str) -> GarbledAnswer:

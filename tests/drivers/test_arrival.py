@@ -36,6 +36,7 @@ def test_a_slow_move_may_take_its_time() -> None:
         (report(0), 5.1, MoveStalled, "stood still for 5 s after 0 % of the way"),
         (report(437), 5.1, MoveStalled, "after 44 % of the way"),
         (report(1000), 5.1, MoveStalled, "does not come to rest"),
+        (report(1000, Flag.AUTO), 5.1, MoveStalled, "does not come to rest"),
         (report(1000, Flag.IN_POSITION), 2.1, MoveFailed, "does not know move 7 any more"),
     ],
 )

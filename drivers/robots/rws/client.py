@@ -1,0 +1,206 @@
+"""Requests to a controller: which version it speaks, one session and its cookies, paced, errors in our words."""
+
+import asyncio
+import ssl
+from collections.abc import Mapping
+from typing import Any
+
+import httpx
+
+from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost, RequestRefused
+from drivers.robots.rws.address import SCHEMES, RwsAddress
+from drivers.robots.rws.dialect import DIALECTS, Dialect, error_in
+from drivers.robots.rws.refusals import refused
+from drivers.timing import Timing
+
+LIMIT_S, CONNECT_LIMIT_S = 5.0, 3.0
+REQUESTS_PER_S, BURST = 15.0, 8.0
+"""Below the controllers' 20 a second, which more than one client share."""
+LISTENS = "check the address; on the controller: option PC Interface, the network port, the firewall"
+
+
+class RwsClient:
+    """One session. `dialect` None until the controller was found."""
+
+    def __init__(self, device: str, address: RwsAddress, timing: Timing) -> None:
+        self.device, self.address = device, address
+        self._timing = timing
+        self.dialect: Dialect | None = None
+        self._http: httpx.AsyncClient | None = None
+        self._finding = asyncio.Lock()
+        self._tokens, self._counted_s = BURST, timing.clock()
+
+    async def find(self) -> Dialect:
+        """The session's dialect; without one, 2.0 over HTTPS is tried first, then 1.0 over HTTP. Raises DeviceError."""
+        async with self._finding:
+            return self.dialect or await self._open()
+
+    async def _open(self) -> Dialect:
+        errors: list[DeviceError] = []
+        for version in [self.address.version] if self.address.version else SCHEMES:
+            http = self._session(version)
+            try:
+                dialect = DIALECTS[version]
+                await self._send(
+                    http, "GET", dialect.controller_state, dialect.query, {}, dialect.headers, "the greeting"
+                )
+            except DeviceError as error:
+                await http.aclose()
+                errors.append(error)
+                if isinstance(error, RequestRefused) and error.status == "UNAUTHORIZED":
+                    break  # it is there, and does not want us: nothing else is tried with this password
+            except BaseException:
+                await http.aclose()
+                raise
+            else:
+                self._http, self.dialect = http, dialect
+                return dialect
+        raise self._telling(errors)
+
+    async def get(self, path: str, query: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
+        """The resources at a path. Raises DeviceError."""
+        dialect = self._found()
+        await self._pace()
+        answer = await self._ask("GET", path, {**(query or {}), **dialect.query}, headers=dialect.headers)
+        try:
+            return dialect.items(answer.content)
+        except (ValueError, AttributeError) as error:
+            what = f"reading {path}: no answer of {dialect.name} ({error})"
+            raise GarbledAnswer(self.device, what, "check that the address is a controller's") from error
+
+    async def post(
+        self, path: str, query: Mapping[str, str], form: Mapping[str, str], *, urgent: bool = False
+    ) -> httpx.Response:
+        """Have something done; urgent: without waiting for a turn. Raises DeviceError."""
+        if not urgent:
+            await self._pace()
+        return await self._ask("POST", path, query, form=form, headers=self._found().post_headers)
+
+    async def put_file(self, path: str, content: bytes) -> None:
+        """Write a file below the controller's home folder. Raises DeviceError."""
+        await self._pace()
+        dialect = self._found()
+        kind = "application/octet-stream" + (";v=2.0" if dialect.version == 2 else "")
+        await self._ask(
+            "PUT", f"/fileservice/{dialect.home}/{path}", {}, content=content, headers={"Content-Type": kind}
+        )
+
+    async def delete(self, path: str) -> None:
+        """Raises DeviceError."""
+        await self._ask("DELETE", path, {}, headers=self._found().post_headers)
+
+    async def close(self) -> None:
+        """Log out, so that the controller has its session back."""
+        http, self._http, self.dialect = self._http, None, None
+        if http is None:
+            return
+        try:
+            async with asyncio.timeout(1.0):
+                await http.get("/logout", headers={"Accept": "*/*"})
+        except (httpx.HTTPError, TimeoutError):
+            pass  # it is gone: so will the session be, in five minutes
+        finally:
+            await http.aclose()
+
+    def socket(self, path: str) -> tuple[str, dict[str, str], ssl.SSLContext | None]:
+        """How a subscription's WebSocket is opened: URL, headers, TLS."""
+        http, dialect = self._http, self._found()
+        assert http is not None
+        cookies = "; ".join(f"{name}={value}" for name, value in http.cookies.items())
+        url = self.address.url(dialect.version).replace("http", "ws", 1) + path
+        return url, {"Cookie": cookies}, self._tls() if dialect.version == 2 else None
+
+    # --- inside ---
+
+    def _found(self) -> Dialect:
+        if self.dialect is None:
+            raise DeviceUnreachable(self.device, "no session with the controller", "it is looked for again by itself")
+        return self.dialect
+
+    def _telling(self, errors: list[DeviceError]) -> DeviceError:
+        """Of one error for each version that was tried: the one that was answered, or all in one."""
+        for error in errors:
+            if not isinstance(error.__cause__, httpx.TransportError) or len(errors) == 1:
+                return error
+        tried = "; ".join(
+            f"{SCHEMES[version].upper()}: {error.what}" for version, error in zip(SCHEMES, errors, strict=True)
+        )
+        return DeviceUnreachable(self.device, tried, LISTENS)
+
+    def _session(self, version: int) -> httpx.AsyncClient:
+        secret = self.address.secret(self.device)
+        auth: httpx.Auth = httpx.BasicAuth(self.address.user, secret)
+        if version == 1:
+            auth = httpx.DigestAuth(self.address.user, secret)
+        return httpx.AsyncClient(
+            base_url=self.address.url(version),
+            auth=auth,
+            verify=self._tls() if version == 2 else True,
+            timeout=httpx.Timeout(LIMIT_S, connect=CONNECT_LIMIT_S),
+            trust_env=False,
+            limits=httpx.Limits(max_connections=4),
+        )
+
+    def _tls(self) -> ssl.SSLContext:
+        """Controllers sign their certificates themselves: one that is given is trusted alone, else any is."""
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.check_hostname = False
+        context.verify_mode = ssl.CERT_NONE
+        if self.address.certificate is not None:
+            context.verify_mode = ssl.CERT_REQUIRED
+            try:
+                context.load_verify_locations(self.address.certificate)
+            except (OSError, ssl.SSLError) as error:
+                what = f"the certificate {self.address.certificate} cannot be read ({error})"
+                raise RequestRefused(
+                    self.device, what, "correct certificate in the address", "NO_CERTIFICATE"
+                ) from error
+        return context
+
+    async def _pace(self) -> None:
+        """Wait for a turn, so that all turns stay below what the controllers allow."""
+        now_s = self._timing.clock()
+        self._tokens = min(BURST, self._tokens + (now_s - self._counted_s) * REQUESTS_PER_S) - 1.0
+        self._counted_s = now_s
+        if self._tokens < 0:
+            await self._timing.sleep(-self._tokens / REQUESTS_PER_S)
+
+    async def _ask(
+        self,
+        method: str,
+        path: str,
+        query: Mapping[str, str],
+        *,
+        headers: Mapping[str, str],
+        form: Mapping[str, str] | None = None,
+        content: bytes | None = None,
+    ) -> httpx.Response:
+        self._found()
+        assert self._http is not None
+        doing = f"{method} {path}"
+        return await self._send(self._http, method, path, query, form, headers, doing, content)
+
+    async def _send(
+        self,
+        http: httpx.AsyncClient,
+        method: str,
+        path: str,
+        query: Mapping[str, str],
+        form: Mapping[str, str] | None,
+        headers: Mapping[str, str],
+        doing: str,
+        content: bytes | None = None,
+    ) -> httpx.Response:
+        body = {"data": dict(form)} if form else {"content": content} if content is not None else {}
+        try:
+            answer = await http.request(method, path, params=dict(query), headers=dict(headers), **body)
+        except httpx.TimeoutException as error:
+            raise DeviceTimeout(self.device, f"{doing}: no answer in {LIMIT_S:g} s", LISTENS) from error
+        except httpx.ConnectError as error:
+            raise DeviceUnreachable(self.device, f"nobody answers ({error})", LISTENS) from error
+        except httpx.TransportError as error:
+            what = f"{doing}: the connection broke ({error or type(error).__name__})"
+            raise LinkLost(self.device, what, "it is opened again by itself") from error
+        if answer.is_success:
+            return answer
+        raise refused(self.device, doing, answer.status_code, *error_in(answer.content))

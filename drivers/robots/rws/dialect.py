@@ -1,0 +1,90 @@
+"""What RWS 1.0 and 2.0 call the same things, in one table, and how their answers are taken apart."""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Call = tuple[str, Mapping[str, str]]
+"""A path and its query."""
+_CODE = re.compile(r'class="code">\s*(-?\d+)\s*<')
+_MESSAGE = re.compile(r'class="msg">([^<]*)<')
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """One version. Paths begin with a slash; `query` goes with every GET."""
+
+    version: int
+    headers: Mapping[str, str]
+    post_headers: Mapping[str, str]
+    query: Mapping[str, str]
+    controller_state: str
+    stop: Call
+    take_mastership: Call
+    release_mastership: Call
+    home: str
+    subprotocol: str
+
+    def load_module(self, task: str) -> Call:
+        """Where a module is loaded."""
+        path = f"/rw/rapid/tasks/{task}"
+        return (path, {"action": "loadmod"}) if self.version == 1 else (f"{path}/loadmod", {})
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"RWS {self.version}.0"
+
+    def items(self, content: bytes) -> list[dict[str, Any]]:
+        """The resources of an answer. Raises ValueError when it is none."""
+        document = json.loads(content)
+        embedded = document.get("_embedded", {}) if isinstance(document, dict) else {}
+        items = embedded.get("_state") or document.get("state") or embedded.get("resources") or []
+        if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+            raise ValueError("no list of resources")
+        return items
+
+
+def error_in(content: bytes) -> tuple[int | None, str]:
+    """ABB's number and words in the body of a refusal, JSON or XHTML; (None, "") when there are none."""
+    text = content.decode("utf-8", "replace")
+    code, message = _CODE.search(text), _MESSAGE.search(text)
+    if code:
+        return int(code.group(1)), message.group(1).strip() if message else ""
+    try:
+        document = json.loads(text)
+        status = document.get("status") or document["_embedded"]["status"]
+        return int(status["code"]), str(status.get("msg", ""))
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None, ""
+
+
+_FORM = "application/x-www-form-urlencoded"
+DIALECTS: Mapping[int, Dialect] = {
+    1: Dialect(
+        version=1,
+        headers={"Accept": "application/json"},
+        post_headers={"Content-Type": _FORM},
+        query={"json": "1"},
+        controller_state="/rw/panel/ctrlstate",
+        stop=("/rw/rapid/execution", {"action": "stop"}),
+        take_mastership=("/rw/mastership/rapid", {"action": "request"}),
+        release_mastership=("/rw/mastership/rapid", {"action": "release"}),
+        home="$HOME",
+        subprotocol="robapi2_subscription",
+    ),
+    2: Dialect(
+        version=2,
+        headers={"Accept": "application/hal+json;v=2.0"},
+        post_headers={"Content-Type": f"{_FORM};v=2.0"},
+        query={},
+        controller_state="/rw/panel/ctrl-state",
+        stop=("/rw/rapid/execution/stop", {}),
+        take_mastership=("/rw/mastership/edit/request", {}),
+        release_mastership=("/rw/mastership/edit/release", {}),
+        home="HOME",
+        subprotocol="rws_subscription",
+    ),
+}

@@ -1,0 +1,137 @@
+"""The session with a controller: found in the background, its panel read and watched, found again when it is lost."""
+
+import asyncio
+import logging
+from collections.abc import Mapping
+
+from drivers.backoff import Backoff
+from drivers.errors import DeviceError, DeviceUnreachable
+from drivers.interfaces import LinkHealth
+from drivers.link_report import LinkReport
+from drivers.robots.rws import reading
+from drivers.robots.rws.client import RwsClient
+from drivers.robots.rws.dialect import DIALECTS
+from drivers.robots.rws.reading import ControllerState
+from drivers.robots.rws.watch import Event, Watch
+from drivers.timing import Timing
+
+log = logging.getLogger(__name__)
+
+LOOK_EVERY_S = 2.0
+"""How often the panel is read though nothing was told: a subscription may have gone mute."""
+UNTOLD_LOOKS = 2
+"""So many looks in a row that find what no event told end the subscription."""
+_TOLD = {"ctrlstate": "controller", "opmode": "mode", "ctrlexecstate": "execution"}
+
+
+class RwsLink:
+    """Owns session and subscription."""
+
+    def __init__(self, client: RwsClient, timing: Timing) -> None:
+        self._client, self._timing = client, timing
+        self._report = LinkReport(timing.clock)
+        self._backoff, self._watch_backoff = Backoff(timing.chance), Backoff(timing.chance)
+        self._watch: Watch | None = None
+        self._told: dict[str, str] = {}
+        self.newest_event = 0
+        self._up = asyncio.Event()
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def health(self) -> LinkHealth:
+        """Is the controller there, and in which state?"""
+        return self._report.health
+
+    @property
+    def watching(self) -> bool:
+        """Does the controller tell changes by itself?"""
+        return self._watch is not None and self._watch.is_open
+
+    def start(self) -> None:
+        """Begin to look for the controller."""
+        if self._task is None:
+            self._task = asyncio.create_task(self._keep_connected(), name=f"link to {self._client.device}")
+
+    async def connected(self, limit_s: float) -> None:
+        """Wait for the controller; raises DeviceUnreachable with the reason."""
+        waiting = asyncio.ensure_future(self._up.wait())
+        in_time = await self._timing.done_within(waiting, limit_s)
+        waiting.cancel()
+        if not in_time:
+            raise DeviceUnreachable(self._client.device, self.health.detail, "it is looked for again by itself")
+
+    async def close(self) -> None:
+        """Log out."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            self._task = None
+        await self._client.close()
+        self._report.down("closed")
+
+    async def one(self, path: str, query: Mapping[str, str] | None = None) -> reading.Values:
+        """The first resource at a path; empty when there is none. Raises DeviceError."""
+        items = await self._client.get(path, query)
+        return items[0] if items else {}
+
+    async def read_state(self) -> ControllerState:
+        """Panel and program. Raises DeviceError."""
+        device, dialect = self._client.device, self._client.dialect or DIALECTS[2]
+        controller, mode, run, speed = await asyncio.gather(
+            self.one(dialect.controller_state),
+            self.one("/rw/panel/opmode"),
+            self.one("/rw/rapid/execution"),
+            self.one("/rw/panel/speedratio"),
+        )
+        return ControllerState(
+            controller=reading.word(device, controller, "ctrlstate"),
+            mode=reading.word(device, mode, "opmode"),
+            execution=reading.word(device, run, "ctrlexecstate"),
+            speed_ratio=reading.number(device, speed, "speedratio"),
+        )
+
+    async def _keep_connected(self) -> None:
+        while True:
+            try:
+                dialect = await self._client.find()
+                async with asyncio.TaskGroup() as group:
+                    group.create_task(self._look(dialect.name))
+                    group.create_task(self._keep_watching())
+            except* DeviceError as errors:
+                error = errors.exceptions[0]
+                self._up.clear()
+                self._report.down(f"{error.what}: {error.fix}" if isinstance(error, DeviceError) else str(error))
+            await self._client.close()
+            await self._timing.sleep(self._backoff.next_wait_s())
+
+    async def _look(self, name: str) -> None:
+        """Read the panel again and again; raises DeviceError when it cannot be read."""
+        untold = 0
+        while True:
+            state = await self.read_state()
+            seen = {told: getattr(state, attribute) for told, attribute in _TOLD.items()}
+            untold = untold + 1 if self.watching and any(self._told.get(k) != v for k, v in seen.items()) else 0
+            if untold >= UNTOLD_LOOKS and self._watch is not None:
+                log.warning("%s: the subscription tells nothing any more: it is opened again", self._client.device)
+                await self._watch.end()
+            if not self.watching:
+                self._told.update(seen)
+            self._report.up(f"connected over {name}: {state}")
+            self._backoff.succeeded()
+            self._up.set()
+            await self._timing.sleep(LOOK_EVERY_S)
+
+    async def _keep_watching(self) -> None:
+        """Subscribe again and again: a controller that does not let us is read all the same."""
+        while True:
+            self._watch = Watch(self._client, self._heard)
+            try:
+                await self._watch.listen(self._watch_backoff.succeeded)
+            except DeviceError as error:
+                log.info("%s", error)
+            await self._timing.sleep(self._watch_backoff.next_wait_s())
+
+    def _heard(self, event: Event) -> None:
+        self._told.update(event.values)
+        if event.values.get("seqnum", "").isdecimal():
+            self.newest_event = int(event.values["seqnum"])

@@ -1,0 +1,134 @@
+"""From the values of RWS to base_T_flange, joints, status and log entries. Everything in it is text."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from calibration.errors import GeometryError
+from calibration.transforms import Array, difference, rotation_from_quaternion, transform
+from drivers.errors import GarbledAnswer
+from drivers.interfaces import UNUSED_AXIS, Configuration, PoseReading, RobotStatus
+
+UNUSED_FROM = 8.9e9
+"""9E9 is printed 8.999999e+09 or 9E+09: at least this is an axis that is not there."""
+STILL_MM, STILL_RAD = 0.02, math.radians(0.005)
+"""Two readings further apart than this are of an arm that moves."""
+AXES = "abcdef"
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class ControllerState:
+    """The panel, in the controller's own words. `speed_ratio` is the pendant's, in percent."""
+
+    controller: str
+    mode: str
+    execution: str
+    speed_ratio: float
+
+    def __str__(self) -> str:
+        return f"{self.controller}, {self.mode}, RAPID {self.execution}, speed {self.speed_ratio:g} %"
+
+
+@dataclass(frozen=True)
+class EventLogEntry:
+    """A line of the controller's event log; `kind` 1 information, 2 warning, 3 error."""
+
+    number: int
+    kind: int
+    code: int
+    at: str
+    title: str
+    description: str
+
+
+def pose(device: str, values: Values, taken_at_s: float) -> PoseReading:
+    """A robtarget; one reading alone is of an arm that may move. Raises GarbledAnswer for one that is none."""
+    x, y, z, *quaternion = _numbers(device, values, ("x", "y", "z", "q1", "q2", "q3", "q4"))
+    try:
+        base_R_flange = rotation_from_quaternion(np.array(quaternion))
+    except GeometryError as error:
+        raise _garbled(device, str(error)) from error
+    quarters = _numbers(device, values, ("cf1", "cf4", "cf6", "cfx"))
+    spelled = "eax_" if "eax_a" in values else "eax"
+    axes = _numbers(device, values, tuple(f"{spelled}{letter}" for letter in AXES))
+    return PoseReading(
+        base_T_flange=transform(base_R_flange, [x, y, z]),
+        configuration=Configuration(*(int(quarter) for quarter in quarters)),
+        external_axes=tuple(UNUSED_AXIS if axis >= UNUSED_FROM else axis for axis in axes),
+        still=False,
+        taken_at_s=taken_at_s,
+    )
+
+
+def stood(before: PoseReading, after: PoseReading) -> PoseReading:
+    """The later reading, still when the two agree."""
+    off_mm, off_rad = difference(before.base_T_flange, after.base_T_flange)
+    return replace(after, still=off_mm <= STILL_MM and off_rad <= STILL_RAD)
+
+
+def joints_rad(device: str, values: Values) -> Array:
+    """Axis angles (6,). Raises GarbledAnswer."""
+    degrees = _numbers(device, values, tuple(f"rax_{axis}" for axis in range(1, 7)))
+    angles_rad: Array = np.radians(np.array(degrees))
+    return angles_rad
+
+
+def status(state: ControllerState, moving: bool, taken_at_s: float) -> RobotStatus:
+    """What the panel says, and whether the arm moved between two looks. Over RWS the arm is never armed."""
+    return RobotStatus(
+        motors_on=state.controller == "motoron",
+        automatic=state.mode == "AUTO",
+        emergency_stop=state.controller in ("emergencystop", "emergencystopreset"),
+        moving=moving,
+        in_position=not moving,
+        armed=False,
+        program_running=state.execution == "running",
+        speed_limited=state.mode != "AUTO" or state.speed_ratio < 100,
+        taken_at_s=taken_at_s,
+    )
+
+
+def word(device: str, values: Values, name: str) -> str:
+    """A value that must be there. Raises GarbledAnswer."""
+    value = values.get(name)
+    if not isinstance(value, str) or not value:
+        raise _garbled(device, f"an answer without {name}")
+    return value
+
+
+def number(device: str, values: Values, name: str) -> float:
+    """A finite number that must be there. Raises GarbledAnswer."""
+    return _numbers(device, values, (name,))[0]
+
+
+def log_entry(device: str, values: Values) -> EventLogEntry:
+    """Raises GarbledAnswer."""
+    try:
+        return EventLogEntry(
+            number=int(str(values["_title"]).rpartition("/")[2]),
+            kind=int(values["msgtype"]),
+            code=int(values["code"]),
+            at=str(values["tstamp"]),
+            title=str(values.get("title", "")),
+            description=str(values.get("desc", "")),
+        )
+    except (KeyError, ValueError, TypeError) as error:
+        raise _garbled(device, f"a log entry that cannot be read ({error})") from error
+
+
+def _numbers(device: str, values: Values, names: tuple[str, ...]) -> list[float]:
+    try:
+        numbers = [float(values[name]) for name in names]
+    except (KeyError, ValueError, TypeError) as error:
+        raise _garbled(device, f"an answer without the number {error}") from error
+    if not all(math.isfinite(each) for each in numbers):
+        raise _garbled(device, f"a number that is none among {dict(zip(names, numbers, strict=True))}")
+    return numbers
+
+
+def _garbled(device: str, what: str) -> GarbledAnswer:
+    return GarbledAnswer(device, what, "nothing is done with it; check that the address is a controller's")

@@ -1,0 +1,130 @@
+"""drivers.interfaces.Robot over Robot Web Services: everything is read, a running program is stopped, nothing moves."""
+
+import asyncio
+from collections.abc import Mapping
+from typing import NoReturn
+
+from calibration.transforms import Array
+from drivers.errors import MoveRefused, RequestRefused
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotStatus
+from drivers.robots.rws import reading
+from drivers.robots.rws.address import FRAMES, RwsAddress
+from drivers.robots.rws.client import RwsClient
+from drivers.robots.rws.link import RwsLink
+from drivers.robots.rws.reading import ControllerState, EventLogEntry
+from drivers.timing import Timing
+
+STILL_GAP_S = 0.1
+READ_ONLY = "over Robot Web Services the arm is read, not moved"
+INSTEAD = (
+    "jog it and take the views by hand (handeyed calibrate --manual), or set [robot] address to the CB link, tcp://..."
+)
+
+
+class RwsRobot:
+    """`start` begins to look for the controller; until it is found, DeviceUnreachable."""
+
+    def __init__(self, address: RwsAddress, timing: Timing | None = None, name: str = "robot") -> None:
+        self._device = f"{name} {address.address}"
+        self._address = address
+        self._timing = timing or Timing()
+        self._client = RwsClient(self._device, address, self._timing)
+        self._link = RwsLink(self._client, self._timing)
+
+    @property
+    def link(self) -> LinkHealth:
+        """Is the controller there, and in which state?"""
+        return self._link.health
+
+    @property
+    def watching(self) -> bool:
+        """Does the controller tell changes by itself?"""
+        return self._link.watching
+
+    @property
+    def newest_event(self) -> int:
+        """The number of the newest entry of the event log that was told; 0 before the first."""
+        return self._link.newest_event
+
+    def start(self) -> None:
+        """Begin to look for the controller in the background."""
+        self._link.start()
+
+    async def connected(self, limit_s: float) -> None:
+        """Wait for the controller; raises DeviceUnreachable with the reason when it is not found in time."""
+        await self._link.connected(limit_s)
+
+    async def close(self) -> None:
+        """Log out, and look no more."""
+        await self._link.close()
+
+    # --- reading ---
+
+    async def read_pose(self) -> PoseReading:
+        """Where tool0 stands in wobj0, both named. Two reads 100 ms apart tell whether the arm stands."""
+        before = await self._pose()
+        await self._timing.sleep(STILL_GAP_S)
+        return await self._pose(before)
+
+    async def read_joints(self) -> Array:
+        """Axis angles (6,) in rad."""
+        values = await self._link.one(f"/rw/motionsystem/mechunits/{self._address.mechunit}/jointtarget")
+        return reading.joints_rad(self._device, values)
+
+    async def read_state(self) -> ControllerState:
+        """Panel, program and speed ratio, in the controller's words."""
+        return await self._link.read_state()
+
+    async def read_status(self) -> RobotStatus:
+        """The panel, and whether the arm moved within 100 ms."""
+        asked_at_s = self._timing.clock()
+        state, pose = await asyncio.gather(self.read_state(), self.read_pose())
+        return reading.status(state, not pose.still, asked_at_s)
+
+    async def read_event_log(self) -> tuple[EventLogEntry, ...]:
+        """The newest entries of the common log, newest first."""
+        items = await self._client.get("/rw/elog/0", {"lang": "en"})
+        return tuple(reading.log_entry(self._device, item) for item in items)
+
+    # --- acting ---
+
+    async def stop(self) -> None:
+        """Stop the program now: the second channel beside a CB link. Tried also when the controller seems away."""
+        dialect = await self._client.find()
+        path, query = dialect.stop
+        await self._client.post(path, query, {"stopmode": "stop"}, urgent=True)
+
+    async def set_armed(self, armed: bool) -> None:
+        """Disarmed it is; to arm it raises RequestRefused."""
+        if armed:
+            raise RequestRefused(self._device, f"arming was refused, {READ_ONLY}", INSTEAD, "READ_ONLY")
+
+    async def move_to(self, goal: MoveGoal) -> NoReturn:
+        """Raises MoveRefused."""
+        raise MoveRefused(self._device, f"the move was refused, {READ_ONLY}", INSTEAD, "READ_ONLY")
+
+    async def upload_modules(
+        self, modules: Mapping[str, bytes], *, folder: str = "handeyed", load_into: str | None = None
+    ) -> None:
+        """Write files to HOME:/`folder`, and load them into a task when one is named. Never done unasked.
+
+        Holds mastership meanwhile; to load, the program must stand. Raises DeviceError.
+        """
+        dialect = await self._client.find()
+        await self._client.post(*dialect.take_mastership, {})
+        try:
+            for name, content in modules.items():
+                await self._client.put_file(f"{folder}/{name}", content)
+            for name in modules if load_into else ():
+                path, query = dialect.load_module(str(load_into))
+                form = {"modulepath": f"{dialect.home}/{folder}/{name}", "replace": "true"}
+                await self._client.post(path, query, form)
+        finally:
+            await self._client.post(*dialect.release_mastership, {})
+
+    async def _pose(self, before: PoseReading | None = None) -> PoseReading:
+        asked_at_s = self._timing.clock()
+        query = {"tool": "tool0", "wobj": "wobj0", "coordinate": FRAMES[self._address.frame]}
+        values = await self._link.one(f"/rw/motionsystem/mechunits/{self._address.mechunit}/robtarget", query)
+        now = reading.pose(self._device, values, asked_at_s)
+        return reading.stood(before, now) if before is not None else now
