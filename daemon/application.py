@@ -17,6 +17,7 @@ from daemon.scans import Scans
 from daemon.settings import Settings
 from daemon.store.store import Store
 from daemon.systemd import Systemd
+from daemon.webhooks.dispatcher import Dispatcher
 from daemon.workers import Workers
 
 log = logging.getLogger(__name__)
@@ -61,6 +62,7 @@ class Application:
     operations: Operations
     scans: Scans
     metrics: Metrics
+    dispatcher: Dispatcher
     systemd: Systemd
     companions: tuple[Companion, ...] = ()
     _started_s: float = field(default=0.0, init=False)
@@ -73,6 +75,7 @@ class Application:
         await self.events.recover()
         await self.supervisor.recover()
         await self.scans.recover()
+        await self.dispatcher.start()
         await self.cell.links_come_up(LINKS_LIMIT_S)
         for companion in self.companions:
             await companion.start()
@@ -107,6 +110,7 @@ class Application:
         self.workers.close()
         await self.cell.close()
         await self.events.written()
+        await self.dispatcher.stop()
         await self.store.close()
 
     def uptime_s(self) -> float:

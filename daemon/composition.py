@@ -2,6 +2,7 @@
 
 import logging
 import os
+import random
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from daemon.server import Announce, Server, announce_in
 from daemon.settings import Settings
 from daemon.store.store import Store
 from daemon.systemd import Systemd
+from daemon.webhooks.dispatcher import Dispatcher
 from daemon.workers import Workers
 
 log = logging.getLogger(__name__)
@@ -67,6 +69,7 @@ def build(
         operations=operations,
         scans=scans,
         metrics=metrics,
+        dispatcher=Dispatcher(settings.webhooks, store.outbox, clock, random.random),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         companions=tuple(companions),
     )

@@ -42,6 +42,7 @@ class Database:
     def __init__(self, path: Path) -> None:
         """Opens or creates the database. Raises StorageError, StorageTooNew."""
         self.path = path
+        self._written: list[Callable[[], None]] = []
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
         try:
             self._connection = self.thread.submit(_connect, path).result()
@@ -61,7 +62,14 @@ class Database:
                 self._connection.execute("BEGIN IMMEDIATE")
                 return change(self._connection)
 
-        return await self._in_thread(transaction)
+        answer = await self._in_thread(transaction)
+        for told in self._written:
+            told()
+        return answer
+
+    def when_written(self, told: Callable[[], None]) -> None:
+        """Call `told` after each transaction."""
+        self._written.append(told)
 
     async def run(self, work: Callable[[], Answer], place: Path) -> Answer:
         """Blocking work on files near the database, in the same thread, so that one order holds for both."""

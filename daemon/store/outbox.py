@@ -1,5 +1,6 @@
 """Messages for webhooks, written by triggers with the change they tell of, kept until every webhook has them."""
 
+import asyncio
 import json
 import sqlite3
 from dataclasses import dataclass
@@ -23,10 +24,16 @@ class Message:
 
 
 class Outbox:
-    """Every webhook has its own place in it."""
+    """Every webhook has its own place in it. The `bell` one held before looking rings when there may be news."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
+        self.bell = asyncio.Event()
+        database.when_written(self._ring)
+
+    def _ring(self) -> None:
+        bell, self.bell = self.bell, asyncio.Event()
+        bell.set()
 
     async def subscribe(self, name: str) -> None:
         """A webhook that is new begins with what happens from now on."""
