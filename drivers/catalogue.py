@@ -1,6 +1,7 @@
 """From an address in the settings to a driver: the schemes of each device in one table.
 
-robot:   tcp://host:port, serial:///dev/ttyUSB0?baud=115200&rtscts=0, socket://host:port, rfc2217://host:port, loop://
+robot:   rws://host, rws://user:password@host:port?version=2&frame=base (read only: drivers.robots.rws.address),
+         tcp://host:port, serial:///dev/ttyUSB0?baud=115200&rtscts=0, socket://host:port, rfc2217://host:port, loop://
 camera:  http(s)://..., video:0, video:/dev/video0, video:/path/file.mp4, rtsp://..., folder:/path
 scanner: http(s)://..., folder:/path
 """
@@ -16,6 +17,8 @@ from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
 from drivers.robots.cb_robot import CbRobot
+from drivers.robots.rws.address import RwsAddress
+from drivers.robots.rws.robot import RwsRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from drivers.robots.transport import Transport
@@ -26,14 +29,16 @@ from drivers.timing import Timing
 STREAM_LATENCY_S = 1.0
 """A network stream shows the world of about a second ago: encoder, network and decoder each keep some frames."""
 
+AnyRobot = CbRobot | RwsRobot
 AnyCamera = HttpCamera | VideoCamera | FolderCamera
 AnyScanner = HttpScanner | FolderScanner
 Entry = TypeVar("Entry")
 
 
-def open_robot(address: str, timing: Timing | None = None) -> CbRobot:
+def open_robot(address: str, timing: Timing | None = None) -> AnyRobot:
     """The robot at an address, dialling in the background. Raises AddressNotUnderstood; needs a running loop."""
-    robot = CbRobot(_look_up(ROBOTS, "robot", address)(address), timing)
+    wire = _look_up(ROBOTS, "robot", address)(address)
+    robot = RwsRobot(wire, timing) if isinstance(wire, RwsAddress) else CbRobot(wire, timing)
     robot.start()
     return robot
 
@@ -145,12 +150,13 @@ def _folder(address: str) -> Path:
     return Path(path)
 
 
-ROBOTS: dict[str, Callable[[str], Transport]] = {
+ROBOTS: dict[str, Callable[[str], Transport | RwsAddress]] = {
     "tcp": _tcp,
     "serial": _serial,
     "socket": _device_server,
     "rfc2217": _device_server,
     "loop": SerialTransport,
+    "rws": RwsAddress.parse,
 }
 CAMERAS: dict[str, tuple[Callable[[str], Any], Callable[..., AnyCamera]]] = {
     "http": (_url, HttpCamera),
