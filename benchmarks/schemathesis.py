@@ -40,12 +40,12 @@ async def _daemon(folder: Path, ready: Any) -> None:
 
     async with serving(settings_for(folder, calibration={"manual_wait_s": 1})) as bench:
         await with_a_calibration(bench)
-        _end_streams_soon(bench.application.events)
+        end_streams_soon(bench.application.events)
         ready.put(bench.url)
         await asyncio.Event().wait()
 
 
-def _end_streams_soon(events: Any) -> None:
+def end_streams_soon(events: Any) -> None:
     """GET /events never ends by itself, and Schemathesis waits for the end of every answer."""
     listen = events.listen
 
@@ -58,16 +58,21 @@ def _end_streams_soon(events: Any) -> None:
     events.listen = briefly
 
 
-def one_round(url: str, examples: int, seed: int, folder: Path) -> tuple[int, bool, str]:
+PHASES = "examples,coverage,fuzzing,stateful"
+
+
+def one_round(
+    url: str, examples: int, seed: int, folder: Path, phases: str = PHASES, more: tuple[str, ...] = ()
+) -> tuple[int, bool, str]:
     """How many cases there were, whether all passed, and what Schemathesis printed."""
     config, report = folder / "schemathesis.toml", folder / "report.ndjson"
     config.write_text(CONFIG)
     command = [
         str(Path(sys.executable).with_name("schemathesis")), "--config-file", str(config), "run", str(OPENAPI),
-        "--url", url, "--checks", "all", "--phases", "examples,coverage,fuzzing,stateful",
+        "--url", url, "--checks", "all", "--phases", phases,
         "--max-examples", str(examples), "--seed", str(seed), "--continue-on-failure", "--warnings", "off",
         "--suppress-health-check", "all", "--request-timeout", "60",
-        "--report", "ndjson", "--report-ndjson-path", str(report),
+        "--report", "ndjson", "--report-ndjson-path", str(report), *more,
     ]  # fmt: skip
     process = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
     return _cases(report), process.returncode == 0, process.stdout + process.stderr

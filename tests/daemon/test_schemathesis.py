@@ -1,0 +1,35 @@
+"""A small round of Schemathesis: all checks, stateful. The large one: python -m benchmarks.schemathesis --cases 20000"""
+
+import asyncio
+import copy
+import json
+from pathlib import Path
+
+import pytest
+
+from benchmarks import schemathesis
+from benchmarks.schemathesis import end_streams_soon, one_round
+from tests.daemon.cells import serving, settings_for
+from tests.daemon.test_register import with_a_calibration
+
+PHASES = "examples,fuzzing,stateful"
+
+
+async def test_no_request_that_openapi_allows_or_forbids_is_answered_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with serving(settings_for(tmp_path / "store", calibration={"manual_wait_s": 1})) as bench:
+        await with_a_calibration(bench)
+        end_streams_soon(bench.application.events)
+        cases, passed, text = await asyncio.to_thread(one_round, bench.url, 1, 1, tmp_path, PHASES)
+        assert passed, text
+        assert cases > 40
+        document = copy.deepcopy(json.loads(schemathesis.OPENAPI.read_text()))
+        document["components"]["schemas"]["HealthDocument"]["properties"]["uptime_s"] = {"type": "string"}
+        (tmp_path / "wrong.json").write_text(json.dumps(document))
+        monkeypatch.setattr(schemathesis, "OPENAPI", tmp_path / "wrong.json")
+        _, passed, text = await asyncio.to_thread(
+            one_round, bench.url, 1, 1, tmp_path, "fuzzing", ("--include-path", "/health")
+        )
+        assert not passed
+        assert "GET /health" in text
