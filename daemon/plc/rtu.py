@@ -75,7 +75,7 @@ class ModbusRtu:
         identity = ModbusDeviceIdentification(  # type: ignore[no-untyped-call]
             info_name={"VendorName": told.vendor, "ProductCode": told.product, "MajorMinorRevision": told.revision}
         )
-        bits = [SimData(0, values=0, count=1, datatype=DataType.REGISTERS)]
+        bits = [SimData(0, values=[False] * BITS, datatype=DataType.BITS)]
         words = [SimData(0, values=0, count=SIZE, datatype=DataType.REGISTERS)]
         device = SimDevice(settings.unit, (bits, bits, words, words), action=self._act)
         return ModbusSerialServer(

@@ -1,0 +1,162 @@
+"""Gate and part, read over Modbus before each move: by pymodbus's client, from a device of our own codec."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+
+import pytest
+
+from drivers.errors import AddressNotUnderstood, InterlockRefused
+from drivers.interlocked_robot import InterlockedRobot
+from drivers.interlocks import Interlocks, Signal, check_interlock_address
+from protocols.modbus.bank import Identification, respond
+from protocols.modbus.codes import ExceptionCode, Function
+from protocols.modbus.errors import RequestRefused
+from protocols.modbus.mbap import Adu, MbapReader
+from tests.daemon.fakes import FakeRobot
+
+GATE = Signal("gate closed", "discrete-input", 0)
+PART = Signal("part present", "coil", 3)
+DOOR_OPEN = Signal("door not open", "discrete-input", 1, allows=False)
+
+
+@dataclass
+class Terminal:
+    """A Modbus terminal of the cell: eight inputs, eight coils; it can be made to say nothing."""
+
+    inputs: list[bool] = field(default_factory=lambda: [True] + [False] * 7)
+    coils: list[bool] = field(default_factory=lambda: [False] * 3 + [True] + [False] * 4)
+    mute: bool = False
+    port: int = 0
+    asked: int = 0
+    writers: set[asyncio.StreamWriter] = field(default_factory=set)
+
+    def words(self, function: Function, address: int, count: int) -> Sequence[int]:
+        raise RequestRefused(ExceptionCode.ILLEGAL_FUNCTION, "bits only")
+
+    def bits(self, function: Function, address: int, count: int) -> Sequence[bool]:
+        if address + count > 8:
+            raise RequestRefused(ExceptionCode.ILLEGAL_DATA_ADDRESS, "eight")
+        self.asked += 1
+        return (self.coils if function is Function.READ_COILS else self.inputs)[address : address + count]
+
+    def write_words(self, address: int, values: Sequence[int]) -> None:
+        raise AssertionError("an interlock is never written")
+
+    def write_bits(self, address: int, values: Sequence[bool]) -> None:
+        raise AssertionError("an interlock is never written")
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.writers.add(writer)
+        frames = MbapReader()
+        while data := await reader.read(4096):
+            for adu in frames.feed(data):
+                if not self.mute:
+                    pdu = respond(adu.pdu, self, Identification("t", "t", "0"))
+                    writer.write(Adu(adu.transaction, adu.unit, pdu).encode())
+        writer.close()
+
+
+@asynccontextmanager
+async def terminal(port: int = 0) -> AsyncIterator[Terminal]:
+    device = Terminal()
+    server = await asyncio.start_server(device.serve, "127.0.0.1", port)
+    device.port = server.sockets[0].getsockname()[1]
+    try:
+        yield device
+    finally:
+        server.close()
+        for writer in device.writers:
+            writer.close()
+        await asyncio.gather(*(writer.wait_closed() for writer in device.writers), return_exceptions=True)
+        await server.wait_closed()
+
+
+@asynccontextmanager
+async def interlocks_of(device: Terminal, *signals: Signal, limit_s: float = 5.0) -> AsyncIterator[Interlocks]:
+    interlocks = Interlocks(f"tcp://127.0.0.1:{device.port}", 1, signals, limit_s)
+    try:
+        yield interlocks
+    finally:
+        await interlocks.close()
+
+
+def opens_the_gate(device: Terminal) -> None:
+    device.inputs[0] = False
+
+
+def takes_the_part(device: Terminal) -> None:
+    device.coils[3] = False
+
+
+def opens_the_door(device: Terminal) -> None:
+    device.inputs[1] = True
+
+
+async def test_all_well_allows_motion_and_is_read_afresh() -> None:
+    async with terminal() as device, interlocks_of(device, GATE, PART, DOOR_OPEN) as interlocks:
+        assert all(reading.allows for reading in await interlocks.readings())
+        assert all(reading.allows for reading in await interlocks.readings())
+        assert device.asked == 6
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "value"),
+    [(opens_the_gate, "gate closed", 0), (takes_the_part, "part present", 0), (opens_the_door, "door not open", 1)],
+)
+async def test_the_one_that_does_not_allow_it_is_named(what: Callable[[Terminal], None], name: str, value: int) -> None:
+    async with terminal() as device, interlocks_of(device, GATE, PART, DOOR_OPEN) as interlocks:
+        what(device)
+        robot = FakeRobot()
+        guarded = InterlockedRobot(robot, interlocks)
+        with pytest.raises(InterlockRefused, match=f"{name} is {value}") as refused:
+            await guarded.set_armed(True)
+        assert refused.value.interlocks == (name,)
+        assert not robot.armed
+        await guarded.set_armed(False)
+        await guarded.stop()
+
+
+async def test_one_that_cannot_be_read_forbids_motion() -> None:
+    async with terminal() as device, interlocks_of(device, GATE, Signal("far", "coil", 9)) as interlocks:
+        first, second = await interlocks.readings()
+        assert first.allows
+        assert not second.allows
+        assert "coil 9 is refused with exception 2" in second.why
+
+
+async def test_a_device_that_says_nothing_forbids_motion_in_time_and_is_asked_again() -> None:
+    async with terminal() as device, interlocks_of(device, GATE, limit_s=0.2) as interlocks:
+        device.mute = True
+        assert "no answer in time" in (await interlocks.readings())[0].why
+        device.mute = False
+        device_answers = [reading.allows for reading in await interlocks.readings()]
+        assert device_answers == [True]
+
+
+async def test_a_device_that_is_gone_forbids_motion_and_may_come_back() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as nobody:
+        port = nobody.getsockname()[1]
+    interlocks = Interlocks(f"tcp://127.0.0.1:{port}", 1, (GATE, PART), 2.0)
+    readings = await interlocks.readings()
+    assert [reading.allows for reading in readings] == [False, False]
+    assert "nobody answers" in readings[0].why
+    async with terminal(port):
+        assert all(reading.allows for reading in await interlocks.readings())
+        await interlocks.close()
+
+
+@pytest.mark.parametrize("address", ["tcp://plc:502", "tcp://10.0.0.1", "serial:///dev/ttyUSB0?baud=9600&parity=N"])
+def test_addresses(address: str) -> None:
+    check_interlock_address(address)
+
+
+@pytest.mark.parametrize(
+    "address", ["", "plc", "http://plc", "tcp://", "tcp://plc:99999", "serial://", "serial:///dev/x?baud=fast",
+                "serial:///dev/x?speed=1", "tcp://plc/path"],
+)  # fmt: skip
+def test_addresses_that_are_none(address: str) -> None:
+    with pytest.raises(AddressNotUnderstood, match="write tcp://host:502"):
+        check_interlock_address(address)
