@@ -29,29 +29,35 @@ class CameraModel:
 
     def distort(self, xy: Array) -> Array:
         """Distorted normalised coordinates (n, 2) of ideal ones (n, 2)."""
+        return np.column_stack(self.distorted(xy[:, 0], xy[:, 1]))
+
+    def distorted(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """The same for coordinates in arrays of any shape."""
         k1, k2, p1, p2, k3 = self.distortion
-        x, y = xy[:, 0], xy[:, 1]
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        return np.column_stack(
-            [
-                x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-                y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-            ]
-        )
+        xy2 = 2 * x * y
+        return x * radial + p1 * xy2 + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + p2 * xy2
 
     def distortion_jacobian(self, xy: Array) -> Array:
         """d distort / d xy (n, 2, 2) at ideal normalised coordinates (n, 2); it is symmetric."""
+        jacobian = np.empty((len(xy), 2, 2))
+        jacobian[:, 0, 0], jacobian[:, 0, 1], jacobian[:, 1, 1] = self.distortion_slopes(xy[:, 0], xy[:, 1])
+        jacobian[:, 1, 0] = jacobian[:, 0, 1]
+        return jacobian
+
+    def distortion_slopes(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Its three elements d x / d x, d x / d y = d y / d x, d y / d y, for arrays of any shape."""
         k1, k2, p1, p2, k3 = self.distortion
-        x, y = xy[:, 0], xy[:, 1]
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
         slope = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))
-        jacobian = np.empty((len(xy), 2, 2))
-        jacobian[:, 0, 0] = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
-        jacobian[:, 1, 1] = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
-        jacobian[:, 0, 1] = jacobian[:, 1, 0] = x * y * slope + 2 * p1 * x + 2 * p2 * y
-        return jacobian
+        along_x, along_y = p2 * x, p1 * y
+        return (
+            radial + x * x * slope + 2 * along_y + 6 * along_x,
+            x * y * slope + 2 * p1 * x + 2 * p2 * y,
+            radial + y * y * slope + 6 * along_y + 2 * along_x,
+        )
 
     def normalise(self, pixels: Array) -> Array:
         """Ideal normalised coordinates (n, 2) of pixels (n, 2): the inverse of matrix and distortion, by Newton.

@@ -7,7 +7,7 @@ import numpy as np
 from calibration.closed_form_solution import THREE_POSE
 from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.consistency.outliers import Selection
-from calibration.likelihood.few_views import MOST_VIEWS, STATED_DEVIATIONS
+from calibration.likelihood.noise_levels import MOST_STATED_VIEWS, STATED_DEVIATIONS
 from calibration.observability import distinct_stations
 from calibration.prepare import IMAGE_DISAGREES, Prepared
 from calibration.problem import Problem
@@ -23,6 +23,7 @@ def findings_of(problem: Problem, prepared: Prepared, start: Start, selection: S
     return (
         *_images(problem, prepared),
         *_target(prepared, selection),
+        *_shared_errors(prepared, selection),
         *_poses(problem, prepared, selection),
         *_estimate(prepared, start, selection),
     )
@@ -72,6 +73,30 @@ def _target(prepared: Prepared, selection: Selection) -> Iterator[Finding]:
         )
 
 
+def _shared_errors(prepared: Prepared, selection: Selection) -> Iterator[Finding]:
+    best, doubt = selection.best, prepared.doubt
+    if doubt.given is not None:
+        right, down = best.camera.matrix[:2, 2] - doubt.given.matrix[:2, 2]
+        yield Finding(
+            "principal-point-off",
+            "info",
+            f"views and robot agree better with the given principal point moved by ({right:+.2f}, {down:+.2f}) px;"
+            " the solution uses the moved one",
+            "calibrate the camera anew; half a pixel in both says that its program counts from the first pixel's"
+            " corner, where (0, 0) is the middle of it here",
+        )
+    if doubt.trend:
+        follows = np.sqrt(best.trend_variances())
+        yield Finding(
+            "robot-trend",
+            "info",
+            "the robot's errors are alike in neighbouring poses: about"
+            f" {follows[1]:.2g} mm and {np.degrees(follows[0]):.2g} degrees follow the pose; what this adds to the"
+            " uncertainty is counted",
+            "take the views near where the robot works, or have its geometry calibrated (absolute accuracy)",
+        )
+
+
 def _poses(problem: Problem, prepared: Prepared, selection: Selection) -> Iterator[Finding]:
     positions = prepared.seen.positions
     if not np.all(selection.used):
@@ -108,7 +133,7 @@ def _estimate(prepared: Prepared, start: Start, selection: Selection) -> Iterato
             "the estimate did not settle",
             "look at the views' errors for one that does not belong, or add views",
         )
-    if np.count_nonzero(selection.used) <= MOST_VIEWS:
+    if np.count_nonzero(selection.used) <= MOST_STATED_VIEWS:
         rotation, translation = STATED_DEVIATIONS
         yield Finding(
             "noise-assumed",

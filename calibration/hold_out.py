@@ -57,13 +57,13 @@ def base_errors(seen: Observations, chain: Chain, camera_T_target: Array) -> Arr
 
 def _own_poses(statistics: PixelStatistics, left_out: LeftOut) -> Array:
     """How each view's own pose (n, 6) moves with the intrinsics of the others."""
-    towards = (statistics.normal[:, :6, 6:] @ left_out.b[:, 12:, None])[..., 0]
+    towards = (statistics.normal[:, :6, 6:] @ left_out.b[:, 12 : 6 + statistics.normal.shape[1], None])[..., 0]
     return -np.asarray(np.linalg.solve(statistics.normal[:, :6, :6], towards[..., None])[..., 0])
 
 
 def _squares(statistics: PixelStatistics, left_out: LeftOut) -> Array:
     """Each view's summed squares (n,) with the intrinsics of the others."""
-    k = left_out.b[:, 12:]
+    k = left_out.b[:, 12 : 6 + statistics.normal.shape[1]]
     towards = (statistics.normal[:, 6:, 6:] @ k[..., None])[..., 0]
     squares: Array = statistics.square + np.sum((2 * statistics.gradient[:, 6:] + towards) * k, axis=1)
     return squares

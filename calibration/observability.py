@@ -25,7 +25,7 @@ LEAST_AXIS_SPREAD = float(np.tan(LEAST_AXIS_ANGLE_RAD / 2))
 SAME_POSE_MM, SAME_POSE_RAD = 0.5, np.radians(0.05)
 """Two stations closer than this are one: it is the order of the robot's own repeatability."""
 
-MOST_VIEWS_IN_PAIRS = 40
+MOST_VIEWS_IN_PAIRS = 24
 """More views are thinned to this many before looking at every pair of them."""
 
 

@@ -10,6 +10,7 @@ from calibration.consistency.corners import without_bad_corners
 from calibration.consistency.image_weights import weighted_by_view
 from calibration.consistency.readings import best_readings
 from calibration.intrinsics.estimate import estimate_camera
+from calibration.likelihood.doubt import NO_DOUBT, Doubt
 from calibration.likelihood.estimate import HELD
 from calibration.likelihood.pixels import INTRINSICS
 from calibration.observability import require_determined
@@ -28,7 +29,7 @@ class Prepared:
 
     `drawn_mm` (k, 3): the target as described; `camera_T_target` (n, 4, 4): each view's own pose; `turned` (n,): the
     board was read the wrong way round; `free` (10,): which intrinsics are unknown, and whether the target's scale is;
-    `shape`: the target as it is, when that is not as it was drawn.
+    `shape`: the target as it is, when that is not as it was drawn; `doubt`: what all views are thought to err in.
     """
 
     setup: Setup
@@ -41,6 +42,7 @@ class Prepared:
     refused: dict[int, Unusable]
     shape: TargetShape | None = None
     scale: float = 1.0
+    doubt: Doubt = NO_DOUBT
 
     @property
     def anchor_T_mount(self) -> Array:
@@ -66,7 +68,8 @@ def prepare(problem: Problem) -> Prepared:
     clean = without_bad_corners(seen, camera, poses[:, 0])
     kept = np.setdiff1d(np.arange(len(seen)), clean.refused)
     refused |= {int(seen.positions[row]): IMAGE_DISAGREES for row in clean.refused}
-    require_determined(seen.base_T_flange[kept])
+    if len(kept) < len(seen):
+        require_determined(seen.base_T_flange[kept])
     seen, candidates = clean.seen.take(kept), np.stack([clean.camera_T_target, poses[:, 1]], axis=1)[kept]
     anchor_T_mount = seen.base_T_flange if problem.setup == "eye-in-hand" else inverse(seen.base_T_flange)
     read = best_readings(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)

@@ -17,7 +17,7 @@ from calibration.problem import Problem
 from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
 from calibration.starts import Start
 from calibration.transforms import Array, map_points
-from calibration.uncertainty import honest_covariance, uncertainty_of
+from calibration.uncertainty import uncertainty_of
 from calibration.view_poses import refined_poses
 
 
@@ -36,14 +36,14 @@ def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start,
         own_poses = refined_poses(real, best.camera, own_poses)
     centre = problem.target.points_mm.mean(axis=0, keepdims=True)
     distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
-    covariance = honest_covariance(best) if closed_form is None else closed_form.covariance
+    covariance = best.step.covariance[:6, :6] if closed_form is None else closed_form.covariance
     return Solution(
         setup=problem.setup,
         method=method,
         mount_T_camera=best.chain.mount_T_camera,
         anchor_T_target=best.chain.anchor_T_target,
         camera=best.camera,
-        camera_source="given" if problem.camera else "estimated",
+        camera_source="given" if best.camera is problem.camera else "estimated",
         uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, best.camera, distance_mm),
         noise=_noise(best),
         views=_views(problem, prepared, selection, agreeing, own_poses),

@@ -12,6 +12,7 @@ from calibration.observability import require_determined
 from calibration.prepare import Prepared, prepare, with_real_target
 from calibration.problem import Problem
 from calibration.results import refused_solution, solution_of
+from calibration.shared_errors import doubted, shared_errors
 from calibration.solution import Solution
 from calibration.starts import Start, best_start
 from calibration.target_scale import scale_error, with_scale
@@ -54,7 +55,8 @@ def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:
     """The session as it is best understood, where the estimate started, and the estimate. Raises UndeterminedError."""
     prepared = prepare(problem)
     used = agreeing_rows(prepared)
-    require_determined(prepared.seen.base_T_flange[used])
+    if not np.all(used):
+        require_determined(prepared.seen.base_T_flange[used])
     start = best_start(prepared.take(used))
     selection = select(prepared, used, start.chain, start.variances)
     if share := scale_error(prepared, selection):
@@ -64,6 +66,9 @@ def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:
         for _ in range(MOST_ROUNDS):
             prepared = with_real_target(replace(prepared, camera=selection.best.camera, scale=selection.best.scale))
             selection = _again(prepared, selection)
+    if doubt := shared_errors(prepared, selection):
+        prepared = doubted(prepared, doubt)
+        selection = _again(prepared, selection)
     return prepared, start, selection
 
 

@@ -41,8 +41,16 @@ def best_start(prepared: Prepared) -> Start:
     found: dict[str, Estimate] = {}
     for name in STARTS:
         chain = closed_form_chain(few, CLOSED_FORMS[name](few.anchor_T_mount, few.camera_T_target))
-        if np.all(np.isfinite(chain.mount_T_camera)):
-            found[name] = estimate(pixels, few.camera, chain, first_variances(few, chain))
+        if not np.all(np.isfinite(chain.mount_T_camera)):
+            continue
+        if found:
+            # With the levels known, whether it leads to the same place takes a few steps only.
+            first = next(iter(found.values()))
+            there = estimate(pixels, few.camera, chain, first.variances, levels_known=True)
+            if there.converged and _apart(first, there) < SAME_OPTIMUM:
+                found[name] = first
+                continue
+        found[name] = estimate(pixels, few.camera, chain, first_variances(few, chain))
     scatter = {name: robot_scatter(best.chain) for name, best in found.items()}
     best = found[min(scatter, key=lambda name: scatter[name])]
     elsewhere = tuple(name for name, other in found.items() if _apart(best, other) > SAME_OPTIMUM)

@@ -15,16 +15,23 @@ def moved(a_T_b: Array, step: Array) -> Array:
 
 
 def candidate_poses(seen: Observations, camera: CameraModel) -> tuple[Array, Array]:
-    """The two poses (n, 2, 4, 4) of camera_T_target that a plane allows, and their RMS errors (n, 2) in px."""
+    """The two poses (n, 2, 4, 4) of camera_T_target that a plane allows, and their RMS errors (n, 2) in px.
+
+    A pose that is out of the question is not refined.
+    """
     xy = camera.normalise(seen.pixels.reshape(-1, 2)).reshape(seen.pixels.shape)
     poses = np.array([_both(seen, xy[row], row) for row in range(len(seen))]).reshape(-1, 2, 4, 4)
-    refined = np.stack([refined_poses(seen, camera, poses[:, which]) for which in range(2)], axis=1)
-    errors = np.stack(
-        [_rms(seen, camera, refined[:, which]) for which in range(2)],
-        axis=1,
-    )
+    errors = np.stack([_rms(seen, camera, poses[:, which]) for which in range(2)], axis=1)
+    for which in range(2):
+        rows = np.flatnonzero(errors[:, which] <= POSSIBLE * errors.min(axis=1) + POSSIBLE_PX)
+        poses[rows, which] = refined_poses(seen.take(rows), camera, poses[rows, which])
+        errors[rows, which] = _rms(seen.take(rows), camera, poses[rows, which])
     order = np.argsort(errors, axis=1)
-    return np.take_along_axis(refined, order[:, :, None, None], axis=1), np.take_along_axis(errors, order, axis=1)
+    return np.take_along_axis(poses, order[:, :, None, None], axis=1), np.take_along_axis(errors, order, axis=1)
+
+
+POSSIBLE, POSSIBLE_PX = 5.0, 3.0
+"""A pose whose error before refinement is larger than this by the better one's stays the worse one."""
 
 
 def _rms(seen: Observations, camera: CameraModel, poses: Array) -> Array:

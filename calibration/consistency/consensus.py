@@ -66,7 +66,8 @@ def _spread_triples(rotations: Array) -> NDArray[np.intp]:
         triples = np.argsort(rng.random((CANDIDATE_TRIPLES, n)), axis=1)[:, :3]
     # The second singular value of the stacked (R_A - I) says how well the worse translation is determined.
     turned = rotations[triples] - rotations[triples].mean(axis=1, keepdims=True)
-    spread = np.linalg.svd(turned.reshape(len(triples), 9, 3), compute_uv=False)[:, 2]
+    stacked = turned.reshape(len(triples), 9, 3)
+    spread = np.linalg.eigvalsh(np.swapaxes(stacked, 1, 2) @ stacked)[:, 0]
     return triples[np.argsort(-spread)[:MOST_TRIPLES]]
 
 

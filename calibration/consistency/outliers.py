@@ -47,7 +47,7 @@ def select(prepared: Prepared, used: NDArray[np.bool_], chain: Chain, variances:
         rows = prepared.take(used)
         pixels = measured(rows.seen, prepared.free)
         start = closed_form_chain(rows, chain.mount_T_camera)
-        best = estimate(pixels, prepared.camera, start, variances, prepared.free, prepared.scale)
+        best = estimate(pixels, prepared.camera, start, variances, prepared.free, prepared.scale, prepared.doubt)
         chain, variances = best.chain, best.variances
         seen_before.add(used.tobytes())
         changed = _changed(prepared, used, best)

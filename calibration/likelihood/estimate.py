@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.few_views import MOST_VIEWS, averaged
+from calibration.likelihood.doubt import NO_DOUBT, Doubt
 from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearised, solve
+from calibration.likelihood.noise_levels import MOST_STATED_VIEWS, averaged
 from calibration.likelihood.pixels import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.observations import Observations, scaled
@@ -40,6 +41,12 @@ class Estimate:
     model: MixedModel
     step: Step
     converged: bool
+
+    def trend_variances(self) -> Array:
+        """Of a rotation and of a translation component (2,), as far as they follow the pose, in the mean of views."""
+        levels = np.array([self.variances.trend_rotation, self.variances.trend_translation])
+        in_the_mean: Array = levels * float(np.mean(np.sum(self.model.basis**2, axis=1)))
+        return in_the_mean
 
 
 def measured(seen: Observations, free: Free) -> Pixels:
@@ -80,14 +87,24 @@ def estimate(
     variances: Variances,
     free: Free = HELD,
     scale: float = 1.0,
+    doubt: Doubt = NO_DOUBT,
+    *,
+    levels_known: bool = False,
 ) -> Estimate:
-    """From a start whose corrections reproduce each view's own pose, to the maximum of the likelihood."""
-    chain, converged = start, False
+    """From a start whose corrections reproduce each view's own pose, to the maximum of the likelihood.
+
+    `levels_known`: the noise levels stay as they are.
+    """
+    chain, converged, coefficients = start, False, np.zeros(0)
     for _ in range(MOST_ITERATIONS):
-        model = linearise(pixels, chain, camera, scale)
-        variances = estimate_variances(model, variances)
+        model = doubt.applied(linearise(pixels, chain, camera, scale), free, camera, chain.base_T_flange)
+        variances = variances if levels_known else estimate_variances(model, variances)
         step = solve(model, variances)
-        small = step.b @ step.information @ step.b < SMALL_STEP**2 * len(step.b)
+        # Each step is from where the last one led, the trend's coefficients from nothing.
+        change = step.b.copy()
+        change[len(change) - len(coefficients) :] -= coefficients
+        coefficients = step.b[len(step.b) - 6 * model.trend :]
+        small = change @ step.information @ change < SMALL_STEP**2 * len(change)
         # The last step is far below its deviation: taking it needs no new linearisation.
         chain, camera, scale = _stepped(chain, camera, scale, free, step)
         if small:
@@ -97,28 +114,16 @@ def estimate(
 
 
 def averaged_over_noise(best: Estimate) -> Estimate:
-    """The estimate of very few views with X averaged over the noise levels; the others as they are."""
-    if len(best.model.count) > MOST_VIEWS:
-        return best
-    mean = averaged(best.model, best.variances.pixel)
-    step = solve(best.model, mean.variances)
+    """The estimate with X averaged over the robot's noise levels, and the levels too where the views are very few."""
+    mean = averaged(best.model, best.variances)
+    few = len(best.model.count) <= MOST_STATED_VIEWS
+    variances = mean.variances if few else best.variances
+    step = solve(best.model, variances) if few else best.step
     off = mean.b - best.step.b  # the chain already took the last step
-    corrections = step.corrections + (step.K @ model_shift(best.model, step.b - mean.b))[..., 0]
-    moved = replace(step, b=off, corrections=corrections, covariance=mean.covariance)
+    moved = replace(step, b=off, corrections=best.model.corrections(step.K, mean.b))
     chain, camera, scale = _stepped(best.chain, best.camera, best.scale, best.free, moved)
-    return replace(
-        best,
-        chain=chain,
-        camera=camera,
-        scale=scale,
-        variances=mean.variances,
-        step=replace(step, b=mean.b, covariance=mean.covariance),
-    )
-
-
-def model_shift(model: MixedModel, b: Array) -> Array:
-    """U'A b (n, 6, 1)."""
-    return (model.UA @ b)[..., None]
+    averages = replace(step, b=mean.b, covariance=mean.covariance)
+    return replace(best, chain=chain, camera=camera, scale=scale, variances=variances, step=averages)
 
 
 def linearise(pixels: Pixels, chain: Chain, camera: CameraModel, scale: float) -> MixedModel:
@@ -132,7 +137,7 @@ def _stepped(
 ) -> tuple[Chain, CameraModel, float]:
     moved = chain.moved(step.b[:12], step.corrections)
     change = np.zeros(INTRINSICS + 1)
-    change[free] = step.b[12:]
+    change[free] = step.b[12 : 12 + np.count_nonzero(free)]
     if np.any(free[:INTRINSICS]):
         camera = with_intrinsics(camera, change[:INTRINSICS])
     return moved, camera, scale * (1 + float(change[INTRINSICS]))

@@ -26,7 +26,7 @@ class LeftOut:
 def leave_one_out(step: Step) -> LeftOut:
     """For every view the solution without it."""
     covariance = covariance_of(step.information - step.view_information)
-    gradient = step.view_gradient.sum(axis=0) - step.view_gradient
+    gradient = step.gradient - step.view_gradient
     return LeftOut(-(covariance @ gradient[..., None])[..., 0] - step.b, covariance)
 
 

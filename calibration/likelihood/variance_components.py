@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.likelihood.mixed_model import MixedModel, Variances, solve
+from calibration.likelihood.mixed_model import MixedModel, Step, Variances, solve
 from calibration.transforms import Array
 
 SMALLEST_PIXEL_VARIANCE = 1e-6
@@ -22,13 +22,17 @@ GROUPS = (slice(0, 3), slice(3, 6))
 
 @dataclass(frozen=True, eq=False)
 class Redundancy:
-    """Quadratic forms y'PV_gPy (2,) of the robot's groups, their expected traces (2,) and Fisher matrix (2, 2)."""
+    """Quadratic forms y'PV_gPy (2,) of the robot's groups, their expected traces (2,) and Fisher matrix (2, 2).
+
+    `trend` (2,): the variances of the trend's coefficients, their squares over their redundancy.
+    """
 
     quadratic: Array
     trace: Array
     fisher: Array
     pixel_quadratic: float
     pixel_trace: float
+    trend: Array
 
 
 def estimate_variances(model: MixedModel, variances: Variances, iterations: int = 30) -> Variances:
@@ -63,7 +67,20 @@ def redundancy(model: MixedModel, variances: Variances) -> Redundancy:
     UUKUA = UUK @ model.UA
     AVVA = model.AA.sum(axis=0) - 2 * _cross(model.UA, K @ model.UA) + _cross(K @ model.UA, UUKUA)
     pixel_trace = (model.count.sum() - effective) / pixel - np.sum(S_inv * AVVA) / pixel**2
-    return Redundancy(quadratic, trace, fisher, float(pixel_quadratic), float(pixel_trace))
+    return Redundancy(
+        quadratic, trace, fisher, float(pixel_quadratic), float(pixel_trace), _trend(model, variances, step)
+    )
+
+
+def _trend(model: MixedModel, variances: Variances, step: Step) -> Array:
+    m = model.trend
+    if not m:
+        return np.zeros(2)
+    coefficients, doubt = step.b[-6 * m :].reshape(m, 6), np.diagonal(step.covariance)[-6 * m :].reshape(m, 6)
+    spent = (doubt / variances.trend_variances()).sum(axis=0).reshape(2, 3).sum(axis=1)
+    squares = (coefficients**2).sum(axis=0).reshape(2, 3).sum(axis=1)
+    levels: Array = squares / np.maximum(3 * m - spent, 1e-3)
+    return levels
 
 
 def _cross(left: Array, right: Array) -> Array:
@@ -83,7 +100,7 @@ def _fisher(W: Array, WA: Array, SA: list[Array], S_inv: Array, g: int, h: int) 
 def _scored(found: Redundancy, variances: Variances) -> Variances:
     pixel = variances.pixel * found.pixel_quadratic / max(found.pixel_trace, 1e-300) if found.pixel_trace > 0 else 0.0
     rotation, translation = _nonnegative(found.fisher, found.quadratic)
-    return Variances(max(pixel, SMALLEST_PIXEL_VARIANCE), rotation, translation)
+    return Variances(max(pixel, SMALLEST_PIXEL_VARIANCE), rotation, translation, *found.trend.tolist())
 
 
 def _nonnegative(fisher: Array, quadratic: Array) -> tuple[float, float]:

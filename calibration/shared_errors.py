@@ -1,0 +1,115 @@
+"""Does the whole session err in common: is the given principal point off, do the robot's errors follow its pose?
+
+Both models are tried where a score test says that they might explain something, and taken up only where the restricted
+likelihood, which pays for every unknown, is convinced; because an unneeded unknown costs accuracy. Under a session
+without such errors a likelihood ratio exceeds e^g with a chance below e^-g (Markov's inequality).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.consistency.outliers import Selection
+from calibration.likelihood.doubt import CENTRE, Doubt, trend_basis
+from calibration.likelihood.estimate import Estimate, linearise, measured
+from calibration.likelihood.mixed_model import MixedModel, covariance_of, solve, with_trend
+from calibration.likelihood.noise_levels import log_restricted
+from calibration.likelihood.pixels import INTRINSICS
+from calibration.likelihood.variance_components import estimate_variances
+from calibration.prepare import Prepared
+
+FEWEST_VIEWS, FEWEST_TREND_VIEWS = 5, 12
+"""A trend has 36 coefficients; fewer views do not tell it from chance."""
+
+GAIN = 6.0
+"""Log-likelihood: by chance less than once in 400 sessions."""
+
+What = tuple[bool, bool]
+"""Whether the centre is doubted, whether a trend is."""
+
+NOTHING, CENTRE_OFF, TREND, BOTH = (False, False), (True, False), (False, True), (True, True)
+
+WORTH_A_TRIAL_CENTRE, WORTH_A_TRIAL_TREND = 8.0, 2.0
+"""Chi-square of two; deviations of a score test. Low, for the noise has taken the blame so far."""
+
+
+def shared_errors(prepared: Prepared, selection: Selection) -> Doubt:
+    """Which of the two are there beyond doubt."""
+    best, rows = selection.best, prepared.take(selection.used)
+    n = len(rows.seen)
+    if n < FEWEST_VIEWS or (np.any(best.free[:INTRINSICS]) and n < FEWEST_TREND_VIEWS):
+        return prepared.doubt
+    models = _models(prepared, rows, best)
+    worth = {what: model for what, model in models.items() if _worth_a_trial(what, model, models[NOTHING], best)}
+    if len(worth) < 2:
+        return prepared.doubt
+    if BOTH in models:
+        worth[BOTH] = models[BOTH]
+    scores = {what: _log_likelihood(model, best, n) for what, model in worth.items()}
+    centre, trend = max(scores, key=lambda what: scores[what])
+    if scores[centre, trend] - scores[NOTHING] < GAIN:
+        return prepared.doubt
+    return Doubt(prepared.camera if centre else None, trend)
+
+
+def doubted(prepared: Prepared, doubt: Doubt) -> Prepared:
+    """The same session with what is doubted unknown."""
+    free = prepared.free.copy()
+    free[list(CENTRE)] |= doubt.given is not None
+    return replace(prepared, free=free, doubt=doubt)
+
+
+def _models(prepared: Prepared, rows: Prepared, best: Estimate) -> dict[What, MixedModel]:
+    """The session linearised under each assumption that it has enough views for."""
+    plain = linearise(measured(rows.seen, best.free), best.chain, best.camera, best.scale)
+    models = {NOTHING: plain}
+    base_T_flange = rows.seen.base_T_flange
+    if not np.any(best.free[:INTRINSICS]):
+        free = best.free.copy()
+        free[list(CENTRE)] = True
+        moved = linearise(measured(rows.seen, free), best.chain, best.camera, best.scale)
+        models[CENTRE_OFF] = Doubt(prepared.camera).applied(moved, free, best.camera, base_T_flange)
+    if len(rows.seen) >= FEWEST_TREND_VIEWS:
+        basis = trend_basis(base_T_flange)
+        models |= {(centre, True): with_trend(model, basis) for (centre, _), model in models.items()}
+    return models
+
+
+def _worth_a_trial(what: What, model: MixedModel, plain: MixedModel, best: Estimate) -> bool:
+    if what == CENTRE_OFF:
+        return _centre_moves(model, best)
+    if what == TREND:
+        return _trend_shows(model, plain.shared, best)
+    return what == NOTHING
+
+
+def _centre_moves(model: MixedModel, best: Estimate) -> bool:
+    step = solve(model, best.variances)
+    columns = np.flatnonzero(model.known > 0)
+    moved, doubt = step.b[columns], step.covariance[np.ix_(columns, columns)]
+    return bool(moved @ np.linalg.solve(doubt, moved) > WORTH_A_TRIAL_CENTRE)
+
+
+def _trend_shows(model: MixedModel, p: int, best: Estimate) -> bool:
+    """A score test: coefficients' gradient g with information S has g' diag(S)^-1 g at its mean k, without a trend.
+
+    `p`: the unknowns before the trend's coefficients.
+    """
+    step = solve(model, best.variances)
+    information, gradient = step.view_information.sum(axis=0), step.view_gradient.sum(axis=0)
+    across = information[p:, :p] @ covariance_of(information[:p, :p])
+    score = gradient[p:] - across @ gradient[:p]
+    spread = information[p:, p:] - across @ information[:p, p:]
+    scale = np.where(np.diagonal(spread) > 1e-9 * np.diagonal(information)[p:], np.diagonal(spread), np.inf) ** -0.5
+    correlation = scale[:, None] * spread * scale
+    above = float(np.sum((scale * score) ** 2) - np.trace(correlation))
+    return above > WORTH_A_TRIAL_TREND * float(np.sqrt(2 * np.sum(correlation**2)))
+
+
+def _log_likelihood(model: MixedModel, best: Estimate, views: int) -> float:
+    """At its own noise levels; a trend's two more are paid for by Schwarz's criterion."""
+    if not model.trend:
+        return log_restricted(model, estimate_variances(model, best.variances))
+    levels = best.variances
+    first = replace(levels, trend_rotation=levels.rotation + 1e-12, trend_translation=levels.translation + 1e-6)
+    return log_restricted(model, estimate_variances(model, first)) - float(np.log(6 * views))
