@@ -194,7 +194,7 @@ _ROWS = (
     Fault("rws-406", "rws", "every RWS request is told 406: no media type will do", None),
     Fault("rws-503", "rws", "every RWS request is told 503", None),
     Fault("rws-410", "rws", "mastership answers 410, as RobotWare 8 does", None),
-    Fault("rws-slow", "rws", "every RWS answer comes 2 s late", None),
+    Fault("rws-slow", "rws", "every RWS answer comes 1 s late", None),
     Fault("rws-garbage", "rws", "every RWS answer is cut off", None),
     Fault("rws-sessions-exhausted", "rws", "other clients hold all 70 sessions", None),
     Fault("rws-mastership-held", "rws", "the pendant holds the mastership of everything", None),

@@ -23,7 +23,7 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 PASSWORDS = {"Default User": "robotics", "Admin": "robotics", "admin": "robotics"}
 BODY_MAX = 64 * 2**20
-SLOW_S = 2.0
+SLOW_S = 1.0
 """How late answers come under the fault that delays them."""
 
 

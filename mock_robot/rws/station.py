@@ -1,8 +1,8 @@
 """Both services of one controller on their ports: 1.0 over HTTP, 2.0 over HTTPS."""
 
+import asyncio
 import tempfile
 from collections.abc import Callable
-from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ class RwsStation:
     def __init__(self, cabinet: Cabinet, faults: FaultBoard, clock: Callable[[], float]) -> None:
         self.world = World(cabinet, faults, clock)
         self.first, self.second = Service(self.world, 1), Service(self.world, 2)
-        self._closing = AsyncExitStack()
+        self._servers: list[HttpServer] = []
 
     async def start(self, host: str, port_1: int, port_2: int) -> RwsUrls:
         """Serve both."""
@@ -55,8 +55,7 @@ class RwsStation:
             files = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
             secured = HttpServer(self.second, ws=_NeverPongs, **_SOCKETS, **files)
             urls = RwsUrls(await plain.start(host, port_1), await secured.start(host, port_2))
-        self._closing.push_async_callback(secured.close)
-        self._closing.push_async_callback(plain.close)
+        self._servers = [plain, secured]
         return urls
 
     def nudge(self) -> None:
@@ -66,4 +65,4 @@ class RwsStation:
 
     async def close(self) -> None:
         """Stop serving."""
-        await self._closing.aclose()
+        await asyncio.gather(*(server.close() for server in self._servers))

@@ -64,7 +64,7 @@ class RwsClient:
         answer = await self._ask("GET", path, {**(query or {}), **dialect.query}, headers=dialect.headers)
         try:
             return dialect.items(answer.content)
-        except (ValueError, AttributeError) as error:
+        except ValueError as error:
             what = f"reading {path}: no answer of {dialect.name} ({error})"
             raise GarbledAnswer(self.device, what, "check that the address is a controller's") from error
 

@@ -40,7 +40,9 @@ class Dialect:
     def items(self, content: bytes) -> list[dict[str, Any]]:
         """The resources of an answer. Raises ValueError when it is none."""
         document = json.loads(content)
-        embedded = document.get("_embedded", {}) if isinstance(document, dict) else {}
+        embedded = document.get("_embedded", {}) if isinstance(document, dict) else None
+        if not isinstance(embedded, dict):
+            raise ValueError("no document of resources")
         items = embedded.get("_state") or document.get("state") or embedded.get("resources") or []
         if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
             raise ValueError("no list of resources")

@@ -40,7 +40,7 @@ def refused(device: str, doing: str, status: int, code: int | None, message: str
         return DeviceUnreachable(
             device, f"{doing}: it answers {status}", "look at the controller; restart it if it stays"
         )
-    row = WHAT_TO_DO.get(code or 0) or BY_STATUS.get(status)
+    row = (WHAT_TO_DO.get(code or 0) if status in (400, 403, 404) else None) or BY_STATUS.get(status)
     if row is None:
         what = f"{doing}: it answers {status}"
         return GarbledAnswer(device, what, "check that Robot Web Services listen at this address")

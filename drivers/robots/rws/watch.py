@@ -31,7 +31,7 @@ class Event:
 def events_in(message: str) -> list[Event]:
     """The events of one message, which is always XHTML."""
     begins = [*_EVENT.finditer(message)]
-    ends = [begin.start() for begin in begins[1:]] + [len(message)]
+    ends = [*(begin.start() for begin in begins[1:]), len(message)][: len(begins)]
     return [
         Event(begin.group(1), {name: html.unescape(value) for name, value in _SPAN.findall(message, begin.end(), end)})
         for begin, end in zip(begins, ends, strict=True)

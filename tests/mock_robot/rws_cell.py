@@ -1,0 +1,95 @@
+"""A cell with Robot Web Services for tests: in the test's own loop, or in a thread for clients that block."""
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import httpx
+
+from mock_robot.cell import MockCell, Ports
+from mock_robot.controller import Controller
+from mock_robot.rws.world import World
+from mock_robot.truth import CellTruth
+
+Result = TypeVar("Result")
+ACCEPT_2 = {"Accept": "application/hal+json;v=2.0"}
+FORM_2 = {"Content-Type": "application/x-www-form-urlencoded;v=2.0", **ACCEPT_2}
+
+
+@dataclass
+class RwsCell:
+    """A cell that serves RWS at two URLs; `robot` is the CB link's host and port."""
+
+    cell: MockCell
+    first: str
+    second: str
+    robot: tuple[str, int]
+    loop: asyncio.AbstractEventLoop
+
+    @property
+    def world(self) -> World:
+        return self.cell.rws.world
+
+    @property
+    def controller(self) -> Controller:
+        return self.cell.controller
+
+    def rws(self, version: int) -> str:
+        """The driver's address of one version."""
+        return "rws://" + (self.first, self.second)[version - 1].partition("//")[2]
+
+    def does(self, act: Callable[[], Result]) -> Result:
+        """Something is done to the cell, in its own loop, from another thread."""
+
+        async def done() -> Result:
+            return act()
+
+        return asyncio.run_coroutine_threadsafe(done(), self.loop).result(10.0)
+
+    def client_1(self, user: str = "Default User", password: str = "robotics") -> httpx.Client:
+        """A client that knows the rules of 1.0."""
+        return httpx.Client(base_url=self.first, auth=httpx.DigestAuth(user, password), trust_env=False)
+
+    def client_2(self, password: str = "robotics") -> httpx.Client:
+        """A client that knows the rules of 2.0."""
+        auth = ("Admin", password)
+        return httpx.Client(base_url=self.second, auth=auth, verify=False, headers=ACCEPT_2, trust_env=False)
+
+
+async def _started(**options: Any) -> RwsCell:
+    cell = MockCell(CellTruth.from_seed(7), time_scale=options.pop("time_scale", 20.0))
+    announced = await cell.start(Ports(devices=None, rws=(0, 0), **options))
+    assert announced.rws is not None
+    robot = (announced.robot_host, announced.robot_port)
+    return RwsCell(cell, announced.rws.first, announced.rws.second, robot, asyncio.get_running_loop())
+
+
+@asynccontextmanager
+async def rws_cell(**options: Any) -> AsyncIterator[RwsCell]:
+    """In this loop."""
+    cell = await _started(**options)
+    try:
+        yield cell
+    finally:
+        await cell.cell.close()
+
+
+@contextmanager
+def rws_cell_apart(**options: Any) -> Iterator[RwsCell]:
+    """In a thread of its own."""
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever, name="the cell", daemon=True)
+    thread.start()
+    try:
+        cell = asyncio.run_coroutine_threadsafe(_started(**options), loop).result(20.0)
+        try:
+            yield cell
+        finally:
+            asyncio.run_coroutine_threadsafe(cell.cell.close(), loop).result(20.0)
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join(10.0)
+        loop.close()
