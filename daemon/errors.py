@@ -6,6 +6,7 @@ DaemonError
 ├── CellNotReady          the robot or a device would not do it now; `reasons`
 │   └── InterlockOpen     an interlock of the cell does not allow motion; `interlocks`
 ├── NotStill              the arm moved while it was looked at, or never came to rest
+├── ElsewhereThanSent     the arm says it stands where nobody sent it
 ├── PictureUnusable       the camera's picture cannot be used
 ├── NoPoses               nothing says where to look from
 ├── PoseRefused           a pose lies outside what the settings allow; `station`
@@ -20,6 +21,11 @@ DaemonError
 ├── KeyReused             an Idempotency-Key that came with another request before
 ├── RequestInFlight       the request with this Idempotency-Key is still being answered; `holder`
 ├── HostNotAllowed        the request names a host that the daemon does not answer for
+├── KeyMissing            the request carries no key, or one that is not valid
+├── RoleTooLow            the key is valid, but may not do this
+├── SetupRefused          this is not the set-up code, or there are keys already
+├── CertificateUnusable   no server can be started with this certificate
+├── KeyExists             a key of that name is there already
 ├── NoCalibration         nothing is applied yet
 ├── CalibrationUnusable   a calibration that must not, or cannot, be applied
 ├── TargetNotSeen         too few stations saw the target
@@ -100,6 +106,12 @@ class NotStill(DaemonError):
     """The arm moved while it was looked at, or never came to rest."""
 
     code = "not-still"
+
+
+class ElsewhereThanSent(DaemonError):
+    """The arm says it stands where nobody sent it: units, quaternion order, tool or work object are not what we think."""
+
+    code = "elsewhere-than-sent"
 
 
 class PictureUnusable(DaemonError):
@@ -187,6 +199,42 @@ class HostNotAllowed(DaemonError):
             f"the daemon does not answer for host {host[:80]!r}",
             "use its address, or add the name to [server] allowed_hosts in the settings",
         )
+
+
+class KeyMissing(DaemonError):
+    """The request carries no key, or one that is not valid."""
+
+    code = "key-missing"
+
+    def __init__(self, what: str) -> None:
+        super().__init__(what, 'send "Authorization: Bearer KEY"; an admin makes keys with: handeyed keys add')
+
+
+class RoleTooLow(DaemonError):
+    """The key is valid, but may not do this."""
+
+    code = "role-too-low"
+
+    def __init__(self, name: str, role: str, needed: str) -> None:
+        super().__init__(f"{name!r} is {role}, and this needs {needed}", f"ask with a key of role {needed}")
+
+
+class SetupRefused(DaemonError):
+    """This is not the set-up code, or there are keys already."""
+
+    code = "setup-refused"
+
+
+class CertificateUnusable(DaemonError):
+    """No server can be started with this certificate."""
+
+    code = "certificate-unusable"
+
+
+class KeyExists(DaemonError):
+    """A key of that name is there already."""
+
+    code = "key-exists"
 
 
 class RunOver(DaemonError):

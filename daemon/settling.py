@@ -1,13 +1,26 @@
-"""When does the arm stand? Two readings that agree; and after the picture a third that agrees with them."""
+"""When does the arm stand, and where? Two readings that agree with each other, with where it was sent, and with a third
+after the picture."""
 
 from dataclasses import dataclass
-from math import degrees
+from math import degrees, radians
 
-from calibration.transforms import difference
+import numpy as np
+
+from calibration.transforms import (
+    Array,
+    difference,
+    quaternion_from_rotation,
+    rotation_angle_rad,
+    rotation_from_quaternion,
+)
 from daemon.clock import Clock
-from daemon.errors import NotStill
+from daemon.errors import ElsewhereThanSent, NotStill
 from daemon.settings import SettlingSettings
 from drivers.interfaces import PoseReading, Robot
+
+
+SENT_MM, SENT_RAD = 2.0, radians(0.2)
+"""A controller stops within hundredths of a millimetre of the goal, in its own numbers."""
 
 
 @dataclass(frozen=True)
@@ -69,3 +82,33 @@ def require_still(before: PoseReading, after: PoseReading, settling: SettlingSet
         raise NotStill(
             f"the arm moved by {drift} while it was looked at", "keep everything else from moving it, and look again"
         )
+
+
+def require_arrived(sent_base_T_flange: Array, reading: PoseReading) -> None:
+    """Raises ElsewhereThanSent when the pose that is read is not the one that was commanded.
+
+    A wrong unit, quaternion order, tool or work object shows here at the first move, before a picture is taken.
+    """
+    off_mm, off_rad = difference(sent_base_T_flange, reading.base_T_flange)
+    if off_mm <= SENT_MM and off_rad <= SENT_RAD:
+        return
+    raise ElsewhereThanSent(
+        f"the arm was sent to {_place(sent_base_T_flange)} mm and says it stands at {_place(reading.base_T_flange)} mm,"
+        f" {off_mm:.4g} mm and {degrees(off_rad):.3g}° away",
+        _guess(sent_base_T_flange, reading.base_T_flange),
+    )
+
+
+def _place(base_T_flange: Array) -> str:
+    return "({:.4g}, {:.4g}, {:.4g})".format(*base_T_flange[:3, 3])
+
+
+def _guess(sent: Array, read: Array) -> str:
+    """What would explain it."""
+    w, x, y, z = quaternion_from_rotation(sent[:3, :3])
+    scalar_last = rotation_from_quaternion([x, y, z, w])
+    if np.linalg.norm(1000.0 * read[:3, 3] - sent[:3, 3]) <= SENT_MM:
+        return "it tells metres where millimetres belong: correct the controller's program"
+    if rotation_angle_rad(scalar_last.T @ read[:3, :3]) <= SENT_RAD:
+        return "its quaternion has the scalar part last, ABB's comes first: correct the controller's program"
+    return "see that the controller's program tells tool0 in wobj0, in millimetres, with ABB's quaternion (q1 first)"

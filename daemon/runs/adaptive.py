@@ -18,6 +18,7 @@ from daemon.runs.looking import require_seen
 from daemon.runs.session_log import SessionLog
 from daemon.runs.states import RunEvent as E
 from daemon.settings import TaughtPose
+from daemon.settling import require_arrived
 from daemon.store.records import Planning
 from daemon.workers import Workers
 from drivers.interfaces import Robot
@@ -139,10 +140,12 @@ class AdaptiveTour:
         goal = await self.route.rules.goal(self.log.run.station + 1, TaughtPose.of(base_T_flange), robot)
         await robot.move_to(goal)
         await self.log.took(E.ARRIVED)
-        return await self._capture(captured=True)
+        return await self._capture(captured=True, sent=goal.base_T_flange)
 
-    async def _capture(self, *, captured: bool) -> View:
+    async def _capture(self, *, captured: bool, sent: Array | None = None) -> View:
         reading = await self.cell.settled_pose()
+        if sent is not None:
+            require_arrived(sent, reading)
         await self.log.took(E.SETTLED)
         index = await self.session.add(await self.cell.picture(reading), reading)
         self._at.planning = replace(self._at.planning, pictures=index + 1)

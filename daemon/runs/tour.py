@@ -7,6 +7,7 @@ from daemon.motion import MotionRules
 from daemon.runs.log import RunLog
 from daemon.runs.states import RunEvent as E
 from daemon.settings import TaughtPose
+from daemon.settling import require_arrived
 from drivers.interfaces import PoseReading
 
 AtStation = Callable[[PoseReading], Awaitable[None]]
@@ -22,9 +23,11 @@ async def tour(
     """
     async with cell.motion_lease(f"run {log.id}") as robot:
         for station, pose in enumerate(stations, start=1):
-            await robot.move_to(await rules.goal(station, pose, robot))
+            goal = await rules.goal(station, pose, robot)
+            await robot.move_to(goal)
             await log.took(E.ARRIVED)
             reading = await cell.settled_pose()
+            require_arrived(goal.base_T_flange, reading)
             await log.took(E.SETTLED)
             await at_station(reading)
             event = E.CAPTURED if station < len(stations) else last

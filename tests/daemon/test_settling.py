@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from calibration.transforms import Array, rotation_from_vector, transform
+from calibration.transforms import Array, rotation_from_vector, transform, transform_from_quaternion
 from daemon.clock import Clock
-from daemon.errors import NotStill
+from daemon.errors import ElsewhereThanSent, NotStill
 from daemon.settings import SettlingSettings
-from daemon.settling import require_still, settle
+from daemon.settling import require_arrived, require_still, settle
 from drivers.interfaces import UNUSED_AXIS, Configuration, PoseReading
 from tests.daemon.fakes import FakeRobot
 
@@ -76,3 +76,28 @@ def test_what_was_seen_while_the_arm_moved_belongs_to_no_pose() -> None:
     for after in (reading(0.03), reading(turn_deg=0.01), reading(0, still=False)):
         with pytest.raises(NotStill, match="while it was looked at"):
             require_still(reading(0), after, SETTLING)
+
+
+SENT = transform_from_quaternion([515.0, -20.0, 712.0], [0.7, 0.1, 0.7, -0.1])
+
+
+def read_as(position_mm: list[float], quaternion_wxyz: list[float]) -> PoseReading:
+    return replace(reading(), base_T_flange=transform_from_quaternion(position_mm, quaternion_wxyz))
+
+
+@pytest.mark.parametrize(
+    ("told", "fix"),
+    [
+        (read_as([0.515, -0.02, 0.712], [0.7, 0.1, 0.7, -0.1]), "metres where millimetres belong"),
+        (read_as([515, -20, 712], [0.1, 0.7, -0.1, 0.7]), "scalar part last"),
+        (read_as([515, -20, 912], [0.7, 0.1, 0.7, -0.1]), "tool0 in wobj0"),
+        (read_as([515, -20, 712], [0.7, 0.11, 0.7, -0.1]), "tool0 in wobj0"),
+    ],
+)
+def test_a_pose_that_is_not_where_the_arm_was_sent(told: PoseReading, fix: str) -> None:
+    with pytest.raises(ElsewhereThanSent, match=fix):
+        require_arrived(SENT, told)
+
+
+def test_a_controller_stops_within_its_own_resolution() -> None:
+    require_arrived(SENT, read_as([515.3, -20.0, 712.2], [0.7, 0.1001, 0.7, -0.1]))
