@@ -18,7 +18,6 @@ from daemon.errors import ElsewhereThanSent, NotStill
 from daemon.settings import SettlingSettings
 from drivers.interfaces import PoseReading, Robot
 
-
 SENT_MM, SENT_RAD = 2.0, radians(0.2)
 """A controller stops within hundredths of a millimetre of the goal, in its own numbers."""
 
