@@ -1,12 +1,14 @@
 """What every request passes before it reaches a route: size, origin, counting. Plain ASGI, so that bodies stream."""
 
 import re
+import secrets
 import socket
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from daemon.api.problems import answer, problem_of
 from daemon.errors import BodyTooLarge, CrossOrigin, HostNotAllowed
+from daemon.logs import about_request
 from daemon.metrics import Metrics
 from daemon.settings_server import ServerSettings
 
@@ -17,6 +19,7 @@ CLOUD_PATHS = ("/register", "/scans/")
 HOST = re.compile(
     r"(?:(?P<address>[0-9]{1,3}(?:\.[0-9]{1,3}){3}|\[[0-9A-Fa-f:.]+\])|(?P<name>[A-Za-z0-9._-]+))(?::[0-9]{1,5})?"
 )
+REQUEST_ID = re.compile(r"[A-Za-z0-9._:-]{1,64}")
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
@@ -32,8 +35,13 @@ class Guards:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        exchange = _Exchange(receive, send, self._limit(scope["path"]))
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
+        request_id = _request_id(headers)
+        exchange = _Exchange(receive, send, self._limit(scope["path"]), request_id)
+        with about_request(request_id):
+            await self._pass(scope, exchange, headers)
+
+    async def _pass(self, scope: Scope, exchange: "_Exchange", headers: dict[bytes, str]) -> None:
         try:
             exchange.require_length(headers.get(b"content-length", ""))
             self._require_own_name(scope["http_version"], headers)
@@ -42,7 +50,7 @@ class Guards:
         except (BodyTooLarge, CrossOrigin, HostNotAllowed) as error:
             if exchange.status is not None:
                 raise
-            await answer(problem_of(error), {"Connection": "close"})(scope, receive, exchange.send)
+            await answer(problem_of(error), {"Connection": "close"})(scope, exchange.receive, exchange.send)
         finally:
             self._metrics.requests[_method(scope["method"]), exchange.status or 500] += 1
 
@@ -62,8 +70,9 @@ class Guards:
 class _Exchange:
     """One request and its answer, counted."""
 
-    def __init__(self, receive: Receive, send: Send, limit_bytes: int) -> None:
+    def __init__(self, receive: Receive, send: Send, limit_bytes: int, request_id: str) -> None:
         self._receive, self._send, self._limit = receive, send, limit_bytes
+        self._request_id = request_id.encode()
         self._received = 0
         self.status: int | None = None
 
@@ -81,6 +90,7 @@ class _Exchange:
     async def send(self, message: Message) -> None:
         if message["type"] == "http.response.start":
             self.status = message["status"]
+            message = {**message, "headers": [*message.get("headers", ()), (b"x-request-id", self._request_id)]}
         await self._send(message)
 
 
@@ -89,6 +99,12 @@ def _require_own_origin(method: str, headers: dict[bytes, str]) -> None:
     origin, host = headers.get(b"origin"), headers.get(b"host", "")
     if method not in SAFE_METHODS and origin is not None and origin.partition("://")[2] != host:
         raise CrossOrigin(f"a page of {origin[:80]!r} asks", "ask from a page of this daemon, or with curl")
+
+
+def _request_id(headers: dict[bytes, str]) -> str:
+    """The caller's own, when it can stand in a log; else a new one."""
+    given = headers.get(b"x-request-id", "")
+    return given if REQUEST_ID.fullmatch(given) else secrets.token_hex(4)
 
 
 def _method(method: str) -> str:
