@@ -8,9 +8,10 @@ MODULE CELL_comm
   CONST num CELL_STANDS := 0.01;
 
   VAR socketdev cell_server;
-  ! Two places: the client is cell_peer{cell_who}, a guest waits at the other one.
+  ! Two places: the client is cell_peer{cell_who}, a guest waits at cell_peer{cell_other}.
   VAR socketdev cell_peer{2};
   VAR num cell_who := 1;
+  VAR num cell_other := 2;
   VAR iodev cell_line;
   VAR clock cell_heard;
   VAR clock cell_quiet;
@@ -299,6 +300,7 @@ MODULE CELL_comm
     ! The guest that waits becomes the client; else whoever connects.
     cell_open := TRUE;
     IF cell_has_guest THEN
+      cell_other := cell_who;
       cell_who := 3 - cell_who;
       cell_has_guest := FALSE;
       RETURN;
@@ -603,7 +605,7 @@ MODULE CELL_comm
     ! A stopped move belongs to the client before; its end is not reported to this one.
     cell_busy := FALSE;
     cell_timed_out := FALSE;
-    WaitUntil (NOT cell_abort) OR DOutput(cell_do_running) = 0 \MaxTime:=1.5 \PollRate:=0.01;
+    WaitUntil DOutput(cell_do_running) = 0 OR (NOT cell_abort) \MaxTime:=1.5 \PollRate:=0.01;
   ERROR
     IF ERRNO = ERR_WAIT_MAXTIME TRYNEXT;
     RAISE;
@@ -903,7 +905,7 @@ MODULE CELL_comm
       RETURN;
     ENDIF
     cell_has_guest := TRUE;
-    SocketAccept cell_server, cell_peer{3 - cell_who} \Time:=0.001;
+    SocketAccept cell_server, cell_peer{cell_other} \Time:=0.001;
     ClkReset cell_guest_since;
     ClkStart cell_guest_since;
   ERROR
@@ -922,8 +924,8 @@ MODULE CELL_comm
       cell_open := FALSE;
       RETURN;
     ENDIF
-    IF SocketPeek(cell_peer{3 - cell_who}) >= 12 THEN
-      SocketReceive cell_peer{3 - cell_who} \RawData:=cell_part \ReadNoOfBytes:=12 \NoRecBytes:=got \Time:=0.1;
+    IF SocketPeek(cell_peer{cell_other}) >= 12 THEN
+      SocketReceive cell_peer{cell_other} \RawData:=cell_part \ReadNoOfBytes:=12 \NoRecBytes:=got \Time:=0.1;
       UnpackRawBytes cell_part, 4, command \IntX:=USINT;
       UnpackRawBytes cell_part, 5, seq \IntX:=UINT;
       cell_command := command;
@@ -931,16 +933,16 @@ MODULE CELL_comm
       cell_begin;
       cell_status := CB_BUSY;
       cell_finish_frame;
-      SocketSend cell_peer{3 - cell_who} \RawData:=cell_tx \NoOfBytes:=RawBytesLen(cell_tx);
+      SocketSend cell_peer{cell_other} \RawData:=cell_tx \NoOfBytes:=RawBytesLen(cell_tx);
       cell_has_guest := FALSE;
-      SocketClose cell_peer{3 - cell_who};
+      SocketClose cell_peer{cell_other};
     ELSEIF ClkRead(cell_guest_since) >= 1 THEN
       cell_has_guest := FALSE;
-      SocketClose cell_peer{3 - cell_who};
+      SocketClose cell_peer{cell_other};
     ENDIF
   ERROR
     cell_has_guest := FALSE;
-    SocketClose cell_peer{3 - cell_who};
+    SocketClose cell_peer{cell_other};
     RETURN;
   ENDPROC
 

@@ -1,11 +1,11 @@
 """Headers of routines, of modules and of system.rapid alike, to parameters; and what a controller brings along."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 from mock_robot.rapid.devices import DEVICES
 from mock_robot.rapid.errors import RapidProgramError
+from mock_robot.rapid.instructions.table import DOES
 from mock_robot.rapid.scope import Builtin, Context, ErrorNumbers, Parameter, Scope, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, parse_system, part, parts
 from mock_robot.rapid.types import ATOMS, Record, Type
@@ -56,7 +56,8 @@ def system_types() -> Mapping[str, Type]:
     return scope.types
 
 
-def builtins(does: Mapping[str, Callable[..., Any]]) -> list[Builtin]:
+@cache
+def builtins() -> tuple[Builtin, ...]:
     """Every instruction and function of system.rapid with what does it."""
     context = _bare(Scope(types=dict(system_types())))
     found = []
@@ -65,9 +66,9 @@ def builtins(does: Mapping[str, Callable[..., Any]]) -> list[Builtin]:
             continue
         function = node.data == "func_header"
         called = name(node, int(function))
-        if called not in does:
+        if called not in DOES:
             raise RapidProgramError(SYSTEM, line_of(node), f"nothing does {called}")
         parameters = parameters_of(context, part(node, -1) if parts(node) else None)
         result = context.type_named(name(node, 0), line_of(node)) if function else None
-        found.append(Builtin(called, "func" if function else "proc", parameters, result, does[called]))
-    return found
+        found.append(Builtin(called, "func" if function else "proc", parameters, result, DOES[called]))
+    return tuple(found)

@@ -7,7 +7,6 @@ from typing import Any
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidProgramError
 from mock_robot.rapid.expressions import expression
 from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
-from mock_robot.rapid.instructions.table import DOES
 from mock_robot.rapid.scope import (
     Context,
     Data,
@@ -68,7 +67,7 @@ class Program:
     def __post_init__(self) -> None:
         self.scope = Scope(types=dict(system_types()))
         self.errors = ErrorNumbers({}, Slot(0.0))
-        for builtin in builtins(DOES):
+        for builtin in builtins():
             self.scope.symbols[builtin.name] = builtin
         context = Context(self.task, SYSTEM, self.scope, self.errors)
         for node in parts(parse_system(), "data"):

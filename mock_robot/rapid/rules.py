@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 STRING_MAX = 80
 NAME_MAX = 32
+INTEGER_MAX = 8388608
 
 
 @dataclass(frozen=True)
@@ -19,13 +20,15 @@ _FORBIDDEN = (
     (re.compile(rf"\b[A-Za-z]\w{{{NAME_MAX},}}"), f"a name of more than {NAME_MAX} characters"),
     (re.compile(rf'"[^"]{{{STRING_MAX + 1},}}"'), f"a string of more than {STRING_MAX} characters"),
     (re.compile(r"\bSocket(Receive|Accept)\b(?!.*\\Time:=)", re.I), "waits 60 s: give \\Time"),
+    (re.compile(r"\bReadBin\b(?!.*\\Time:=)", re.I), "waits 60 s: give \\Time"),
     (re.compile(r"\bSocketReceive\b.*\\Str\b", re.I), "\\Str cuts at 80 characters: use \\RawData"),
     (re.compile(r"\bStopMove\s*\\Quick\b", re.I), "RobotWare 7 does not load \\Quick"),
     (re.compile(r"\bSingArea\s*\\Wrist\b", re.I), "the orientation would leave the path"),
     (re.compile(r"\bRETRY\s*;", re.I), "RETRY does the failed instruction once more, a motion too"),
     (re.compile(r"\bCRobT\((?!.*\\Tool:=.*\\WObj:=)", re.I), "tool and work object must be named"),
 )
-_PROC = re.compile(r"^\s*PROC\b.*?^\s*ENDPROC", re.M | re.S | re.I)
+_ROUTINE = re.compile(r"^\s*(?:LOCAL\s+)?(PROC|FUNC|TRAP)\b.*?^\s*END\1\b", re.M | re.S | re.I)
+_INTEGER = re.compile(r"(?<![\w.])\d+(?![\w.])")
 
 
 def offences(source: bytes) -> list[Offence]:
@@ -40,8 +43,10 @@ def offences(source: bytes) -> list[Offence]:
     for number, line in enumerate(text.split("\n"), 1):
         code = line.split("!")[0].rstrip()
         found += [Offence(number, why) for pattern, why in _FORBIDDEN if pattern.search(code)]
-    for routine in _PROC.finditer(text):
+        if any(int(literal) > INTEGER_MAX for literal in _INTEGER.findall(re.sub(r'"[^"]*"', "", code))):
+            found.append(Offence(number, f"a num is exact up to {INTEGER_MAX} only"))
+    for routine in _ROUTINE.finditer(text):
         if not re.search(r"^\s*ERROR\s*$", routine[0], re.M | re.I):
-            line_number = text.count("\n", 0, routine.start()) + 1
-            found.append(Offence(line_number, "a PROC without ERROR: any error in it stops the program"))
+            line_number = text.count("\n", 0, routine.start(1)) + 1
+            found.append(Offence(line_number, f"a {routine[1]} without ERROR: any error in it stops the program"))
     return sorted(found, key=lambda offence: offence.line)

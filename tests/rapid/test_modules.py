@@ -1,21 +1,30 @@
 """The shipped RAPID: it can be read, and it keeps a controller's limits."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from mock_robot.rapid.errors import RapidSyntaxError
 from mock_robot.rapid.rules import offences
-from mock_robot.rapid.syntax import RapidSyntaxError, parse_module
+from mock_robot.rapid.syntax import parse_module
 
 RAPID = Path(__file__).parents[2] / "deploy" / "rapid"
 MODULES = sorted(path for path in RAPID.iterdir() if path.suffix in (".mod", ".sys"))
 
 
+HANDLER = re.compile(r"(\n +(?:FUNC|TRAP)\b.*?)\n  ERROR\n    RAISE;(\n  END(?:FUNC|TRAP))", re.S)
+"""rapidchecker 0.1.5 knows ERROR in a PROC alone; a controller knows it in every routine."""
+
+
 def test_rapidchecker_finds_nothing(tmp_path: Path) -> None:
     pytest.importorskip("rapidchecker", reason="rapidchecker is not installed")
-    command = [sys.executable, "-m", "rapidchecker", *map(str, MODULES)]
+    for module in MODULES:
+        text = module.read_text("ascii")
+        (tmp_path / module.name).write_text(HANDLER.sub(r"\1\2", text))
+    command = [sys.executable, "-m", "rapidchecker", *(module.name for module in MODULES)]
     checked = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout
 
@@ -40,6 +49,10 @@ def test_a_module_is_read_and_keeps_the_rules(path: Path) -> None:
         f'TPWrite "{"x" * 81}";',
         "here := CRobT();",
         "PROC a()\r\n  ENDPROC",
+        "FUNC num a()\r\n  RETURN 1;\r\n  ENDFUNC",
+        "TRAP a\r\n  ENDTRAP",
+        "n := ReadBin(c);",
+        "n := 8388609;",
         "! \N{DEGREE SIGN}",
         "! a line feed alone\n",
     ],
