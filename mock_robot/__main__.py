@@ -40,6 +40,7 @@ def _parser() -> argparse.ArgumentParser:
         default="rapid",
         help="whose program answers: the shipped RAPID, interpreted (default), or its quick twin in Python",
     )
+    run.add_argument("--egm", type=_address, metavar="HOST:PORT", help="send EGM there, 250 packets a second")
     run.add_argument("--robot-only", action="store_true", help="no camera and no scanner")
     run.add_argument(
         "--serial", action="store_true", help="open a serial line (a pty): with RAPID in place of the socket"
@@ -76,6 +77,13 @@ def _port(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) <= 65535):
         raise argparse.ArgumentTypeError(f"{text} is not a port: 0 (chosen by the system) to 65535")
     return int(text)
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or _port(port) == 0:
+        raise argparse.ArgumentTypeError(f"{text} is not HOST:PORT")
+    return host, int(port)
 
 
 def _run(options: argparse.Namespace) -> int:

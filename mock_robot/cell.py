@@ -14,6 +14,7 @@ from calibration.transforms import Array
 from mock_robot.announcement import Announcement
 from mock_robot.cabinet import Box
 from mock_robot.control_port import ControlPort
+from mock_robot.egm import EgmSender
 from mock_robot.fault_boards import FaultBoards
 from mock_robot.http_server import HttpServer
 from mock_robot.motion import RobotNoise, SimulatedArm
@@ -47,7 +48,7 @@ class Ports:
     `serial` opens a pty: beside the socket with the Python program, in its place with the RAPID, as on a controller.
 
     `devices` None: no camera and no scanner, for who needs the robot alone. `rws` None: no Robot Web Services;
-    else the ports of 1.0 and 2.0.
+    else the ports of 1.0 and 2.0. `egm`: host and port that EGM is sent to.
     """
 
     host: str = LOOPBACK
@@ -56,6 +57,7 @@ class Ports:
     control: int = 0
     serial: bool = False
     rws: tuple[int, int] | None = None
+    egm: tuple[str, int] | None = None
 
 
 class MockCell:
@@ -85,6 +87,7 @@ class MockCell:
         self.controller = self._wires.controller
         self.faults = FaultBoards(self.controller, self._wires.board)
         self.rws = RwsStation(self.controller, self._wires.board, clock)
+        self.egm = EgmSender(self.controller, self._wires.board, clock)
         self._closing = AsyncExitStack()
 
     async def start(self, ports: Ports) -> Announcement:
@@ -96,6 +99,9 @@ class MockCell:
         control = await self._serve(bench, ports.host, ports.control)
         rws = None if ports.rws is None else await self.rws.start(ports.host, *ports.rws)
         self._closing.push_async_callback(self.rws.close)
+        if ports.egm is not None:
+            await self.egm.start(*ports.egm)
+            self._closing.push_async_callback(self.egm.close)
         return Announcement(self.truth.seed, host, port, serial, devices, control, cell_sheet(self.truth), rws)
 
     async def close(self) -> None:

@@ -189,7 +189,7 @@ _ROWS = (
         reply=_posed(lambda p: replace(p, configuration=(*p.configuration[:3], p.configuration[3] ^ 2))),
     ),
     Fault("robot-clock-jump", "robot", "the controller's clock is an hour ahead", None, reply=_clock_jump),
-    # --- Robot Web Services: looked at by name in mock_robot.rws ---
+    # --- Robot Web Services: and EGM: looked at by name in mock_robot.rws and mock_robot.egm ---
     Fault("rws-401", "rws", "every RWS request is told 401, and all sessions end", None),
     Fault("rws-406", "rws", "every RWS request is told 406: no media type will do", None),
     Fault("rws-503", "rws", "every RWS request is told 503", None),
@@ -199,6 +199,10 @@ _ROWS = (
     Fault("rws-sessions-exhausted", "rws", "other clients hold all 70 sessions", None),
     Fault("rws-mastership-held", "rws", "the pendant holds the mastership of everything", None),
     Fault("rws-subscription-gone", "rws", "subscriptions say nothing any more; their sockets stay open", None),
+    Fault("egm-silent", "egm", "no EGM packet comes any more", None),
+    Fault("egm-loss", "egm", "every fifth EGM packet is lost", None),
+    Fault("egm-garbage", "egm", "EGM packets are cut off", None),
+    Fault("egm-vibration", "egm", "the flange rings with 0.3 mm at 12 Hz, as EGM tells it", None),
     Fault("rws-other-tool", "rws", "another tool and work object are selected at the pendant", None),
 )
 

@@ -27,7 +27,7 @@ class Fault:
     """One row. `strikes` is how often it strikes unless told otherwise; None until it is cleared."""
 
     name: str
-    area: Literal["link", "serial", "robot", "rws"]
+    area: Literal["link", "serial", "robot", "rws", "egm"]
     summary: str
     strikes: int | None = 1
     begin: StateFault | None = None

@@ -30,6 +30,7 @@ async def _run(options: argparse.Namespace) -> int:
         options.control_port,
         options.serial,
         (options.rws_port, options.rws2_port),
+        options.egm,
     )
     try:
         announcement = await cell.start(ports)

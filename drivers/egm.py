@@ -1,0 +1,166 @@
+"""EGM as a settling monitor: how much the flange still moves, from 250 samples a second. It never sends anything.
+
+The controller is the client: it sends to the port that its SIO configuration names, while its program streams.
+"""
+
+import socket
+import struct
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.errors import DeviceTimeout, DeviceUnreachable
+from drivers.interfaces import LinkHealth
+from drivers.link_report import LinkReport
+from drivers.timing import Timing
+from protocols.egm.messages import NotEgm, RobotSample, decode
+
+PORT = 6510
+KEEP = 2500
+"""Ten seconds of samples."""
+LOOK_S = 0.2
+SILENT_AFTER_S = 0.5
+FEWEST = 5
+SO_TIMESTAMPNS = 35
+"""linux/asm-generic/socket.h: the kernel notes when each packet came, however late this thread is woken."""
+_TIMESPEC = struct.Struct("@qq")
+STREAMS = "check that the program runs EGMStreamStart, and the address and port in the controller's SIO (UDPUC)"
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """How far the flange was from its mean within a window. `lost`: packets that were sent and did not come."""
+
+    translation_mm: float
+    rotation_rad: float
+    samples: int
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A sample, and when its packet came in this machine's time."""
+
+    received_at_s: float
+    sample: RobotSample
+
+
+@dataclass(frozen=True)
+class EgmAddress:
+    """Where to listen, and to which controller alone when one is named."""
+
+    host: str = "0.0.0.0"
+    port: int = PORT
+    robot: str | None = None
+
+
+class EgmMonitor:
+    """Listens in a thread of its own, so that nothing else in the process makes it late."""
+
+    def __init__(self, address: EgmAddress, timing: Timing | None = None) -> None:
+        self._address, self._timing = address, timing or Timing()
+        self._device = f"EGM udp://{address.host}:{address.port}"
+        self._report = LinkReport(self._timing.clock)
+        self._arrivals: deque[Arrival] = deque(maxlen=KEEP)
+        self._ending = threading.Event()
+        self._socket: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+        self.strangers = 0
+
+    @property
+    def link(self) -> LinkHealth:
+        """Do samples come?"""
+        last = self._arrivals[-1].received_at_s if self._arrivals else None
+        if last is not None and self._timing.clock() - last <= SILENT_AFTER_S:
+            self._report.up("samples come")
+        else:
+            self._report.down(f"no sample for {SILENT_AFTER_S:g} s: {STREAMS}")
+        return self._report.health
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on."""
+        assert self._socket is not None
+        return int(self._socket.getsockname()[1])
+
+    def start(self) -> None:
+        """Listen. Raises DeviceUnreachable when the port is taken or the host is none of this machine."""
+        listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            listening.bind((self._address.host, self._address.port))
+        except OSError as error:
+            listening.close()
+            fix = "end the program that listens there, or correct host and port"
+            raise DeviceUnreachable(self._device, f"cannot listen ({error})", fix) from error
+        listening.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        listening.settimeout(LOOK_S)
+        self._socket = listening
+        self._thread = threading.Thread(target=self._listen, args=(listening,), name=self._device, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join()
+        if self._socket is not None:
+            self._socket.close()
+
+    def arrivals(self, window_s: float) -> list[Arrival]:
+        """The samples of the last `window_s`, oldest first. Raises DeviceTimeout when there are too few."""
+        since_s = self._timing.clock() - window_s
+        recent = [arrival for arrival in list(self._arrivals) if arrival.received_at_s >= since_s]
+        if len(recent) < FEWEST:
+            what = f"{len(recent)} samples came within {window_s:g} s"
+            raise DeviceTimeout(self._device, what, STREAMS)
+        return recent
+
+    def vibration(self, window_s: float) -> Vibration:
+        """How much the flange moved within the last `window_s`. Raises DeviceTimeout."""
+        return vibration_of([arrival.sample for arrival in self.arrivals(window_s)])
+
+    def _listen(self, listening: socket.socket) -> None:
+        clock = self._timing.clock
+        while not self._ending.is_set():
+            try:
+                data, notes, _, sender = listening.recvmsg(2048, 64)
+            except TimeoutError:
+                continue
+            except OSError:
+                return  # closed
+            try:
+                if self._address.robot not in (None, sender[0]):
+                    raise NotEgm(f"a packet from {sender[0]}")
+                sample = decode(data)
+            except NotEgm:
+                self.strangers += 1
+                continue
+            self._arrivals.append(Arrival(clock() - _age_s(notes), sample))
+
+
+def vibration_of(samples: list[RobotSample]) -> Vibration:
+    """The largest distance and the largest angle from the mean."""
+    positions = np.array([sample.position_mm for sample in samples])
+    quaternions = np.array([sample.quaternion_wxyz for sample in samples])
+    quaternions *= np.where(quaternions @ quaternions[0] < 0, -1.0, 1.0)[:, None]
+    mean = quaternions.mean(axis=0)
+    mean /= np.linalg.norm(mean)
+    away = np.linalg.norm(quaternions - np.outer(quaternions @ mean, mean), axis=1)  # sine of half the angle
+    return Vibration(
+        translation_mm=float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max()),
+        rotation_rad=float(2 * np.arcsin(min(float(away.max()), 1.0))),
+        samples=len(samples),
+        lost=(samples[-1].seqno - samples[0].seqno + 1) - len(samples),
+    )
+
+
+def _age_s(notes: list[tuple[int, int, bytes]]) -> float:
+    """How long ago the kernel took the packet; 0 when it does not say."""
+    for level, kind, content in notes:
+        if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(content) >= _TIMESPEC.size:
+            seconds, nanoseconds = _TIMESPEC.unpack_from(content)
+            return float(min(max(time.time() - seconds - nanoseconds * 1e-9, 0.0), 1.0))
+    return 0.0

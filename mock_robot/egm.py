@@ -1,0 +1,95 @@
+"""EGM of the mock controller: 250 packets a second to a client's port, from the arm everything else shows."""
+
+import asyncio
+from collections.abc import Callable
+from math import pi, sin
+
+import numpy as np
+
+from calibration.transforms import quaternion_from_rotation
+from mock_robot.cabinet import Cabinet
+from mock_robot.faults import FaultBoard
+from protocols.egm.messages import RobotSample, encode
+
+PERIOD_S = 0.004
+VIBRATION_MM, VIBRATION_HZ = 0.3, 12.0
+"""Amplitude and frequency under the fault that lets the arm ring."""
+LOST_EVERY = 5
+
+
+class _Listener(asyncio.DatagramProtocol):
+    """Counts what clients send back: a monitor sends nothing."""
+
+    def __init__(self) -> None:
+        self.received = 0
+
+    def datagram_received(self, data: bytes, address: object) -> None:
+        """A correction: nobody asked for it."""
+        self.received += 1
+
+
+class EgmSender:
+    """The controller's side: it is the client, and sends from a port of its own."""
+
+    def __init__(self, cabinet: Cabinet, faults: FaultBoard, clock: Callable[[], float]) -> None:
+        self._cabinet, self._faults, self._clock = cabinet, faults, clock
+        self._listener = _Listener()
+        self._seqno = 0
+        self._sending: asyncio.Task[None] | None = None
+        self._transport: asyncio.DatagramTransport | None = None
+
+    @property
+    def corrections(self) -> int:
+        """How many packets came back."""
+        return self._listener.received
+
+    async def start(self, host: str, port: int) -> None:
+        """Send to that address until closed."""
+        loop = asyncio.get_running_loop()
+        self._transport, _ = await loop.create_datagram_endpoint(lambda: self._listener, remote_addr=(host, port))
+        self._sending = asyncio.create_task(self._send(), name="EGM")
+
+    async def close(self) -> None:
+        """Send no more."""
+        if self._sending is not None:
+            self._sending.cancel()
+            await asyncio.gather(self._sending, return_exceptions=True)
+        if self._transport is not None:
+            self._transport.close()
+
+    def packet(self, now_s: float) -> bytes:
+        """What is sent at that moment."""
+        robot_s, panel = self._cabinet.robot_s(now_s), self._cabinet.panel
+        pose = self._cabinet.arm.reported_base_T_flange(robot_s)
+        position = np.float32(pose[:3, 3]).astype(float)
+        if self._faults.is_on("egm-vibration"):
+            position[2] += VIBRATION_MM * sin(2 * pi * VIBRATION_HZ * now_s)
+        x, y, z = (float(value) for value in position)
+        w, i, j, k = (float(np.float32(value)) for value in quaternion_from_rotation(pose[:3, :3]))
+        axes_deg = np.degrees(self._cabinet.arm.joints_at(robot_s))
+        self._seqno += 1
+        return encode(
+            RobotSample(
+                seqno=self._seqno,
+                robot_ms=int(now_s * 1000) % 2**32,
+                joints_deg=tuple(float(np.float32(angle)) for angle in axes_deg),
+                position_mm=(x, y, z),
+                quaternion_wxyz=(w, i, j, k),
+                time_us=int(now_s * 1e6),
+                motors_on=panel.motors_on,
+                program_running=panel.program_running,
+            )
+        )
+
+    async def _send(self) -> None:
+        assert self._transport is not None
+        loop = asyncio.get_running_loop()
+        due_s = loop.time()
+        while True:
+            packet = self.packet(self._clock())
+            silent = self._faults.is_on("egm-silent")
+            lost = self._faults.is_on("egm-loss") and self._seqno % LOST_EVERY == 0
+            if not (silent or lost):
+                self._transport.sendto(b"\x00" + packet[:40] if self._faults.is_on("egm-garbage") else packet)
+            due_s = max(due_s + PERIOD_S, loop.time() - 10 * PERIOD_S)
+            await asyncio.sleep(max(due_s - loop.time(), 0.0))

@@ -1,0 +1,88 @@
+"""As much of protocol buffers' wire format as a message of doubles, whole numbers and messages needs.
+
+Source: protobuf.dev, "Encoding". Unknown fields are passed over, as the format wants it.
+"""
+
+import struct
+from collections.abc import Iterable, Iterator
+
+VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
+VARINT_MAX_BYTES = 10
+Value = int | float | bytes
+
+
+class NotProtobuf(ValueError):
+    """The bytes are cut off, or no message."""
+
+
+def fields(data: bytes) -> Iterator[tuple[int, Value]]:
+    """Number and value of each field in the order of the bytes. Raises NotProtobuf."""
+    at, end = 0, len(data)
+    while at < end:
+        key, at = _varint(data, at)
+        number, kind = key >> 3, key & 7
+        if kind == FIXED64 and at + 8 <= end:
+            yield number, struct.unpack_from("<d", data, at)[0]
+            at += 8
+        elif kind == BYTES:
+            length, at = _varint(data, at)
+            if at + length > end:
+                raise NotProtobuf(f"field {number} is cut off")
+            yield number, data[at : at + length]
+            at += length
+        elif kind == VARINT:
+            value, at = _varint(data, at)
+            yield number, value
+        elif kind == FIXED32 and at + 4 <= end:
+            yield number, struct.unpack_from("<f", data, at)[0]
+            at += 4
+        else:
+            raise NotProtobuf(f"field {number} is cut off, or of kind {kind}")
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    value = 0
+    for count in range(VARINT_MAX_BYTES):
+        if at + count >= len(data):
+            break
+        byte = data[at + count]
+        value |= (byte & 0x7F) << (7 * count)
+        if byte < 0x80:
+            return value, at + count + 1
+    raise NotProtobuf("a number is cut off, or longer than 64 bits")
+
+
+def doubles(data: bytes) -> list[float]:
+    """A packed list of doubles. Raises NotProtobuf."""
+    if len(data) % 8:
+        raise NotProtobuf(f"{len(data)} bytes are no list of doubles")
+    return list(struct.unpack(f"<{len(data) // 8}d", data))
+
+
+def whole(number: int, value: int) -> bytes:
+    """A field that holds a whole number, not negative."""
+    return _key(number, VARINT) + _packed_varint(value)
+
+
+def double(number: int, value: float) -> bytes:
+    """A field that holds a double."""
+    return _key(number, FIXED64) + struct.pack("<d", value)
+
+
+def message(number: int, parts: Iterable[bytes]) -> bytes:
+    """A field that holds a message."""
+    content = b"".join(parts)
+    return _key(number, BYTES) + _packed_varint(len(content)) + content
+
+
+def _key(number: int, kind: int) -> bytes:
+    return _packed_varint(number << 3 | kind)
+
+
+def _packed_varint(value: int) -> bytes:
+    packed = bytearray()
+    while value > 0x7F:
+        packed.append(value & 0x7F | 0x80)
+        value >>= 7
+    packed.append(value)
+    return bytes(packed)

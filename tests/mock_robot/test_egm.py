@@ -1,0 +1,124 @@
+"""The settling monitor at the mock's EGM: what stands, what rings, what is lost, what is silent."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import numpy as np
+import pytest
+
+from calibration.transforms import quaternion_from_rotation
+from drivers.egm import EgmAddress, EgmMonitor, vibration_of
+from drivers.errors import DeviceTimeout, DeviceUnreachable
+from mock_robot.cell import MockCell, Ports
+from mock_robot.egm import PERIOD_S, VIBRATION_MM
+from mock_robot.truth import CellTruth
+from protocols.egm.messages import RobotSample
+from tests.mock_robot.bench import AWAY
+from tests.mock_robot.running_cell import becomes
+
+WINDOW_S = 0.5
+
+
+@asynccontextmanager
+async def monitored(robot: str | None = None, **options: float) -> AsyncIterator[tuple[MockCell, EgmMonitor]]:
+    """A cell that streams to a monitor of which samples have come."""
+    monitor = EgmMonitor(EgmAddress("127.0.0.1", 0, robot))
+    monitor.start()
+    cell = MockCell(CellTruth.from_seed(7), **options)  # type: ignore[arg-type]
+    try:
+        await cell.start(Ports(devices=None, egm=("127.0.0.1", monitor.port)))
+        yield cell, monitor
+    finally:
+        await cell.close()
+        monitor.close()
+
+
+async def a_window_passes(monitor: EgmMonitor) -> None:
+    """Until everything within the window was sent from now on."""
+    loop = asyncio.get_running_loop()
+    began_s = loop.time()
+    await becomes(lambda: loop.time() - began_s > WINDOW_S and monitor.link.connected)
+
+
+async def test_a_standing_arm_does_not_vibrate_and_is_where_the_controller_says() -> None:
+    async with monitored() as (cell, monitor):
+        await a_window_passes(monitor)
+        vibration = monitor.vibration(WINDOW_S)
+        assert vibration.translation_mm == 0.0
+        assert vibration.rotation_rad < 1e-7
+        assert vibration.samples > 0.3 * WINDOW_S / PERIOD_S
+        newest = monitor.arrivals(WINDOW_S)[-1].sample
+        pose = cell.controller.arm.reported_base_T_flange(cell.controller.robot_s(cell.clock()))
+        assert newest.position_mm == tuple(np.float32(pose[:3, 3]))
+        assert newest.quaternion_wxyz == tuple(np.float32(quaternion_from_rotation(pose[:3, :3])))
+        assert newest.motors_on
+        assert newest.program_running
+        assert cell.egm.corrections == 0
+
+
+async def test_a_ringing_arm_shows_its_amplitude() -> None:
+    async with monitored() as (cell, monitor):
+        cell.breaks("egm-vibration")
+        await a_window_passes(monitor)
+        assert monitor.vibration(WINDOW_S).translation_mm == pytest.approx(VIBRATION_MM, rel=0.1)
+        cell.mends()
+        await a_window_passes(monitor)
+        assert monitor.vibration(WINDOW_S).translation_mm == 0.0
+
+
+async def test_a_moving_arm_is_seen_to_move() -> None:
+    async with monitored(time_scale=1.0) as (cell, monitor):
+        await a_window_passes(monitor)
+        cell.controller.arm.depart(AWAY, 50.0, False, cell.controller.robot_s(cell.clock()))
+        await becomes(lambda: monitor.vibration(WINDOW_S).translation_mm > 1.0)
+
+
+async def test_lost_packets_are_counted_and_garbage_is_no_sample() -> None:
+    async with monitored() as (cell, monitor):
+        cell.breaks("egm-loss")
+        await a_window_passes(monitor)
+        vibration = monitor.vibration(WINDOW_S)
+        assert vibration.lost == pytest.approx(0.25 * vibration.samples, abs=3)
+        cell.mends()
+        cell.breaks("egm-garbage")
+        await becomes(lambda: monitor.strangers > 5)
+        await becomes(lambda: not monitor.link.connected)
+
+
+async def test_a_silent_controller_is_told_with_what_to_do() -> None:
+    async with monitored() as (cell, monitor):
+        await a_window_passes(monitor)
+        cell.breaks("egm-silent")
+        await becomes(lambda: not monitor.link.connected)
+        assert "EGMStreamStart" in monitor.link.detail
+        with pytest.raises(DeviceTimeout, match="EGMStreamStart"):
+            monitor.vibration(0.1)
+
+
+async def test_only_the_named_controller_is_listened_to() -> None:
+    async with monitored("192.0.2.1") as (_, monitor):
+        await becomes(lambda: monitor.strangers > 5)
+        assert not monitor.link.connected
+
+
+def test_a_taken_port_is_told() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        with pytest.raises(DeviceUnreachable, match="cannot listen"):
+            EgmMonitor(EgmAddress("127.0.0.1", taken.getsockname()[1])).start()
+
+
+@pytest.mark.parametrize("turn_deg", [0.001, 0.1, 10.0])
+def test_a_rotation_is_measured_from_the_mean_also_across_a_change_of_sign(turn_deg: float) -> None:
+    half = np.radians(turn_deg) / 2
+    one, other = (np.cos(half), np.sin(half), 0.0, 0.0), (-np.cos(half), np.sin(half), 0.0, 0.0)
+    samples = [
+        RobotSample(number, 0, (), (float(number % 2), 0.0, 0.0), quaternion)
+        for number, quaternion in enumerate((one, other) * 3)
+    ]
+    vibration = vibration_of(samples)
+    assert np.degrees(vibration.rotation_rad) == pytest.approx(turn_deg, rel=1e-6)
+    assert vibration.translation_mm == 0.5
+    assert vibration.lost == 0
