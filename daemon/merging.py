@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from calibration.transforms import Array
-from registration.columns import shared_layout
+from registration.columns import Conversion, shared_layout
 from registration.disk import new_file
 from registration.errors import ScanError
 from registration.files import moved_blocks
 from registration.formats.extras import library
-from registration.layout import Layout, Records
+from registration.layout import XYZ_FLOAT32, Layout, Records
+from registration.merging import EVERY_POINT, Merge, Merger
 from registration.motion import Motion
 from registration.reading import open_cloud
 from registration.writing import CloudWriter, form_of
@@ -35,26 +36,33 @@ class PlacedCloud:
 Write = Callable[[Records], None]
 
 
-def write_merged(clouds: Sequence[PlacedCloud], target: Path, calibration_id: str = "") -> int:
-    """Every finite point into `target`, by its suffix; answers how many. Raises RegistrationError."""
+def write_merged(
+    clouds: Sequence[PlacedCloud], target: Path, calibration_id: str = "", merge: Merge = EVERY_POINT
+) -> int:
+    """Every finite point, or their averages, into `target`, by its suffix; answers how many.
+
+    Raises RegistrationError.
+    """
     layout, _ = shared_layout(_layout(cloud.file) for cloud in clouds)
     opened = _new_las if target.suffix == ".laz" else _new_cloud
     points = 0
-    with opened(target, layout, calibration_id) as (written, write):
-        for block in finite_blocks(clouds, written):
-            write(block)
+    merger = Merger(merge, XYZ_FLOAT32 if target.suffix == ".bin" else layout)
+    with opened(target, merger.layout, calibration_id) as (written, write):
+        held = Conversion.between(merger.layout, written)
+        placed = ((finite_blocks(cloud, merger.shared), cloud.base_T_cloud[:3, 3]) for cloud in clouds)
+        for block in merger.merged(placed):
+            write(block if written == merger.layout else held.convert(block))
             points += len(block)
     return points
 
 
-def finite_blocks(clouds: Sequence[PlacedCloud], layout: Layout) -> Iterator[Records]:
-    """The finite points of all clouds in base, in mm, cloud after cloud."""
-    for cloud in clouds:
-        motion = Motion.of(cloud.base_T_cloud, cloud.unit)
-        with open_cloud(cloud.file) as source:
-            for block in moved_blocks(source, motion, layout):
-                finite = np.all([np.isfinite(block[name]) for name in layout.xyz], axis=0)
-                yield block if finite.all() else block[finite]
+def finite_blocks(cloud: PlacedCloud, layout: Layout) -> Iterator[Records]:
+    """The finite points of a cloud in base, in mm."""
+    motion = Motion.of(cloud.base_T_cloud, cloud.unit)
+    with open_cloud(cloud.file) as source:
+        for block in moved_blocks(source, motion, layout):
+            finite = np.all([np.isfinite(block[name]) for name in layout.xyz], axis=0)
+            yield block if finite.all() else block[finite]
 
 
 def with_frame(header: bytes, calibration_id: str) -> bytes:

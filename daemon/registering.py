@@ -22,7 +22,7 @@ from daemon.events import EventLog
 from daemon.store.store import Store
 from daemon.workers import Workers
 from registration.documents import RegistrationReportDocument
-from registration.report import report_of
+from registration.report import dropped, report_of
 from registration.scan import Hand, ScanView, hand_of, merged_layout, register_views, sample_views
 
 log = logging.getLogger(__name__)
@@ -148,4 +148,4 @@ def _register(
     _, lost = merged_layout(registration.views)
     points = sum(view.points for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
-    return report_of(registration, hand, points, seconds, lost)  # type: ignore[arg-type]
+    return report_of(registration, hand, points, seconds, dropped(lost))  # type: ignore[arg-type]

@@ -5,10 +5,8 @@ import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import BinaryIO
-
-import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
@@ -21,19 +19,21 @@ from daemon.registering import Registering, Wanted
 from daemon.requests import ArtefactRequest
 from daemon.settings import ScannerSettings
 from daemon.store.database import storage_errors
-from daemon.store.files import make_folder
 from daemon.store.records import ScanRecord, ScanView, Unit
 from daemon.store.store import Store
+from daemon.uploads import received
 from daemon.workers import Workers
 from drivers.interfaces import ScannedCloud
 from registration.documents import RegistrationReportDocument
+from registration.files import move_file
+from registration.merging import EVERY_POINT, Merge
+from registration.motion import Motion
 from registration.scan import ScanView as SeenView
-from registration.stream import CloudStream
+
+PASSING = "passing"
+"""A folder beside the scans' own, for clouds that are moved and not kept."""
 
 Report = asyncio.Task[RegistrationReportDocument]
-
-SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".f32"}
-"""By media type; octets are float32 x, y, z."""
 
 
 @dataclass(frozen=True)
@@ -72,24 +72,28 @@ class Scans:
         """A cloud in pieces; stored only when it is whole. Raises RegistrationError, NotFound, StorageError."""
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
-        upload = folder / f".{self.new_id(self.clock)}.upload"
-        try:
-            await self.workers.run(_make, folder)
-            with await self.workers.run(_open, upload) as file:
-                check = CloudStream(media_type, np.eye(4), unit)
-                async for chunk in body:
-                    await self.workers.run(_append, file, upload, check, chunk)
-                check.finish()
+        async with received(body, folder, self.new_id(self.clock), media_type, unit, self.workers) as upload:
             view = await self.store.add_scan_view(
-                scan_id, upload, SUFFIXES[media_type], unit, base_T_flange, self.clock.timestamp()
+                scan_id, upload, upload.suffix, unit, base_T_flange, self.clock.timestamp()
             )
-        finally:
-            with suppress(OSError):
-                await self.workers.run(upload.unlink, missing_ok=True)
         await self._write_document(scan_id)
         if scan.refine:
             await self._refine_again(scan_id)
         return view
+
+    async def moved(
+        self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array
+    ) -> tuple[Path, int]:
+        """A cloud that cannot pass as a stream, in base, in mm, and its points; the file is the caller's.
+
+        Raises RegistrationError, StorageError.
+        """
+        name, folder = self.new_id(self.clock), self.store.folder / "scans" / PASSING
+        async with received(body, folder, name, media_type, unit, self.workers) as upload:
+            target = folder / f"merged-{name}{upload.suffix}"
+            motion = Motion.of(base_T_scanner, unit)
+            moved = await self.workers.run(partial(move_file, upload, target, motion, durable=False))
+        return target, moved.points
 
     async def registered(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Report:
         """The report of a scan's registration, in progress or done. Raises ScanEmpty, NotFound."""
@@ -106,10 +110,17 @@ class Scans:
             places = [view.base_T_flange @ wanted.flange_T_scanner for view in wanted.views]
         return [PlacedCloud(view.path, view.unit, place) for view, place in zip(wanted.views, places, strict=False)]
 
-    async def merged(self, scan_id: str, clouds: list[PlacedCloud], calibration_id: str, suffix: str = ".ply") -> Path:
+    async def merged(
+        self,
+        scan_id: str,
+        clouds: list[PlacedCloud],
+        calibration_id: str,
+        suffix: str = ".ply",
+        merge: Merge = EVERY_POINT,
+    ) -> Path:
         """A scan as one cloud in the base frame; the file is made anew and the caller's. Raises RegistrationError."""
         target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
-        await self.workers.run(write_merged, clouds, target, calibration_id)
+        await self.workers.run(write_merged, clouds, target, calibration_id, merge)
         return target
 
     async def accepted(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
@@ -159,25 +170,8 @@ class Scans:
         await self.store.write_file(self.store.scan_folder(scan_id) / "scan.json", [content])
 
 
-def _make(folder: Path) -> None:
-    with storage_errors(folder):
-        make_folder(folder)
-
-
-def _open(path: Path) -> BinaryIO:
-    with storage_errors(path):
-        return path.open("wb")
-
-
-def _append(file: BinaryIO, path: Path, check: CloudStream, chunk: bytes) -> None:
-    for _ in check.parts(chunk):
-        pass
-    with storage_errors(path):
-        file.write(chunk)
-
-
 def _remove_pieces(scans: Path) -> None:
     with storage_errors(scans):
-        for pattern in ("*/.*.upload", "*/merged-*", "*/.merged-*.part"):
+        for pattern in ("*/.*.upload*", "*/merged-*", "*/.merged-*.part"):
             for file in scans.glob(pattern):
                 file.unlink(missing_ok=True)

@@ -142,8 +142,8 @@ def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
 
 SPECIAL: dict[str, Callable[[Path, GuardedFile, str], CloudSource]] = {
     ".stl": lambda path, file, name: open_stl(file, name),
-    ".las": lambda path, file, name: LasSource(file, name),
-    ".laz": lambda path, file, name: LasSource(file, name),
+    ".las": lambda path, file, name: LasSource(file, name, compressed=False),
+    ".laz": lambda path, file, name: LasSource(file, name, compressed=True),
     ".e57": lambda path, file, name: E57Source(path, name),
 }
 """Formats that are not a header and records."""

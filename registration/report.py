@@ -1,6 +1,6 @@
 """What a registration found, as the report that people and programs read."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,16 +8,26 @@ import numpy as np
 from calibration.documents.calibration import CorrectionDocument, FindingDocument, VerdictDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
+from registration.columns import Conversion
 from registration.documents import (
     DeviationDocument,
     RegisteredViewDocument,
     RegistrationReportDocument,
     Seconds,
 )
+from registration.merging import EVERY_POINT, Merge, Merger
 from registration.refine.adjust import ViewCorrection
-from registration.scan import Hand, Registration, ScanView, merged_blocks, merged_layout, register_views, sample_views
-from registration.voxel import VoxelGrid
-from registration.writing import new_cloud
+from registration.scan import (
+    Hand,
+    Registration,
+    ScanView,
+    merged_blocks,
+    merged_layout,
+    register_views,
+    sample_views,
+    write_views,
+)
+from registration.writing import form_of, new_cloud
 
 
 def register_scan(
@@ -27,11 +37,12 @@ def register_scan(
     clock: Callable[[], float],
     *,
     refine: bool = False,
-    voxel_mm: float | None = None,
+    merge: Merge = EVERY_POINT,
+    views_out: Path | None = None,
 ) -> RegistrationReportDocument:
     """Register, write the merged cloud to `out` (whole or not at all), report. `clock` gives seconds.
 
-    Raises RegistrationError's leaves.
+    Into `views_out`, an existing folder, each view by itself, too. Raises RegistrationError's leaves.
     """
     began = clock()
     samples = sample_views(views)
@@ -39,26 +50,23 @@ def register_scan(
     registration = register_views(views, samples, hand, refine=refine)
     registered = clock()
     layout, lost = merged_layout(registration.views)
-    written = 0
-    with new_cloud(out, layout) as writer:
-        blocks = merged_blocks(registration.views, writer.form.layout)
-        if voxel_mm is not None:
-            grid = VoxelGrid(voxel_mm, writer.form.layout)
-            for block in blocks:
-                grid.add(block)
-            blocks = grid.blocks()
-        for block in blocks:
-            writer.write(block)
+    merger = Merger(merge, form_of(out, layout).layout)
+    with new_cloud(out, merger.layout) as writer:
+        held = Conversion.between(merger.layout, writer.form.layout)
+        for block in merged_blocks(registration.views, merger):
+            writer.write(block if held.layout == merger.layout else held.convert(block))
         written = writer.points
+    if views_out is not None:
+        write_views(registration.views, views_out)
     seconds = Seconds(read=sampled - began, register=registered - sampled, write=clock() - registered)
-    return report_of(registration, hand, written, seconds, lost)
+    return report_of(registration, hand, written, seconds, [*dropped(lost), *_strays(merger)])
 
 
 def report_of(
-    registration: Registration, hand: Hand, points: int, seconds: Seconds, lost: tuple[str, ...] = ()
+    registration: Registration, hand: Hand, points: int, seconds: Seconds, further: Sequence[FindingDocument] = ()
 ) -> RegistrationReportDocument:
-    """The report of a registration; `lost` names columns that only some views had."""
-    findings = _findings(registration, hand, lost)
+    """The report of a registration, with `further` findings of the merging."""
+    findings = [*_findings(registration, hand), *further]
     after = registration.after
     return RegistrationReportDocument(
         calibration_id=hand.calibration_id,
@@ -98,7 +106,7 @@ def _words(twist: Array) -> str:
     return f"{kind} ({x:.2f}, {y:.2f}, {z:.2f})"
 
 
-def _findings(registration: Registration, hand: Hand, lost: tuple[str, ...]) -> list[FindingDocument]:
+def _findings(registration: Registration, hand: Hand) -> list[FindingDocument]:
     findings: list[FindingDocument] = []
     agreed = registration.after or registration.before
     alone = [index for index, overlap in enumerate(agreed.view_overlap) if not overlap]
@@ -108,9 +116,6 @@ def _findings(registration: Registration, hand: Hand, lost: tuple[str, ...]) -> 
     empty = [index for index, view in enumerate(registration.views) if not view.points]
     if empty:
         findings.append(_finding("view-empty", "warning", f"views {_list(empty)} have no points", "scan them again"))
-    if lost:
-        what = f"the columns {', '.join(lost)} are not in every view and were left out"
-        findings.append(_finding("columns-dropped", "warning", what, "scan every view with the same settings"))
     refinement = registration.refinement
     if refinement:
         far = [index for index, found in enumerate(refinement.corrections) if not found.explained]
@@ -128,6 +133,21 @@ def _findings(registration: Registration, hand: Hand, lost: tuple[str, ...]) -> 
                 _finding("not-settled", "warning", what, "check for parts that moved, or too little overlap")
             )
     return findings
+
+
+def dropped(lost: Sequence[str]) -> list[FindingDocument]:
+    """What is said of columns that only some views have."""
+    if not lost:
+        return []
+    what = f"the columns {', '.join(lost)} are not in every view and were left out"
+    return [_finding("columns-dropped", "warning", what, "scan every view with the same settings")]
+
+
+def _strays(merger: Merger) -> list[FindingDocument]:
+    if not merger.left_out:
+        return []
+    what = f"{merger.left_out} of {merger.averaged} averaged points stand alone and were left out"
+    return [_finding("outliers-left-out", "info", what, "none needed; --outliers keep writes them, too")]
 
 
 def _finding(code: str, severity: str, message: str, fix: str) -> FindingDocument:

@@ -19,6 +19,7 @@ from registration.documents import ScanDocument
 from registration.errors import ScanError
 from registration.files import move_file, moved_blocks
 from registration.layout import Layout, Records
+from registration.merging import Merger
 from registration.motion import Motion, scale_to_mm
 from registration.overlap import Agreement, agreement
 from registration.reading import open_cloud
@@ -173,8 +174,11 @@ def merged_layout(views: Sequence[PlacedView]) -> tuple[Layout, tuple[str, ...]]
     return shared_layout(view.layout for view in views)
 
 
-def merged_blocks(views: Sequence[PlacedView], layout: Layout) -> Iterator[Records]:
-    """Every point of every view in base, in mm, view after view."""
-    for view in views:
-        with open_cloud(view.view.path) as cloud:
-            yield from moved_blocks(cloud, Motion.of(view.base_T_camera, view.view.unit), layout)
+def merged_blocks(views: Sequence[PlacedView], merger: Merger) -> Iterator[Records]:
+    """The views in base, in mm, as one cloud. Raises CloudError's leaves, ScanError."""
+    return merger.merged((_placed_blocks(view, merger.shared), view.base_T_camera[:3, 3]) for view in views)
+
+
+def _placed_blocks(view: PlacedView, layout: Layout) -> Iterator[Records]:
+    with open_cloud(view.view.path) as cloud:
+        yield from moved_blocks(cloud, Motion.of(view.base_T_camera, view.view.unit), layout)

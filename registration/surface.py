@@ -41,14 +41,18 @@ class Surface:
         if count < 3:
             return cls(points, np.zeros_like(points), 1.0, cKDTree(points))
         distances, neighbours = cKDTree(points).query(points, k=count)
-        patches = points[neighbours]
-        patches = patches - patches.mean(axis=1, keepdims=True)
-        spreads, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
-        normals: Array = vectors[:, :, 0]
+        normals, spreads = planes_of(points[neighbours])
         normals = np.where(np.sum(normals * points, axis=1, keepdims=True) > 0, -normals, normals)
         kept = spreads[:, 1] > LINE_LIKE * spreads[:, 2]
         spacing_mm = float(np.median(distances[:, -1]) * np.sqrt(np.pi / (count - 1)))
         return cls(points[kept], normals[kept], spacing_mm or 1.0, cKDTree(points[kept]))
+
+
+def planes_of(patches: Array) -> tuple[Array, Array]:
+    """Normals (n, 3) of the planes through patches (n, k, 3), either way round, and the spreads (n, 3), ascending."""
+    patches = patches - patches.mean(axis=1, keepdims=True)
+    spreads, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
+    return vectors[:, :, 0], spreads
 
 
 class PointSample:

@@ -9,16 +9,15 @@ from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
 from daemon.api.negotiation import weight_of
 from daemon.errors import NotAcceptable, RequestRefused, UnknownMediaType
-from daemon.scans import SUFFIXES
+from daemon.uploads import LAZ, SUFFIXES
 
 POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"
 PoseQuery = Annotated[str, Query(max_length=300, description=POSE, examples=["now"])]
 UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's coordinates")]
 
 SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-ply",
-            "application/pcd": "application/x-pcd"}  # fmt: skip
+            "application/pcd": "application/x-pcd", "application/x-laz": LAZ}  # fmt: skip
 
-LAZ = "application/vnd.laszip"
 JSON = "application/json"
 ANSWERED = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".bin",
             LAZ: ".laz", JSON: ".bin"}  # fmt: skip
@@ -36,7 +35,7 @@ def media_type_of(request: Request) -> str:
     if media_type not in SUFFIXES:
         raise UnknownMediaType(
             f"a cloud of type {given[:80]!r} is not taken" if given else "the request does not say what its body is",
-            f"set Content-Type to one of {', '.join(SUFFIXES)} (the last for float32 x, y, z octets)",
+            f"set Content-Type to one of {', '.join(SUFFIXES)} (octets are float32 x, y, z)",
         )
     return media_type
 

@@ -3,11 +3,15 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import FileResponse
+from starlette.background import BackgroundTask
 
 from daemon.api.access import App
+from daemon.api.bodies import pieces
 from daemon.api.clouds import CLOUD_CONTENT, TAKES_A_CLOUD, PoseQuery, UnitQuery, media_type_of, parse_pose
 from daemon.api.passage import MovedCloud
 from daemon.api.problems import documented
+from daemon.uploads import LAZ
 from registration.stream import CloudStream
 
 router = APIRouter(tags=["register"])
@@ -32,5 +36,11 @@ async def register(
     base_T_scanner = base_T_flange.transform() @ app.scans.flange_T_scanner(document)
     numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers)}
+    if media_type == LAZ:  # its index stands at the end: it is moved when it is whole
+        file, points = await app.scans.moved(pieces(request.receive), media_type, unit, base_T_scanner)
+        removed = BackgroundTask(app.workers.run, file.unlink, missing_ok=True)
+        app.metrics.registered_points += points
+        app.metrics.registered_bytes += file.stat().st_size
+        return FileResponse(file, media_type=media_type, headers=headers, background=removed)
     stream = CloudStream(media_type, base_T_scanner, unit)
     return MovedCloud(stream, media_type, headers, app.store.folder, app.metrics.registered)

@@ -26,11 +26,13 @@ from daemon.api.documents import CloudDocument, RegistrationState, ScanDocument,
 from daemon.api.problems import documented
 from daemon.api.register import Which
 from daemon.application import Application
-from daemon.errors import CloudTooLarge
+from daemon.errors import CloudTooLarge, NotFound
+from daemon.merging import PlacedCloud
 from daemon.requests import ScanRequest
 from daemon.scans import Report
 from daemon.store.records import RunRecord, ScanView
 from registration.documents import RegistrationReportDocument
+from registration.merging import Merge, Outliers
 
 router = APIRouter(prefix="/scans", tags=["scans"])
 
@@ -110,6 +112,10 @@ def _has_no_body(request: Request) -> bool:
 PATIENCE = "seconds to wait for a registration before answering 202"
 Patience = Annotated[float, Query(ge=0, le=3600, description=PATIENCE)]
 Refine = Annotated[bool, Query(description="fit the views to each other, within the robot's noise")]
+OneView = Annotated[int | None, Query(ge=0, description="only this view, from 0")]
+Voxel = Annotated[float | None, Query(gt=0, le=1e4, description="average the points of each cube of this edge")]
+Normals = Annotated[bool, Query(description="fit normals where the clouds bring none; needs voxel_mm")]
+Strays = Annotated[Outliers, Query(description="leave out averaged points that stand alone; needs voxel_mm")]
 STILL: dict[int | str, dict[str, Any]] = {
     202: {"description": "It is still in progress: ask again", "model": RegistrationState}
 }
@@ -146,9 +152,14 @@ async def cloud(
     scan_id: Identifier,
     calibration: Which = "current",
     refine: Refine = False,
+    view: OneView = None,
+    voxel_mm: Voxel = None,
+    normals: Normals = False,
+    outliers: Strays = "keep",
     wait: Patience = 30.0,
 ) -> Response:
-    """All views in one cloud, in the robot's base frame: by the robot's poses, or refined."""
+    """All views in one cloud, or one of them, in the robot's base frame: by the robot's poses, or refined."""
+    merge = Merge(voxel_mm, normals, outliers)
     media_type = answered_media_type(request)
     document = await app.operations.calibration(calibration)
     found = None
@@ -157,7 +168,9 @@ async def cloud(
         if found is None:
             return _in_progress(scan_id, refine)
     clouds = await app.scans.clouds(scan_id, document, found)
-    merged = await app.scans.merged(scan_id, clouds, document.id, ANSWERED[media_type])
+    if view is not None:
+        clouds = [_one_of(clouds, view, scan_id)]
+    merged = await app.scans.merged(scan_id, clouds, document.id, ANSWERED[media_type], merge)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
     removed = BackgroundTask(app.workers.run, merged.unlink, missing_ok=True)
     if media_type != JSON:
@@ -167,6 +180,12 @@ async def cloud(
     finally:
         await removed()
     return Response(content, media_type=JSON, headers=headers)
+
+
+def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:
+    if view >= len(clouds):
+        raise NotFound(f"scan {scan_id} has no view {view}", f"ask for 0 to {len(clouds) - 1}")
+    return clouds[view]
 
 
 async def _waited(job: Report, seconds: float) -> RegistrationReportDocument | None:

@@ -13,6 +13,7 @@ from daemon.archive.manifest import NAME, ManifestDocument, hash_of_inputs, writ
 from daemon.archive.places import Place
 from registration.documents import ScanDocument
 from registration.errors import RegistrationError
+from registration.merging import Merge
 from registration.report import register_scan
 from registration.scan import Hand, ScanView, hand_of, read_scan
 
@@ -108,7 +109,7 @@ def _finished(target: Place, inputs: str, calibration_id: str) -> ManifestDocume
 
 
 def _register(task: Task, views: list[ScanView], hand: Hand, out: Path, inputs: str) -> ManifestDocument:
-    report = register_scan(views, hand, out / MERGED, _no_clock, refine=task.refine, voxel_mm=task.voxel_mm)
+    report = register_scan(views, hand, out / MERGED, _no_clock, refine=task.refine, merge=Merge(task.voxel_mm))
     Place(str(out)).write(REPORT, report.model_dump_json(indent=1).encode())
     return ManifestDocument(
         scan=task.scan,

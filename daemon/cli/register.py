@@ -2,15 +2,16 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from daemon.cli.errors import ExitStatus
+from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, error_line
 
 if TYPE_CHECKING:
     from registration.documents import RegisteredViewDocument, RegistrationReportDocument
+    from registration.merging import Outliers
 
 
 def register(
@@ -21,6 +22,11 @@ def register(
         False
     ),
     voxel_mm: Annotated[float | None, typer.Option(help="Average the points of each cell of this size.")] = None,
+    normals: Annotated[bool, typer.Option("--normals", help="Fit normals, where the clouds bring none.")] = False,
+    outliers: Annotated[
+        str, typer.Option(help="Points that stand alone: keep, or leave out by 'statistical' or 'radius'.")
+    ] = "keep",
+    views: Annotated[Path | None, typer.Option(help="Folder for the views one by one, too.")] = None,
     json: Json = False,
 ) -> None:
     """Put every cloud of a scan into the robot's base frame, in mm, and write them as one.
@@ -30,18 +36,30 @@ def register(
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from daemon.session_folder import read_bytes
+    from registration.merging import Merge
     from registration.report import register_scan
     from registration.scan import hand_of, read_scan
 
     document = parse_document(CalibrationDocument, read_bytes(calibration), str(calibration))
+    merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
+    if views is not None:
+        _make(views)
     report = register_scan(
-        read_scan(folder), hand_of(document), out, time.perf_counter, refine=refine, voxel_mm=voxel_mm
+        read_scan(folder), hand_of(document), out, time.perf_counter, refine=refine, merge=merge, views_out=views
     )
     typer.echo(report.model_dump_json() if json else _told(report, out))
     if not document.verdict.accepted:
         error_line(f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew")
     accepted = report.verdict.accepted and document.verdict.accepted
     raise typer.Exit(ExitStatus.OK if accepted else ExitStatus.NOT_ACCEPTED)
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        what = f"the folder cannot be made ({error.strerror})"
+        raise CommandError(str(folder), what, "check path and rights", ExitStatus.UNREADABLE) from None
 
 
 def _told(report: "RegistrationReportDocument", out: Path) -> str:

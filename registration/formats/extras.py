@@ -4,6 +4,7 @@ LAS coordinates are integers with a scale and an offset; read here as float64 me
 them. Whatever the libraries raise on damaged files becomes a CloudFormatError.
 """
 
+import logging
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,7 +35,13 @@ DAMAGE = (
 
 
 def library(name: str, extra: str, file: str) -> Any:
-    """An optional library. Raises CloudUnsupported when it is not installed."""
+    """An optional library, whose log is not listened to: what is wrong is raised, and told once.
+
+    Raises CloudUnsupported when it is not installed.
+    """
+    log = logging.getLogger(name)
+    log.propagate = False
+    log.handlers = log.handlers or [logging.NullHandler()]
     try:
         return import_module(name)
     except ImportError:
@@ -58,11 +65,11 @@ def told(file: str, place: str, *further: type[Exception]) -> Iterator[None]:
 class LasSource:
     """A LAS or LAZ file: x, y, z and its dimensions, extra ones too."""
 
-    def __init__(self, file: GuardedFile, name: str) -> None:
+    def __init__(self, file: GuardedFile, name: str, *, compressed: bool) -> None:
         self._name = name
         laspy = library("laspy", "las", name)
         self._errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
-        if name.lower().endswith(".laz"):
+        if compressed:
             self._errors += (library("lazrs", "las", name).LazrsError,)
         with told(name, "header", *self._errors):
             self._reader = laspy.open(file.raw, closefd=False)

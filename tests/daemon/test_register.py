@@ -1,6 +1,7 @@
 """POST /register: clouds in and out over real sockets, larger than every buffer between."""
 
 import asyncio
+import io
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -18,6 +19,7 @@ POSE = "800,-100,900,0,1,0,0"
 BASE_T_FLANGE = transform_from_quaternion([800.0, -100, 900], [0, 1.0, 0, 0])
 PLY = {"content-type": "application/x-ply"}
 OCTETS = {"content-type": "application/octet-stream"}
+LAZ = {"content-type": "application/vnd.laszip"}
 
 
 async def with_a_calibration(bench: Bench) -> None:
@@ -162,3 +164,46 @@ async def test_a_moved_ply_names_its_frame_after_comments_that_no_longer_hold(tm
             b"comment handeyed: frame base, lengths mm, calibration cal-1"
         )
         np.testing.assert_allclose(points_of(answer.content), in_base(cloud(20)), atol=1e-3)
+
+
+def laz_of(points: Array) -> bytes:
+    laspy = pytest.importorskip("laspy", reason="laspy is not installed: LAZ is not tested")
+    content = laspy.create(point_format=3)
+    content.header.scales = [0.001] * 3
+    content.x, content.y, content.z = points.T
+    content.intensity = np.arange(len(points)) % 60_000
+    file = io.BytesIO()
+    content.write(file, do_compress=True)
+    return file.getvalue()
+
+
+async def test_laz_comes_back_as_laz(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        await with_a_calibration(bench)
+        points = cloud(20_000)
+        answer = await bench.client.post("/register", params={"pose": POSE}, content=laz_of(points), headers=LAZ)
+        assert answer.status_code == 200, answer.text
+        assert answer.headers["content-type"] == LAZ["content-type"]
+        import laspy
+
+        theirs = laspy.read(io.BytesIO(answer.content))
+        np.testing.assert_allclose(theirs.xyz, in_base(points), rtol=0, atol=2e-3)
+        assert np.array_equal(np.asarray(theirs.intensity), np.arange(20_000) % 60_000)
+        assert bench.application.metrics.registered_points == 20_000
+        assert not list((tmp_path / "store" / "scans").rglob("*.laz"))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.999])
+async def test_laz_cut_short_is_refused_and_leaves_nothing(
+    tmp_path: Path, share: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        await with_a_calibration(bench)
+        content = laz_of(cloud(20_000))
+        part = content[: int(share * len(content))]
+        answer = await bench.client.post("/register", params={"pose": POSE}, content=part, headers=LAZ)
+        assert answer.status_code == 422, answer.text
+        assert "damaged" in answer.json()["detail"]
+        assert "again" in answer.json()["fix"]
+        assert not list(bench.application.store.folder.rglob("*upload*"))
+        assert not [record for record in caplog.records if record.name.startswith("laspy")]

@@ -70,7 +70,7 @@ async def test_a_finished_upload_survives_a_kill_and_an_interrupted_one_leaves_n
         head = f"POST {link}?pose={POSES[1]} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/x-ply\r\n"
         writer.write(f"{head}Content-Length: {len(torn)}\r\n\r\n".encode() + torn[: len(torn) // 2])
         folder = tmp_path / "store" / "scans" / scan["id"]
-        await becomes(lambda: any(file.stat().st_size > 100_000 for file in folder.glob(".*.upload")))
+        await becomes(lambda: any(file.stat().st_size > 100_000 for file in folder.glob(".*.upload*")))
         process.send_signal(signal.SIGKILL)
         await process.wait()
         writer.close()

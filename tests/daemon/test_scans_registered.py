@@ -12,7 +12,7 @@ from calibration.transforms import Array, inverse, map_points, rotation_from_vec
 from registration.formats.ply import parse_header
 from tests.daemon.cells import Bench, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
-from tests.daemon.test_register import OCTETS, PLY, cloud, with_a_calibration
+from tests.daemon.test_register import LAZ, OCTETS, PLY, cloud, laz_of, with_a_calibration
 from tests.daemon.test_scans import POSES, a_scan, moved, names
 
 FLANGES = [
@@ -193,3 +193,38 @@ async def test_a_merged_ply_names_its_frame_and_calibration(tmp_path: Path) -> N
         header = parse_header(content, "merged")
         assert header is not None
         assert b"comment handeyed: frame base, lengths mm, calibration cal-1\n" in content[: header.length]
+
+
+async def test_a_cloud_is_averaged_cleaned_and_given_normals_as_asked(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        await with_a_calibration(bench)
+        scan = await a_scan(bench)
+        await send_views(bench, scan["links"]["views"])
+        link = scan["links"]["cloud"]
+        whole, averaged, view = [
+            parse_header((await bench.client.get(link, params=query)).content, "answer")
+            for query in ({}, {"voxel_mm": 5, "normals": True, "outliers": "statistical"}, {"view": 1})
+        ]
+        assert whole is not None and averaged is not None and view is not None
+        assert whole.count == 3 * len(surface()) == 3 * (view.count or 0)
+        assert 0.2 * (whole.count or 0) < (averaged.count or 0) < 0.6 * (whole.count or 0)
+        assert {"nx", "ny", "nz"} <= set(averaged.layout.dtype.names or ())
+        for query, status in (({"view": 3}, 404), ({"normals": True}, 422), ({"voxel_mm": 0}, 422)):
+            refused = await bench.client.get(link, params=query)
+            assert refused.status_code == status, refused.text
+            assert refused.json()["fix"]
+
+
+async def test_a_laz_view_is_kept_and_merged_with_others(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        await with_a_calibration(bench)
+        scan = await a_scan(bench)
+        await send_views(bench, scan["links"]["views"], 1)
+        flange = FLANGES[1]
+        pose = ",".join(map(str, (*PoseDocument.of(flange).translation_mm, *PoseDocument.of(flange).quaternion_wxyz)))
+        content = laz_of(map_points(inverse(flange @ FLANGE_T_CAMERA), surface()))
+        answer = await bench.client.post(scan["links"]["views"], params={"pose": pose}, content=content, headers=LAZ)
+        assert answer.status_code == 201, answer.text
+        merged = await bench.client.get(scan["links"]["cloud"], headers={"accept": OCTETS["content-type"]})
+        points = np.frombuffer(merged.content, "<f4").reshape(-1, 3)[len(surface()) :]
+        np.testing.assert_allclose(points, surface(), rtol=0, atol=2e-3)

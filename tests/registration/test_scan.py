@@ -12,6 +12,7 @@ from calibration.transforms import Array, inverse, map_points, rotation_angle_ra
 from registration.documents import RegistrationReportDocument
 from registration.errors import CloudIOError, CloudUnsupported, ScanError
 from registration.layout import XYZ_FLOAT32
+from registration.merging import Merge
 from registration.overlap import agreement
 from registration.reading import open_cloud
 from registration.refine.adjust import RobotNoise, refine_poses
@@ -226,7 +227,7 @@ def test_voxels_that_cannot_be_are_told() -> None:
 
 def test_a_merged_scan_on_a_voxel_grid_has_its_points_once(tmp_path: Path) -> None:
     bumpy_scan(tmp_path)
-    report = register_scan(read_scan(tmp_path), HAND, tmp_path / "merged.ply", ticks(), voxel_mm=4.0)
+    report = register_scan(read_scan(tmp_path), HAND, tmp_path / "merged.ply", ticks(), merge=Merge(4.0))
     assert report.points == len(read(tmp_path / "merged.ply"))
     assert 800 < report.points < 4000
 
