@@ -35,13 +35,16 @@ def daemon_process(folder: str, ready: Any) -> None:
 
 
 async def _daemon(folder: Path, ready: Any) -> None:
+    from daemon.access.roles import Role
+    from daemon.store.behalf import Behalf
     from tests.daemon.cells import serving, settings_for
     from tests.daemon.test_register import with_a_calibration
 
     async with serving(settings_for(folder, calibration={"manual_wait_s": 1})) as bench:
         await with_a_calibration(bench)
         end_streams_soon(bench.application.events)
-        ready.put(bench.url)
+        key, _ = await bench.application.key_desk.add("schemathesis", Role.ADMIN, Behalf())
+        ready.put((bench.url, key))
         await asyncio.Event().wait()
 
 
@@ -62,14 +65,14 @@ PHASES = "examples,coverage,fuzzing,stateful"
 
 
 def one_round(
-    url: str, examples: int, seed: int, folder: Path, phases: str = PHASES, more: tuple[str, ...] = ()
+    url: str, key: str, examples: int, seed: int, folder: Path, phases: str = PHASES, more: tuple[str, ...] = ()
 ) -> tuple[int, bool, str]:
     """How many cases there were, whether all passed, and what Schemathesis printed."""
     config, report = folder / "schemathesis.toml", folder / "report.ndjson"
     config.write_text(CONFIG)
     command = [
         str(Path(sys.executable).with_name("schemathesis")), "--config-file", str(config), "run", str(OPENAPI),
-        "--url", url, "--checks", "all", "--phases", phases,
+        "--url", url, "--header", f"Authorization: Bearer {key}", "--checks", "all", "--phases", phases,
         "--max-examples", str(examples), "--seed", str(seed), "--continue-on-failure", "--warnings", "off",
         "--suppress-health-check", "all", "--request-timeout", "60",
         "--report", "ndjson", "--report-ndjson-path", str(report), *more,
@@ -102,9 +105,9 @@ def main() -> int:
     child.start()
     cases, rounds, passed = 0, 0, True
     try:
-        url = ready.get(timeout=60)
+        url, key = ready.get(timeout=60)
         while cases < options.cases and passed:
-            count, passed, text = one_round(url, options.examples, options.seed + rounds, folder)
+            count, passed, text = one_round(url, key, options.examples, options.seed + rounds, folder)
             cases, rounds = cases + count, rounds + 1
             if not passed:
                 print(text)

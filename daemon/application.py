@@ -7,8 +7,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from daemon.access.desk import KeyDesk
 from daemon.cell import Cell
 from daemon.clock import Clock
+from daemon.errors import StorageError
 from daemon.events import EventLog
 from daemon.metrics import Metric, Metrics
 from daemon.operations import Operations
@@ -27,6 +29,9 @@ LINKS_LIMIT_S = 2.0
 
 LAST_EVENT_LIMIT_S = 0.8
 """Stopping and disarming an arm that answers takes a few milliseconds."""
+
+ANCHOR_S = 10.0
+"""How much of the audit log's end is without an anchor at most."""
 
 JOB_LIMIT_S = 600.0
 """No detection or solution of a run takes ten minutes: a job that does hangs."""
@@ -63,11 +68,13 @@ class Application:
     scans: Scans
     metrics: Metrics
     dispatcher: Dispatcher
+    key_desk: KeyDesk
     systemd: Systemd
     companions: tuple[Companion, ...] = ()
     _started_s: float = field(default=0.0, init=False)
     _stopping: asyncio.Task[None] | None = field(default=None, init=False)
     _watchdog: asyncio.Task[None] | None = field(default=None, init=False)
+    _anchoring: asyncio.Task[None] | None = field(default=None, init=False)
 
     async def start(self) -> None:
         """Tell off what an earlier daemon left behind, and feed the watchdog. Nothing moves."""
@@ -76,9 +83,11 @@ class Application:
         await self.supervisor.recover()
         await self.scans.recover()
         await self.dispatcher.start()
+        await self._tell_of_keys()
         await self.cell.links_come_up(LINKS_LIMIT_S)
         for companion in self.companions:
             await companion.start()
+        self._anchoring = asyncio.create_task(self._anchor_the_audit_log())
         self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
 
     def begin_stop(self, by: str) -> None:
@@ -102,21 +111,44 @@ class Application:
         await self._stopping
         for companion in reversed(self.companions):
             await companion.stop()
-        if self._watchdog is not None:
-            self._watchdog.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._watchdog
+        for task in (self._watchdog, self._anchoring):
+            if task is not None:
+                task.cancel()
+                with suppress(asyncio.CancelledError):
+                    await task
         self.scans.registering.stop()
         self.workers.close()
         await self.cell.close()
         await self.events.written()
         await self.dispatcher.stop()
+        with suppress(StorageError):
+            if (anchor := await self.store.audit.anchor()) is not None:
+                log.info("the audit log ends with row %d, %s", anchor.sequence, anchor.hash)
         await self.store.close()
+
+    async def _tell_of_keys(self) -> None:
+        if await self.store.access_keys.any_ever():
+            return
+        whoever = "whoever is on this machine may do everything" if self.settings.server.loopback else "nobody gets in"
+        log.info(
+            "there are no keys yet: %s. The first, an admin's: 'handeyed keys add', or POST /setup with the code %s",
+            whoever, self.key_desk.code.text,
+        )  # fmt: skip
+
+    async def _anchor_the_audit_log(self) -> None:
+        """Until cancelled. What is written down beside the log cannot be cut off from its end unnoticed."""
+        while True:
+            await asyncio.sleep(ANCHOR_S)
+            try:
+                await self.store.audit.anchor()
+            except StorageError as error:
+                log.warning("the audit log's anchor could not be written: %s", error)
 
     def uptime_s(self) -> float:
         return self.clock.monotonic_s() - self._started_s
 
     async def work_is_alive(self) -> bool:
         """The event loop, the store's thread and the workers do their work."""
-        await self.store.alive()
+        with suppress(StorageError):  # it answers, if badly: a restart would not mend the disk
+            await self.store.alive()
         return self.workers.oldest_job_s() < JOB_LIMIT_S

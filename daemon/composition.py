@@ -8,6 +8,7 @@ from pathlib import Path
 
 import uvloop
 
+from daemon.access.desk import KeyDesk
 from daemon.application import Application, Companion
 from daemon.cell import Cell, Devices
 from daemon.clock import Clock, time_ordered_id
@@ -70,6 +71,7 @@ def build(
         scans=scans,
         metrics=metrics,
         dispatcher=Dispatcher(settings.webhooks, store.outbox, clock, random.random),
+        key_desk=KeyDesk(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         companions=tuple(companions),
     )

@@ -19,6 +19,10 @@ _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6,
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
 
 
+NAME = r"^[^\x00-\x1f\x7f]*$"
+"""No control characters: it is printed and logged."""
+
+
 class CalibrateRequest(Document):
     """Everything is optional: poses of the flange (else taught ones, else planned ones), how many, another target.
 
@@ -95,3 +99,12 @@ class ApplyRequest(Document):
 
     applied_by: Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = "operator"
     despite_verdict: bool = False
+
+
+class SetupRequest(Document):
+    """The set-up code from the daemon's log, and a name for the first key."""
+
+    model_config = _examples({"code": "ABCD-EFGH-JKLM-NPQR", "name": "Ann"})
+
+    code: Annotated[str, Field(min_length=1, max_length=100)]
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)] = "admin"

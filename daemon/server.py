@@ -12,6 +12,7 @@ from types import FrameType
 
 import uvicorn
 
+from daemon.access.certificates import require_usable
 from daemon.api.app import create_api
 from daemon.application import Application
 from daemon.connections import Door
@@ -39,6 +40,8 @@ class Server(uvicorn.Server):
             uvicorn.Config(
                 create_api(application),
                 http=self._door.protocol,  # type: ignore[arg-type] # it is called, never subclassed
+                ssl_certfile=application.settings.server.certificate,
+                ssl_keyfile=application.settings.server.private_key,
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=KEEP_ALIVE_S,
                 log_config=None,
@@ -52,8 +55,10 @@ class Server(uvicorn.Server):
         self._listener: socket.socket | None = None
 
     async def listen(self) -> None:
-        """Serve until a signal comes or `should_exit` is set. Raises PortTaken."""
+        """Serve until a signal comes or `should_exit` is set. Raises PortTaken, CertificateUnusable."""
         settings = self._application.settings.server
+        if settings.certificate is not None and settings.private_key is not None:
+            require_usable(settings.certificate, settings.private_key)
         with listener_at(settings.host, settings.port) as self._listener:
             await self.serve([self._listener])
 
@@ -69,7 +74,8 @@ class Server(uvicorn.Server):
         """Where it really listens: port 0 lets the system choose."""
         assert self._listener is not None
         host, port = self._listener.getsockname()[:2]
-        return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+        scheme = "http" if self.config.ssl_certfile is None else "https"
+        return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:

@@ -10,8 +10,21 @@ from starlette.routing import Match
 from starlette.types import ASGIApp
 
 from calibration.errors import CalibrationError
-from daemon.api import calibrate, calibrations, cell, events, health, openapi, problems, register, runs, scans
+from daemon.api import (
+    access_routes,
+    calibrate,
+    calibrations,
+    cell,
+    events,
+    health,
+    openapi,
+    problems,
+    register,
+    runs,
+    scans,
+)
 from daemon.api.access import only_known_queries
+from daemon.api.authentication import Authentication
 from daemon.api.guards import Guards
 from daemon.api.idempotency import Idempotency
 from daemon.application import Application
@@ -29,6 +42,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     register.router,
     scans.router,
+    access_routes.router,
 )
 
 ABOUT = (
@@ -40,7 +54,8 @@ ABOUT = (
 def create_api(application: Application) -> ASGIApp:
     """The REST interface of `application`, which it starts and stops."""
     keyed = Idempotency(routes(application), application)
-    return Guards(keyed, application.settings.server, application.metrics)
+    known = Authentication(keyed, application)
+    return Guards(known, application.settings.server, application.metrics)
 
 
 def routes(application: Application | None) -> FastAPI:
@@ -60,6 +75,7 @@ def routes(application: Application | None) -> FastAPI:
         lifespan=lifespan,
         docs_url=None,  # their pages load scripts from elsewhere
         redoc_url=None,
+        redirect_slashes=False,  # a path has one spelling; a redirection would not be a problem either
         dependencies=[Depends(only_known_queries)],
         responses=problems.documented(422, 500),
         generate_unique_id_function=lambda route: f"{route.tags[0]}.{route.name}" if route.tags else route.name,

@@ -5,7 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
+from daemon.access.roles import LOCAL, Caller, Role
 from daemon.api.access import App, Before, Identifier, Limit, body_of, page_of, takes
+from daemon.api.authentication import caller_of
 from daemon.api.documents import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.api.etags import (
     ETAG_HEADER,
@@ -20,7 +22,7 @@ from daemon.api.negotiation import negotiated, or_text
 from daemon.api.problems import documented
 from daemon.api.text import current_in_words
 from daemon.cli.summary import summary
-from daemon.errors import NoCalibration, NotFound
+from daemon.errors import NoCalibration, NotFound, RoleTooLow
 from daemon.requests import ApplyRequest
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
@@ -76,6 +78,7 @@ async def calibration(request: Request, app: App, calibration_id: Identifier) ->
     openapi_extra=takes(ApplyRequest),
 )  # fmt: skip
 async def apply(
+    request: Request,
     app: App,
     response: Response,
     calibration_id: Identifier,
@@ -84,8 +87,19 @@ async def apply(
 ) -> AppliedDocument:
     """Make this calibration the one in force. What was in force before stays in the history.
 
-    With `If-Match`, the ETag of GET /calibrations/current: only if nothing else was applied meanwhile.
+    With `If-Match`, the ETag of GET /calibrations/current: only if nothing else was applied meanwhile. A verdict is
+    overruled by admins only.
     """
+    caller = caller_of(request)
+    if body.despite_verdict and caller.role < Role.ADMIN:
+        raise RoleTooLow(caller.name, caller.role.word, Role.ADMIN.word)
+    if caller != LOCAL:
+        body = body.model_copy(update={"applied_by": _by(body.applied_by, caller)})
     applied = await app.operations.apply(calibration_id, body, expected_places(if_match))
     response.headers["ETag"] = tag_of(applied.sequence)
     return AppliedDocument.of(applied)
+
+
+def _by(given: str, caller: Caller) -> str:
+    """A key's name cannot be claimed by another; the MES may say on whose order it asks."""
+    return caller.name if given == ApplyRequest().applied_by else f"{given} ({caller.name})"

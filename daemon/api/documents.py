@@ -274,6 +274,36 @@ class RobotDocument(Answer):
     held_by: str | None
 
 
+class NewKeyDocument(Answer):
+    """A key: it is shown this once."""
+
+    key: str
+    id: str
+    name: str
+    role: Literal["viewer", "operator", "admin"]
+    expires_at: str | None
+
+
+class AuditDocument(Answer):
+    """Somebody did something. `hash` covers the row and the hash of the row before."""
+
+    sequence: int
+    at: str
+    actor: str
+    role: str
+    action: str
+    subject: str
+    detail: dict[str, Any]
+    hash: str
+
+
+class AuditList(Answer):
+    """The newest first; `next` asks for those before them."""
+
+    rows: list[AuditDocument]
+    next: str | None
+
+
 class HealthDocument(Answer):
     """The daemon answers."""
 

@@ -7,6 +7,7 @@ did nothing is not remembered: the same request may be sent again when what it t
 import hashlib
 import json
 import logging
+from dataclasses import replace
 from urllib.parse import parse_qsl, urlencode
 
 from starlette.requests import ClientDisconnect
@@ -31,6 +32,10 @@ STREAMED_PATHS = ("/register",)
 """Answers too large to keep. What they depend on is kept instead, and they are made again from that."""
 
 
+SHOWN_ONCE = "/setup"
+"""Its answer holds a key in clear: it must not be kept."""
+
+
 class Idempotency:
     """Remembers, by caller and key, what a POST was and how it was answered."""
 
@@ -40,7 +45,7 @@ class Idempotency:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         given = [value for name, value in scope.get("headers", ()) if name == HEADER]
-        if scope["type"] != "http" or scope["method"] != "POST" or not given:
+        if scope["type"] != "http" or scope["method"] != "POST" or not given or scope["path"] == SHOWN_ONCE:
             await self._app(scope, receive, send)
             return
         try:
@@ -59,7 +64,7 @@ class Idempotency:
         try:
             earlier = await store.begin(caller, key, head, self._application.clock.timestamp())
             if earlier is None:
-                await self._first(scope, receive, send, Behalf(behalf.actor, behalf.role, KeyedRequest(caller, key)))
+                await self._first(scope, receive, send, replace(behalf, request=KeyedRequest(caller, key)))
             elif earlier.head != head:
                 raise KeyReused
             elif scope["path"] in STREAMED_PATHS:

@@ -7,12 +7,21 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
+from daemon.access.policy import role_needed
+from daemon.access.roles import Role
 from daemon.api.documents import Answer
 from daemon.api.problem_examples import example_of
 from daemon.api.problems import MEDIA_TYPE, Problem
-from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
+from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, SetupRequest, VerifyRequest
 
-BODIES: tuple[type[BaseModel], ...] = (CalibrateRequest, VerifyRequest, ScanRequest, ApplyRequest, Problem)
+BODIES: tuple[type[BaseModel], ...] = (
+    CalibrateRequest,
+    VerifyRequest,
+    ScanRequest,
+    ApplyRequest,
+    SetupRequest,
+    Problem,
+)
 MODE: Literal["validation"] = "validation"
 REF = "#/components/schemas/{model}"
 
@@ -31,6 +40,13 @@ EVERY_REQUEST = (421,)
 EVERY_POST = (403, 409, 413, 507)
 """Refused before a route is reached: a foreign page, a key in use, a body too large, a key that cannot be kept."""
 
+KEY_SCHEME: dict[str, Any] = {
+    "type": "http",
+    "scheme": "bearer",
+    "description": "A key of role viewer, operator or admin: `x-role` says which an operation needs at least. On the"
+    " daemon's own machine nobody is asked until there is a first key.",
+}
+
 TAGS = {
     "calibrate": "The main job: where the camera sits on the flange, and whether that still holds.",
     "runs": "What the arm was asked to do: at most one run at a time.",
@@ -39,6 +55,7 @@ TAGS = {
     "register": "One cloud into the robot's base frame, while it passes by.",
     "scans": "Parts larger than one view.",
     "events": "What happens, as it happens.",
+    "access": "Keys, and who did what.",
     "health": "Is it alive, could it work, what has it counted.",
 }
 
@@ -56,6 +73,7 @@ def described(app: FastAPI) -> dict[str, Any]:
         for answer in Answer.__subclasses__():
             if answer.__name__ in models and (shown := _examples_of(answer)):
                 models[answer.__name__]["examples"] = shown
+        components["securitySchemes"] = {"key": KEY_SCHEME}
         components["parameters"] = {"IdempotencyKey": IDEMPOTENCY_KEY}
         document["tags"] = [{"name": name, "description": about} for name, about in TAGS.items()]
         document["servers"] = [{"url": "http://127.0.0.1:8372", "description": "this machine, as it comes"}]
@@ -68,12 +86,16 @@ def described(app: FastAPI) -> dict[str, Any]:
 def _finish(document: dict[str, Any]) -> set[int]:
     """Problems by reference, keys and statuses that every operation shares; answers which statuses there are."""
     used: set[int] = set()
-    for item in document["paths"].values():
+    for path, item in document["paths"].items():
         for method, operation in item.items():
+            needed = role_needed(method.upper(), path)
+            operation["x-role"] = needed.word
+            operation["security"] = [] if needed is Role.NOBODY else [{"key": []}]
             if method == "post":
                 reference = {"$ref": "#/components/parameters/IdempotencyKey"}
                 operation.setdefault("parameters", []).append(reference)
-            for status in (*EVERY_REQUEST, *(EVERY_POST if method == "post" else ())):
+            refused = () if needed is Role.NOBODY else (401, 403) if needed > Role.VIEWER else (401,)
+            for status in (*EVERY_REQUEST, *refused, *(EVERY_POST if method == "post" else ())):
                 operation["responses"].setdefault(str(status), {"content": {MEDIA_TYPE: {}}})
             for status, answer in operation["responses"].items():
                 if MEDIA_TYPE in answer.get("content", {}):

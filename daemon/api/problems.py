@@ -33,6 +33,10 @@ STATUS: dict[type[Exception], int] = {
     errors.KeyReused: 422,
     errors.CursorUnknown: 422,
     errors.HostNotAllowed: 421,
+    errors.KeyMissing: 401,
+    errors.RoleTooLow: 403,
+    errors.SetupRefused: 403,
+    errors.KeyExists: 409,
     errors.CellNotReady: 503,
     errors.Stopping: 503,
     errors.PoseRefused: 422,
@@ -53,6 +57,7 @@ STATUS: dict[type[Exception], int] = {
     device.LinkLost: 503,
     device.DeviceTimeout: 504,
     device.GarbledAnswer: 502,
+    device.NothingMeasured: 502,
     device.MoveRefused: 409,
     device.MoveFailed: 502,
     device.DeviceError: 502,
@@ -158,6 +163,8 @@ def _words(error: Exception) -> tuple[str, str, str]:
 def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
     """The HTTP answer of a problem."""
     every = dict(headers or {})
+    if problem.status == 401:
+        every["WWW-Authenticate"] = 'Bearer realm="handeyed"'
     if problem.status in RETRY_AFTER_S:
         every["Retry-After"] = RETRY_AFTER_S[problem.status]
     content = problem.model_dump_json(exclude_none=True)

@@ -1,7 +1,9 @@
 """The daemon's REST interface as commands use it: problems become lines on standard error."""
 
 import json
+import os
 import signal
+import ssl
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,11 +24,21 @@ Event = dict[str, Any]
 
 
 class DaemonClient:
-    """One daemon at one address. Every method raises CommandError."""
+    """One daemon at one address. Every method raises CommandError.
+
+    HANDEYED_KEY holds the key to ask with, HANDEYED_CA the file of the authority that vouches for the daemon.
+    """
 
     def __init__(self, url: str, limit_s: float = ANSWER_LIMIT_S) -> None:
         self.url = url.rstrip("/")
-        self._http = httpx.Client(base_url=self.url, timeout=limit_s, trust_env=False)
+        key, authority = os.environ.get("HANDEYED_KEY"), os.environ.get("HANDEYED_CA")
+        self._http = httpx.Client(
+            base_url=self.url,
+            timeout=limit_s,
+            trust_env=False,
+            headers={"Authorization": f"Bearer {key}"} if key else {},
+            verify=_trusting(authority) if authority else True,
+        )
 
     def __enter__(self) -> "DaemonClient":
         return self
@@ -59,6 +71,9 @@ class DaemonClient:
             self._told(),
             self._http.stream("GET", "/events", timeout=httpx.Timeout(ANSWER_LIMIT_S, read=None)) as news,
         ):
+            if news.is_error:
+                news.read()
+                raise problem(self.url, news)
             events = sse(news.iter_lines())
             next(events)  # the greeting: from here on nothing is missed
             run: Any = None
@@ -103,6 +118,13 @@ class DaemonClient:
             raise CommandError(self.url, "not an address", fix, ExitStatus.UNREADABLE) from None
         except httpx.HTTPError as error:
             raise CommandError(self.url, f"the connection broke ({error})", "look at the daemon's log") from None
+
+
+def _trusting(authority: str) -> ssl.SSLContext:
+    try:
+        return ssl.create_default_context(cafile=authority)
+    except (OSError, ssl.SSLError):
+        raise CommandError(authority, "not an authority's certificate", "set HANDEYED_CA to authority.pem") from None
 
 
 @contextmanager

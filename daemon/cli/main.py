@@ -5,9 +5,11 @@ import os
 import typer
 
 from daemon.cli.assess import assess
+from daemon.cli.audit import app as audit
 from daemon.cli.calibrate import calibrate
 from daemon.cli.check import check
 from daemon.cli.demo import demo
+from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
 from daemon.cli.output import Commands
 from daemon.cli.plan import plan
@@ -16,6 +18,7 @@ from daemon.cli.register_archive import register_archive
 from daemon.cli.serve import serve
 from daemon.cli.solve import solve
 from daemon.cli.target import app as target
+from daemon.cli.tls import app as tls
 from daemon.cli.version import version
 
 AS_THEY_ARE = {"ignore_unknown_options": True, "help_option_names": ["--about"]}
@@ -37,6 +40,9 @@ app.command(rich_help_panel=CELL)(check)
 app.command(rich_help_panel=CELL)(serve)
 app.command(rich_help_panel=CELL)(calibrate)
 app.add_typer(target, name="target", rich_help_panel=CELL)
+app.add_typer(keys, name="keys", rich_help_panel=CELL)
+app.add_typer(tls, name="tls", rich_help_panel=CELL)
+app.add_typer(audit, name="audit", rich_help_panel=CELL)
 app.command(rich_help_panel=OFFLINE)(solve)
 app.command(rich_help_panel=OFFLINE)(register)
 app.command(rich_help_panel=OFFLINE)(register_archive)

@@ -23,11 +23,12 @@ class KeyedRequest:
 
 @dataclass(frozen=True)
 class Behalf:
-    """Who acts, in which role, by which request."""
+    """Who acts, in which role, by which request. `noted` collects what was stored on their behalf."""
 
     actor: str = "handeyed"
     role: str = "system"
     request: KeyedRequest | None = None
+    noted: list[str] = field(default_factory=list, compare=False)
 
 
 _behalf: ContextVar[Behalf] = ContextVar("behalf")
@@ -51,6 +52,7 @@ def current_behalf() -> Behalf:
 def note(db: sqlite3.Connection, behalf: Behalf, at: str, action: str, subject: str, **detail: object) -> None:
     """Inside a transaction: the audit row of what it changes, and the answer's place for its request."""
     append_audit(db, behalf, at, action, subject, **detail)
+    behalf.noted.append(f"{action} {subject}")
     request = behalf.request
     if request is None:
         return

@@ -39,13 +39,16 @@ def storage_errors(place: Path) -> Iterator[None]:
 class Database:
     """The connection and its thread. Every call returns when its commit is on the disk."""
 
-    def __init__(self, path: Path) -> None:
-        """Opens or creates the database. Raises StorageError, StorageTooNew."""
+    def __init__(self, path: Path, *, migrate: bool = True) -> None:
+        """Opens or creates the database. Raises StorageError, StorageTooNew.
+
+        `migrate` False: it is taken as it is, or refused.
+        """
         self.path = path
         self._written: list[Callable[[], None]] = []
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
         try:
-            self._connection = self.thread.submit(_connect, path).result()
+            self._connection = self.thread.submit(_connect, path, migrate).result()
         except BaseException:
             self.thread.shutdown()
             raise
@@ -79,6 +82,11 @@ class Database:
         await self._in_thread(self._connection.close)
         self.thread.shutdown()
 
+    def close_now(self) -> None:
+        """For a command, which has no event loop any more."""
+        self.thread.submit(self._connection.close).result()
+        self.thread.shutdown()
+
     async def _in_thread(self, work: Callable[[], Answer], place: Path | None = None) -> Answer:
         def guarded() -> Answer:
             with storage_errors(place or self.path):
@@ -87,24 +95,29 @@ class Database:
         return await asyncio.get_running_loop().run_in_executor(self.thread, guarded)
 
 
-def _connect(path: Path) -> sqlite3.Connection:
+def _connect(path: Path, migrate: bool) -> sqlite3.Connection:
     with storage_errors(path):
         make_folder(path.parent)
         connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
         try:
-            _prepare(connection, path)
+            _prepare(connection, path, migrate)
         except BaseException:
             connection.close()
             raise
         return connection
 
 
-def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+def _prepare(connection: sqlite3.Connection, path: Path, migrate: bool) -> None:
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if version > SCHEMA_VERSION:
         raise StorageTooNew(
             f"{path} was written by a newer handeyed (schema {version}, this one knows {SCHEMA_VERSION})",
             "install that version again, or restore the backup made before the update",
+        )
+    if version < SCHEMA_VERSION and not migrate:
+        raise StorageError(
+            f"{path} is in use by an older handeyed (schema {version}, this one writes {SCHEMA_VERSION})",
+            "restart the daemon, so that both are of one version",
         )
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")

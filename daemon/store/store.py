@@ -10,16 +10,17 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound
 from daemon.runs.states import FINAL_STATES
+from daemon.store.access_keys import AccessKeys
+from daemon.store.audit import AuditLog
 from daemon.store.behalf import current_behalf, note
 from daemon.store.database import Database
 from daemon.store.events import KeptEvents
 from daemon.store.files import WriteFile, settle_file, write_durably
 from daemon.store.hold import FolderHold
 from daemon.store.keyed_requests import KeyedRequests
+from daemon.store.names import DATABASE_NAME
 from daemon.store.outbox import Outbox
 from daemon.store.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView, Unit
-
-DATABASE_NAME = "handeyed.sqlite"
 
 _UPDATE_RUN = (
     "UPDATE runs SET (id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result,"
@@ -45,6 +46,8 @@ class Store:
         self.keyed_requests = KeyedRequests(self._database)
         self.kept_events = KeptEvents(self._database)
         self.outbox = Outbox(self._database)
+        self.access_keys = AccessKeys(self._database)
+        self.audit = AuditLog(self._database)
 
     async def close(self) -> None:
         await self._database.close()

@@ -168,7 +168,7 @@ async def test_a_key_that_was_only_noted_is_free_after_a_restart(tmp_path: Path)
     settings = settings_for(tmp_path)
     async with serving(settings) as bench:
         keyed = bench.application.store.keyed_requests
-        assert await keyed.begin("handeyed", KEY["idempotency-key"], "head", "2026-11-21T09:00:00.000Z") is None
+        assert await keyed.begin("local", KEY["idempotency-key"], "head", "2026-11-21T09:00:00.000Z") is None
     async with serving(settings) as bench:
         answer = await bench.client.post("/calibrate?wait=20", headers=KEY)
         assert (answer.status_code, replayed(answer)) == (200, False)

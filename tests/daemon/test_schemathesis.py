@@ -1,4 +1,4 @@
-"""A small round of Schemathesis: all checks, stateful. The large one: python -m benchmarks.schemathesis --cases 20000"""
+"""A small round of Schemathesis: all checks, stateful. Large: python -m benchmarks.schemathesis --cases 20000"""
 
 import asyncio
 import copy
@@ -9,6 +9,8 @@ import pytest
 
 from benchmarks import schemathesis
 from benchmarks.schemathesis import end_streams_soon, one_round
+from daemon.access.roles import Role
+from daemon.store.behalf import Behalf
 from tests.daemon.cells import serving, settings_for
 from tests.daemon.test_register import with_a_calibration
 
@@ -21,7 +23,8 @@ async def test_no_request_that_openapi_allows_or_forbids_is_answered_otherwise(
     async with serving(settings_for(tmp_path / "store", calibration={"manual_wait_s": 1})) as bench:
         await with_a_calibration(bench)
         end_streams_soon(bench.application.events)
-        cases, passed, text = await asyncio.to_thread(one_round, bench.url, 1, 1, tmp_path, PHASES)
+        key, _ = await bench.application.key_desk.add("schemathesis", Role.ADMIN, Behalf())
+        cases, passed, text = await asyncio.to_thread(one_round, bench.url, key, 1, 1, tmp_path, PHASES)
         assert passed, text
         assert cases > 40
         document = copy.deepcopy(json.loads(schemathesis.OPENAPI.read_text()))
@@ -29,7 +32,7 @@ async def test_no_request_that_openapi_allows_or_forbids_is_answered_otherwise(
         (tmp_path / "wrong.json").write_text(json.dumps(document))
         monkeypatch.setattr(schemathesis, "OPENAPI", tmp_path / "wrong.json")
         _, passed, text = await asyncio.to_thread(
-            one_round, bench.url, 1, 1, tmp_path, "fuzzing", ("--include-path", "/health")
+            one_round, bench.url, key, 1, 1, tmp_path, "fuzzing", ("--include-path", "/health")
         )
         assert not passed
         assert "GET /health" in text

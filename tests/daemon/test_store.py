@@ -15,7 +15,8 @@ from daemon.runs.states import RunState
 from daemon.store.files import write_durably
 from daemon.store.records import Applied, CalibrationRecord, Cause, RunRecord, ScanRecord
 from daemon.store.schema import SCHEMA_VERSION
-from daemon.store.store import DATABASE_NAME, Store
+from daemon.store.names import DATABASE_NAME
+from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 
 AT = "2026-11-21T09:00:00.000Z"

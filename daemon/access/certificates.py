@@ -1,0 +1,122 @@
+"""TLS with a certificate of one's own: an authority made for this one certificate, whose key is thrown away.
+
+Clients trust `authority.pem`. Nobody can make a second certificate that it vouches for: there is no key left to do it.
+"""
+
+import ipaddress
+import os
+import ssl
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from daemon.errors import CertificateUnusable
+from daemon.store.files import fsync_folder, make_folder
+
+CERTIFICATE, PRIVATE_KEY, AUTHORITY = "certificate.pem", "private_key.pem", "authority.pem"
+DEFAULT_DAYS = 3650
+"""A cell runs for years; whoever has the key file has the machine."""
+
+CLOCKS_DIFFER = timedelta(days=1)
+
+
+def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: int = DEFAULT_DAYS) -> None:
+    """Three files for `hosts`, names and addresses. Raises CertificateUnusable, rather than overwrite one."""
+    for name in (CERTIFICATE, PRIVATE_KEY, AUTHORITY):
+        if (folder / name).exists():
+            raise CertificateUnusable(f"{folder / name} is there already", "move it away first, or give another --out")
+    authority_key, key = ec.generate_private_key(ec.SECP256R1()), ec.generate_private_key(ec.SECP256R1())
+    authority = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"handeyed on {hosts[0]}"[:64])])
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, hosts[0][:64])])
+    begins, ends = now - CLOCKS_DIFFER, now + timedelta(days=days)
+    root = (
+        _builder(authority, authority, authority_key, begins, ends)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(sign_certificates=True), critical=True)
+        .sign(authority_key, hashes.SHA256())
+    )
+    leaf = (
+        _builder(subject, authority, key, begins, ends)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(sign_certificates=False), critical=True)
+        .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
+        .add_extension(x509.SubjectAlternativeName([_general_name(host) for host in hosts]), critical=False)
+        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key()), critical=False)
+        .sign(authority_key, hashes.SHA256())
+    )
+    pem = serialization.Encoding.PEM
+    secret = key.private_bytes(pem, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    try:
+        make_folder(folder)
+        _write_new(folder / PRIVATE_KEY, secret, 0o600)
+        _write_new(folder / AUTHORITY, root.public_bytes(pem), 0o644)
+        _write_new(folder / CERTIFICATE, leaf.public_bytes(pem), 0o644)
+        fsync_folder(folder)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CertificateUnusable(f"{folder} cannot be written ({reason})", "give another --out") from None
+
+
+def require_usable(certificate: str, private_key: str) -> None:
+    """Raises CertificateUnusable when a server could not be started with them."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    fix = "correct [server] certificate and private_key, or make them: handeyed tls init"
+    try:
+        context.load_cert_chain(certificate, private_key, password=lambda: "")
+    except ssl.SSLError as error:
+        reason = error.reason or "not a certificate and its key in PEM"
+        raise CertificateUnusable(
+            f"{certificate} with {private_key}: {reason.lower().replace('_', ' ')}", fix
+        ) from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CertificateUnusable(f"{certificate} with {private_key}: {reason}", fix) from None
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, begins: datetime, ends: datetime
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(begins)
+        .not_valid_after(ends)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+    )
+
+
+def _usage(*, sign_certificates: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not sign_certificates,
+        key_cert_sign=sign_certificates,
+        crl_sign=sign_certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _general_name(host: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        return x509.DNSName(host)
+
+
+def _write_new(file: Path, content: bytes, mode: int) -> None:
+    descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    with os.fdopen(descriptor, "wb") as out:
+        out.write(content)
+        out.flush()
+        os.fsync(out.fileno())

@@ -1,0 +1,57 @@
+"""`handeyed audit verify`: was the audit log changed?"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import Commands, Json
+
+if TYPE_CHECKING:
+    from daemon.audit.chain import Anchor
+
+app = typer.Typer(cls=Commands, no_args_is_help=True, help="Who did what; and whether that record is whole.")
+
+
+@app.callback()
+def audit() -> None:
+    """Who did what; and whether that record is whole."""
+
+
+@app.command()
+def verify(
+    config: Annotated[Path, typer.Argument(help="The daemon's settings.")],
+    anchor: Annotated[
+        list[str] | None,
+        typer.Option(help="ROW:HASH that the daemon logged, or you wrote down: the log must still hold it; repeat it."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check that no row was edited, removed or reordered, and that the end is not cut off.
+
+    Exit status: 0 the log is whole, 1 it is not.
+    """
+    from daemon.settings import load_settings
+    from daemon.store.audit import found_flaws
+    from daemon.store.names import DATABASE_NAME
+
+    database = Path(load_settings(config).storage.folder) / DATABASE_NAME
+    rows, found = found_flaws(database, [_anchor(text) for text in anchor or []])
+    if json:
+        from json import dumps
+
+        typer.echo(dumps({"rows": rows, "whole": not found, "flaws": found}))
+    else:
+        typer.echo("\n".join(found) if found else f"the audit log is whole: {rows} rows")
+    raise typer.Exit(ExitStatus.FAILED if found else ExitStatus.OK)
+
+
+def _anchor(text: str) -> "Anchor":
+    from daemon.audit.chain import Anchor
+
+    sequence, _, digest = text.partition(":")
+    if not (sequence.isdigit() and len(digest) == 64):
+        raise CommandError("--anchor", f"{text[:80]!r} is not ROW:HASH", "copy it from the daemon's log",
+                           ExitStatus.UNREADABLE)  # fmt: skip
+    return Anchor(int(sequence), digest.lower())

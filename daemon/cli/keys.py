@@ -1,0 +1,127 @@
+"""`handeyed keys ...`: who may do what. Works beside a running daemon, which knows at once."""
+
+import asyncio
+import getpass
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+import typer
+
+from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import Commands, Json
+
+if TYPE_CHECKING:
+    from daemon.access.desk import KeyDesk
+    from daemon.access.keys import KeyRecord
+
+Answer = TypeVar("Answer")
+
+app = typer.Typer(
+    cls=Commands, no_args_is_help=True, help="Add, list, rotate and revoke keys: viewer, operator or admin."
+)
+
+Config = Annotated[Path, typer.Argument(help="The daemon's settings.")]
+Name = Annotated[str, typer.Argument(help="Whose key: a person's or a system's name, or a key's id.")]
+Days = Annotated[float, typer.Option(help="Valid for so long; 0: until it is revoked.", min=0, max=36_500)]
+
+
+@app.command()
+def add(
+    config: Config,
+    name: Name,
+    role: Annotated[str, typer.Option(help="viewer, operator or admin.")] = "operator",
+    days: Days = 365,
+    json: Json = False,
+) -> None:
+    """Make a key. It is shown this once; only its hash is stored. The first key ends access without one."""
+    from daemon.access.roles import ROLES
+
+    if role not in ROLES:
+        raise CommandError("--role", f"{role[:40]!r} is no role", f"use {', '.join(ROLES)}", ExitStatus.UNREADABLE)
+    _require_name(name)
+    key, record = _at_the_desk(config, lambda desk: desk.add(name, ROLES[role], _me(), days or None))
+    _show(key, record, json)
+
+
+@app.command("list")
+def list_keys(config: Config, json: Json = False) -> None:
+    """Every key there ever was, without the keys."""
+    from daemon.clock import Clock
+
+    now = Clock().timestamp()
+    records = _at_the_desk(config, lambda desk: desk.keys.all())
+    if json:
+        from json import dumps
+
+        rows = [{**{k: v for k, v in vars(r).items() if k != "hash"}, "state": r.state(now)} for r in records]
+        typer.echo(dumps(rows))
+        return
+    for record in records:
+        until = f"until {record.expires_at}" if record.expires_at else "without end"
+        typer.echo(f"{record.id}  {record.role:<9}{record.state(now):<8}  {until:<31}  {record.name}")
+    if not records:
+        typer.echo("there are no keys: whoever is on this machine may do everything")
+
+
+@app.command()
+def rotate(
+    config: Config,
+    name: Name,
+    days: Days = 365,
+    overlap_h: Annotated[float, typer.Option(help="The old key stays valid for so long.", min=0, max=8760)] = 24.0,
+    json: Json = False,
+) -> None:
+    """Make a new key of the same name and role; the old one ends by itself."""
+    key, record = _at_the_desk(config, lambda desk: desk.rotate(name, _me(), days or None, overlap_h))
+    _show(key, record, json)
+
+
+@app.command()
+def revoke(config: Config, name: Name) -> None:
+    """End every valid key of that name, now."""
+    ids = _at_the_desk(config, lambda desk: desk.revoke(name, _me()))
+    typer.echo(f"revoked: {', '.join(ids)}")
+
+
+def _at_the_desk(config: Path, work: "Callable[[KeyDesk], Awaitable[Answer]]") -> Answer:
+    from daemon.access.desk import KeyDesk
+    from daemon.clock import Clock
+    from daemon.settings import load_settings
+    from daemon.store.access_keys import AccessKeys
+    from daemon.store.visit import visiting
+
+    with visiting(Path(load_settings(config).storage.folder)) as database:
+        desk = KeyDesk(AccessKeys(database), Clock())
+
+        async def at_work() -> Answer:
+            return await work(desk)
+
+        return asyncio.run(at_work())
+
+
+def _me() -> Any:
+    from daemon.store.behalf import Behalf
+
+    return Behalf(getpass.getuser(), "command line")
+
+
+def _require_name(name: str) -> None:
+    if not (0 < len(name) <= 100 and name.isprintable()):
+        raise CommandError("NAME", "a name is 1 to 100 printable characters", "choose another", ExitStatus.UNREADABLE)
+
+
+def _show(key: str, record: "KeyRecord", json: bool) -> None:
+    if json:
+        from json import dumps
+
+        shown = {"key": key, "id": record.id, "name": record.name, "role": record.role}
+        typer.echo(dumps({**shown, "expires_at": record.expires_at}))
+        return
+    typer.echo(key)
+    until = f"until {record.expires_at}" if record.expires_at else "without end"
+    typer.echo(
+        f"{record.role} key of {record.name}, {until}; it is shown this once. "
+        "Send it as 'Authorization: Bearer KEY'; commands take it from HANDEYED_KEY.",
+        err=True,
+    )

@@ -1,0 +1,38 @@
+"""`handeyed tls init`: a certificate of one's own."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daemon.cli.output import Commands
+
+app = typer.Typer(cls=Commands, no_args_is_help=True, help="A certificate for listening on other addresses.")
+
+
+@app.callback()
+def tls() -> None:
+    """A certificate for listening on other addresses than 127.0.0.1."""
+
+
+@app.command()
+def init(
+    host: Annotated[
+        list[str] | None,
+        typer.Option(help="Name or address that clients will use; repeat it. This machine's by default."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the three files.")] = Path("tls"),
+    days: Annotated[int, typer.Option(help="Valid for so long.", min=1, max=36_500)] = 3650,
+) -> None:
+    """Make certificate.pem and private_key.pem for the daemon, and authority.pem for whoever asks it."""
+    import socket
+    from datetime import UTC, datetime
+
+    from daemon.access.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY, make_certificate
+
+    hosts = list(dict.fromkeys(host or [socket.gethostname(), socket.getfqdn(), "localhost", "127.0.0.1"]))
+    make_certificate(out, hosts, datetime.now(UTC), days)
+    typer.echo(f"for {', '.join(hosts)}; in the settings:\n")
+    typer.echo(f'[server]\nhost = "0.0.0.0"\ncertificate = "{out.resolve() / CERTIFICATE}"')
+    typer.echo(f'private_key = "{out.resolve() / PRIVATE_KEY}"\n')
+    typer.echo(f"clients trust {out.resolve() / AUTHORITY}: curl --cacert {AUTHORITY} https://{hosts[0]}:8372/health")

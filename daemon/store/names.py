@@ -1,0 +1,3 @@
+"""Names in the store's folder."""
+
+DATABASE_NAME = "handeyed.sqlite"
