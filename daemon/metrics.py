@@ -1,9 +1,12 @@
 """Counters, and the text Prometheus reads (exposition format 0.0.4)."""
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
+from daemon.software import VERSION
 from registration.stream import CloudStream
 
 Labels = tuple[tuple[str, str], ...]
@@ -40,8 +43,10 @@ class Metrics:
         self.registered_bytes += answered_bytes
 
     def families(self) -> list[Metric]:
+        # A counter that begins with its first error has no increase that an alert could see.
+        counted = {("GET", 500): 0, ("POST", 500): 0, **self.requests}
         by_method: dict[Labels, float] = {
-            (("method", method), ("status", str(code))): n for (method, code), n in self.requests.items()
+            (("method", method), ("status", str(code))): n for (method, code), n in counted.items()
         }
         return [
             Metric("handeyed_http_requests_total", "counter", "Requests answered.", by_method),
@@ -49,7 +54,23 @@ class Metrics:
                    {(): self.registered_points}),
             Metric("handeyed_registered_bytes_total", "counter", "Bytes answered by POST /register.",
                    {(): self.registered_bytes}),
+            Metric("handeyed_build_info", "gauge", "Always 1; the version is a label.", {(("version", VERSION),): 1.0}),
+            *process_families(),
         ]  # fmt: skip
+
+
+def process_families(proc: Path = Path("/proc/self")) -> list[Metric]:
+    """Memory and descriptors of this process, under the names every dashboard knows; nothing where /proc is not."""
+    try:
+        resident_pages = int((proc / "statm").read_text().split()[1])
+        descriptors = sum(1 for _ in (proc / "fd").iterdir())
+    except OSError:
+        return []
+    resident = resident_pages * os.sysconf("SC_PAGE_SIZE")
+    return [
+        Metric("process_resident_memory_bytes", "gauge", "Resident memory.", {(): float(resident)}),
+        Metric("process_open_fds", "gauge", "Open file descriptors.", {(): float(descriptors)}),
+    ]
 
 
 def exposition(families: Iterable[Metric]) -> str:

@@ -40,9 +40,20 @@ class Systemd:
         """Feeds while the work answers, until cancelled. A check that hangs or says no leaves systemd to restart us."""
         if self.watchdog_s is None:
             return
+        hungry = False
         while True:
-            if await work_is_alive():
+            alive = await _answers(work_is_alive, self.watchdog_s / 3)
+            if alive:
                 self.notify("WATCHDOG=1")
-            else:
+            elif not hungry:
                 log.error("the work hangs: the watchdog is not fed")
+            hungry = not alive
             await asyncio.sleep(self.watchdog_s / 3)
+
+
+async def _answers(work_is_alive: Callable[[], Awaitable[bool]], limit_s: float) -> bool:
+    try:
+        async with asyncio.timeout(limit_s):
+            return await work_is_alive()
+    except TimeoutError:
+        return False

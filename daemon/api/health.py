@@ -1,6 +1,7 @@
 """Is it alive, could it work, what has it counted."""
 
 import shutil
+from typing import get_args
 
 from fastapi import APIRouter, Request, Response
 
@@ -11,7 +12,9 @@ from daemon.api.text import ready_in_words
 from daemon.application import Application
 from daemon.errors import NoCalibration
 from daemon.metrics import Labels, Metric, exposition
+from daemon.runs.states import FINAL_STATES
 from daemon.software import SOFTWARE
+from daemon.store.records import RunKind
 
 router = APIRouter(tags=["health"])
 
@@ -109,7 +112,8 @@ async def _families(app: Application) -> list[Metric]:
         Metric("handeyed_run_in_progress", "gauge", "1 while a run is in progress.",
                {(): float(app.supervisor.in_progress is not None)}),
         Metric("handeyed_runs_ended_total", "counter", "Runs that ended, by kind and state.",
-               {(("kind", kind), ("state", state)): n for (kind, state), n in app.supervisor.ended.items()}),
+               {(("kind", kind), ("state", state)): app.supervisor.ended[kind, state]
+                for kind in get_args(RunKind) for state in sorted(FINAL_STATES)}),
         Metric("handeyed_uptime_seconds", "gauge", "Since the daemon started.", {(): app.uptime_s()}),
         Metric("handeyed_disk_free_bytes", "gauge", "Free where the store lies.",
                {(): float(shutil.disk_usage(app.store.folder).free)}),
@@ -122,7 +126,7 @@ async def _families(app: Application) -> list[Metric]:
         return families
     uncertainty = current.document.uncertainty
     if uncertainty is not None:
-        families.append(Metric("handeyed_calibration_point_sigma_mm", "gauge",
+        families.append(Metric("handeyed_calibration_point_sigma_meters", "gauge",
                                "One sigma of a mapped point, of the calibration in force.",
-                               {(): uncertainty.point_mm}))  # fmt: skip
+                               {(): uncertainty.point_mm / 1e3}))  # fmt: skip
     return families
