@@ -742,6 +742,9 @@ MODULE CELL_comm
     FOR i FROM 0 TO 5 DO
       IF NOT cell_finite(36 + 4 * i) RETURN;
     ENDFOR
+    FOR i FROM 3 TO 6 DO
+      IF Abs(cell_float(4 * i)) > 1.01 RETURN;
+    ENDFOR
     cell_asked.trans := [cell_float(0), cell_float(4), cell_float(8)];
     cell_asked.rot := [cell_float(12), cell_float(16), cell_float(20), cell_float(24)];
     norm := Sqrt(cell_float(12) * cell_float(12) + cell_float(16) * cell_float(16) + cell_float(20) * cell_float(20) + cell_float(24) * cell_float(24));

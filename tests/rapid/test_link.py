@@ -1,0 +1,381 @@
+"""The shipped RAPID at its link: what it answers, what it refuses, and when the arm stops. Real sockets, a real pty."""
+
+import asyncio
+import struct
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from statistics import median
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from mock_robot.panel import Mode
+from mock_robot.rapid.controller import RapidController
+from protocols.cb import messages as cb
+from protocols.cb.codes import Flag, FrameSelector, MoveKind, Status
+from protocols.cb.events import RepeatWanted, ReplyReceived
+from protocols.cb.frames import Frame
+from tests.mock_robot.bench import ARM, AWAY, UNUSED, move_to
+from tests.mock_robot.cb_client import CbClient, over_serial, over_tcp
+from tests.mock_robot.running_cell import RunningCell, becomes, running_cell
+
+WIRES = pytest.mark.parametrize("serial", [False, True], ids=["tcp", "serial"])
+GOOD = move_to(AWAY)
+NAN = float("nan")
+
+
+@asynccontextmanager
+async def talking(
+    *, serial: bool = False, time_scale: float = 20.0, armed: bool = True
+) -> AsyncIterator[tuple[RunningCell, CbClient]]:
+    """A cell that runs the RAPID, and a client that has said HELLO."""
+    async with running_cell(time_scale=time_scale, serial=serial, devices=False, program="rapid") as cell:
+        wire = cell.announcement
+        link = over_serial(str(wire.serial_path)) if serial else over_tcp(int(wire.robot_port or 0))
+        async with link as client:
+            welcome = await client.asks(cb.Hello(1, 1, 9))
+            assert isinstance(welcome, cb.Welcome)
+            if armed:
+                assert await client.asks(cb.Arm(welcome.session, True)) == cb.ArmingDone()
+            yield cell, client
+
+
+def joints_now(cell: RunningCell) -> np.ndarray:
+    controller = cell.controller
+    return controller.arm.joints_at(controller.robot_s(cell.cell.clock()))
+
+
+async def report_of(client: CbClient) -> cb.Report:
+    report = await client.asks(cb.GetStatus())
+    assert isinstance(report, cb.Report)
+    return report
+
+
+async def ends_as(client: CbClient, seq: int, within_s: float = 10.0) -> Status:
+    async with asyncio.timeout(within_s):
+        while (report := await report_of(client)).finished_seq != seq:
+            await asyncio.sleep(0.02)
+    return Status(report.finished_status)
+
+
+async def answer_to(client: CbClient, data: bytes) -> bytes:
+    """One frame's worth of bytes, as they came."""
+    client.write(data)
+    answer = b""
+    async with asyncio.timeout(5.0):
+        while len(answer) < 12 or len(answer) < 12 + int.from_bytes(answer[8:10], "little"):
+            answer += await client.read()
+    return answer
+
+
+@WIRES
+async def test_the_published_bytes_are_answered_by_the_rapid(serial: bool) -> None:
+    async with running_cell(serial=serial, devices=False, program="rapid") as cell:
+        wire = cell.announcement
+        async with over_serial(str(wire.serial_path)) if serial else over_tcp(int(wire.robot_port or 0)) as client:
+            ping = bytes.fromhex("43 42 01 01 01 00 00 00 00 00 88 0a")
+            assert await answer_to(client, ping) == Frame(0x81, 1).encode()
+            hello = bytes.fromhex("43 42 01 02 02 00 00 00 08 00 94 c7 01 00 00 00 01 00 00 00")
+            welcome = cb.Welcome(1, cb.Capability(15), cell.controller.session, 2, 1024, 6)
+            assert await answer_to(client, hello) == Frame(0x82, 2, cb.pack(welcome)).encode()
+            pose = await answer_to(client, Frame(3, 3, b"\0\0").encode())
+            assert pose[:10] == bytes.fromhex("43 42 01 83 03 00 00 00 44 00")
+            assert pose[12 + 36 : 12 + 60] == 6 * bytes.fromhex("46 1c 06 50")
+            assert Frame(0x83, 3, pose[12:]).encode() == pose
+
+
+@WIRES
+async def test_pose_joints_and_flags_are_those_of_the_arm(serial: bool) -> None:
+    async with talking(serial=serial) as (cell, client):
+        assert await client.moves(GOOD) is Status.OK
+        pose, joints = await client.asks(cb.GetPose()), await client.asks(cb.GetJoints())
+        assert isinstance(pose, cb.Pose)
+        assert isinstance(joints, cb.Joints)
+        np.testing.assert_allclose(pose.position_mm, ARM.forward(AWAY)[:3, 3], atol=1e-3)
+        assert pose.configuration == ARM.configuration(AWAY)
+        assert pose.external_axes == (8999999488.0,) * 6
+        np.testing.assert_allclose(joints.axes_deg, np.degrees(AWAY), atol=1e-4)
+        assert pose.flags == Flag.MOTORS_ON | Flag.AUTO | Flag.IN_POSITION | Flag.ARMED | Flag.TASK_RUNNING
+        own = await client.asks(cb.GetPose(FrameSelector.CELL))
+        assert isinstance(own, cb.Pose)
+        assert replace(own, t_ms=pose.t_ms) == pose, "as shipped, the cell's tool and work object are tool0 and wobj0"
+        assert cell.commanded_moves == 1
+
+
+async def test_a_pose_is_answered_within_a_few_milliseconds() -> None:
+    async with talking() as (_, client):
+        took_s = []
+        for _ in range(30):
+            asked_s = monotonic()
+            await client.asks(cb.GetPose())
+            took_s.append(monotonic() - asked_s)
+        assert median(took_s) < 0.2, "a machine under load; idle it is 4 ms"
+
+
+@pytest.mark.parametrize(
+    ("request_", "status"),
+    [
+        (replace(GOOD, position_mm=(1390.0, 900.0, 300.0)), Status.UNREACHABLE),
+        (replace(GOOD, configuration=(*GOOD.configuration[:3], 6)), Status.UNREACHABLE),
+        (replace(GOOD, configuration=(3, *GOOD.configuration[1:])), Status.UNREACHABLE),
+        (replace(GOOD, position_mm=(900.0, 0.0, -50.0)), Status.OUTSIDE_BOX),
+        (replace(GOOD, speed_mm_s=0.0), Status.SPEED),
+        (replace(GOOD, speed_mm_s=-5.0), Status.SPEED),
+        (replace(GOOD, speed_mm_s=7000.0), Status.SPEED),
+        (replace(GOOD, speed_mm_s=NAN), Status.SPEED),
+        (replace(GOOD, speed_mm_s=float("inf")), Status.SPEED),
+        (replace(GOOD, position_mm=(NAN, 0.0, 0.0)), Status.BAD_FIELD),
+        (replace(GOOD, quaternion_wxyz=(NAN, 0.0, 0.0, 1.0)), Status.BAD_FIELD),
+        (replace(GOOD, quaternion_wxyz=(0.9, 0.0, 0.0, 0.0)), Status.BAD_FIELD),
+        (replace(GOOD, quaternion_wxyz=(0.0, 0.0, 0.0, 0.0)), Status.BAD_FIELD),
+        (replace(GOOD, external_axes=(NAN, *UNUSED[1:])), Status.BAD_FIELD),
+        (replace(GOOD, position_mm=(3e38, 3e38, 3e38)), Status.OUTSIDE_BOX),
+        (replace(GOOD, quaternion_wxyz=(3e38, 3e38, 0.0, 0.0)), Status.BAD_FIELD),
+    ],
+)
+async def test_a_move_that_cannot_be_is_refused_before_motion(request_: cb.Move, status: Status) -> None:
+    async with talking() as (cell, client):
+        assert await client.asks(request_) == cb.Refused(status)
+        assert await client.moves(GOOD) is Status.OK
+        assert (cell.commanded_moves, cell.controller.arm.departures) == (1, 1)
+
+
+async def test_motion_needs_arming_in_this_session() -> None:
+    async with talking(armed=False) as (cell, client):
+        session = cell.controller.session
+        assert await client.asks(GOOD) == cb.Refused(Status.NOT_ARMED)
+        assert await client.asks(cb.Arm(session + 1, True)) == cb.Refused(Status.NOT_ARMED)
+        assert await client.asks(cb.Arm(session, True)) == cb.ArmingDone()
+        assert cell.controller.armed
+        assert await client.asks(cb.Arm(session, False)) == cb.ArmingDone()
+        assert await client.asks(GOOD) == cb.Refused(Status.NOT_ARMED)
+
+
+@WIRES
+async def test_a_repeated_move_is_answered_from_memory_and_never_moves_twice(serial: bool) -> None:
+    async with talking(serial=serial) as (cell, client):
+        request = client.session.request(GOOD)
+        answers = {await answer_to(client, request) for _ in range(3)}
+        assert len(answers) == 1
+        client.session.receive_data(answers.pop())
+        assert await ends_as(client, client.session.last_seq) is Status.OK
+        assert (cell.commanded_moves, cell.controller.arm.departures) == (1, 1)
+
+
+async def test_the_same_number_and_the_same_sum_with_another_goal_is_no_repeat() -> None:
+    async with talking() as (cell, client):
+        request = bytearray(client.session.request(replace(GOOD, speed_mm_s=200.0)))
+        await answer_to(client, bytes(request))
+        place = next(at for at in range(12, len(request)) if request[at] == 0)
+        request[place] = 0xFF  # Fletcher's sums are taken modulo 255: 0 and 255 are the same to them
+        answer = await answer_to(client, bytes(request))
+        assert struct.unpack("<H", answer[6:8])[0] == Status.DUPLICATE_SEQ_DIFFERENT_PAYLOAD
+        assert cell.commanded_moves == 1
+
+
+async def test_stop_from_the_second_task_ends_a_move_under_way() -> None:
+    async with talking(time_scale=1.0) as (cell, client):
+        assert await client.asks(GOOD) == cb.MoveAccepted()
+        seq = client.session.last_seq
+        await becomes(lambda: cell.moving)
+        under_way = await report_of(client)
+        assert under_way.flags & Flag.MOVING
+        assert await client.asks(move_to(AWAY)) == cb.Refused(Status.BUSY)
+        assert await client.asks(cb.Stop()) == cb.Stopped()
+        assert await ends_as(client, seq) is Status.ABORTED
+        assert not cell.moving
+        assert np.abs(joints_now(cell) - AWAY).max() > 0.01
+        assert cell.controller.armed, "STOP alone does not disarm"
+
+
+async def test_two_seconds_of_silence_stop_and_disarm() -> None:
+    async with talking(time_scale=0.3) as (cell, client):
+        began_s = monotonic()
+        assert await client.asks(GOOD) == cb.MoveAccepted()
+        await becomes(lambda: cell.moving)
+        await becomes(lambda: not cell.controller.armed)
+        assert 1.9 < monotonic() - began_s < 4.0
+        await becomes(lambda: not cell.moving)
+        assert np.abs(joints_now(cell) - AWAY).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("switch", "status"),
+    [
+        (lambda c, t: c.press_emergency_stop(True, t), Status.ESTOP),
+        (lambda c, t: c.switch_motors(False, t), Status.MOTORS_OFF),
+        (lambda c, t: c.switch_mode(Mode.MANF, t), Status.WRONG_MODE),
+        (lambda c, t: c.run_program(False, t), Status.WRONG_MODE),
+    ],
+    ids=["e-stop", "motors off", "manual full speed", "program stopped"],
+)
+async def test_a_switch_ends_the_move_and_starting_the_program_again_moves_nothing(switch, status) -> None:  # type: ignore[no-untyped-def]
+    async with talking(time_scale=2.0) as (cell, client):
+        assert await client.asks(move_to(AWAY, 100.0)) == cb.MoveAccepted()
+        seq = client.session.last_seq
+        await becomes(lambda: cell.moving)
+        switch(cell.controller, cell.cell.clock())
+        assert await ends_as(client, seq) is status
+        assert not cell.controller.armed
+        assert await client.asks(cb.Arm(cell.controller.session, True)) == cb.Refused(status)
+        standing, departures = joints_now(cell), cell.controller.arm.departures
+        cell.controller.press_emergency_stop(False, cell.cell.clock())
+        cell.controller.put_right(cell.cell.clock())
+        async with asyncio.timeout(5.0):
+            while await client.asks(cb.Arm(cell.controller.session, True)) != cb.ArmingDone():
+                await asyncio.sleep(0.02)
+            while (answer := await client.asks(move_to(AWAY, 1000.0))) == cb.Refused(Status.BUSY):
+                np.testing.assert_array_equal(joints_now(cell), standing)
+                assert cell.controller.arm.departures == departures
+                await asyncio.sleep(0.02)
+        assert answer == cb.MoveAccepted()
+        assert await ends_as(client, client.session.last_seq) is Status.OK
+
+
+async def test_an_interrupted_move_does_not_go_on_though_the_client_is_gone() -> None:
+    async with running_cell(time_scale=2.0, devices=False, program="rapid") as cell:
+        async with over_tcp(int(cell.announcement.robot_port or 0)) as client:
+            await client.is_armed()
+            assert await client.asks(move_to(AWAY, 100.0)) == cb.MoveAccepted()
+            await becomes(lambda: cell.moving)
+            cell.controller.run_program(False, cell.cell.clock())
+            await becomes(lambda: not cell.controller.armed)
+        await becomes(lambda: not cell.moving)
+        standing = joints_now(cell)
+        cell.controller.put_right(cell.cell.clock())
+        async with over_tcp(int(cell.announcement.robot_port or 0)) as client:
+            await client.is_armed()
+            np.testing.assert_array_equal(joints_now(cell), standing)
+            assert cell.commanded_moves == 1
+
+
+async def test_a_line_that_cannot_be_followed_ends_in_a_motion_error_with_abbs_number_in_the_log() -> None:
+    across = np.radians([175.0, 15.0, 0.0, 0.0, 65.0, 0.0])
+    async with talking() as (cell, client):
+        cell.controller.memory["cell_box_low"].value = [-2000.0, -2000.0, 0.0]  # type: ignore[attr-defined]
+        assert await client.asks(move_to(across, kind=MoveKind.LINEAR)) == cb.MoveAccepted()
+        assert await ends_as(client, client.session.last_seq) is Status.MOTION_ERROR
+        assert cell.controller.log[-1].code == 50026
+        assert await client.asks(cb.Arm(cell.controller.session, True)) == cb.Refused(Status.MOTION_ERROR)
+        cell.controller.put_right(cell.cell.clock())
+        async with asyncio.timeout(5.0):
+            while await client.asks(cb.Arm(cell.controller.session, True)) != cb.ArmingDone():
+                await asyncio.sleep(0.02)
+            while (answer := await client.asks(GOOD)) == cb.Refused(Status.BUSY):
+                await asyncio.sleep(0.02)
+        assert answer == cb.MoveAccepted()
+
+
+async def test_manual_reduced_speed_is_capped_by_the_program() -> None:
+    async with talking(time_scale=5.0) as (cell, client):
+        cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
+        cell.controller.run_program(True, cell.cell.clock())
+        await client.is_armed()
+        assert (await report_of(client)).flags & Flag.SPEED_LIMITED
+        began_s = monotonic()
+        assert await client.moves(move_to(AWAY, 1000.0)) is Status.OK
+        distance_mm = np.linalg.norm(ARM.forward(AWAY)[:3, 3] - ARM.forward(joints_now(cell) * 0)[:3, 3])
+        assert monotonic() - began_s > distance_mm / 250.0 / 5.0 / 4
+
+
+@WIRES
+async def test_a_request_with_a_flipped_bit_is_not_done(serial: bool) -> None:
+    async with talking(serial=serial) as (cell, client):
+        request = bytearray(client.session.request(GOOD))
+        request[40] ^= 4
+        client.write(bytes(request))
+        heard = await client.hears()
+        assert any(isinstance(event, RepeatWanted) for event in heard)
+        if serial:
+            async with asyncio.timeout(5.0):
+                client.write(client.session.repeat())
+                while not any(isinstance(event, ReplyReceived) for event in await client.hears()):
+                    pass
+            assert await ends_as(client, client.session.last_seq) is Status.OK
+            assert cell.commanded_moves == 1
+        else:
+            with pytest.raises(ConnectionError):
+                while True:
+                    await client.hears()
+            await becomes(lambda: not cell.controller.armed)
+            assert cell.commanded_moves == 0
+
+
+async def test_half_a_frame_closes_tcp_after_half_a_second() -> None:
+    async with talking() as (_, client):
+        client.write(client.session.request(cb.Ping())[:7])
+        began_s = monotonic()
+        with pytest.raises(ConnectionError):
+            await client.hears()
+        assert 0.4 < monotonic() - began_s < 3.0
+
+
+async def test_a_serial_line_is_resynchronised_behind_garbage_and_half_frames() -> None:
+    async with talking(serial=True) as (_, client):
+        ping = client.session.request(cb.Ping())
+        for dirt in (b"\x00\xff\x11\x13", b"\x43\x42", b"\x43", ping[:5], b"\x43\x42\x01\x01\x01\x00\x00\x00\xf4\x03"):
+            client.write(dirt)
+            client.write(ping)
+            async with asyncio.timeout(8.0):
+                while not (data := await client.read()).endswith(Frame(0x81, client.session.last_seq).encode()):
+                    assert isinstance(data, bytes)
+
+
+async def test_every_request_may_come_byte_by_byte() -> None:
+    async with talking() as (cell, client):
+        for byte in client.session.request(GOOD):
+            client.write(bytes([byte]))
+            await asyncio.sleep(0.001)
+        assert await client.is_answered() == cb.MoveAccepted()
+        assert cell.commanded_moves == 1
+
+
+async def test_a_restart_counts_the_session_up_and_closes_the_connection() -> None:
+    async with talking() as (cell, client):
+        before = cell.controller.session
+        cell.breaks("link-restart")
+        with pytest.raises(ConnectionError):
+            await client.hears()
+        assert cell.controller.session == before + 1
+        async with over_tcp(int(cell.announcement.robot_port or 0)) as again:
+            await again.is_armed()
+            assert await again.moves(GOOD) is Status.OK
+
+
+async def test_when_the_link_task_dies_every_task_stops(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    folder = _with_a_flaw(
+        tmp_path,
+        '    now := CJointT(\\TaskName:="T_ROB1");\n    cell_add_float',
+        '    Open "none:", cell_line \\Bin;\n    cell_add_float',
+    )
+    async with talking(time_scale=1.0) as (healthy, _):
+        arm = healthy.controller.arm
+    flawed = RapidController(arm, 5, settings={"cell_address": "127.0.0.1", "cell_port": 0.0}, folder=folder)
+    try:
+        await asyncio.to_thread(flawed.begin)
+        async with over_tcp(flawed.devices.address[1]) as client:  # type: ignore[index]
+            await client.is_armed()
+            assert await client.asks(move_to(AWAY, 50.0)) == cb.MoveAccepted()
+            await becomes(lambda: flawed.unit.moving())
+            client.write(client.session.request(cb.GetJoints()))
+            await becomes(lambda: not flawed.panel.program_running)
+            await becomes(lambda: not flawed.unit.moving())
+        assert [entry.code for entry in flawed.log] == [10020, 10014]
+        assert "ERR_FILEOPEN" in flawed.log[0].text
+        assert "CELL_comm.mod:" in flawed.log[0].text
+    finally:
+        await asyncio.to_thread(flawed.end)
+
+
+def _with_a_flaw(folder, sound: str, flawed: str):  # type: ignore[no-untyped-def]
+    from mock_robot.rapid.controller import DEPLOYED
+
+    for path in DEPLOYED.iterdir():
+        text = path.read_text("ascii")
+        if path.name == "CELL_comm.mod":
+            assert text.count(sound) == 1
+            text = text.replace(sound, flawed)
+        (folder / path.name).write_text(text)
+    return folder
