@@ -4,7 +4,6 @@ LAS coordinates are integers with a scale and an offset; read here as float64 me
 them. Whatever the libraries raise on damaged files becomes a CloudFormatError.
 """
 
-import logging
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,13 +34,7 @@ DAMAGE = (
 
 
 def library(name: str, extra: str, file: str) -> Any:
-    """An optional library, whose log is not listened to: what is wrong is raised, and told once.
-
-    Raises CloudUnsupported when it is not installed.
-    """
-    log = logging.getLogger(name)
-    log.propagate = False
-    log.handlers = log.handlers or [logging.NullHandler()]
+    """An optional library. Raises CloudUnsupported when it is not installed."""
     try:
         return import_module(name)
     except ImportError:
