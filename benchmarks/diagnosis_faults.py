@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import Evidence, evidence_of
-from calibration.diagnosis.fit import Fit, fit, inverted, residuals_of
+from calibration.diagnosis.fit import Fit, fit
 from calibration.diagnosis.views import CHANGED
 from calibration.prepare import prepare
 from calibration.problem import Detection, Problem, Setup, View
@@ -49,7 +49,7 @@ class Fault:
 
 @dataclass(frozen=True, eq=False)
 class Slip:
-    """A fault of any size: `at(size)` in mm, or in what the kind counts; `slope`: how robot poses follow."""
+    """A fault of any size: `at(size)` in mm, or in what the kind counts."""
 
     at: Callable[[float], Fault]
 
@@ -165,18 +165,26 @@ def other_tool(problem: Problem, rng: np.random.Generator) -> Fault:
     return _changed(problem, after, lambda poses: poses @ tool, "tool")
 
 
-def lens(focal: float, k1: float) -> Callable[[Problem, np.random.Generator], Fault]:
-    """Intrinsics of another focus or another lens."""
+def focal_wrong(problem: Problem, rng: np.random.Generator) -> Slip:
+    """The focal length of another focus, by a share."""
+    sign = float(rng.choice([-1, 1]))
+    return Slip(lambda size: _lens(problem, sign * size, 0.0))
 
-    def put(problem: Problem, _: np.random.Generator) -> Fault:
-        assert problem.camera is not None
-        matrix = problem.camera.matrix * np.array([[1 + focal], [1 + focal], [1.0]])
-        matrix[:2, 2] = problem.camera.matrix[:2, 2]
-        distortion = problem.camera.distortion + np.array([k1, 0, 0, 0, 0])
-        camera = CameraModel(matrix, distortion, problem.camera.image_size)
-        return Fault(replace(problem, camera=camera), frozenset({"intrinsics-do-not-fit"}))
 
-    return put
+def distortion_wrong(problem: Problem, rng: np.random.Generator) -> Slip:
+    """k1 of another lens."""
+    sign = float(rng.choice([-1, 1]))
+    return Slip(lambda size: _lens(problem, 0.0, sign * size))
+
+
+def _lens(problem: Problem, focal: float, k1: float) -> Fault:
+    assert problem.camera is not None
+    matrix = problem.camera.matrix * np.array([[1 + focal], [1 + focal], [1.0]])
+    matrix[:2, 2] = problem.camera.matrix[:2, 2]
+    distortion = problem.camera.distortion.copy()
+    distortion[0] += k1
+    camera = CameraModel(matrix, distortion, problem.camera.image_size)
+    return Fault(replace(problem, camera=camera), frozenset({"intrinsics-do-not-fit"}))
 
 
 def mistyped(problem: Problem, rng: np.random.Generator) -> Slip:
@@ -212,24 +220,6 @@ def scaled_target(problem: Problem, rng: np.random.Generator) -> Slip:
         return Fault(with_poses(problem, poses), frozenset({"wrong-pitch", "target-scale"}))
 
     return Slip(at)
-
-
-def deviation_of(problem: Problem, slip: Slip) -> float:
-    """The slip's size in units of which the session itself would determine it, one standard deviation.
-
-    From the fit to the clean session: 1 / sqrt(b' W b - b' W A N^-1 A' W b), b the residuals' derivative by the size.
-    """
-    evidence, fitted = clean_fit(problem)
-    step = 1e-4
-    spoilt = poses_of(slip.at(step).problem)[evidence.indices]
-    slope = (residuals_of(evidence.with_robot_poses(spoilt), fitted)[0] - fitted.residuals) / step
-    weights = inverted(fitted.covariance)
-    weighted = weights @ fitted.by_shared
-    normal = (np.swapaxes(fitted.by_shared, 1, 2) @ weighted).sum(axis=0)
-    scale = 1 / np.sqrt(np.diagonal(normal))
-    across = scale * np.einsum("nij,ni->j", weighted, slope)
-    own = float(np.einsum("ni,nij,nj->", slope, weights, slope))
-    return float(1 / np.sqrt(own - across @ np.linalg.solve(scale[:, None] * normal * scale, across)))
 
 
 def clean_fit(problem: Problem) -> tuple[Evidence, Fit]:

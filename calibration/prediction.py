@@ -61,7 +61,11 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """One standard deviation of X, (3,) each, and of a registered point; `covariance` (6, 6) of [rad, mm]."""
+    """One standard deviation of X, (3,) each, and of a registered point.
+
+    `rotation_rad` is about the camera's axes, `translation_mm` along the mount's; `covariance` (6, 6) of [rad, mm], of
+    mount_T_camera @ exp(.), in the camera frame.
+    """
 
     covariance: Array
     rotation_rad: Array
@@ -79,9 +83,12 @@ def prediction_of(scene: Scene, information: Array, distance_mm: float) -> Predi
     """The prediction of a summed information matrix."""
     covariance = covariance_of(information)
     weights = point_weights(working_points_mm(scene.camera, distance_mm))
-    deviations = np.sqrt(np.diagonal(covariance))
+    mount_R_camera = scene.mount_T_camera[:3, :3]
+    known = bool(np.all(np.isfinite(covariance)))
+    along_mount = mount_R_camera @ covariance[3:, 3:] @ mount_R_camera.T if known else covariance[3:, 3:]
+    rotation_rad, translation_mm = (np.sqrt(np.diagonal(block)) for block in (covariance[:3, :3], along_mount))
     return Prediction(
-        covariance, deviations[:3], deviations[3:], float(np.sqrt(np.einsum("ij,ji->", weights, covariance)))
+        covariance, rotation_rad, translation_mm, float(np.sqrt(np.einsum("ij,ji->", weights, covariance)))
     )
 
 

@@ -28,7 +28,7 @@ from daemon.runs.supervisor import Departure, Ending, Supervisor
 from daemon.runs.verifying import Verifying
 from daemon.scans import Scans
 from daemon.settings import Settings, TaughtPose
-from daemon.stations import Known, adaptive_route, planned, planning_limits, taught
+from daemon.stations import Known, adaptive_route, expected_mount, planning_limits, taught
 from daemon.store.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanView
 from daemon.store.store import Store
 from daemon.workers import Workers
@@ -62,7 +62,8 @@ class Operations:
             settings, intrinsics = self.settings.calibration, self.settings.camera.intrinsics
             better = Alternative(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
             auto = settings.policy == "auto"
-            run = Calibrating(self.cell, self.store, self.workers, self.clock, auto, better)
+            expected = expected_mount(settings)
+            run = Calibrating(self.cell, self.store, self.workers, self.clock, auto, better, expected)
             poses = () if request.manual else request.poses or taught(settings, request.count)
             if poses:
                 await self._require_allowed(poses)
@@ -94,11 +95,17 @@ class Operations:
         async def prepare() -> Departure:
             calibration = await self.current_document()
             await self._require_ready(await self.cell.obstacles())
-            count = VERIFY_POSITIONS if request.poses is None else None
-            poses = await self._stations(request.poses, count, target)
-            run = Verifying(self.cell, self.workers, calibration)
-            itinerary = Itinerary(poses, self.rules)
-            return self._with_session(itinerary, len(poses), target, calibration.camera, run.drive, "verify")
+            run, settings = Verifying(self.cell, self.workers, calibration), self.settings.calibration
+            poses = request.poses or taught(settings, VERIFY_POSITIONS)
+            if poses:
+                await self._require_allowed(poses)
+                itinerary = Itinerary(poses, self.rules)
+                return self._with_session(itinerary, len(poses), target, calibration.camera, run.drive, "verify")
+            wish = Wish(VERIFY_POSITIONS)
+            route = adaptive_route(settings, self.rules, target, Known.by(calibration), wish)
+            return self._with_session(
+                route, VERIFY_POSITIONS, target, calibration.camera, run.drive_adaptively, "verify"
+            )
 
         return await self._start("verify", request, prepare)
 
@@ -166,20 +173,6 @@ class Operations:
         if reasons:
             await self.cell.require_interlocks()
             raise CellNotReady(reasons)
-
-    async def _stations(
-        self, given: tuple[TaughtPose, ...] | None, count: int | None, target: TargetDocument
-    ) -> tuple[TaughtPose, ...]:
-        poses = given or taught(self.settings.calibration, count)
-        if not poses:
-            poses = await self._planned(count or self.settings.calibration.count, target)
-        await self._require_allowed(poses)
-        return poses
-
-    async def _planned(self, count: int, target: TargetDocument) -> tuple[TaughtPose, ...]:
-        known = await self._known()
-        start = (await self.cell.robot.read_pose()).base_T_flange
-        return await self.workers.run(planned, self.settings.calibration, self.rules, target, known, count, start)
 
     async def _known(self) -> Known:
         intrinsics = self.settings.camera.intrinsics

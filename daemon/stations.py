@@ -4,15 +4,13 @@ from dataclasses import dataclass, replace
 from math import radians
 
 from calibration.camera import CameraModel
+from calibration.diagnosis.findings import ExpectedMount
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.target import TargetDocument
 from calibration.planning.learning import Guess
 from calibration.planning.next_view import Wish
-from calibration.planning.plan import PlanningError, plan_poses
 from calibration.planning.viewpoints import Limits
-from calibration.prediction import Scene
-from calibration.transforms import Array
 from daemon.errors import NoPoses
 from daemon.motion import MotionRules
 from daemon.runs.adaptive import AdaptiveRoute
@@ -41,14 +39,11 @@ class Known:
             base_T_target=found.base_T_target or current.base_T_target,
         )
 
-    def missing(self) -> list[str]:
-        """What a plan would need besides, as the settings call it."""
-        needed = {
-            "[camera.intrinsics]": self.camera,
-            "[calibration] flange_T_camera_guess": self.flange_T_camera,
-            "[calibration] base_T_target_guess": self.base_T_target,
-        }
-        return [name for name, value in needed.items() if value is None]
+    @classmethod
+    def by(cls, calibration: CalibrationDocument) -> "Known":
+        """What a calibration says, where its own pictures are looked at again."""
+        camera = calibration.camera.camera() if calibration.camera else None
+        return cls(camera, calibration.flange_T_camera, calibration.base_T_target)
 
 
 def taught(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:
@@ -86,31 +81,13 @@ def adaptive_route(
     return AdaptiveRoute(guess, planning_limits(settings, rules), wish, rules, assumed)
 
 
-def planned(
-    settings: CalibrationSettings,
-    rules: MotionRules,
-    target: TargetDocument,
-    known: Known,
-    count: int,
-    start: Array,
-) -> tuple[TaughtPose, ...]:
-    """Poses from which the target is in view and that determine X best. Takes a while. Raises NoPoses."""
-    if known.camera is None or known.flange_T_camera is None or known.base_T_target is None:
-        raise NoPoses(
-            f"no poses are given or taught, and planning them needs {', '.join(known.missing())}",
-            "send poses with the request, teach them in [calibration] poses, or add what planning needs",
-        )
-    scene = Scene(
-        "eye-in-hand",
-        target.target(),
-        known.camera,
-        known.flange_T_camera.transform(),
-        known.base_T_target.transform(),
-        settings.noise.noise(),
-    )
-    limits = planning_limits(settings, rules)
-    try:
-        plan = plan_poses(scene, limits, count, start=start, reachable=rules.reachable)
-    except PlanningError as error:
-        raise NoPoses(error.what, error.fix) from None
-    return tuple(TaughtPose.of(pose) for pose in plan.base_T_flange)
+FAR_OFF = 2.0
+"""Standard deviations of a guess: a camera found further away is worth a word."""
+
+
+def expected_mount(settings: CalibrationSettings) -> ExpectedMount | None:
+    """Where the camera should sit, when the settings say."""
+    guess = settings.flange_T_camera_guess
+    if guess is None:
+        return None
+    return ExpectedMount(guess.transform(), FAR_OFF * settings.guess_mm, FAR_OFF * radians(settings.guess_deg))

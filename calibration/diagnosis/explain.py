@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.camera import CameraModel
-from calibration.diagnosis.diagnose import FEWEST_VIEWS, GAIN, MOST_VIEWS, diagnose, evenly
+from calibration.diagnosis.diagnose import CHANCE, FEWEST_VIEWS, MOST_VIEWS, diagnose, evenly
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
 from calibration.diagnosis.findings import findings_of, lens_findings
 from calibration.diagnosis.fit import fit
@@ -62,10 +62,10 @@ def _solved(problem: Problem, solution: Solution, prepared: Prepared) -> tuple[F
 def _lens_misfit(prepared: Prepared, poses: Array) -> LensMisfit | None:
     """A lens that is not as given looks like a target that is not as drawn: the simpler explanation first."""
     if prepared.shape is None:
-        return lens_misfit(prepared.seen, prepared.camera, poses, GAIN)
+        return lens_misfit(prepared.seen, prepared.camera, poses, CHANCE)
     as_shaped = pixel_deviation(pixel_statistics(prepared.seen, prepared.camera, poses))
     drawn = replace(prepared.seen, points_mm=prepared.drawn_mm[prepared.seen.ids])
-    return lens_misfit(drawn, prepared.camera, refined_poses(drawn, prepared.camera, poses), GAIN, as_shaped)
+    return lens_misfit(drawn, prepared.camera, refined_poses(drawn, prepared.camera, poses), CHANCE, as_shaped)
 
 
 def _refused(problem: Problem) -> tuple[Finding, ...]:

@@ -1,6 +1,7 @@
 """A diagnosis in words: what is wrong, how consistent the session is without and with it, what to do."""
 
 from collections.abc import Set
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -65,10 +66,19 @@ def lens_findings(misfit: LensMisfit) -> tuple[Finding, ...]:
     )
 
 
-def mount_findings(mount_T_camera: Array, expected_mount_T_camera: Array) -> tuple[Finding, ...]:
+@dataclass(frozen=True, eq=False)
+class ExpectedMount:
+    """Where X should be, and how far from there it may be."""
+
+    mount_T_camera: Array
+    within_mm: float = MOUNT_MM
+    within_rad: float = MOUNT_RAD
+
+
+def mount_findings(mount_T_camera: Array, expected: ExpectedMount) -> tuple[Finding, ...]:
     """Is X where it was expected? A tool instead of the flange in the whole session is consistent in itself."""
-    off_mm, off_rad = difference(expected_mount_T_camera, mount_T_camera)
-    if off_mm <= MOUNT_MM and off_rad <= MOUNT_RAD:
+    off_mm, off_rad = difference(expected.mount_T_camera, mount_T_camera)
+    if off_mm <= expected.within_mm and off_rad <= expected.within_rad:
         return ()
     return (
         Finding(

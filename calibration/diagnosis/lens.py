@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import f as fisher
 
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import pixel_deviation
-from calibration.diagnosis.trial import price_of
 from calibration.intrinsics.adjustment import adjust
 from calibration.likelihood.pixels import INTRINSICS, pixel_statistics
 from calibration.observations import Observations
@@ -44,9 +44,9 @@ class LensMisfit:
 
 
 def lens_misfit(
-    seen: Observations, camera: CameraModel, camera_T_target: Array, least_gain: float, otherwise_px: float = np.inf
+    seen: Observations, camera: CameraModel, camera_T_target: Array, chance: float, otherwise_px: float = np.inf
 ) -> LensMisfit | None:
-    """None unless other intrinsics fit the target as drawn better beyond chance.
+    """None unless other intrinsics fit the target as drawn better than `chance` would make them in a clean session.
 
     `otherwise_px`: what another explanation leaves, the target's own shape; the better one is believed.
     """
@@ -54,24 +54,24 @@ def lens_misfit(
         return None
     rows = np.unique(np.linspace(0, len(seen) - 1, MOST_VIEWS).astype(np.intp))
     few, poses = seen.take(rows), camera_T_target[rows]
-    if _gain_of_a_step(few, camera, poses) < least_gain:
+    if _chance_of_a_step(few, camera, poses) > chance:
         return None
     found = adjust(few, camera, poses, np.ones(INTRINSICS, bool))
     before = pixel_deviation(pixel_statistics(few, camera, poses))
     after = pixel_deviation(pixel_statistics(few, found.camera, found.poses))
-    gain = _gain(few, before**2, after**2)
+    by_chance = _chance(few, before**2, after**2)
     moved = refined_poses(seen, found.camera, camera_T_target)
     shift = np.linalg.norm(moved[:, :3, 3] - camera_T_target[:, :3, 3], axis=1)
     share = float(np.median(shift / np.linalg.norm(camera_T_target[:, :3, 3], axis=1)))
-    if gain < least_gain or after > AS_GOOD * otherwise_px:
+    if by_chance > chance or after > AS_GOOD * otherwise_px:
         return None
     # The shift along the axis is known as well as the focal length is.
     doubt = float(np.sqrt(found.covariance[0, 0]) / found.camera.matrix[0, 0])
-    matters = share > max(WORTH_SAYING, 3 * doubt) or before > WORSE * after
+    matters = share > max(WORTH_SAYING, doubt) or before > WORSE * after
     return LensMisfit(found.camera, moved, before, after, share, matters)
 
 
-def _gain_of_a_step(seen: Observations, camera: CameraModel, poses: Array) -> float:
+def _chance_of_a_step(seen: Observations, camera: CameraModel, poses: Array) -> float:
     """A score test: what one linear step of the intrinsics promises, for the price of one look at the pixels."""
     sums = pixel_statistics(seen, camera, poses, free_intrinsics=True)
     own = sums.normal[:, :6, :6] + 1e-12 * np.einsum("nii->ni", sums.normal[:, :6, :6])[:, :, None] * np.eye(6)
@@ -85,9 +85,11 @@ def _gain_of_a_step(seen: Observations, camera: CameraModel, poses: Array) -> fl
     before = pixel_deviation(sums) ** 2
     redundancy = max(float(sums.count.sum()) - 6 * len(seen), 1.0)
     left = max(1 - float(promised) / (before * redundancy), 1e-6)
-    return _gain(seen, before, before * left)
+    return _chance(seen, before, before * left)
 
 
-def _gain(seen: Observations, before: float, after: float) -> float:
-    numbers = 2 * np.count_nonzero(seen.weights) - 6 * len(seen)
-    return 0.5 * float(numbers) * float(np.log(before / after)) - price_of(int(numbers) // 6 + 1, INTRINSICS, 1)
+def _chance(seen: Observations, before: float, after: float) -> float:
+    """That nine more unknowns lower the pixels' variance so far in a session without a fault (Fisher's F)."""
+    numbers = 2 * int(np.count_nonzero(seen.weights)) - 6 * len(seen)
+    left = max(numbers - INTRINSICS, 1)
+    return float(fisher.sf((before / after - 1) * left / INTRINSICS, INTRINSICS, left))

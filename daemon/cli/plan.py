@@ -57,8 +57,8 @@ def prediction_words(predicted: "PredictedDocument") -> str:
     translation = ", ".join(f"{value:.3g}" for value in predicted.translation_mm)
     rotation = ", ".join(f"{value:.2g}" for value in predicted.rotation_deg)
     return (
-        f"predicted        a mapped point {predicted.point_mm:.3g} mm; translation ({translation}) mm,"
-        f" rotation ({rotation}) deg (one standard deviation)"
+        f"predicted        a mapped point {predicted.point_mm:.3g} mm; translation ({translation}) mm along the"
+        f" flange's axes, rotation ({rotation}) deg about the camera's (one standard deviation)"
     )
 
 

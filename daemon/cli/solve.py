@@ -63,6 +63,10 @@ def solve(
 
 
 def _solve(folder: Path, method: str) -> "CalibrationDocument":
+    from dataclasses import replace
+
+    from calibration.documents.plan import NoiseExpectedDocument
+    from calibration.planning.alternative import Alternative
     from calibration.report import calibration_document
     from calibration.solve import solve_hand_eye
     from calibration.verdict import judge
@@ -76,10 +80,13 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     for line in (*repeated_poses(session.document), *unseen(problem)):
         error_line(f"{session.file}: {line}")
     solution = solve_hand_eye(problem, method=method)
+    verdict = judge(problem, solution)
+    if (better := Alternative.like(problem, solution, NoiseExpectedDocument().noise())) is not None:
+        verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
     return calibration_document(
         problem,
         solution,
-        judge(problem, solution),
+        verdict,
         calibration_id=time_ordered_id(clock),
         created_at=clock.timestamp(),
         software=SOFTWARE,

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+from calibration.diagnosis.findings import ExpectedMount, mount_findings
 from calibration.documents.calibration import CalibrationDocument
 from calibration.planning.alternative import Alternative
 from calibration.problem import Problem
@@ -30,7 +31,7 @@ FEWEST_VIEWS = 3
 class Calibrating:
     """What the run needs besides its itinerary. `apply_when_accepted` is the policy "auto".
 
-    `better`: within which limits poses could have been planned instead.
+    `better`: within which limits poses could have been planned instead; `expected`: where the camera should sit.
     """
 
     cell: Cell
@@ -39,6 +40,7 @@ class Calibrating:
     clock: Clock
     apply_when_accepted: bool
     better: Alternative | None = None
+    expected: ExpectedMount | None = None
 
     async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
         """From the first move to the stored calibration, whose id is the run's."""
@@ -56,7 +58,7 @@ class Calibrating:
         return await self._conclude(problem, log, self.better)
 
     async def _conclude(self, problem: Problem, log: RunLog, better: Alternative | None) -> Ending:
-        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp(), better)
+        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp(), better, self.expected)
         log.conclude()
         applied = await self._keep(document, log.id)
         return E.SOLVED, {
@@ -75,11 +77,17 @@ class Calibrating:
 
 
 def solved(
-    problem: Problem, calibration_id: str, created_at: str, better: Alternative | None = None
+    problem: Problem,
+    calibration_id: str,
+    created_at: str,
+    better: Alternative | None = None,
+    expected: ExpectedMount | None = None,
 ) -> CalibrationDocument:
-    """The same steps as `handeyed solve`; `better` adds what planned poses would have given."""
+    """The same steps as `handeyed solve`; `better` adds what planned poses would have given, `expected` what is not."""
     solution = solve_hand_eye(problem)
     verdict = judge(problem, solution)
+    if expected is not None and solution.mount_T_camera is not None:
+        verdict = replace(verdict, findings=(*verdict.findings, *mount_findings(solution.mount_T_camera, expected)))
     if better is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
     return calibration_document(

@@ -6,6 +6,7 @@ from typing import Any
 from calibration.documents.calibration import CalibrationDocument
 from calibration.problem import Problem
 from daemon.cell import Cell
+from daemon.runs.adaptive import AdaptiveRoute, AdaptiveTour
 from daemon.runs.log import RunLog
 from daemon.runs.looking import Itinerary, look_from_everywhere
 from daemon.runs.session_log import SessionLog
@@ -28,7 +29,16 @@ class Verifying:
 
     async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
         """From the first move to the table."""
-        problem = await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS)
+        return await self._conclude(await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS), log)
+
+    async def drive_adaptively(self, route: AdaptiveRoute, session: SessionLog, log: RunLog) -> Ending:
+        """The same, from poses that are planned after each view; the first look is no position of the table."""
+        tour = AdaptiveTour(route, self.cell, self.workers, session, log)
+        problem = await tour.drive(FEWEST_VIEWS + 1)
+        positions = tuple(replace(view, index=view.index - 1) for view in problem.views[1:])
+        return await self._conclude(replace(problem, views=positions), log)
+
+    async def _conclude(self, problem: Problem, log: RunLog) -> Ending:
         found = await self.workers.run(_verified, problem, self.calibration)
         log.conclude()
         return E.SOLVED, {"calibration_id": self.calibration.id, "verification": document_of(found, self.calibration)}

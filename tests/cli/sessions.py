@@ -86,11 +86,14 @@ def with_images(folder: Path, change: Change = lambda document: None) -> Path:
     return written(folder, session(views), change)
 
 
-def with_corners(folder: Path, change: Change = lambda document: None, noise_px: float = 0.03) -> Path:
-    """A folder whose session.json holds the detections already."""
+def with_corners(
+    folder: Path, change: Change = lambda document: None, noise_px: float = 0.03, share_of_turns: float = 1.0
+) -> Path:
+    """A folder whose session.json holds the detections already; from sides that turn by a share of the usual."""
     rng = np.random.default_rng(5)
     views = []
-    for tilt in TILTS_RAD:
+    for usual in TILTS_RAD:
+        tilt = (share_of_turns * usual[0], share_of_turns * usual[1], share_of_turns * usual[2])
         seen = CAMERA.project(map_points(camera_T_target(tilt), TARGET.points_mm)) + rng.normal(0, noise_px, (24, 2))
         corners = [[index, float(u), float(v)] for index, (u, v) in enumerate(seen)]
         views.append({"corners_px": corners, "base_T_flange": pose_json(tilt)})

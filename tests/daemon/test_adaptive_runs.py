@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calibration.planning.next_view import NextView, next_view
-from calibration.transforms import vector_from_rotation
+from calibration.transforms import transform, vector_from_rotation
 from tests.daemon.cells import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, poses_around_the_target
 
@@ -100,3 +100,25 @@ async def test_the_exploring_turn_that_loses_the_target_is_reversed(tmp_path: Pa
             np.degrees(vector_from_rotation(start.T @ goal.base_T_flange[:3, :3])) for goal in bench.robot.goals[:3]
         ]
         np.testing.assert_allclose(turns, [[0, 0, 15], [0, 0, -15], [12, 0, 0]], atol=0.01)
+
+
+async def test_verify_without_taught_poses_plans_as_it_goes_from_the_calibration_in_force(tmp_path: Path) -> None:
+    guess = pose_json(FLANGE_T_CAMERA)
+    async with serving(settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})) as bench:
+        run = (await bench.client.post("/calibrate", params={"wait": 30}, json={"count": 4})).json()
+        body = {"despite_verdict": True}
+        assert (await bench.client.post(f"/calibrations/{run['id']}/apply", json=body)).status_code == 200
+        moves = len(bench.robot.goals)
+        seen = (await bench.client.post("/verify", params={"wait": 30})).json()
+        assert (seen["state"], seen["station"], len(bench.robot.goals) - moves) == ("finished", 3, 3), seen["cause"]
+        assert seen["result"]["verification"]["stations"] == [1, 2, 3]
+        assert max(seen["result"]["verification"]["sigma_mm"]) < 0.5
+
+
+@pytest.mark.parametrize(("off_mm", "told"), [(20.0, False), (120.0, True)])
+async def test_a_camera_far_from_where_the_settings_have_it_is_told(tmp_path: Path, off_mm: float, told: bool) -> None:
+    guess = pose_json(FLANGE_T_CAMERA @ transform(np.eye(3), [0.0, 0.0, off_mm]))
+    async with serving(settings_for(tmp_path, calibration={"flange_T_camera_guess": guess})) as bench:
+        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        verdict = (await bench.client.get(run["links"]["calibration"])).json()["verdict"]
+        assert ("mount-not-as-expected" in {finding["code"] for finding in verdict["findings"]}) is told

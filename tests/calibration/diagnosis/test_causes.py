@@ -5,18 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.diagnosis import GROSS, LENSES
+from benchmarks.diagnosis import GROSS, KINDS, Session
 from benchmarks.diagnosis_faults import (
     CONVENTIONS,
     SETUPS,
     Noise,
-    deviation_of,
+    distortion_wrong,
+    focal_wrong,
     in_convention,
-    mistyped,
-    moved,
     other_tool,
     poses_of,
-    scaled_target,
     simulated_session,
     with_poses,
 )
@@ -54,9 +52,9 @@ def test_a_session_in_another_convention_is_never_accepted(code: str) -> None:
     assert [found.severity for found in verdict.findings if found.code == code] == ["error"]
 
 
-@pytest.mark.parametrize("kind", LENSES)
-def test_intrinsics_that_do_not_fit_are_told_apart_from_the_robot(kind: str) -> None:
-    fault = LENSES[kind](session(4, n=15), np.random.default_rng(0))
+@pytest.mark.parametrize("slip_of, size", [(focal_wrong, 0.003), (focal_wrong, 0.03), (distortion_wrong, 0.1)])
+def test_intrinsics_that_do_not_fit_are_told_apart_from_the_robot(slip_of, size: float) -> None:  # type: ignore[no-untyped-def]
+    fault = slip_of(session(4, n=15), np.random.default_rng(0)).at(size)
     assert " px where others leave " in finding(fault.problem, fault.codes).message
 
 
@@ -100,19 +98,13 @@ def test_another_tool_from_some_view_on_refuses_a_solution_that_mixes_both() -> 
     assert severity == ("error" if mixed else "warning")
 
 
-@pytest.mark.parametrize(
-    "kind, deviations",
-    [
-        (mistyped, 30),
-        (lambda p, r: moved(p, r, "base"), 60),
-        (lambda p, r: moved(p, r, "tool"), 60),
-        (scaled_target, 15),
-    ],
-)
-def test_a_fault_of_a_few_of_the_sessions_own_deviations_is_named(kind, deviations: float) -> None:  # type: ignore[no-untyped-def]
-    clean = session(8, n=20)
-    slip = kind(clean, np.random.default_rng(1))
-    fault = slip.at(deviations * deviation_of(clean, slip))
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_fault_half_again_as_large_as_an_oracle_needs_is_named(kind: str) -> None:
+    noise = Noise(0.05, 0.1, 0.01)
+    clean = Session(session(8, n=14, noise=noise), noise)
+    slip = KINDS[kind].slip_of(clean.problem, np.random.default_rng(1))
+    reach = KINDS[kind].reach(clean, slip)
+    fault = slip.at(1.5 * reach.size * reach.deviation)
     found = finding(fault.problem, fault.codes)
     assert all(word in found.message for word in fault.says), found.message
 

@@ -18,7 +18,7 @@ from benchmarks.diagnosis_faults import (
 from calibration.diagnosis.conventions import target_scale
 from calibration.diagnosis.diagnose import Diagnosis, diagnose
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.findings import mount_findings, severity_of
+from calibration.diagnosis.findings import ExpectedMount, mount_findings, severity_of
 from calibration.diagnosis.fit import fit, fits
 from calibration.diagnosis.gate import suspicious
 from calibration.solve import solve_hand_eye
@@ -171,10 +171,11 @@ def test_motions_that_determine_nothing_have_codes_of_their_own(poses, code: str
 def test_a_camera_that_is_not_where_the_drawing_has_it_is_told() -> None:
     expected = transform(np.eye(3), [0.0, 0.0, 60.0])
     tool = transform(rotation_from_vector(np.array([0.0, 0.0, np.pi / 4])), [0.0, 0.0, 120.0])
-    (finding,) = mount_findings(inverse(tool) @ expected, expected)
+    (finding,) = mount_findings(inverse(tool) @ expected, ExpectedMount(expected))
     assert finding.code == "mount-not-as-expected"
     assert "120.0 mm and 45.0 degrees" in finding.message
-    assert mount_findings(expected @ transform(np.eye(3), [5.0, 0, 0]), expected) == ()
+    assert mount_findings(expected @ transform(np.eye(3), [5.0, 0, 0]), ExpectedMount(expected)) == ()
+    assert mount_findings(inverse(tool) @ expected, ExpectedMount(expected, 130.0, 1.0)) == ()
 
 
 def test_a_slip_within_the_noise_is_not_blamed_on_anyone() -> None:

@@ -177,6 +177,6 @@ def test_poses_that_somebody_chose_badly_hear_what_planned_ones_would_have_given
         return [finding.message for finding in Alternative(WIDE, GOOD_NOISE).findings(problem, solution)]
 
     (told,) = findings(TRUTH, seed_poses())
-    assert told.startswith("three planned poses would leave 0.0")
+    assert told.startswith("3 planned poses would leave 0.0")
     poses, _ = taken_step_by_step(guess_off(5.0, 1.0), Wish(5))
     assert findings(TRUTH, np.array(poses)) == []

@@ -79,3 +79,12 @@ def test_twice_the_noise_is_twice_the_uncertainty():
     )
     ratio = predict(seed_scene(twice), seed_poses()).point_mm / predict(seed_scene(), seed_poses()).point_mm
     assert ratio == pytest.approx(2.0, rel=1e-6)
+
+
+def test_translation_is_told_along_the_mounts_axes_as_solve_tells_it() -> None:
+    scene = seed_scene()
+    found = predict(scene, seed_poses())
+    mount_R_camera = scene.mount_T_camera[:3, :3]
+    along_mount = np.diagonal(mount_R_camera @ found.covariance[3:, 3:] @ mount_R_camera.T)
+    np.testing.assert_allclose(found.translation_mm**2, along_mount)
+    assert found.translation_mm.max() > 1.2 * np.sqrt(np.diagonal(found.covariance)[3:]).min()
