@@ -60,7 +60,8 @@ class RwsCell:
 
 
 async def _started(**options: Any) -> RwsCell:
-    cell = MockCell(CellTruth.from_seed(7), time_scale=options.pop("time_scale", 20.0))
+    made = {name: options.pop(name) for name in ("time_scale", "program") if name in options}
+    cell = MockCell(CellTruth.from_seed(7), **{"time_scale": 20.0, **made})
     announced = await cell.start(Ports(devices=None, rws=(0, 0), **options))
     assert announced.rws is not None
     robot = (announced.robot_host, announced.robot_port)
