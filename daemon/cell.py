@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from daemon.clock import Clock
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
+from daemon.novelty import Novelty
 from daemon.settings import SettlingSettings
 from daemon.settling import require_still, settle, standing
 from drivers.errors import DeviceError
@@ -47,6 +48,7 @@ class Cell:
         self._settling, self._clock = settling, clock
         self._holder: str | None = None
         self._camera_turn = asyncio.Lock()
+        self._camera_novelty, self._scanner_novelty = Novelty("camera"), Novelty("scanner")
 
     @property
     def holder(self) -> str | None:
@@ -107,17 +109,22 @@ class Cell:
         return before, frame
 
     async def picture(self, before: PoseReading) -> Frame:
-        """A frame newer than `before`, and the arm still there afterwards. Raises NotStill, DeviceError."""
+        """A frame newer than `before`, and the arm still there afterwards. Raises NotStill, SameAgain, DeviceError."""
         frame = await self.grab(before.taken_at_s)
         require_still(before, await self.robot.read_pose(), self._settling)
+        self._camera_novelty.require_new_frame(frame, before)
         return frame
 
     async def cloud(self, before: PoseReading) -> ScannedCloud:
-        """A cloud newer than `before`, and the arm still there afterwards. Raises NoScanner, NotStill, DeviceError."""
+        """A cloud newer than `before`, and the arm still there afterwards.
+
+        Raises NoScanner, NotStill, SameAgain, DeviceError.
+        """
         if self._scanner is None:
             raise NoScanner
         cloud = await self._scanner.scan(before.taken_at_s)
         require_still(before, await self.robot.read_pose(), self._settling)
+        self._scanner_novelty.require_new_cloud(cloud, before)
         return cloud
 
     async def grab(self, newer_than_s: float) -> Frame:

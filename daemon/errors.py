@@ -7,6 +7,7 @@ DaemonError
 │   └── InterlockOpen     an interlock of the cell does not allow motion; `interlocks`
 ├── NotStill              the arm moved while it was looked at, or never came to rest
 ├── ElsewhereThanSent     the arm says it stands where nobody sent it
+├── SameAgain             a device sent what it had sent before, from another pose
 ├── PictureUnusable       the camera's picture cannot be used
 ├── NoPoses               nothing says where to look from
 ├── PoseRefused           a pose lies outside what the settings allow; `station`
@@ -112,6 +113,12 @@ class ElsewhereThanSent(DaemonError):
     """The arm says it stands where nobody sent it: units, quaternion order, tool or work object are not what we think."""
 
     code = "elsewhere-than-sent"
+
+
+class SameAgain(DaemonError):
+    """A device sent what it had sent before, to the last bit, though the arm stands elsewhere."""
+
+    code = "same-again"
 
 
 class PictureUnusable(DaemonError):

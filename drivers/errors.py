@@ -5,6 +5,7 @@ DeviceError
 ├── DeviceTimeout          connected, but no answer (or no fresh one) in time
 ├── LinkLost               the connection broke while something was under way
 ├── GarbledAnswer          bytes came that are not the protocol, or not a picture or cloud
+├── NothingMeasured        a whole cloud came, without a point in it
 ├── AnswerTooLarge         more bytes came than the configured limit allows
 ├── AddressNotUnderstood   an address whose scheme or parts name no driver (a ValueError, too)
 ├── RequestRefused         the controller refused to arm, or to tell something; carries its status name
@@ -47,6 +48,12 @@ class GarbledAnswer(DeviceError):
     """Bytes came that are not the protocol, or not a picture or cloud."""
 
     code = "garbled-answer"
+
+
+class NothingMeasured(DeviceError):
+    """A whole cloud came, without a point in it."""
+
+    code = "nothing-measured"
 
 
 class AnswerTooLarge(DeviceError):

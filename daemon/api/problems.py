@@ -43,6 +43,8 @@ STATUS: dict[type[Exception], int] = {
     errors.RequestRefused: 422,
     errors.TargetNotSeen: 422,
     errors.PictureUnusable: 502,
+    errors.ElsewhereThanSent: 502,
+    errors.SameAgain: 502,
     errors.NotFound: 404,
     errors.CrossOrigin: 403,
     errors.BodyTooLarge: 413,

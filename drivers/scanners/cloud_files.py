@@ -3,13 +3,14 @@
 import re
 from typing import Literal
 
-from drivers.errors import GarbledAnswer
+from drivers.errors import GarbledAnswer, NothingMeasured
 
 CloudMediaType = Literal["application/x-ply", "application/x-pcd"]
 PLY: CloudMediaType = "application/x-ply"
 PCD: CloudMediaType = "application/x-pcd"
 HEADER_MAX = 64 * 1024
 FIX = "check that the scanner writes whole PLY or PCD files"
+EMPTY_FIX = "check that the part is within the scanner's range, and its exposure"
 PLY_BYTES = {
     **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
     **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
@@ -19,13 +20,16 @@ PLY_BYTES = {
 
 
 def whole_cloud(device: str, content: bytes) -> CloudMediaType:
-    """The media type of a complete cloud file; raises GarbledAnswer for an empty, torn or foreign one."""
+    """The media type of a complete cloud file.
+
+    Raises GarbledAnswer for a torn or foreign one, and NothingMeasured for one without a point.
+    """
     try:
         if content.startswith(b"ply"):
-            _require(content, *_ply_needs(content))
+            _require(device, content, *_ply_needs(content))
             return PLY
         if re.match(rb"\s*(#[^\n]*\.PCD|VERSION)", content):
-            _require(content, *_pcd_needs(content))
+            _require(device, content, *_pcd_needs(content))
             return PCD
     except (ValueError, KeyError, IndexError) as error:
         raise GarbledAnswer(device, f"not a whole cloud file: {error}", FIX) from error
@@ -33,8 +37,10 @@ def whole_cloud(device: str, content: bytes) -> CloudMediaType:
     raise GarbledAnswer(device, f"neither PLY nor PCD, it begins with {beginning}", FIX)
 
 
-def _require(content: bytes, start: int, count: int, each: int) -> None:
+def _require(device: str, content: bytes, start: int, count: int, each: int) -> None:
     """`count` points behind the header: of `each` bytes, or of a line each when `each` is 0."""
+    if count == 0:
+        raise NothingMeasured(device, "the cloud has no points", EMPTY_FIX)
     came = len(content) - start
     if each and came < count * each:
         raise ValueError(f"{came} bytes of points came, {count * each} are announced")
@@ -78,7 +84,7 @@ def _pcd_needs(content: bytes) -> tuple[int, int, int]:
     lines = [line.split() for line in content[: end.start()].decode("ascii", "replace").splitlines()]
     header = {words[0]: words[1:] for words in lines if words}
     count = int(header["POINTS"][0])
-    if end.group(1) == b"ascii":
+    if end.group(1) == b"ascii" or count == 0:
         return end.end(), count, 0
     if end.group(1) == b"binary_compressed":
         return end.end() + 8, 1, int.from_bytes(content[end.end() : end.end() + 4], "little")

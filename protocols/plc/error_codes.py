@@ -36,6 +36,9 @@ ERROR_CODES: dict[str, tuple[int, str]] = {
     "move-refused": (37, "the controller refused a move"),
     "move-failed": (38, "a move did not reach its goal"),
     "device-error": (39, "a device failed"),
+    "elsewhere-than-sent": (41, "the arm says it stands where nobody sent it"),
+    "nothing-measured": (42, "a cloud of the scanner has no points"),
+    "same-again": (43, "camera or scanner sent what it had sent before"),
     "picture-unusable": (40, "the camera's picture cannot be used"),
     # what was seen
     "target-not-seen": (50, "too few stations saw the target"),

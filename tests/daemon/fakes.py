@@ -166,6 +166,7 @@ class FakeScanner:
 
     failing: DeviceError | None = None
     content: bytes | None = None
+    scans: int = 0
 
     @property
     def link(self) -> LinkHealth:
@@ -174,7 +175,8 @@ class FakeScanner:
     async def scan(self, newer_than_s: float) -> ScannedCloud:
         if self.failing is not None:
             raise self.failing
-        points = np.random.default_rng(1).normal([0, 0, 500], 50, (100, 3))
+        self.scans += 1
+        points = np.random.default_rng(self.scans).normal([0, 0, 500], 50, (100, 3))
         return ScannedCloud(self.content or ply_of(points), "application/x-ply", time.monotonic())
 
     async def close(self) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from drivers.errors import AnswerTooLarge, DeviceTimeout, DeviceUnreachable, GarbledAnswer
+from drivers.errors import AnswerTooLarge, DeviceTimeout, DeviceUnreachable, GarbledAnswer, NothingMeasured
 from drivers.interfaces import Scanner
 from drivers.scanners.cloud_files import whole_cloud
 from drivers.scanners.folder_scanner import FolderScanner
@@ -53,7 +53,6 @@ def test_the_last_line_may_have_no_end():
     "content",
     [
         b"<html></html>",
-        b"ply\nend_header",
         b"ply\nformat binary_little_endian 1.0\nelement vertex many\nend_header\n",
         b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty quad x\nend_header\n",
         b"ply\nelement\nend_header\n",
@@ -64,6 +63,21 @@ def test_the_last_line_may_have_no_end():
 )
 def test_what_is_no_cloud_is_told(content):
     with pytest.raises(GarbledAnswer):
+        whole_cloud("s", content)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"ply\nend_header\n",
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty float x\nend_header\n",
+        b"VERSION 0.7\nSIZE 4\nPOINTS 0\nDATA ascii\n",
+        b"VERSION 0.7\nSIZE 4\nPOINTS 0\nDATA binary\n",
+        b"VERSION 0.7\nSIZE 4\nPOINTS 0\nDATA binary_compressed\n" + bytes(8),
+    ],
+)
+def test_a_cloud_without_a_point_is_a_scanner_that_saw_nothing(content):
+    with pytest.raises(NothingMeasured, match="within the scanner's range"):
         whole_cloud("s", content)
 
 

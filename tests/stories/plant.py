@@ -38,12 +38,19 @@ def small_pictures(seed: int, **others: Any) -> CellTruth:
     return replace(truth, camera=CameraModel(matrix, truth.camera.distortion, (width // 2, height // 2)))
 
 
+def robot_address(cell: Announcement) -> str:
+    """Over the network, or over the serial line of a cell that has one."""
+    if cell.serial_path is not None:
+        return f"serial://{cell.serial_path}"
+    return f"tcp://{cell.robot_host}:{cell.robot_port}"
+
+
 def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
     """What an integrator would write after reading the cell's sheet."""
     sheet = cell.sheet
     sections: dict[str, Any] = {
         "robot": {
-            "address": f"tcp://{cell.robot_host}:{cell.robot_port}",
+            "address": robot_address(cell),
             "model": sheet["arm"],
             "box_mm": sheet["box_mm"],
             "speed_mm_s": 250,
@@ -173,13 +180,14 @@ async def plant(
     time_scale: float = 100.0,
     planned: bool = False,
     truth: CellTruth | None = None,
+    serial: bool = False,
     **changes: Any,
 ) -> AsyncIterator[Plant]:
-    """Cell and daemon from nothing. `planned`: no poses are taught."""
+    """Cell and daemon from nothing. `planned`: no poses are taught; `serial`: the robot is on a serial line."""
     if not planned:
         changes["calibration"] = {"poses": poses_taught_for(seed), **changes.get("calibration", {})}
     async with (
-        running_cell(seed, time_scale, truth=truth) as cell,
+        running_cell(seed, time_scale, truth=truth, serial=serial) as cell,
         daemon_for(cell, folder, **changes) as running,
     ):
         yield running

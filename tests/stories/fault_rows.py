@@ -1,0 +1,149 @@
+"""Every named fault of the mock cell: what the operator sees, within which time, and where it leaves the arm.
+
+`python -m tests.stories.fault_rows` prints docs/faults.md; tests/stories/test_faults.py tries every row.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from mock_robot.fault_table import FAULTS
+from mock_robot.http_devices_faults import DEVICE_FAULTS
+
+SUMMARIES: Mapping[str, str] = {
+    fault.name: fault.summary
+    for fault in (*FAULTS.values(), *DEVICE_FAULTS.values())
+    if fault.area not in ("rws", "egm")
+}
+"""All but those of Robot Web Services and EGM, over which nothing moves: docs/rws.md has them."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """`code` None: the job goes on to its end. `tells` and `fix` are regular expressions of what the operator reads.
+
+    `within_s` is from the moment the fault strikes, on a PC that has time. `finding`: what the
+    verdict says of it. Whatever the row says, the arm stands afterwards, disarmed, and
+    moves on a new start only.
+    """
+
+    fault: str
+    code: str | None
+    tells: str
+    fix: str = ""
+    within_s: float | None = None
+    job: Literal["calibrate", "scan"] = "calibrate"
+    accepted: bool = True
+    serial: bool = False
+    finding: str = ""
+
+
+LOST = "link to the controller lost"
+CELL_PROGRAM = "check the cable and that the cell program runs"
+PROGRAM = "look at the controller's program"
+SOON_S, SILENT_S, STALLED_S, DEVICE_S = 1.0, 3.0, 6.0, 6.0
+
+
+def _fails(fault: str, code: str, tells: str, fix: str, within_s: float = SOON_S, **changes: Any) -> Row:
+    return Row(fault, code, tells, fix, within_s, **changes)
+
+
+def _lost(fault: str, within_s: float = SOON_S) -> Row:
+    return _fails(fault, "link-lost", LOST, CELL_PROGRAM, within_s)
+
+
+def _damaged(fault: str) -> Row:
+    return _fails(fault, "garbled-answer", "what came is not the CB link", "check the cable and its shield")
+
+
+def _goes_on(fault: str, tells: str, **changes: Any) -> Row:
+    return Row(fault, None, tells, **changes)
+
+
+def _left_out(fault: str, finding: str) -> Row:
+    return _goes_on(fault, "the view is left out, and the verdict says so", finding=finding)
+
+
+ROWS = (
+    _goes_on("link-delay", "nothing: it takes longer"),
+    _lost("link-stall", SILENT_S),
+    _goes_on("link-split", "nothing"),
+    _lost("link-drop-mid-frame"),
+    _lost("link-close"),
+    _lost("link-reset"),
+    _lost("link-half-open", SILENT_S),
+    _goes_on("link-reply-lost", "nothing: it is asked again under its number, and done once"),
+    _goes_on("link-deaf-once", "nothing: it is asked again"),
+    _damaged("link-bit-flip"),
+    _lost("link-request-bit-flip"),
+    _goes_on("link-duplicate", "nothing: the second reply is dropped"),
+    _goes_on("link-request-duplicate", "nothing: a repeated request is answered from memory"),
+    _damaged("link-garbage"),
+    _damaged("link-only-garbage"),
+    _lost("link-restart"),
+    _goes_on("serial-noise", "nothing: it is skipped", serial=True),
+    _goes_on("serial-half-frame", "nothing: it is asked again", serial=True),
+    _goes_on("serial-doubled-byte", "nothing: it is asked again", serial=True),
+    _goes_on("serial-break", "nothing: it is asked again", serial=True),
+    _goes_on("serial-magic-in-noise", "nothing: it is asked again", serial=True),
+    _fails("robot-emergency-stop", "move-failed", "the emergency stop is pressed", "make the cell safe, release it"),
+    _fails("robot-motors-off", "move-failed", "the motors are off", "switch the motors on"),
+    _fails("robot-manual-mode", "move-failed", "not in automatic mode", "switch to automatic"),
+    _fails("robot-program-stopped", "move-failed", "its motion program does not run", "start the program"),
+    _fails("robot-not-settled", "move-failed", "does not come to rest", "look for vibration", STALLED_S),
+    _fails("robot-override-zero", "move-failed", "stood still for 5 s", "turn the speed override up", STALLED_S),
+    _fails("robot-nan-pose", "garbled-answer", "a number that is none", PROGRAM),
+    _fails("robot-quaternion-not-unit", "garbled-answer", "norm 0.9 is not 1", PROGRAM),
+    _fails("robot-metres", "elsewhere-than-sent", "says it stands at", "metres where millimetres belong"),
+    _fails("robot-quaternion-xyzw", "elsewhere-than-sent", "says it stands at", "scalar part last"),
+    _goes_on("robot-wrong-configuration", "nothing: each move names its own configuration"),
+    _goes_on("robot-clock-jump", "nothing: the controller's clock is not relied on"),
+    _fails("camera-late", "device-timeout", "no answer in 5 s", "check that the device is on", DEVICE_S),
+    _goes_on("camera-away", "nothing: it is asked again"),
+    _fails("camera-repeated", "same-again", "the same picture again", "takes a new picture for each request"),
+    _fails("camera-stale", "device-timeout", "older than asked for", "goes on taking pictures", DEVICE_S),
+    _left_out("camera-black", "the image is black"),
+    _left_out("camera-saturated", "the image is"),
+    _left_out("camera-torn", "view 1"),
+    _fails("camera-wrong-size", "garbled-answer", "expected 960×600", "set the camera to the size"),
+    _fails("camera-half-file", "garbled-answer", "not a whole picture", "whole PNG or JPEG"),
+    _fails("camera-empty-file", "garbled-answer", "the answer is empty", "check the device and the URL"),
+    _left_out("camera-target-hidden", "view 1"),
+    _goes_on("scanner-late", "nothing: a scanner may take 30 s", job="scan"),
+    _goes_on("scanner-away", "nothing: it is asked again", job="scan"),
+    _fails("scanner-repeated", "same-again", "the same cloud again", "takes a new cloud for each request", job="scan"),
+    _fails("scanner-stale", "device-timeout", "older than asked for", "goes on", 32.0, job="scan"),
+    _fails("scanner-empty", "nothing-measured", "the cloud has no points", "within the scanner's range", job="scan"),
+    _goes_on("scanner-nan", "nothing: points that are none are left out", job="scan"),
+    _fails("scanner-half-file", "garbled-answer", "not a whole cloud file", "whole PLY or PCD", job="scan"),
+)
+
+
+HEADING = """# What goes wrong, and what handeyed says
+
+Each fault can be set on the mock cell when it starts (`handeyed mock run --fault NAME`) and while it runs
+(`POST /faults/NAME` on its control port; `DELETE` mends it). Here it strikes a run between its first station and its
+last. Whatever happens: the arm then stands, is disarmed, and moves on a new, explicit start only; what was captured
+stays stored. A calibration that is not accepted is not put in force.
+
+`pytest tests/stories/test_faults.py` tries every row; `python -m tests.stories.fault_rows` writes this page.
+The faults of Robot Web Services and EGM are in [rws.md](rws.md): nothing moves over them.
+
+| fault | what happens | the run | what the operator reads | what to do | told within |
+|---|---|---|---|---|---|
+"""
+
+
+def page() -> str:
+    """docs/faults.md."""
+    return HEADING + "".join(f"{_line(row)}\n" for row in ROWS)
+
+
+def _line(row: Row) -> str:
+    ends = f"fails: `{row.code}`" if row.code else "goes on" if row.accepted else "ends, not accepted"
+    within = f"{row.within_s:g} s" if row.within_s else ""
+    return f"| `{row.fault}` | {SUMMARIES[row.fault]} | {ends} | {row.tells} | {row.fix} | {within} |"
+
+
+if __name__ == "__main__":
+    print(page(), end="")
