@@ -72,7 +72,7 @@ async def running_cell(
     serial: bool = False,
     devices: bool = True,
     truth: CellTruth | None = None,
-    program: RobotProgram = "python",
+    program: RobotProgram = "rapid",
 ) -> AsyncIterator[RunningCell]:
     """A cell on ports the system chose, closed at the end whatever happens."""
     cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale, program=program)

@@ -13,6 +13,7 @@ from drivers.interfaces import Configuration, MoveGoal
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
+from mock_robot.cell import RobotProgram
 from mock_robot.part_views import suggested_scan_poses
 from mock_robot.posture import target_middle_mm
 from protocols.cb.codes import Command
@@ -58,10 +59,13 @@ def views_of_the_target(cell: RunningCell, count: int = 6) -> list[np.ndarray]:
     return views
 
 
+@pytest.mark.parametrize("program", ["rapid", "python"])
 @pytest.mark.parametrize("serial", [False, True], ids=["tcp", "serial"])
-async def test_it_visits_views_all_around_the_target_and_reads_where_it_stands(serial: bool) -> None:
+async def test_it_visits_views_all_around_the_target_and_reads_where_it_stands(
+    serial: bool, program: RobotProgram
+) -> None:
     async with (
-        running_cell(time_scale=50.0, serial=serial, devices=False) as cell,
+        running_cell(time_scale=50.0, serial=serial, devices=False, program=program) as cell,
         robot_at(cell, serial=serial) as robot,
     ):
         await robot.set_armed(True)

@@ -16,7 +16,7 @@ from calibration.detection.detect import detect
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, inverse, map_points, transform
 from mock_robot.__main__ import main
-from mock_robot.cell import MockCell
+from mock_robot.cell import MockCell, RobotProgram
 from mock_robot.errors import UnknownFault
 from mock_robot.part import DOOR
 from mock_robot.part_mesh import surface_samples
@@ -30,13 +30,16 @@ from tests.mock_robot.bench import AWAY, HOME, move_to
 from tests.mock_robot.cb_client import over_serial, over_tcp
 from tests.mock_robot.running_cell import RunningCell, becomes, cell_process, running_cell
 
+PROGRAMS = pytest.mark.parametrize("program", ["rapid", "python"])
+
 
 def robot_only(**how: object):  # type: ignore[no-untyped-def]
     return running_cell(devices=False, **how)  # type: ignore[arg-type]
 
 
-async def test_a_client_arms_moves_and_reads_the_pose_over_tcp() -> None:
-    async with robot_only() as cell, over_tcp(cell.announcement.robot_port) as client:
+@PROGRAMS
+async def test_a_client_arms_moves_and_reads_the_pose_over_tcp(program: RobotProgram) -> None:
+    async with robot_only(program=program) as cell, over_tcp(cell.announcement.robot_port) as client:
         await client.is_armed()
         assert await client.moves(move_to(AWAY)) is Status.OK
         pose = await client.asks(cb.GetPose())
@@ -45,8 +48,9 @@ async def test_a_client_arms_moves_and_reads_the_pose_over_tcp() -> None:
         assert cell.commanded_moves == 1
 
 
-async def test_the_same_over_a_serial_line() -> None:
-    async with robot_only(serial=True) as cell:
+@PROGRAMS
+async def test_the_same_over_a_serial_line(program: RobotProgram) -> None:
+    async with robot_only(serial=True, program=program) as cell:
         assert cell.announcement.serial_path is not None
         async with over_serial(cell.announcement.serial_path) as client:
             await client.is_armed()
@@ -55,8 +59,9 @@ async def test_the_same_over_a_serial_line() -> None:
         assert cell.commanded_moves == 2
 
 
-async def test_a_second_client_is_told_busy_and_closed_and_the_first_goes_on() -> None:
-    async with robot_only() as cell, over_tcp(cell.announcement.robot_port) as first:
+@PROGRAMS
+async def test_a_second_client_is_told_busy_and_closed_and_the_first_goes_on(program: RobotProgram) -> None:
+    async with robot_only(program=program) as cell, over_tcp(cell.announcement.robot_port) as first:
         await first.is_armed()
         async with over_tcp(cell.announcement.robot_port) as second:
             assert await second.asks(cb.Hello(1, 1, 2)) == cb.Refused(Status.BUSY)
@@ -65,8 +70,9 @@ async def test_a_second_client_is_told_busy_and_closed_and_the_first_goes_on() -
         assert await first.moves(move_to(AWAY)) is Status.OK
 
 
-async def test_a_client_that_hangs_up_leaves_a_disarmed_standing_arm_and_a_free_place() -> None:
-    async with robot_only(time_scale=1.0) as cell:
+@PROGRAMS
+async def test_a_client_that_hangs_up_leaves_a_disarmed_standing_arm_and_a_free_place(program: RobotProgram) -> None:
+    async with robot_only(time_scale=1.0, program=program) as cell:
         async with over_tcp(cell.announcement.robot_port) as client:
             await client.is_armed()
             assert await client.asks(move_to(AWAY)) == cb.MoveAccepted()
@@ -77,8 +83,9 @@ async def test_a_client_that_hangs_up_leaves_a_disarmed_standing_arm_and_a_free_
             await client.is_armed()
 
 
-async def test_a_silent_client_is_stopped_after_two_seconds_and_makes_way() -> None:
-    async with robot_only(time_scale=0.2) as cell, over_tcp(cell.announcement.robot_port) as silent:
+@PROGRAMS
+async def test_a_silent_client_is_stopped_after_two_seconds_and_makes_way(program: RobotProgram) -> None:
+    async with robot_only(time_scale=0.2, program=program) as cell, over_tcp(cell.announcement.robot_port) as silent:
         await silent.is_armed()
         assert await silent.asks(move_to(AWAY)) == cb.MoveAccepted()
         await becomes(lambda: not cell.controller.armed)
@@ -87,8 +94,9 @@ async def test_a_silent_client_is_stopped_after_two_seconds_and_makes_way() -> N
             await successor.is_armed()
 
 
-async def test_a_lost_reply_is_repeated_and_the_arm_moves_once() -> None:
-    async with robot_only() as cell, over_tcp(cell.announcement.robot_port) as client:
+@PROGRAMS
+async def test_a_lost_reply_is_repeated_and_the_arm_moves_once(program: RobotProgram) -> None:
+    async with robot_only(program=program) as cell, over_tcp(cell.announcement.robot_port) as client:
         await client.is_armed()
         cell.breaks("link-reply-lost", only=Command.MOVE)
         client.write(client.session.request(move_to(AWAY)))
@@ -98,8 +106,9 @@ async def test_a_lost_reply_is_repeated_and_the_arm_moves_once() -> None:
         assert cell.controller.arm.departures == 1
 
 
-async def test_a_restart_closes_the_connection_and_shows_as_a_new_session() -> None:
-    async with robot_only() as cell:
+@PROGRAMS
+async def test_a_restart_closes_the_connection_and_shows_as_a_new_session(program: RobotProgram) -> None:
+    async with robot_only(program=program) as cell:
         async with over_tcp(cell.announcement.robot_port) as client:
             await client.is_armed()
             known = client.session.session
@@ -114,8 +123,9 @@ async def test_a_restart_closes_the_connection_and_shows_as_a_new_session() -> N
 
 
 @pytest.mark.parametrize("fault", ["link-reset", "link-close", "link-drop-mid-frame"])
-async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str) -> None:
-    async with robot_only(time_scale=1.0) as cell, over_tcp(cell.announcement.robot_port) as client:
+@PROGRAMS
+async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str, program: RobotProgram) -> None:
+    async with robot_only(time_scale=1.0, program=program) as cell, over_tcp(cell.announcement.robot_port) as client:
         await client.is_armed()
         assert await client.asks(move_to(AWAY)) == cb.MoveAccepted()
         cell.breaks(fault)
