@@ -8,6 +8,7 @@ import logging
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 from protocols.modbus.errors import HeaderBroken
 from protocols.modbus.mbap import Adu, MbapReader
@@ -96,8 +97,7 @@ class _Connection(asyncio.Protocol):
         self._slow = self._working = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        self._transport = transport = cast(asyncio.Transport, transport)  # uvloop's is none by descent
         peer = transport.get_extra_info("peername")
         self._client = peer[0] if peer else "?"
         self._respond = self._server.admit(self, self._client)
