@@ -102,7 +102,6 @@ def test_events_of_six_kinds_arrive(cell: RwsCell, client: rws.RWS) -> None:
     assert rws.OperationalMode("MANR") in events
     assert rws.RAPIDExecutionState("stopped", "") in events
     subscription.close()
-    subscription.thread.join(5.0)
 
 
 def test_a_rule_that_is_broken_gets_the_controllers_number(cell: RwsCell, client: rws.RWS) -> None:
