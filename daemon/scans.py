@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
 from daemon.acceptance import AcceptanceDocument, accepted
 from daemon.clock import Clock
-from daemon.errors import NoCalibration, ScanEmpty
+from daemon.errors import NoCalibration, ScanEmpty, StorageError
 from daemon.merging import PlacedCloud, write_merged
 from daemon.registering import Registering, Wanted
 from daemon.requests import ArtefactRequest
@@ -33,7 +34,13 @@ from registration.scan import ScanView as SeenView
 PASSING = "passing"
 """A folder beside the scans' own, for clouds that are moved and not kept."""
 
+log = logging.getLogger(__name__)
+
 Report = asyncio.Task[RegistrationReportDocument]
+
+
+UPLOADS_AT_ONCE = 10
+"""So many scans at most got a view in the moment the daemon was killed."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +55,16 @@ class Scans:
     registering: Registering
 
     async def recover(self) -> None:
-        """Remove what a killed daemon left half-written; no view is ever among it. Raises StorageError."""
+        """Remove what a killed daemon left half-written; no view is ever among it. Raises StorageError.
+
+        A view that was stored, but not yet told in scan.json, is told there.
+        """
         await self.workers.run(_remove_pieces, self.store.folder / "scans")
+        for scan_id in await self.store.latest_scans_with_views(UPLOADS_AT_ONCE):
+            try:
+                await self._write_document(scan_id)
+            except StorageError as error:
+                log.error("scan %s: scan.json could not be brought up to date: %s", scan_id, error)
 
     async def create(self, name: str, refine: bool = False) -> ScanRecord:
         """An empty scan."""

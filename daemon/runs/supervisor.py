@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from daemon.clock import Clock
-from daemon.errors import CellBusy, NotWaiting, RunInProgress, RunOver, Stopping, StorageError
+from daemon.errors import CellBusy, NotFound, NotWaiting, RunInProgress, RunOver, Stopping, StorageError
 from daemon.events import EventLog
 from daemon.logs import about_run
 from daemon.runs.causes import aborted, cause_of, interrupted
@@ -73,9 +73,8 @@ class Supervisor:
         """Runs that a stopped daemon left behind end as failed, with how to go on."""
         left = await self._store.unfinished_runs()
         for run in left:
-            cause = interrupted(run, str(self._store.run_folder(run.id)))
-            ended = replace(run, state=RunState.FAILED, cause=cause, updated_at=self._clock.timestamp())
-            log.warning("run %s: %s", run.id, cause.what)
+            ended = await self._ended_without_us(run)
+            log.warning("run %s: %s", run.id, ended.cause.what if ended.cause else "had finished before it was told")
             try:
                 await self._store.save_run(ended)
             except StorageError as error:
@@ -83,6 +82,18 @@ class Supervisor:
                 log.error("this could not be stored: %s", error)
             self._events.publish("run", run_event(ended))
         return left
+
+    async def _ended_without_us(self, run: RunRecord) -> RunRecord:
+        """What became of a run whose daemon was killed: its calibration is the last thing it stores."""
+        now = self._clock.timestamp()
+        try:
+            found = await self._store.calibration(run.id)
+        except NotFound:
+            cause = interrupted(run, str(self._store.run_folder(run.id)))
+            return replace(run, state=RunState.FAILED, cause=cause, updated_at=now)
+        applied = any(row.calibration_id == run.id for row in await self._store.applied())
+        result = {"calibration_id": found.id, "accepted": found.accepted, "applied": applied}
+        return replace(run, state=RunState.FINISHED, result=result, updated_at=now)
 
     async def start(
         self, kind: RunKind, request: dict[str, Any], prepare: Callable[[], Awaitable[Departure]]

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from daemon.errors import StorageError, StorageFull, StorageTooNew
-from daemon.store.files import make_folder
+from daemon.store.failpoints import NEVER, Failpoints
+from daemon.store.files import make_folder, settle_file
 from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
 
 Answer = TypeVar("Answer")
@@ -39,12 +40,12 @@ def storage_errors(place: Path) -> Iterator[None]:
 class Database:
     """The connection and its thread. Every call returns when its commit is on the disk."""
 
-    def __init__(self, path: Path, *, migrate: bool = True) -> None:
+    def __init__(self, path: Path, *, migrate: bool = True, at: Failpoints = NEVER) -> None:
         """Opens or creates the database. Raises StorageError, StorageTooNew.
 
         `migrate` False: it is taken as it is, or refused.
         """
-        self.path = path
+        self.path, self._at = path, at
         self._written: list[Callable[[], None]] = []
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
         try:
@@ -63,7 +64,10 @@ class Database:
         def transaction() -> Answer:
             with self._connection:
                 self._connection.execute("BEGIN IMMEDIATE")
-                return change(self._connection)
+                answer = change(self._connection)
+                self._at.reached("before commit")
+            self._at.reached("after commit")
+            return answer
 
         answer = await self._in_thread(transaction)
         for told in self._written:
@@ -119,8 +123,28 @@ def _prepare(connection: sqlite3.Connection, path: Path, migrate: bool) -> None:
             f"{path} is in use by an older handeyed (schema {version}, this one writes {SCHEMA_VERSION})",
             "restart the daemon, so that both are of one version",
         )
+    if 0 < version < SCHEMA_VERSION:
+        _keep_a_copy(connection, path.with_name(f"{path.name}.schema-{version}.backup"))
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")
     for number, migration in enumerate(MIGRATIONS[version:], start=version + 1):
         connection.executescript(f"BEGIN IMMEDIATE; {migration} PRAGMA user_version = {number}; COMMIT;")
+
+
+def _keep_a_copy(connection: sqlite3.Connection, copy: Path) -> None:
+    """Before a migration: what the older version can still read."""
+    part = copy.with_name(f".{copy.name}.part")
+    part.unlink(missing_ok=True)
+    copy_database(connection, part)
+    settle_file(part, copy)
+
+
+def copy_database(connection: sqlite3.Connection, copy: Path) -> None:
+    """As it is at one moment, while others go on writing."""
+    target = sqlite3.connect(copy)
+    try:
+        connection.backup(target)
+        target.execute("PRAGMA journal_mode = DELETE")  # one file, without a log beside it
+    finally:
+        target.close()

@@ -3,6 +3,7 @@
 import sqlite3
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ from daemon.runs.states import FINAL_STATES
 from daemon.store.access_keys import AccessKeys
 from daemon.store.audit import AuditLog
 from daemon.store.behalf import current_behalf, note
-from daemon.store.database import Database
+from daemon.store.database import Database, copy_database
 from daemon.store.events import KeptEvents
+from daemon.store.failpoints import NEVER, Failpoints
 from daemon.store.files import WriteFile, settle_file, write_durably
 from daemon.store.hold import FolderHold
 from daemon.store.keyed_requests import KeyedRequests
@@ -33,13 +35,14 @@ _CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrati
 class Store:
     """SQLite, and big files beside it: runs/ID/ and scans/ID/ are folders that the command line reads too."""
 
-    def __init__(self, folder: Path, write_file: WriteFile = write_durably) -> None:
+    def __init__(self, folder: Path, write_file: WriteFile | None = None, at: Failpoints = NEVER) -> None:
         """Opens or creates the store in `folder`. Raises StorageError, StorageTooNew, StorageInUse."""
         self.folder = folder
-        self._write_file = write_file
+        self._write_file = write_file or partial(write_durably, at=at)
+        self._at = at
         self._hold = FolderHold(folder / f"{DATABASE_NAME}.in-use")
         try:
-            self._database = Database(folder / DATABASE_NAME)
+            self._database = Database(folder / DATABASE_NAME, at=at)
         except BaseException:
             self._hold.release()
             raise
@@ -186,13 +189,19 @@ class Store:
         def insert(db: sqlite3.Connection) -> ScanView:
             count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
             view = ScanView(count, f"view_{count:03d}{suffix}", unit, base_T_flange, created_at)
-            settle_file(upload, upload.with_name(view.file))
+            settle_file(upload, upload.with_name(view.file), self._at)
             row = (scan_id, view.view, view.file, unit, base_T_flange.model_dump_json(), created_at)
             db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?)", row)
             note(db, behalf, created_at, "view", f"{scan_id} {view.view}")
             return view
 
         return await self._database.write(insert)
+
+    async def latest_scans_with_views(self, limit: int) -> list[str]:
+        """Whose last view came last."""
+        query = "SELECT scan_id FROM scan_views GROUP BY scan_id ORDER BY max(rowid) DESC LIMIT ?"
+        rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
+        return [scan_id for (scan_id,) in rows]
 
     async def scan_views(self, scan_id: str) -> list[ScanView]:
         """In the order they came."""
@@ -213,6 +222,12 @@ class Store:
             return db.execute(f"{query} {where} ORDER BY rowid DESC LIMIT ?", (limit,)).fetchall()
 
         return await self._database.read(page)
+
+    # the whole
+
+    async def copy_database(self, copy: Path) -> None:
+        """The database as it is at one moment. Raises StorageError."""
+        await self._database.read(lambda db: copy_database(db, copy))
 
     # files
 
