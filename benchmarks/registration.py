@@ -4,14 +4,18 @@ Peers are compared where they are installed. Peak memory is measured in a proces
 """
 
 import argparse
+import resource
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +26,7 @@ from registration.formats import pcd, ply
 from registration.layout import XYZ_FLOAT32, Layout
 from registration.motion import Motion, move_points
 from registration.overlap import agreement
+from registration.reading import open_cloud
 from registration.refine.adjust import refine_poses
 from registration.scan import Hand, read_scan, register_views, sample_views
 from registration.sphere import find_artefact
@@ -49,6 +54,14 @@ print(int(peak) // 1024)
 """
 
 
+def open3d_here() -> Any:
+    """Open3D, or None: installed it may still miss the system's libusb or libGL."""
+    try:
+        return import_module("open3d")
+    except (ImportError, OSError):
+        return None
+
+
 def best(work: Callable[[], object], repeat: int = 7) -> float:
     """The fastest of some runs, in seconds."""
     times = []
@@ -64,8 +77,38 @@ def ratio(limit: Callable[[], object], work: Callable[[], object], repeat: int =
     return float(np.median([best(limit, 1) / best(work, 1) for _ in range(repeat)]))
 
 
+@dataclass(frozen=True)
+class Cost:
+    """Of one run: seconds on the clock, and seconds of all processors (children too), which other programs hardly
+    change."""
+
+    wall_s: float
+    cpu_s: float
+
+
+def cost(work: Callable[[], object]) -> Cost:
+    began, before = time.perf_counter(), _cpu_s()
+    work()
+    return Cost(time.perf_counter() - began, _cpu_s() - before)
+
+
+def _cpu_s() -> float:
+    own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime
+
+
+def beside(what: str, limit: Callable[[], object], work: Callable[[], object], of: str, repeat: int = 15) -> None:
+    """A row: best against best of interleaved runs on the clock; the median of the pairs; the least processor time."""
+    pairs = [(cost(limit), cost(work)) for _ in range(repeat)]
+    limits, works = zip(*pairs, strict=True)
+    fastest = min(each.wall_s for each in limits) / min(each.wall_s for each in works)
+    middle = float(np.median([a.wall_s / b.wall_s for a, b in pairs]))
+    processor = min(each.cpu_s for each in limits) / max(0.001, min(each.cpu_s for each in works))
+    row(what, fastest, of, f"median of pairs {middle:.2f}, by processor time {processor:.2f}")
+
+
 def row(what: str, ratio: float, of: str, note: str = "") -> None:
-    print(f"{what:<46}{ratio:8.2f} x {of:<16}{note}", flush=True)
+    print(f"{what:<46}{ratio:8.2f} x {of:<19}{note}", flush=True)
 
 
 def kernel(points: int) -> None:
@@ -101,17 +144,29 @@ def files(points: int, folder: Path) -> None:
         source, target = folder / f"in{suffix}", folder / f"out{suffix}"
         write(source, layout, points)
 
-        def copy(source: Path = source, target: Path = target) -> None:
-            subprocess.run(["cp", source, target], check=True)
-
-        def ours(source: Path = source, target: Path = target) -> None:
-            move_file(source, target, MOTION)
-
-        found = ratio(copy, ours)
-        peak, idle = memory(source, target), memory(None, target)
-        row(f"{name}, file to file", found, "cp", f"peak {peak} MB, {idle} MB of it imports")
+        copy, ours = copying(source, target), moving(source, target)
+        beside(f"{name}, file to file", copy, ours, "cp")
+        beside(
+            "  both synced to the disk", copying(source, target, True), moving(source, target, True), "cp and sync", 5
+        )
+        print(f"  peak memory {memory(source, target)} MB, {memory(None, target)} MB of it imports", flush=True)
         if suffix == ".ply":
             peers(source, target, copy, ours)
+
+
+def copying(source: Path, target: Path, synced: bool = False) -> Callable[[], object]:
+    """What `cp` does when it may not share the blocks (--reflink=never), over the file of the run before."""
+
+    def copy() -> None:
+        subprocess.run(["cp", "--reflink=never", source, target], check=True)
+        if synced:
+            subprocess.run(["sync", target], check=True)
+
+    return copy
+
+
+def moving(source: Path, target: Path, synced: bool = False) -> Callable[[], object]:
+    return lambda: move_file(source, target, MOTION, durable=synced)
 
 
 def write(path: Path, layout: Layout, points: int) -> None:
@@ -137,17 +192,13 @@ def las(points: int, folder: Path) -> None:
         source, target = folder / f"in{suffix}", folder / f"out{suffix}"
         content.write(str(source))
 
-        def ours(source: Path = source, target: Path = target) -> None:
-            move_file(source, target, MOTION)
-
-        def copy(source: Path = source, target: Path = target) -> None:
-            subprocess.run(["cp", source, target], check=True)
-
         def theirs(source: Path = source, target: Path = target) -> None:
             laspy.read(str(source)).write(str(target))
 
-        beside_laspy = ratio(theirs, ours, 3)
-        row(f"{suffix[1:].upper()}, file to file", ratio(copy, ours, 5), "cp", f"{beside_laspy:.2f} x laspy's speed")
+        ours = moving(source, target)
+        beside(f"{suffix[1:].upper()}, file to file", copying(source, target), ours, "cp", 9)
+        beside("  ours", theirs, ours, "laspy", 3)
+        print(f"  peak memory {memory(source, target)} MB, {memory(None, target)} MB of it imports", flush=True)
 
 
 def memory(source: Path | None, target: Path) -> int:
@@ -170,15 +221,14 @@ def peers(source: Path, target: Path, copy: Callable[[], object], ours: Callable
             plyfile.PlyData([plyfile.PlyElement.describe(vertex, "vertex")]).write(target)
 
         row("  plyfile", ratio(copy, through_plyfile, 2), "cp")
-    if find_spec("open3d"):
-        import open3d
+    if (open3d := open3d_here()) is not None:
 
         def through_open3d() -> None:
             cloud = open3d.t.io.read_point_cloud(str(source))
             open3d.t.io.write_point_cloud(str(target), cloud.transform(BASE_T_CAMERA))
 
         row("  Open3D, tensor API", ratio(copy, through_open3d, 2), "cp")
-        row("  ours", ratio(through_open3d, ours, 3), "Open3D")
+        beside("  ours", through_open3d, ours, "Open3D, tensor API", 3)
 
 
 def stream(points: int) -> None:
@@ -195,31 +245,67 @@ def stream(points: int) -> None:
     print(f"{'stream, 64 kB pieces':<46}{len(body) / best(ours) / 1e9:8.2f} GB a second")
 
 
-def voxels(points: int) -> None:
+def voxels(points: int, edge_mm: float) -> None:
     records = np.zeros(points, XYZ_FLOAT32.dtype)
     for axis, name in enumerate("xyz"):
         records[name] = np.random.default_rng(axis).uniform(0, 500, points)
 
     def ours() -> None:
-        grid = VoxelGrid(10.0, XYZ_FLOAT32)
+        grid = VoxelGrid(edge_mm, XYZ_FLOAT32)
         for start in range(0, points, 1 << 16):
             grid.add(records[start : start + (1 << 16)])
         list(grid.blocks())
 
-    spent = best(ours, 2)
-    print(f"{'voxel grid':<46}{points / spent / 1e6:8.2f} million points a second")
+    print(f"{f'voxel grid, {points:.0e} points':<46}{points / best(ours, 2) / 1e6:8.2f} million points a second")
+    cloud = np.stack([records[name] for name in "xyz"], axis=1).astype(float)
     if find_spec("small_gicp"):
         import small_gicp
 
-        cloud = np.stack([records[name] for name in "xyz"], axis=1).astype(float)
-        row("  ours", ratio(lambda: small_gicp.voxelgrid_sampling(cloud, 10.0), ours, 3), "small_gicp")
-    if find_spec("open3d"):
-        import open3d
+        beside("  ours", lambda: small_gicp.voxelgrid_sampling(cloud, edge_mm), ours, "small_gicp", 3)
+    if (open3d := open3d_here()) is not None:
+        legacy = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud))
+        beside("  ours", lambda: legacy.voxel_down_sample(edge_mm), ours, "Open3D, legacy", 3)
 
-        legacy = open3d.geometry.PointCloud(
-            open3d.utility.Vector3dVector(np.stack([records[name] for name in "xyz"], axis=1).astype(float))
-        )
-        row("  ours", ratio(lambda: legacy.voxel_down_sample(10.0), ours, 3), "Open3D, legacy")
+
+def compressed(points: int, folder: Path) -> None:
+    """PCD binary_compressed, written by Open3D, read by us and by it."""
+    if (open3d := open3d_here()) is None:
+        return
+    cloud = open3d.geometry.PointCloud(
+        open3d.utility.Vector3dVector(np.random.default_rng(0).normal(0, 9, (points, 3)))
+    )
+    file = folder / "compressed.pcd"
+    open3d.io.write_point_cloud(str(file), cloud, compressed=True)
+
+    def ours() -> None:
+        with open_cloud(file) as source:
+            for _ in source.blocks():
+                pass
+
+    print(f"{'PCD compressed (LZF), read':<46}{file.stat().st_size / best(ours, 2) / 1e6:8.2f} MB a second")
+    beside("  ours", lambda: open3d.io.read_point_cloud(str(file)), ours, "Open3D", 2)
+
+
+def e57(points: int, folder: Path) -> None:
+    """E57 read in blocks, beside pye57's own reading of everything at once."""
+    if not find_spec("pye57"):
+        return
+    import pye57
+
+    file = folder / "cloud.e57"
+    writer = pye57.E57(str(file), mode="w")
+    writer.write_scan_raw({f"cartesian{axis}": np.random.default_rng(0).normal(0, 9, points) for axis in "XYZ"})
+    writer.close()
+
+    def ours() -> None:
+        with open_cloud(file) as source:
+            for _ in source.blocks():
+                pass
+
+    def theirs() -> None:
+        pye57.E57(str(file)).read_scan_raw(0)
+
+    beside(f"E57, {points:.0e} points, read", theirs, ours, "pye57", 5)
 
 
 def real(data: Path) -> None:
@@ -274,10 +360,13 @@ def main() -> None:
     try:
         files(options.points, folder)
         las(options.points // 5, folder)
+        e57(options.points // 10, folder)
+        compressed(options.points // 20, folder)
     finally:
         shutil.rmtree(folder)
     stream(options.points)
-    voxels(min(options.points, 4_000_000))
+    voxels(options.points, 10.0)
+    voxels(options.points, 3.0)
     door()
     if options.data.is_dir():
         real(options.data)
