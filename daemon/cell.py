@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from daemon.clock import Clock
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.novelty import Novelty
+from daemon.quiet import Quiet
 from daemon.settings import SettlingSettings
 from daemon.settling import require_still, settle, standing
 from drivers.errors import DeviceError
@@ -34,6 +35,7 @@ class Devices:
     robot: Robot
     camera: Camera
     scanner: Scanner | None
+    quiet: Quiet | None = None
 
 
 class Cell:
@@ -44,7 +46,7 @@ class Cell:
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
-        self._camera, self._scanner = devices.camera, devices.scanner
+        self._camera, self._scanner, self._quiet = devices.camera, devices.scanner, devices.quiet
         self._settling, self._clock = settling, clock
         self._holder: str | None = None
         self._camera_turn = asyncio.Lock()
@@ -95,11 +97,15 @@ class Cell:
                 log.warning("could not %s the robot (it does so itself when the link is silent): %s", name, error)
 
     async def settled_pose(self) -> PoseReading:
-        """The pose of an arm at rest. Raises NotStill, DeviceError."""
+        """The pose of an arm at rest, which has stopped ringing. Raises NotStill, DeviceError."""
+        if self._quiet is not None:
+            await self._quiet.wait(self._settling.limit_s, self._clock)
         return await settle(self.robot, self._settling, self._clock)
 
     async def standing_pose(self) -> PoseReading:
         """The pose of an arm that an operator moves, and that stands now. Raises NotStill at once, DeviceError."""
+        if self._quiet is not None:
+            self._quiet.require()
         return await standing(self.robot, self._settling, self._clock)
 
     async def look(self) -> tuple[PoseReading, Frame]:
@@ -192,6 +198,8 @@ class Cell:
 
     async def close(self) -> None:
         """Close every device; one that fails does not keep the others open."""
+        if self._quiet is not None:
+            await asyncio.to_thread(self._quiet.monitor.close)
         for name, device in self.links().items():
             try:
                 await device.close()

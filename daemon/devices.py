@@ -2,17 +2,26 @@
 
 from daemon.cell import Devices
 from daemon.clock import Clock
-from daemon.settings import Settings
+from daemon.quiet import Quiet
+from daemon.settings import EgmSettings, Settings
 from drivers.catalogue import open_camera, open_robot, open_scanner
+from drivers.egm import EgmAddress, EgmMonitor
 from drivers.timing import Timing
 
 
 def open_devices(settings: Settings, clock: Clock) -> Devices:
-    """Needs a running loop. Raises AddressNotUnderstood."""
+    """Needs a running loop. Raises AddressNotUnderstood, and DeviceUnreachable for a taken EGM port."""
     timing = Timing(clock.monotonic_s, clock.sleep)
     intrinsics = settings.camera.intrinsics
     return Devices(
-        robot=open_robot(settings.robot.address, timing),
+        robot=open_robot(settings.robot.address, timing, stop_address=settings.robot.stop_address),
         camera=open_camera(settings.camera.address, timing, image_size=intrinsics.image_size if intrinsics else None),
         scanner=open_scanner(settings.scanner.address, timing) if settings.scanner else None,
+        quiet=_quiet(settings.robot.egm, timing) if settings.robot.egm else None,
     )
+
+
+def _quiet(egm: EgmSettings, timing: Timing) -> Quiet:
+    monitor = EgmMonitor(EgmAddress(egm.host, egm.port, egm.robot), timing)
+    monitor.start()
+    return Quiet(monitor, egm)

@@ -18,7 +18,7 @@ from calibration.errors import DocumentError, DocumentProblem
 from calibration.transforms import Array
 from daemon.plc.settings import InterlockSettings, PlcSettings
 from daemon.settings_server import ServerSettings, WebhookSettings
-from drivers.catalogue import check_camera_address, check_robot_address, check_scanner_address
+from drivers.catalogue import check_camera_address, check_robot_address, check_scanner_address, check_stop_address
 from drivers.errors import AddressNotUnderstood
 
 
@@ -64,15 +64,28 @@ class SettlingSettings(Document):
         return radians(self.rotation_deg)
 
 
+class EgmSettings(Document):
+    """The settling monitor: EGM packets that the controller sends here, and how much the flange may vibrate."""
+
+    host: str = "0.0.0.0"
+    port: Annotated[int, Field(ge=0, le=65535)] = 6510
+    robot: str | None = None
+    window_s: Annotated[float, Field(gt=0, le=5)] = 0.25
+    translation_mm: Annotated[float, Field(gt=0, le=5)] = 0.05
+    rotation_deg: Annotated[float, Field(gt=0, le=1)] = 0.01
+
+
 class RobotSettings(Document):
-    """The controller, and what the daemon may ask of the arm."""
+    """The controller, and what the daemon may ask of the arm. `stop_address`: a second way to stop it."""
 
     address: Annotated[str, _checked(check_robot_address)]
+    stop_address: Annotated[str, _checked(check_stop_address)] | None = None
     model: Annotated[str, AfterValidator(_known_arm)] | None = None
     speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 100.0
     box_mm: Box
     joint_travel_deg: Annotated[float, Field(gt=0, le=720)] = 270.0
     settling: SettlingSettings = SettlingSettings()
+    egm: EgmSettings | None = None
 
     @model_validator(mode="after")
     def _box_has_room(self) -> "RobotSettings":

@@ -19,6 +19,7 @@ from drivers.errors import AddressNotUnderstood
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.rws.address import RwsAddress
 from drivers.robots.rws.robot import RwsRobot
+from drivers.robots.rws.second_channel import TwoWaysToStop
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from drivers.robots.transport import Transport
@@ -29,18 +30,25 @@ from drivers.timing import Timing
 STREAM_LATENCY_S = 1.0
 """A network stream shows the world of about a second ago: encoder, network and decoder each keep some frames."""
 
-AnyRobot = CbRobot | RwsRobot
+AnyRobot = CbRobot | RwsRobot | TwoWaysToStop
 AnyCamera = HttpCamera | VideoCamera | FolderCamera
 AnyScanner = HttpScanner | FolderScanner
 Entry = TypeVar("Entry")
 
 
-def open_robot(address: str, timing: Timing | None = None) -> AnyRobot:
-    """The robot at an address, dialling in the background. Raises AddressNotUnderstood; needs a running loop."""
+def open_robot(address: str, timing: Timing | None = None, *, stop_address: str | None = None) -> AnyRobot:
+    """The robot at an address, dialling in the background; `stop_address`: a second way to stop it, over RWS.
+
+    Raises AddressNotUnderstood; needs a running loop.
+    """
     wire = _look_up(ROBOTS, "robot", address)(address)
     robot = RwsRobot(wire, timing) if isinstance(wire, RwsAddress) else CbRobot(wire, timing)
+    second = None if stop_address is None else RwsRobot(_second_way(stop_address), timing, name="second way to stop")
     robot.start()
-    return robot
+    if second is None:
+        return robot
+    second.start()
+    return TwoWaysToStop(robot, second, timing or Timing())
 
 
 def open_camera(
@@ -71,6 +79,11 @@ def check_robot_address(address: str) -> None:
     _look_up(ROBOTS, "robot", address)(address)
 
 
+def check_stop_address(address: str) -> None:
+    """Raises AddressNotUnderstood; opens nothing."""
+    _second_way(address)
+
+
 def check_camera_address(address: str) -> None:
     """Raises AddressNotUnderstood; opens nothing."""
     _look_up(CAMERAS, "camera", address)[0](address)
@@ -79,6 +92,12 @@ def check_camera_address(address: str) -> None:
 def check_scanner_address(address: str) -> None:
     """Raises AddressNotUnderstood; opens nothing."""
     _look_up(SCANNERS, "scanner", address)[0](address)
+
+
+def _second_way(address: str) -> RwsAddress:
+    if address.partition(":")[0].lower() != "rws":
+        raise AddressNotUnderstood(address, "a second way to stop needs Robot Web Services", "write rws://host")
+    return RwsAddress.parse(address)
 
 
 def _look_up(table: dict[str, Entry], device: str, address: str) -> Entry:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.catalogue import open_robot
-from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer, MoveRefused, RequestRefused
+from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer, LinkLost, MoveRefused, RequestRefused
 from drivers.interfaces import Configuration, MoveGoal
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.rws.address import RwsAddress
@@ -16,6 +16,7 @@ from drivers.robots.rws.robot import RwsRobot
 from drivers.robots.tcp import TcpTransport
 from mock_robot.panel import Mode
 from mock_robot.rws.sessions import SESSIONS_MAX
+from protocols.cb.codes import Command
 from tests.drivers.waiting import quick_timing
 from tests.mock_robot.bench import AWAY
 from tests.mock_robot.running_cell import becomes
@@ -247,3 +248,22 @@ async def test_a_certificate_that_is_given_is_the_only_one_that_is_trusted(tmp_p
         with pytest.raises(DeviceUnreachable, match="CERTIFICATE_VERIFY_FAILED"):
             await robot.stop()
         await robot.close()
+
+
+@VERSIONS
+async def test_the_second_way_stops_a_move_when_the_cb_link_breaks(version: int) -> None:
+    async with rws_cell(time_scale=1.0) as cell:
+        host, port = cell.robot
+        robot = open_robot(f"tcp://{host}:{port}", stop_address=cell.rws(version))
+        try:
+            await becomes(lambda: robot.link.connected and robot.link.detail.endswith("way to stop: there"))
+            await robot.set_armed(True)
+            cell.cell.breaks("link-reset", only=Command.STATUS, after_moves=1)
+            arm = cell.controller.arm.arm
+            goal = MoveGoal(arm.forward(AWAY), Configuration(*arm.configuration(AWAY)), speed_mm_s=50.0)
+            with pytest.raises(LinkLost):
+                await robot.move_to(goal)
+            await becomes(lambda: not cell.cell.flange_now().moving)
+            assert not cell.controller.panel.program_running
+        finally:
+            await robot.close()

@@ -1,0 +1,93 @@
+"""A robot whose stop has a second way: Robot Web Services, when its own link has failed or is late."""
+
+import asyncio
+import logging
+
+from calibration.transforms import Array
+from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotStatus
+from drivers.robots.rws.robot import RwsRobot
+from drivers.timing import Timing
+
+log = logging.getLogger(__name__)
+
+OWN_LIMIT_S = 0.5
+"""How long the robot's own link has to answer a stop. By itself the arm stops after 2 s of silence."""
+LINK_FAILED = (LinkLost, DeviceTimeout, DeviceUnreachable, GarbledAnswer)
+
+
+class TwoWaysToStop:
+    """drivers.interfaces.Robot. The second way stops the whole program: somebody has to start it again."""
+
+    def __init__(self, robot: Robot, second: RwsRobot, timing: Timing) -> None:
+        self._robot, self._second, self._timing = robot, second, timing
+        self._stopping: set[asyncio.Task[None]] = set()
+
+    @property
+    def link(self) -> LinkHealth:
+        """Of the robot's own link; the second way is told of in words."""
+        own, second = self._robot.link, self._second.link
+        how = "there" if second.connected else f"NOT there, {second.detail}"
+        return LinkHealth(own.connected, f"{own.detail}; second way to stop: {how}", own.since_s)
+
+    async def read_pose(self) -> PoseReading:
+        """Over the robot's own link."""
+        return await self._robot.read_pose()
+
+    async def read_joints(self) -> Array:
+        """Axis angles (6,) in rad."""
+        return await self._robot.read_joints()
+
+    async def read_status(self) -> RobotStatus:
+        """Over the robot's own link."""
+        return await self._robot.read_status()
+
+    async def set_armed(self, armed: bool) -> None:
+        """Over the robot's own link."""
+        await self._robot.set_armed(armed)
+
+    async def move_to(self, goal: MoveGoal) -> None:
+        """A link that fails on the way, or is gone when the move is cancelled, ends in a stop the second way."""
+        try:
+            await self._robot.move_to(goal)
+        except LINK_FAILED:
+            await self._stop_the_second_way_whatever_happens()
+            raise
+        except asyncio.CancelledError:
+            if not self._robot.link.connected:
+                await self._stop_the_second_way_whatever_happens()
+            raise
+
+    async def stop(self) -> None:
+        """Stop now: by the robot's own link, and the second way when that fails or is late. Raises DeviceError."""
+        own = asyncio.ensure_future(self._robot.stop())
+        own.add_done_callback(_retrieve)
+        if await self._timing.done_within(own, OWN_LIMIT_S) and own.exception() is None:
+            return
+        try:
+            await self._second.stop()
+        except DeviceError as error:
+            log.warning("stopping the second way: %s", error)
+            await own
+
+    async def close(self) -> None:
+        """Both ways."""
+        await asyncio.gather(self._robot.close(), self._second.close())
+
+    async def _stop_the_second_way_whatever_happens(self) -> None:
+        stopping = asyncio.create_task(self._stop_the_second_way(), name="stops the second way")
+        self._stopping.add(stopping)
+        stopping.add_done_callback(self._stopping.discard)
+        await asyncio.shield(stopping)
+
+    async def _stop_the_second_way(self) -> None:
+        try:
+            await self._second.stop()
+        except DeviceError as error:
+            log.warning("stopping the second way: %s", error)
+
+
+def _retrieve(own: "asyncio.Future[None]") -> None:
+    """An error that came too late has no reader."""
+    if not own.cancelled():
+        own.exception()
