@@ -13,6 +13,7 @@ help:
 	@echo "make cell     the same cell and daemon, left running in the foreground"
 	@echo "make install  install only: the command is then $(BIN)/handeyed"
 	@echo "make test     every test that needs nothing but the repository"
+	@echo "make test-opencv4  the calibration tests, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure, and write docs/benchmarks.md"
 	@echo "make deb      build the Debian package into dist/; deploy/deb/try.sh installs and removes it in a chroot"
@@ -41,6 +42,22 @@ $(VENV)/developing: $(VENV)/installed
 
 test: $(VENV)/developing
 	$(BIN)/pytest -n auto
+
+# OpenCV 5 has no calibrateHandEye. OPENCV4_TESTS= and OPENCV4_CELLS= choose less, or more, than the default.
+OPENCV4 := .venv-opencv4
+OPENCV4_TESTS ?= tests/calibration
+OPENCV4_CELLS ?= 8
+
+test-opencv4: $(OPENCV4)/installed
+	$(OPENCV4)/bin/python -m pytest -n auto $(OPENCV4_TESTS)
+	$(OPENCV4)/bin/python -m benchmarks.hand_eye_peers --cells $(OPENCV4_CELLS)
+
+$(OPENCV4)/installed: pyproject.toml
+	@echo "Installing OpenCV 4.14 into $(OPENCV4) (once) ..."
+	@$(PYTHON) -m venv $(OPENCV4)
+	@$(OPENCV4)/bin/pip --disable-pip-version-check --quiet install --editable . "opencv-python-headless==4.14.*" \
+		hypothesis pytest pytest-asyncio pytest-timeout pytest-xdist
+	@touch $@
 
 check: $(VENV)/developing
 	$(BIN)/ruff format --check .
@@ -76,4 +93,4 @@ sbom: $(VENV)/developing
 	@echo "build/sbom.cdx.json"
 
 clean:
-	rm -rf $(VENV) build dist .demo
+	rm -rf $(VENV) $(OPENCV4) build dist .demo
