@@ -17,6 +17,7 @@ from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
 from daemon.cli.serve import serve
 from daemon.cli.solve import solve
+from daemon.cli.support_bundle import support_bundle
 from daemon.cli.target import app as target
 from daemon.cli.tls import app as tls
 from daemon.cli.version import version
@@ -43,6 +44,7 @@ app.add_typer(target, name="target", rich_help_panel=CELL)
 app.add_typer(keys, name="keys", rich_help_panel=CELL)
 app.add_typer(tls, name="tls", rich_help_panel=CELL)
 app.add_typer(audit, name="audit", rich_help_panel=CELL)
+app.command("support-bundle", rich_help_panel=CELL)(support_bundle)
 app.command(rich_help_panel=OFFLINE)(solve)
 app.command(rich_help_panel=OFFLINE)(register)
 app.command(rich_help_panel=OFFLINE)(register_archive)

@@ -1,0 +1,32 @@
+"""`handeyed support-bundle CONFIG`: one file for a remote engineer."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daemon.cli.output import Json
+
+
+def support_bundle(
+    config: Annotated[Path, typer.Argument(help="Settings, as in deploy/handeyed.example.toml.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The .tar.gz; named by the time when left out.")
+    ] = None,
+    log: Annotated[Path | None, typer.Option(help="A log file, where journald does not keep the log.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Gather settings, log, versions, the store's summary and the last runs, without secrets. Nothing moves."""
+    from datetime import UTC, datetime
+    from json import dumps
+
+    from daemon.support.bundle import gather
+
+    at = datetime.now(UTC)
+    target = out or Path(f"handeyed-support-{at:%Y%m%d-%H%M%S}.tar.gz")
+    bundle = gather(config, at, log)
+    size = bundle.write(target, at)
+    if as_json:
+        typer.echo(dumps({"file": str(target), "bytes": size, "contents": list(bundle.files)}))
+        return
+    typer.echo(f"{target}: {size / 1e3:.0f} kB, {len(bundle.files)} files; look at it before you send it")

@@ -1,0 +1,1 @@
+"""What a remote engineer needs to understand a cell, in one file, without anything secret."""
