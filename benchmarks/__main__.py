@@ -1,33 +1,65 @@
-"""`python -m benchmarks [NAME...] [--out FILE]`: run the benchmarks and write what they print."""
+"""`python -m benchmarks [NAME...] [--full] [--out FILE]`: run the benchmarks and write what they print.
+
+Each has a quick tier, `QUICK`, so that all of them together take some twenty minutes; `--full` runs them at the size of
+their own defaults or larger, which takes hours. A benchmark that fails or takes longer than its limit is named at the
+end and in its section.
+"""
 
 import argparse
 import os
 import platform
+import re
 import subprocess
 import sys
+import threading
 from datetime import UTC, datetime
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
+
+QUICK: dict[str, tuple[str, ...]] = {
+    "archive": ("--scans", "12"),
+    "diagnosis": ("--quick",),
+    "drift": ("--cells", "30"),
+    "hand_eye": ("--cells", "200"),
+    "hand_eye_peers": ("--cells", "24"),
+    "schemathesis": ("--cases", "500"),
+    "soak": ("--minutes", "1"),
+    "torture": ("--rounds", "20"),
+    "vision_calibration": ("--cells", "8"),
+}
+FULL: dict[str, tuple[str, ...]] = {
+    "hand_eye": ("--cells", "1000"),
+    "hand_eye_peers": ("--cells", "200"),
+    "kinhec": ("--tier", "small"),
+    "soak": ("--minutes", "120"),
+    "torture": ("--rounds", "1000"),
+    "vision_calibration": ("--cells", "50"),
+}
+QUICK_LIMIT_S, FULL_LIMIT_S = 300.0, 3 * 3600.0
 
 
 def main() -> int:
     """Each module with a main() in a process of its own, so that none warms or starves the next."""
     parser = argparse.ArgumentParser(prog="benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", help="benchmarks to run; all of them when none is named")
-    parser.add_argument("--out", type=Path, help="write the tables here, as Markdown")
+    parser.add_argument("--full", action="store_true", help="the long tiers")
+    parser.add_argument("--limit", type=float, help="seconds that one benchmark may take")
+    parser.add_argument("--out", type=Path, help="write the tables here, as Markdown; sections of others are kept")
     options = parser.parse_args()
     known = available()
     unknown = sorted(set(options.names) - set(known))
     if unknown:
         parser.error(f"no benchmark is called {', '.join(unknown)}: there are {', '.join(known)}")
-    sections, failed = [], []
+    limit_s = options.limit or (FULL_LIMIT_S if options.full else QUICK_LIMIT_S)
+    failed = []
     for name in options.names or known:
-        text, status = run(name)
-        sections.append(f"## {name}\n\n`python -m benchmarks.{name}`\n\n```\n{text}\n```\n")
-        failed += [name] if status else []
+        arguments = (FULL if options.full else QUICK).get(name, ())
+        text, trouble = run(name, arguments, limit_s)
+        if options.out:
+            put(options.out, name, section(name, arguments, text, trouble))
+        failed += [f"{name} ({trouble})"] if trouble else []
     if options.out:
-        options.out.write_text("\n".join([heading(), *sections]), encoding="utf-8")
         print(f"written to {options.out}")
     if failed:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
@@ -40,26 +72,59 @@ def available() -> list[str]:
     return [file.stem for file in files if "\ndef main(" in file.read_text(encoding="utf-8")]
 
 
-def run(name: str) -> tuple[str, int]:
-    """What a benchmark prints, shown while it runs, and its exit status."""
-    print(f"\n{name}", flush=True)
-    command = [sys.executable, "-m", f"benchmarks.{name}"]
+def run(name: str, arguments: tuple[str, ...], limit_s: float) -> tuple[str, str]:
+    """What a benchmark prints, shown while it runs, and what went wrong, or nothing."""
+    print(f"\n{command_of(name, arguments)}", flush=True)
     lines = []
+    command = [sys.executable, "-m", f"benchmarks.{name}", *arguments]
     with subprocess.Popen(command, cwd=HERE.parent, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        for line in process.stdout:
-            print(line, end="", flush=True)
-            lines.append(line)
-    return "".join(lines).strip("\n"), process.returncode
+        stopped = threading.Event()
+        watchdog = threading.Timer(limit_s, lambda: (stopped.set(), process.terminate()))
+        watchdog.start()
+        try:
+            for line in process.stdout:
+                print(line, end="", flush=True)
+                lines.append(line)
+        finally:
+            watchdog.cancel()
+    trouble = f"stopped after {limit_s:.0f} s" if stopped.is_set() else ""
+    if process.returncode and not trouble:
+        trouble = f"exit status {process.returncode}"
+    return "".join(lines).strip("\n"), trouble
 
 
-def heading() -> str:
-    """What was measured, when, on what."""
-    machine = f"{os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
-    return (
-        "# Benchmarks\n\nWritten by `make bench`; each table is what the command above it prints."
-        f" Measured on {datetime.now(UTC):%Y-%m-%d}, {machine}. Compare ratios, not times, between machines.\n"
+def command_of(name: str, arguments: tuple[str, ...]) -> str:
+    """As one types it."""
+    return " ".join(["python -m", f"benchmarks.{name}", *arguments])
+
+
+def section(name: str, arguments: tuple[str, ...], text: str, trouble: str) -> str:
+    """Its heading, its command, when it was measured on what, and what it printed."""
+    when = (
+        f"{datetime.now(UTC):%Y-%m-%d}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
     )
+    told = f"\n\nFailed: {trouble}." if trouble else ""
+    return f"## {name}\n\n`{command_of(name, arguments)}` ({when}){told}\n\n```\n{text}\n```\n"
+
+
+def put(file: Path, name: str, new: str) -> None:
+    """In place of the section of that name, or at the end."""
+    old = file.read_text(encoding="utf-8") if file.exists() else HEADING
+    head, *sections = re.split(r"^(?=## )", old, flags=re.MULTILINE)
+    kept = [one.rstrip("\n") + "\n" for one in sections]
+    places = [index for index, one in enumerate(kept) if one.startswith(f"## {name}\n")]
+    if places:
+        kept[places[0]] = new
+    else:
+        kept.append(new)
+    file.write_text("\n".join([head.rstrip("\n") + "\n", *kept]), encoding="utf-8")
+
+
+HEADING = """# Benchmarks
+
+Written by `make bench`; each table is what the command above it prints. Compare ratios, not times, between machines.
+"""
 
 
 if __name__ == "__main__":

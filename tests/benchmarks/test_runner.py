@@ -1,0 +1,39 @@
+"""The runner of the benchmarks: sections are replaced one by one, and what fails or hangs is named."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks import __main__ as runner
+
+
+def test_a_section_is_replaced_and_the_others_stay(tmp_path: Path) -> None:
+    file = tmp_path / "benchmarks.md"
+    for name, text in (("one", "1"), ("two", "2"), ("one", "3")):
+        runner.put(file, name, runner.section(name, ("--few",), text, ""))
+    written = file.read_text(encoding="utf-8")
+    assert written.startswith("# Benchmarks")
+    assert [line for line in written.splitlines() if line.startswith("## ")] == ["## one", "## two"]
+    assert "```\n3\n```" in written
+    assert "```\n2\n```" in written
+    assert "```\n1\n```" not in written
+    assert "`python -m benchmarks.one --few`" in written
+
+
+def test_a_benchmark_that_fails_says_so_in_its_section() -> None:
+    assert "Failed: exit status 2." in runner.section("one", (), "", "exit status 2")
+
+
+@pytest.mark.parametrize("tier", [runner.QUICK, runner.FULL])
+def test_the_tiers_name_benchmarks_that_exist(tier: dict[str, tuple[str, ...]]) -> None:
+    assert set(tier) <= set(runner.available())
+
+
+def test_wrong_arguments_are_a_named_failure() -> None:
+    text, trouble = runner.run("kinhec", ("--no-such-option",), 60.0)
+    assert (text, trouble) == ("", "exit status 2")
+
+
+def test_one_that_takes_too_long_is_stopped() -> None:
+    _, trouble = runner.run("hand_eye", (), 0.01)
+    assert trouble == "stopped after 0 s"
