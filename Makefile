@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install test check bench lock sbom deb format clean
+.PHONY: help demo cell install test check bench torture lock sbom deb format clean
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -17,6 +17,7 @@ help:
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure, and write docs/benchmarks.md"
 	@echo "make deb      build the Debian package into dist/; deploy/deb/try.sh installs and removes it in a chroot"
+	@echo "make torture  kill -9 at random and at every failpoint, 1000 times (ROUNDS=200 for fewer)"
 	@echo "make sbom     what the daemon is made of: CycloneDX, in build/sbom.cdx.json"
 	@echo "make lock     pin the dependencies for deployment (deploy/*.lock)"
 
@@ -85,6 +86,10 @@ lock: $(VENV)/developing
 deb:
 	PYTHON=/usr/bin/python3 deploy/deb/build.sh
 	@if command -v lintian >/dev/null; then lintian --fail-on error,warning dist/handeyed_*.deb; else echo "lintian is not here: not checked"; fi
+
+ROUNDS ?= 1000
+torture: $(VENV)/developing
+	$(BIN)/python -m benchmarks.torture --rounds $(ROUNDS)
 
 sbom: $(VENV)/developing
 	@mkdir -p build
