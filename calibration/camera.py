@@ -65,13 +65,19 @@ class CameraModel:
         NaN where the iteration does not settle: such a pixel lies outside what the distortion model can invert.
         """
         (fx, skew, cx), (_, fy, cy), _ = self.matrix
-        y = (pixels[:, 1] - cy) / fy
-        distorted = np.column_stack([(pixels[:, 0] - cx - skew * y) / fx, y])
-        xy = distorted.copy()
-        for _ in range(20):
-            residual = self.distort(xy) - distorted
-            if np.all(np.abs(residual) < 1e-13):
-                break
-            xy -= np.linalg.solve(self.distortion_jacobian(xy) + 1e-12 * np.eye(2), residual[..., None])[..., 0]
-        settled = np.abs(self.distort(xy) - distorted).max(axis=1, initial=0.0) < 1e-9
-        return np.where(settled[:, None], xy, np.nan)
+        goal_y = (pixels[:, 1] - cy) / fy
+        goal_x = (pixels[:, 0] - cx - skew * goal_y) / fx
+        x, y = goal_x.copy(), goal_y.copy()
+        # Pixels that no ray of this lens reaches lead anywhere; they are found out at the end.
+        with np.errstate(all="ignore"):
+            for _ in range(20):
+                off_x, off_y = np.subtract(self.distorted(x, y), (goal_x, goal_y))
+                if np.all(np.abs(off_x) < 1e-13) and np.all(np.abs(off_y) < 1e-13):
+                    break
+                xx, xy, yy = self.distortion_slopes(x, y)
+                determinant = xx * yy - xy * xy
+                x = x - (yy * off_x - xy * off_y) / determinant
+                y = y - (xx * off_y - xy * off_x) / determinant
+            off_x, off_y = np.subtract(self.distorted(x, y), (goal_x, goal_y))
+            settled = np.maximum(np.abs(off_x), np.abs(off_y)) < 1e-9
+        return np.where(settled[:, None], np.column_stack([x, y]), np.nan)

@@ -82,19 +82,27 @@ def _corners(problem: Problem, view: View) -> tuple[NDArray[np.intp], Array] | U
         return Unusable("corner-id-unknown", f"a corner id is outside 0..{len(problem.target.points_mm) - 1}")
     if len(np.unique(ids)) < len(ids):
         return Unusable("corner-id-repeated", "the same corner id stands twice")
-    width, height = problem.image_size
-    inside = np.all(np.isfinite(pixels), axis=1)
-    inside[inside] = np.all((pixels[inside] > -width) & (pixels[inside] < 2 * np.array([width, height])), axis=1)
+    size = np.array(problem.image_size)
+    # Not a number is not inside either.
+    inside = np.all((pixels > -size[0]) & (pixels < 2 * size), axis=1)
     ids, pixels = ids[inside], pixels[inside]
     if len(ids) < FEWEST_CORNERS:
         return Unusable("too-few-corners", f"{len(ids)} usable corners; a view needs {FEWEST_CORNERS} or more")
-    plane = problem.target.points_mm[ids] - problem.target.points_mm[ids].mean(axis=0)
-    width_mm = np.linalg.svd(plane, compute_uv=False)
-    if width_mm[1] < 1e-6 * max(width_mm[0], 1e-300):
+    long_mm, wide_mm = _extent(problem.target.points_mm[ids, :2])
+    if wide_mm < 1e-6 * long_mm:
         return Unusable("corners-on-a-line", "all corners lie on one line of the target")
-    if np.linalg.svd(pixels - pixels.mean(axis=0), compute_uv=False)[1] < NARROWEST_PX:
+    if _extent(pixels)[1] < NARROWEST_PX:
         return Unusable("edge-on", "all corners lie on one line of the image: the target is seen edge-on")
     return ids, pixels
+
+
+def _extent(points: Array) -> tuple[float, float]:
+    """The singular values of points (n, 2) about their mean: the root of their summed squares along and across."""
+    off = points - points.mean(axis=0)
+    (xx, xy), (_, yy) = (off.T @ off).tolist()
+    root = float(np.hypot(xx - yy, 2 * xy))
+    longer = (xx + yy + root) / 2
+    return longer**0.5, (max(xx * yy - xy * xy, 0.0) / max(longer, 1e-300)) ** 0.5
 
 
 def _padded(problem: Problem, kept: list[tuple[int, NDArray[np.intp], Array]]) -> Observations:

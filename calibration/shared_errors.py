@@ -13,7 +13,7 @@ from calibration.consistency.outliers import Selection
 from calibration.likelihood.doubt import CENTRE, Doubt, trend_basis
 from calibration.likelihood.estimate import Estimate, linearise, measured
 from calibration.likelihood.mixed_model import MixedModel, covariance_of, solve, with_trend
-from calibration.likelihood.noise_levels import log_restricted
+from calibration.likelihood.noise_levels import averaged, log_restricted
 from calibration.likelihood.pixels import INTRINSICS
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.prepare import Prepared
@@ -24,8 +24,16 @@ FEWEST_VIEWS, FEWEST_TREND_VIEWS = 5, 12
 GAIN = 6.0
 """Log-likelihood: by chance less than once in 400 sessions."""
 
+OFF = 0.1
+"""How likely a given principal point is off beforehand: one camera in ten."""
+
+OUT_OF_THE_QUESTION = -6.0
+"""Log-likelihood: the estimate's noise levels may have taken some of the blame, but not so much."""
+
 What = tuple[bool, bool]
 """Whether the centre is doubted, whether a trend is."""
+
+Assumptions = dict[What, MixedModel]
 
 NOTHING, CENTRE_OFF, TREND, BOTH = (False, False), (True, False), (False, True), (True, True)
 
@@ -33,18 +41,33 @@ WORTH_A_TRIAL_CENTRE, WORTH_A_TRIAL_TREND = 8.0, 2.0
 """Chi-square of two; deviations of a score test. Low, for the noise has taken the blame so far."""
 
 
-def shared_errors(prepared: Prepared, selection: Selection) -> Doubt:
-    """Which of the two are there beyond doubt."""
+def assumptions(prepared: Prepared, selection: Selection) -> Assumptions:
+    """The session linearised at the estimate, under each assumption that it has enough views to look at."""
     best, rows = selection.best, prepared.take(selection.used)
-    n = len(rows.seen)
-    if n < FEWEST_VIEWS or (np.any(best.free[:INTRINSICS]) and n < FEWEST_TREND_VIEWS):
+    base_T_flange = rows.seen.base_T_flange
+    plain = linearise(measured(rows.seen, best.free), best.chain, best.camera, best.scale)
+    models = {NOTHING: plain}
+    if not np.any(best.free[:INTRINSICS]):
+        free = best.free.copy()
+        free[list(CENTRE)] = True
+        moved = linearise(measured(rows.seen, free), best.chain, best.camera, best.scale)
+        models[CENTRE_OFF] = Doubt(prepared.camera).applied(moved, free, best.camera, base_T_flange)
+    if len(rows.seen) >= FEWEST_TREND_VIEWS:
+        basis = trend_basis(base_T_flange)
+        models[TREND] = with_trend(plain, basis)
+    return models
+
+
+def shared_errors(prepared: Prepared, selection: Selection, models: Assumptions) -> Doubt:
+    """Which of the two are there beyond doubt."""
+    best, n = selection.best, int(np.count_nonzero(selection.used))
+    if n < FEWEST_VIEWS:
         return prepared.doubt
-    models = _models(prepared, rows, best)
     worth = {what: model for what, model in models.items() if _worth_a_trial(what, model, models[NOTHING], best)}
     if len(worth) < 2:
         return prepared.doubt
-    if BOTH in models:
-        worth[BOTH] = models[BOTH]
+    if CENTRE_OFF in models and TREND in models:
+        worth[BOTH] = _both(models)
     scores = {what: _log_likelihood(model, best, n) for what, model in worth.items()}
     centre, trend = max(scores, key=lambda what: scores[what])
     if scores[centre, trend] - scores[NOTHING] < GAIN:
@@ -59,20 +82,31 @@ def doubted(prepared: Prepared, doubt: Doubt) -> Prepared:
     return replace(prepared, free=free, doubt=doubt)
 
 
-def _models(prepared: Prepared, rows: Prepared, best: Estimate) -> dict[What, MixedModel]:
-    """The session linearised under each assumption that it has enough views for."""
-    plain = linearise(measured(rows.seen, best.free), best.chain, best.camera, best.scale)
-    models = {NOTHING: plain}
-    base_T_flange = rows.seen.base_T_flange
-    if not np.any(best.free[:INTRINSICS]):
-        free = best.free.copy()
-        free[list(CENTRE)] = True
-        moved = linearise(measured(rows.seen, free), best.chain, best.camera, best.scale)
-        models[CENTRE_OFF] = Doubt(prepared.camera).applied(moved, free, best.camera, base_T_flange)
-    if len(rows.seen) >= FEWEST_TREND_VIEWS:
-        basis = trend_basis(base_T_flange)
-        models |= {(centre, True): with_trend(model, basis) for (centre, _), model in models.items()}
-    return models
+def doubting_the_centre(prepared: Prepared, selection: Selection, models: Assumptions) -> Selection:
+    """The same X, its covariance widened by the chance that the given principal point is off after all.
+
+    How likely that is, and where X would be then, is what experience and the data say: the uncertainty holds also where
+    the data cannot tell. X itself is moved by what is beyond doubt only.
+    """
+    best, trend = selection.best, prepared.doubt.trend
+    if prepared.doubt.given is not None or CENTRE_OFF not in models:
+        return selection
+    exact_model, off_model = (models[TREND], _both(models)) if trend else (models[NOTHING], models[CENTRE_OFF])
+    at_first_sight = log_restricted(off_model, best.variances) - log_restricted(exact_model, best.variances)
+    if at_first_sight < OUT_OF_THE_QUESTION:
+        return selection
+    exact, off = (averaged(model, estimate_variances(model, best.variances)) for model in (exact_model, off_model))
+    odds = np.log(OFF / (1 - OFF)) + off.log_evidence - exact.log_evidence
+    share = float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
+    shift = off.b[:12] - exact.b[:12]
+    wider = off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift)
+    covariance = best.step.covariance.copy()
+    covariance[:12, :12] += share * wider
+    return replace(selection, best=replace(best, step=replace(best.step, covariance=covariance)))
+
+
+def _both(models: Assumptions) -> MixedModel:
+    return with_trend(models[CENTRE_OFF], models[TREND].basis)
 
 
 def _worth_a_trial(what: What, model: MixedModel, plain: MixedModel, best: Estimate) -> bool:

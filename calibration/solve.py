@@ -12,7 +12,7 @@ from calibration.observability import require_determined
 from calibration.prepare import Prepared, prepare, with_real_target
 from calibration.problem import Problem
 from calibration.results import refused_solution, solution_of
-from calibration.shared_errors import doubted, shared_errors
+from calibration.shared_errors import assumptions, doubted, doubting_the_centre, shared_errors
 from calibration.solution import Solution
 from calibration.starts import Start, best_start
 from calibration.target_scale import scale_error, with_scale
@@ -66,10 +66,12 @@ def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:
         for _ in range(MOST_ROUNDS):
             prepared = with_real_target(replace(prepared, camera=selection.best.camera, scale=selection.best.scale))
             selection = _again(prepared, selection)
-    if doubt := shared_errors(prepared, selection):
+    models = assumptions(prepared, selection)
+    if doubt := shared_errors(prepared, selection, models):
         prepared = doubted(prepared, doubt)
         selection = _again(prepared, selection)
-    return prepared, start, selection
+        models = assumptions(prepared, selection)
+    return prepared, start, doubting_the_centre(prepared, selection, models)
 
 
 def _again(prepared: Prepared, selection: Selection) -> Selection:

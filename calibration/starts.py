@@ -9,7 +9,7 @@ from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, estimate, frozen
 from calibration.likelihood.mixed_model import Variances
-from calibration.likelihood.pixels import pixel_statistics
+from calibration.likelihood.pixels import PixelStatistics, pixel_statistics
 from calibration.likelihood.variance_components import SMALLEST_PIXEL_VARIANCE
 from calibration.prepare import Prepared
 from calibration.transforms import Array, transform
@@ -50,7 +50,7 @@ def best_start(prepared: Prepared) -> Start:
             if there.converged and _apart(first, there) < SAME_OPTIMUM:
                 found[name] = first
                 continue
-        found[name] = estimate(pixels, few.camera, chain, first_variances(few, chain))
+        found[name] = estimate(pixels, few.camera, chain, first_variances(statistics, chain))
     scatter = {name: robot_scatter(best.chain) for name, best in found.items()}
     best = found[min(scatter, key=lambda name: scatter[name])]
     elsewhere = tuple(name for name, other in found.items() if _apart(best, other) > SAME_OPTIMUM)
@@ -68,10 +68,9 @@ def closed_form_chain(prepared: Prepared, mount_T_camera: Array) -> Chain:
     return chain.with_corrections_from(prepared.camera_T_target)
 
 
-def first_variances(prepared: Prepared, chain: Chain) -> Variances:
-    """Noise levels from what each view's own pose and the chain's corrections leave."""
-    statistics = pixel_statistics(prepared.seen, prepared.camera, prepared.camera_T_target)
-    redundancy = max(float(statistics.count.sum()) - 6 * len(prepared.seen), 1.0)
+def first_variances(statistics: PixelStatistics, chain: Chain) -> Variances:
+    """Noise levels from what each view's own pose (its pixels' `statistics`) and the chain's corrections leave."""
+    redundancy = max(float(statistics.count.sum()) - 6 * len(statistics.count), 1.0)
     pixel = max(float(statistics.square.sum()) / redundancy, SMALLEST_PIXEL_VARIANCE)
     rotation, translation = np.median(chain.corrections[:, :3] ** 2), np.median(chain.corrections[:, 3:] ** 2)
     return Variances(pixel, 2.2 * float(rotation), 2.2 * float(translation))  # median of chi² with one degree: 0.455

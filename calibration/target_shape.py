@@ -23,7 +23,7 @@ FEWEST_VIEWS = 6
 MOST_POINTS = 600
 """Beyond, the dense system over all points takes seconds."""
 
-MOST_TEST_VIEWS = 60
+MOST_TEST_VIEWS = 30
 CONVINCING = 8.0
 """Deviations of the test under a perfect target: never by chance."""
 

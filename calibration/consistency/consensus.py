@@ -15,7 +15,7 @@ from calibration.transforms import Array, map_points, transform
 FEWEST_VIEWS = 4
 """Three views are one triple: nobody is left to vote."""
 
-MOST_TRIPLES = 80
+MOST_TRIPLES = 50
 CANDIDATE_TRIPLES = 600
 """Of this many triples drawn, those with the best spread of axes are tried."""
 

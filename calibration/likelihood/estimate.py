@@ -17,6 +17,9 @@ from calibration.observations import Observations, scaled
 from calibration.transforms import Array, inverse, vector_from_rotation
 
 MOST_ITERATIONS = 25
+LEVELS_SETTLE_WITHIN = 10
+"""So few views as three may lead noise levels and X round in circles; then the levels stay, and are averaged over."""
+
 SMALL_STEP = 1e-3
 """In units of the estimate's own standard deviation."""
 
@@ -96,9 +99,10 @@ def estimate(
     `levels_known`: the noise levels stay as they are.
     """
     chain, converged, coefficients = start, False, np.zeros(0)
-    for _ in range(MOST_ITERATIONS):
+    for iteration in range(MOST_ITERATIONS):
         model = doubt.applied(linearise(pixels, chain, camera, scale), free, camera, chain.base_T_flange)
-        variances = variances if levels_known else estimate_variances(model, variances)
+        if not levels_known and iteration < LEVELS_SETTLE_WITHIN:
+            variances = estimate_variances(model, variances)
         step = solve(model, variances)
         # Each step is from where the last one led, the trend's coefficients from nothing.
         change = step.b.copy()

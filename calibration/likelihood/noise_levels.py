@@ -28,7 +28,7 @@ STATED_FACTOR = 4.0
 EXACT = 0.1
 """How likely rotations are exact, translations are, and both: each once in ten cells, simulated ones among them."""
 
-NODES = ((7, 9, 3.0), (20, 5, 2.2), (60, 3, 1.3))
+NODES = ((7, 9, 3.0), (20, 5, 2.2), (40, 3, 1.3))
 """Up to so many views, this many nodes of each level, out to so many deviations; one node beyond."""
 
 ITERATIONS, SETTLED = 8, 0.05
@@ -38,11 +38,15 @@ HOPELESS = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """Mean of the shared step (p,), its covariance (p, p), and the mean of the levels' deviations, squared."""
+    """Mean of the shared step (p,), its covariance (p, p), and the mean of the levels' deviations, squared.
+
+    `log_evidence`: of the model as a whole, up to what no model changes.
+    """
 
     b: Array
     covariance: Array
     variances: Variances
+    log_evidence: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +67,16 @@ def averaged(model: MixedModel, variances: Variances) -> Averaged:
     nodes = [_nodes(model, variances, estimates, present) for present in np.array(branches)[worth]]
     deviations, log_weights = (np.concatenate(parts) for parts in zip(*nodes, strict=True))
     found = _at(model, variances, deviations)
-    weights = log_weights + found.log_likelihood
-    weights = np.exp(weights - weights.max())
+    logs = log_weights + found.log_likelihood
+    weights = np.exp(logs - logs.max())
+    log_evidence = float(logs.max() + np.log(weights.sum())) + _constant(model, variances)
     weights /= weights.sum()
     mean = weights @ found.b
     off = found.b - mean
     covariance = np.tensordot(weights, found.covariance, 1) + (weights[:, None] * off).T @ off
     rotation, translation = (weights @ deviations) ** 2
     levels = replace(variances, rotation=float(rotation), translation=float(translation))
-    return Averaged(mean, covariance, levels)
+    return Averaged(mean, covariance, levels, log_evidence)
 
 
 def _nodes(model: MixedModel, variances: Variances, estimates: Array, present: Array) -> tuple[Array, Array]:
@@ -137,11 +142,11 @@ def _at(model: MixedModel, variances: Variances, deviations: Array) -> _At:
 
 def log_restricted(model: MixedModel, variances: Variances) -> float:
     """Log of the restricted likelihood at the given levels, up to what no model changes."""
-    known = model.known_information(variances)
     robot = np.sqrt([[variances.rotation, variances.translation]])
-    prior = 0.5 * float(np.log(known[known > 0]).sum())
-    return (
-        float(_at(model, variances, robot).log_likelihood[0])
-        + prior
-        - 0.5 * float(model.count.sum() * np.log(variances.pixel))
-    )
+    return float(_at(model, variances, robot).log_likelihood[0]) + _constant(model, variances)
+
+
+def _constant(model: MixedModel, variances: Variances) -> float:
+    """What the robot's two levels do not change."""
+    known = model.known_information(variances)
+    return 0.5 * float(np.log(known[known > 0]).sum()) - 0.5 * float(model.count.sum() * np.log(variances.pixel))
