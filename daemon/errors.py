@@ -26,6 +26,7 @@ DaemonError
 ├── RoleTooLow            the key is valid, but may not do this
 ├── SetupRefused          this is not the set-up code, or there are keys already
 ├── CertificateUnusable   no server can be started with this certificate
+├── BackupUnusable        a backup that cannot be restored, or not there
 ├── KeyExists             a key of that name is there already
 ├── NoCalibration         nothing is applied yet
 ├── CalibrationUnusable   a calibration that must not, or cannot, be applied
@@ -236,6 +237,12 @@ class CertificateUnusable(DaemonError):
     """No server can be started with this certificate."""
 
     code = "certificate-unusable"
+
+
+class BackupUnusable(DaemonError):
+    """A backup that cannot be restored, or not there."""
+
+    code = "backup-unusable"
 
 
 class KeyExists(DaemonError):

@@ -6,6 +6,7 @@ import typer
 
 from daemon.cli.assess import assess
 from daemon.cli.audit import app as audit
+from daemon.cli.backup import backup, restore
 from daemon.cli.calibrate import calibrate
 from daemon.cli.check import check
 from daemon.cli.demo import demo
@@ -40,6 +41,8 @@ app.command(rich_help_panel=TRY, context_settings=AS_THEY_ARE)(mock)
 app.command(rich_help_panel=CELL)(check)
 app.command(rich_help_panel=CELL)(serve)
 app.command(rich_help_panel=CELL)(calibrate)
+app.command(rich_help_panel=CELL)(backup)
+app.command(rich_help_panel=CELL)(restore)
 app.add_typer(target, name="target", rich_help_panel=CELL)
 app.add_typer(keys, name="keys", rich_help_panel=CELL)
 app.add_typer(tls, name="tls", rich_help_panel=CELL)

@@ -86,6 +86,15 @@ class Database:
         await self._in_thread(self._connection.close)
         self.thread.shutdown()
 
+    def read_now(self, query: Callable[[sqlite3.Connection], Answer]) -> Answer:
+        """As `read`, for a command without an event loop."""
+
+        def guarded() -> Answer:
+            with storage_errors(self.path):
+                return query(self._connection)
+
+        return self.thread.submit(guarded).result()
+
     def close_now(self) -> None:
         """For a command, which has no event loop any more."""
         self.thread.submit(self._connection.close).result()

@@ -14,7 +14,7 @@ from daemon.runs.states import FINAL_STATES
 from daemon.store.access_keys import AccessKeys
 from daemon.store.audit import AuditLog
 from daemon.store.behalf import current_behalf, note
-from daemon.store.database import Database, copy_database
+from daemon.store.database import Database
 from daemon.store.events import KeptEvents
 from daemon.store.failpoints import NEVER, Failpoints
 from daemon.store.files import WriteFile, settle_file, write_durably
@@ -222,12 +222,6 @@ class Store:
             return db.execute(f"{query} {where} ORDER BY rowid DESC LIMIT ?", (limit,)).fetchall()
 
         return await self._database.read(page)
-
-    # the whole
-
-    async def copy_database(self, copy: Path) -> None:
-        """The database as it is at one moment. Raises StorageError."""
-        await self._database.read(lambda db: copy_database(db, copy))
 
     # files
 

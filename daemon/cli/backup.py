@@ -1,0 +1,37 @@
+"""`handeyed backup` and `handeyed restore`: everything that must survive, as one file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Config = Annotated[Path, typer.Argument(help="The daemon's settings.")]
+
+
+def backup(
+    config: Config,
+    out: Annotated[Path, typer.Option("--out", "-o", help="The tar file to write.")] = Path("handeyed-backup.tar"),
+) -> None:
+    """Write the store into one file, while the daemon runs or not. It holds hashes of keys, but no key."""
+    from daemon.clock import Clock
+    from daemon.settings import load_settings
+    from daemon.store.backup import back_up
+    from daemon.store.visit import visiting
+
+    store = Path(load_settings(config).storage.folder)
+    with visiting(store) as database:
+        count = back_up(store, database, out, Clock().timestamp())
+    typer.echo(f"{out}: {count} files, {out.stat().st_size / 1e6:.1f} MB")
+
+
+def restore(
+    source: Annotated[Path, typer.Argument(help="What 'handeyed backup' wrote.")],
+    config: Config,
+) -> None:
+    """Put a backup where the settings say the store lies; refused where there is one already."""
+    from daemon.settings import load_settings
+    from daemon.store.backup import restore as restore_store
+
+    store = Path(load_settings(config).storage.folder)
+    count = restore_store(source, store)
+    typer.echo(f"{store}: {count} files restored")
