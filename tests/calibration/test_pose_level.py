@@ -69,6 +69,58 @@ def test_motions_that_tell_too_little_are_refused_whatever_the_noise(
         assert refused.value.code in (code, "too-little-rotation" if code == "pure-translation" else code)
 
 
+def seen_with(rng: np.random.Generator, seen: Array, rad: float, across_mm: float, along_mm: float) -> Array:
+    """The camera's poses with errors in rotation, across its optical axis and along it."""
+    n = len(seen)
+    noisy = seen.copy()
+    noisy[:, :3, :3] = seen[:, :3, :3] @ rotation_from_vector(rad * rng.standard_normal((n, 3)))
+    noisy[:, :3, 3] += rng.standard_normal((n, 3)) * [across_mm, across_mm, along_mm]
+    return noisy
+
+
+def far_target(rng: np.random.Generator, views: int) -> tuple[Array, Array]:
+    """Robot and camera poses of a target half a metre in front of the camera, without any error."""
+    turns = transform(rotation_from_vector(0.4 * rng.standard_normal((views, 3))), np.zeros((views, 3)))
+    where = transform(np.eye(3), 40 * rng.standard_normal((views, 3)) + [0.0, 0.0, 500.0])
+    seen = where @ turns
+    return Y @ inverse(X @ seen), seen
+
+
+def test_a_camera_that_is_worse_in_depth_is_found_to_be() -> None:
+    rng = np.random.default_rng(8)
+    robot, seen = far_target(rng, 120)
+    found = solve_hand_eye_poses("eye-in-hand", robot, seen_with(rng, seen, 1e-3, 0.2, 2.0))
+    across = np.hypot(found.deviations["camera lateral"], found.deviations["robot translation"])
+    assert found.deviations["camera depth"] == pytest.approx(2.0, rel=0.2)
+    assert across == pytest.approx(0.2, rel=0.3)
+
+
+@pytest.mark.parametrize("scale", [0.2, 1.0, 7.0])
+def test_an_unknown_scale_is_found_with_x(scale: float) -> None:
+    rng = np.random.default_rng(5)
+    robot, seen = poses(rng, 0.4 * rng.standard_normal((20, 3)), "eye-in-hand")
+    seen[:, :3, 3] *= scale
+    found = solve_hand_eye_poses("eye-in-hand", robot, seen, metric=False)
+    assert found.scale == pytest.approx(scale, rel=1e-3)
+    off = inverse(X) @ found.mount_T_camera
+    assert np.linalg.norm(off[:3, 3]) < 0.5
+
+
+def test_a_camera_that_drifts_is_told_from_one_that_scatters() -> None:
+    rng = np.random.default_rng(2)
+    robot, seen = far_target(rng, 40)
+    steps = transform(rotation_from_vector(2e-3 * rng.standard_normal((40, 3))), rng.standard_normal((40, 3)))
+    walked, wandered = np.eye(4), []
+    for pose, step in zip(inverse(seen), steps, strict=True):
+        walked = walked @ pose @ step @ inverse(pose)
+        wandered.append(walked @ pose)
+    found = solve_hand_eye_poses("eye-in-hand", robot, inverse(np.array(wandered)))
+    assert found.camera == "drifting"
+    assert found.deviations["drift rotation"] == pytest.approx(2e-3, rel=0.4)
+    error = np.linalg.norm((inverse(X) @ found.mount_T_camera)[:3, 3])
+    assert error < 4 * np.sqrt(np.trace(found.covariance[3:6, 3:6]))
+
+
 def test_a_pose_that_is_no_number_is_named() -> None:
     rng = np.random.default_rng(0)
     robot, seen = poses(rng, 0.4 * rng.standard_normal((8, 3)), "eye-in-hand")
