@@ -22,6 +22,7 @@ from daemon.motion import MotionRules
 from daemon.operations import Operations
 from daemon.plc.companion import Plc
 from daemon.registering import Registering
+from daemon.retention import Retention
 from daemon.runs.supervisor import Supervisor
 from daemon.scans import Scans
 from daemon.server import Announce, Server, announce_in
@@ -55,8 +56,15 @@ def build(
     scans = Scans(store, workers, clock, new_id, settings.scanner, Registering(store, workers, clock, events))
     rules = MotionRules.of(settings.robot)
     operations = Operations(settings, cell, store, supervisor, workers, scans, rules, clock)
-    drift = DriftWatch(settings, store, events, workers)
-    companions: list[Companion] = [drift, DriftSchedule(operations, clock, 3600 * settings.drift.every_h)]
+    drift = DriftWatch(settings, store, events, workers, clock)
+    webhooks = Dispatcher(settings.webhooks, store.outbox, clock, random.random)
+    retention = Retention(store, workers, clock, settings.storage)
+    companions: list[Companion] = [
+        webhooks,
+        retention,
+        drift,
+        DriftSchedule(operations, clock, 3600 * settings.drift.every_h),
+    ]
     if settings.plc is not None:
         companions.append(Plc.of(settings.plc, operations, drift, clock))
     return Application(
@@ -70,7 +78,6 @@ def build(
         operations=operations,
         scans=scans,
         metrics=metrics,
-        dispatcher=Dispatcher(settings.webhooks, store.outbox, clock, random.random),
         key_desk=KeyDesk(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         companions=tuple(companions),

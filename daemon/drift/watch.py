@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.drift import DriftRules, DriftStanding, Entry, chart, scatter_limit_mm
+from daemon.clock import Clock
 from daemon.drift.samples import Verified, belongs, robot_noise_mm, verified
 from daemon.errors import DaemonError, NoCalibration
 from daemon.events import EventLog
@@ -56,11 +57,17 @@ class DriftWatch:
     store: Store
     events: EventLog
     workers: Workers
+    clock: Clock
     report: DriftReport = field(default_factory=DriftReport, init=False)
     _task: asyncio.Task[None] | None = field(default=None, init=False)
+    _turn: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
 
     async def start(self) -> None:
-        await self._renew()
+        """What an earlier daemon has told is not told again."""
+        try:
+            self.report = await self._computed()
+        except DaemonError as error:
+            log.warning("the drift chart could not be read: %s", error)
         self._task = asyncio.create_task(self._listen(self.events.last), name="drift")
 
     async def stop(self) -> None:
@@ -103,15 +110,21 @@ class DriftWatch:
                 log.warning("the drift chart could not be renewed: %s", error)
 
     async def _renew(self) -> None:
-        """From the store; an alarm that is new, or gone, is told."""
+        """From the store; an alarm that is new, or gone, is told once, whoever noticed first."""
+        async with self._turn:
+            await self._told_anew()
+
+    async def _told_anew(self) -> None:
         before, self.report = self.report, await self._computed()
         if self.report == before:
             return
         self.events.publish("drift", self.report.told())
-        if self.report.alarm and not before.alarm:
-            log.warning("drift: %s", self.report.alarm)
-        elif before.alarm and not self.report.alarm:
-            log.info("drift: the alarm is over")
+        if bool(self.report.alarm) == bool(before.alarm):
+            return
+        log.warning("%s", self.report.alarm or "drift: the alarm is over")
+        alarm = {"kind": "drift", "raised": bool(self.report.alarm), "what": self.report.alarm or "it is over"}
+        calibration_id = self.report.calibration_id or before.calibration_id
+        await self.store.outbox.post("alarm", self.clock.timestamp(), {**alarm, "calibration_id": calibration_id})
 
     async def _computed(self) -> DriftReport:
         try:

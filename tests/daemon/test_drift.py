@@ -1,6 +1,7 @@
 """The daemon watches its calibration: verifications are charted, and an alarm reaches REST, PLC and metrics."""
 
 import asyncio
+import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -57,6 +58,14 @@ async def calibrated(folder: Path, **changes: Any) -> AsyncIterator[tuple[Bench,
         yield bench, camera
 
 
+async def alarms_in(bench: Bench) -> list[dict[str, Any]]:
+    """What webhooks are told of alarms."""
+    rows = await bench.application.store._database.read(
+        lambda db: db.execute("SELECT data FROM outbox WHERE topic = 'alarm' ORDER BY number").fetchall()
+    )
+    return [json.loads(data) for (data,) in rows]
+
+
 async def verifies(bench: Bench, **body: Any) -> None:
     run = await bench.run_over((await bench.client.post("/verify", json=body)).headers["location"])
     assert run["state"] == "finished", run["cause"]
@@ -94,10 +103,13 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
                 if event is not None and event.kind == "drift":
                     break
         assert event.data["alarm"] == warning
+        told = await alarms_in(bench)
+        assert [(alarm["kind"], alarm["raised"], alarm["what"]) for alarm in told] == [("drift", True, warning)]
 
         run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
         assert run["result"]["applied"]
         await eventually(lambda: watch.report.alarm == "")
+        assert [alarm["raised"] for alarm in await alarms_in(bench)] == [True, False]
         assert (await bench.client.get("/ready")).json()["warnings"] == []
 
 
