@@ -25,7 +25,8 @@ LARGEST_NUMBER = 1e9
 """mm: a pose further away is no pose, and says nothing about the others."""
 
 REPEATABLE_MM, REPEATABLE_RAD = 0.01, float(np.radians(0.001))
-"""No robot repeats its poses better: what disagrees by less is the images' affair, and nobody's fault."""
+"""No robot repeats its poses better: what disagrees by less, all views together, is the images' affair and nobody's
+fault."""
 
 SAID_ALREADY = {"wrong-pitch": "target-scale", "board-turned": "board-turned"}
 """Causes that a solver's own finding tells as well."""
@@ -94,6 +95,9 @@ def _diagnosed(problem: Problem, evidence: Evidence, used: set[int]) -> tuple[Fi
     if len(evidence) < FEWEST_VIEWS or not suspicious(evidence, fit(evidence)):
         return ()
     diagnosis = diagnose(evidence, problem.target.points_mm.mean(axis=0))
-    if diagnosis is None or (diagnosis.before_mm < REPEATABLE_MM and diagnosis.before_rad < REPEATABLE_RAD):
+    every = float(np.sqrt(len(evidence)))
+    if diagnosis is None or (
+        every * diagnosis.before_mm < REPEATABLE_MM and every * diagnosis.before_rad < REPEATABLE_RAD
+    ):
         return ()
     return findings_of(diagnosis, used)

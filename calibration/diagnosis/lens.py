@@ -13,8 +13,8 @@ from calibration.observations import Observations
 from calibration.transforms import Array
 from calibration.view_poses import refined_poses
 
-MOST_VIEWS = 15
-"""More tell no more about whether a lens fits, only about how it would fit best."""
+MOST_VIEWS = 40
+"""More tell little more about whether a lens fits."""
 
 FEWEST_VIEWS = 5
 WORTH_SAYING = 5e-4

@@ -1,12 +1,14 @@
 """A tour that plans as it goes: look, learn from what was seen, choose the next pose, move; until enough is known."""
 
+import asyncio
 from dataclasses import dataclass, field, replace
 
 from calibration.errors import UndeterminedError
 from calibration.planning.exploring import Exploration, turned
 from calibration.planning.learning import Guess
-from calibration.planning.next_view import NextView, Wish, next_view
-from calibration.planning.plan import PlanningError
+from calibration.planning.next_view import NextView, Wish, foresee, next_view
+from calibration.planning.plan import Plan, PlanningError
+from calibration.planning.reach import reachable_by
 from calibration.planning.viewpoints import Limits
 from calibration.problem import Problem, View
 from calibration.transforms import Array
@@ -48,6 +50,7 @@ class _Progress:
     wish: Wish = field(default_factory=lambda: Wish(0))
     stations: int = 0
     misses: int = 0
+    foreseen: Plan | None = None
     planning: Planning = field(default_factory=Planning)
 
 
@@ -71,7 +74,7 @@ class AdaptiveTour:
             await self._explore(robot)
             while (found := await self._next(robot)).base_T_flange is not None:
                 await self._told(E.PLANNED, found)
-                if (await self._visit(robot, found.base_T_flange)).detection is not None:
+                if (await self._visit_foreseeing(robot, found)).detection is not None:
                     self._at.wish = replace(self._at.wish, views_left=self._at.wish.views_left - 1)
                 else:
                     self._missed()
@@ -129,12 +132,29 @@ class AdaptiveTour:
         try:
             return await self.workers.run(
                 next_view, self.route.guess, problem, self.route.limits, at.wish,
-                here=here, reachable=rules.reachable_from(joints), misses=at.misses,
+                here=here, reachable=rules.reachable_from(joints), misses=at.misses, foreseen=at.foreseen,
             )  # fmt: skip
         except PlanningError as error:
             raise NoPoses(error.what, error.fix) from None
         except UndeterminedError as error:
             raise TargetNotSeen(error.what, error.fix) from None
+
+    async def _visit_foreseeing(self, robot: Robot, found: NextView) -> View:
+        """While the arm moves to the next view, a thread plans what will follow it."""
+        rules, at, pose = self.route.rules, self._at, found.base_T_flange
+        assert pose is not None
+        joints = await robot.read_joints() if rules.arm else None
+        reachable = None if rules.arm is None or joints is None else reachable_by(rules.arm, joints)
+        problem = self.session.problem(at.views)
+        ahead = asyncio.create_task(
+            self.workers.run(foresee, found, problem, self.route.limits, at.wish, reachable=reachable)
+        )
+        try:
+            view = await self._visit(robot, pose)
+            at.foreseen = await ahead
+        finally:
+            ahead.cancel()
+        return view
 
     async def _visit(self, robot: Robot, base_T_flange: Array) -> View:
         goal = await self.route.rules.goal(self.log.run.station + 1, TaughtPose.of(base_T_flange), robot)

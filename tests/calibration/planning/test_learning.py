@@ -10,7 +10,7 @@ from calibration.planning.alternative import Alternative
 from calibration.planning.doubt import alternatives
 from calibration.planning.exploring import ANGLES_DEG, Exploration, turned
 from calibration.planning.learning import Guess, learnt
-from calibration.planning.next_view import NextView, Wish, next_view
+from calibration.planning.next_view import NextView, Wish, foresee, next_view
 from calibration.planning.viewpoints import flange_poses, target_in_view
 from calibration.prediction import Scene
 from calibration.problem import Detection, Problem, View
@@ -180,3 +180,35 @@ def test_poses_that_somebody_chose_badly_hear_what_planned_ones_would_have_given
     assert told.startswith("3 planned poses would leave 0.0")
     poses, _ = taken_step_by_step(guess_off(5.0, 1.0), Wish(5))
     assert findings(TRUTH, np.array(poses)) == []
+
+
+def test_what_was_foreseen_while_the_arm_moved_is_taken_when_the_view_shows_what_was_expected():
+    guess, poses = guess_off(5.0, 1.0), [LOOK]
+    for _ in range(3):
+        told = next_view(guess, problem_of(poses), WIDE, Wish(6), here=poses[-1])
+        assert told.base_T_flange is not None
+        poses.append(told.base_T_flange)
+    before = next_view(guess, problem_of(poses), WIDE, Wish(4), here=poses[-1])
+    foreseen = foresee(before, problem_of(poses), WIDE, Wish(4))
+    assert foreseen is not None and before.base_T_flange is not None
+    assert len(foreseen.base_T_flange) == 3
+    after = [*poses, before.base_T_flange]
+
+    told = next_view(guess, problem_of(after), WIDE, Wish(3), here=after[-1], foreseen=foreseen)
+    np.testing.assert_array_equal(told.base_T_flange, foreseen.base_T_flange[0])
+    anew = next_view(guess, problem_of(after), WIDE, Wish(3), here=after[-1])
+    assert told.planned_mm is not None and anew.planned_mm is not None
+    assert told.planned_mm < 1.1 * anew.planned_mm
+
+    elsewhere = replace(foreseen, base_T_flange=foreseen.base_T_flange @ transform(np.eye(3), [400.0, 0, 0]))
+    told = next_view(guess, problem_of(after), WIDE, Wish(3), here=after[-1], foreseen=elsewhere)
+    np.testing.assert_array_equal(told.base_T_flange, anew.base_T_flange)
+
+
+def test_nothing_is_foreseen_before_x_is_known_or_after_the_last_view():
+    guess = guess_off(5.0, 1.0)
+    first = next_view(guess, problem_of([LOOK]), WIDE, Wish(4), here=LOOK)
+    assert foresee(first, problem_of([LOOK]), WIDE, Wish(4)) is None
+    poses = [LOOK, *(LOOK @ transform(rotation_from_vector(v), [0.0, 0, 0]) for v in ([0.1, 0, 0.2], [0, 0.2, -0.2]))]
+    last = next_view(guess, problem_of(poses), WIDE, Wish(1), here=poses[-1])
+    assert foresee(last, problem_of(poses), WIDE, Wish(1)) is None
