@@ -8,7 +8,7 @@ Field numbers are facts of ABB's message (package abb.egm, proto2): 1 header {1 
 from dataclasses import dataclass
 from enum import IntEnum
 
-from protocols.egm.protobuf import NotProtobuf, Value, double, doubles, fields, message, whole
+from protocols.egm.protobuf import NotProtobuf, Value, double, doubles, fields, message, tagged_doubles, whole
 
 
 class MessageType(IntEnum):
@@ -90,6 +90,9 @@ def _whole(parts: dict[int, Value], number: int) -> int:
 
 def _named(data: bytes, count: int) -> list[float]:
     """Doubles in fields 1 to `count`, all of which must be there."""
+    at_once = tagged_doubles(data, range(1, count + 1))
+    if at_once is not None:
+        return list(at_once)
     parts = _last(data)
     values = [parts.get(number) for number in range(1, count + 1)]
     if not all(isinstance(value, float) for value in values):
@@ -99,6 +102,9 @@ def _named(data: bytes, count: int) -> list[float]:
 
 def _repeated(data: bytes) -> tuple[float, ...]:
     """Doubles in field 1, one by one or packed."""
+    at_once = tagged_doubles(data, (1,) * (len(data) // 9))
+    if at_once is not None:
+        return at_once
     values: list[float] = []
     for number, value in fields(data):
         if number == 1:
