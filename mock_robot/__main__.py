@@ -37,8 +37,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--controller",
         choices=("rapid", "python"),
-        default="rapid",
-        help="whose program answers: the shipped RAPID, interpreted (default), or its quick twin in Python",
+        help="whose program answers: the shipped RAPID, interpreted (the default where its files are), "
+        "or its quick twin in Python",
     )
     run.add_argument("--egm", type=_address, metavar="HOST:PORT", help="send EGM there, 250 packets a second")
     run.add_argument("--robot-only", action="store_true", help="no camera and no scanner")

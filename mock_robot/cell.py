@@ -19,6 +19,7 @@ from mock_robot.fault_boards import FaultBoards
 from mock_robot.http_server import HttpServer
 from mock_robot.motion import RobotNoise, SimulatedArm
 from mock_robot.posture import start_joints
+from mock_robot.rapid.controller import DEPLOYED
 from mock_robot.rws.station import RwsStation
 from mock_robot.truth import CellTruth
 from mock_robot.truth_sheet import BOX_MM, cell_sheet
@@ -32,6 +33,11 @@ RobotProgram = Literal["rapid", "python"]
 ROBOT_PROGRAMS: tuple[RobotProgram, ...] = get_args(RobotProgram)
 
 _WIRES: dict[RobotProgram, type[PythonWires] | type[RapidWires]] = {"rapid": RapidWires, "python": PythonWires}
+
+
+def default_program() -> RobotProgram:
+    """The shipped RAPID; its twin where only the daemon was installed."""
+    return "rapid" if DEPLOYED.is_dir() else "python"
 
 
 class FlangeNow(NamedTuple):

@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 
-from mock_robot.cell import MockCell, Ports
+from mock_robot.cell import MockCell, Ports, default_program
 from mock_robot.truth import CellTruth
 
 
@@ -17,7 +17,11 @@ def run_until_told(options: argparse.Namespace) -> int:
 
 
 async def _run(options: argparse.Namespace) -> int:
-    cell = MockCell(CellTruth.from_seed(options.seed), time_scale=options.time_scale, program=options.controller)
+    cell = MockCell(
+        CellTruth.from_seed(options.seed),
+        time_scale=options.time_scale,
+        program=options.controller or default_program(),
+    )
     told = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -19,8 +19,8 @@ def demo(
     seed: Annotated[int, typer.Option(help="Another number is another cell.")] = 7,
     time_scale: Annotated[float, typer.Option(help="How many times faster than real the arm moves.")] = 10.0,
     controller: Annotated[
-        str, typer.Option(help="Whose robot program answers: rapid (the shipped one, interpreted) or python.")
-    ] = "rapid",
+        str | None, typer.Option(help="Whose robot program answers: rapid (the shipped one, interpreted) or python.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Calibrate and register against a mock ABB cell over real sockets; print the truth beside the answer."""
@@ -34,13 +34,13 @@ def demo(
     teller = Teller(aside=as_json)
     teller.line("\nhandeyed demo: a mock ABB cell, calibrated and used over real sockets\n")
     mock = ["mock_robot", "run", "--with-parent", "--seed", str(seed), "--time-scale", str(time_scale)]
-    mock += ["--controller", controller]
+    mock += ["--controller", controller] if controller else []
     with (
         signals_as_exits(),
         teller.step("mock cell", "robot, camera and scanner") as starting,
         child("mock-cell", mock, folder) as cell,
     ):
-        starting.done(f"on real sockets, the arm {time_scale:g} x as fast as real, its program {controller}")
+        starting.done(f"on real sockets, the arm {time_scale:g} x as fast as real")
         settings = folder / "handeyed.toml"
         settings.write_text(settings_text(cell.announcement, _port() if keep else 0))
         serve = ["daemon.cli", "serve", str(settings)]

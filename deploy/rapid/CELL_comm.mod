@@ -526,6 +526,7 @@ MODULE CELL_comm
     ENDIF
     cell_keep := TRUE;
     cell_do_command;
+    IF cell_command = 4 AND cell_status <> CB_ACCEPTED cell_tell "a move is refused, status " + NumToStr(cell_status, 0);
     IF cell_keep THEN
       cell_finish_frame;
       cell_remember;
@@ -874,6 +875,7 @@ MODULE CELL_comm
     cell_supervise;
     IF cell_watched AND ClkRead(cell_heard) >= CELL_HEARTBEAT THEN
       cell_watched := FALSE;
+      IF cell_armed OR cell_busy cell_tell "no sign of life from the PC for 2 s: stopped and disarmed";
       cell_halt CB_ABORTED;
     ENDIF
     IF (NOT cell_use_serial) AND ClkRead(cell_heard) >= CELL_IDLE cell_open := FALSE;
@@ -887,6 +889,13 @@ MODULE CELL_comm
       ClkStart cell_looked;
       cell_look_for_guest;
     ENDIF
+  ERROR
+    RAISE;
+  ENDPROC
+
+  PROC cell_tell(string what)
+    ! For the event log of the controller.
+    ErrWrite \I, "handeyed", what;
   ERROR
     RAISE;
   ENDPROC

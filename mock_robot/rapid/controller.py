@@ -22,7 +22,9 @@ from mock_robot.rapid.unit import MotionUnit
 from protocols.cb import messages as cb
 from protocols.cb.codes import Status
 
-DEPLOYED = Path(__file__).parents[2] / "deploy" / "rapid"
+_PLACES = (Path(__file__).parent / "modules", Path(__file__).parents[2] / "deploy" / "rapid")
+DEPLOYED = next((place for place in _PLACES if place.is_dir()), _PLACES[-1])
+"""The shipped modules: beside this file in an installed copy, in deploy/ in the repository."""
 READY_LIMIT_S = 20.0
 SYSTEM_STOP = 10014
 
@@ -52,6 +54,10 @@ class RapidController(Cabinet):
     _turn: Any = field(default_factory=threading.RLock, init=False)
 
     def __post_init__(self) -> None:
+        if not self.folder.is_dir():
+            raise MockError(
+                f"{self.folder} is not there: name the folder of the RAPID modules, or use the Python program"
+            )
         self._plans = task_plans(self.folder)
         motion = next((plan.name for plan in self._plans if plan.motion), "")
         self.unit = MotionUnit(self, self.clock, motion, lambda: self.board.wake(self, self.clock()))

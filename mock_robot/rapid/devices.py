@@ -20,14 +20,14 @@ CHUNK = 4096
 
 @dataclass
 class Carrier:
-    """What one connection puts on its wire: at once, or in order and late when a fault says so."""
+    """What one connection puts on its wire: at once, or later when a fault says so, in order."""
 
     write: Callable[[bytes], None]
     hang_up: Callable[[bool], None]
-    _late: "queue.SimpleQueue[WireStep] | None" = field(default=None, init=False)
+    _late: "queue.SimpleQueue[tuple[float, WireStep]] | None" = field(default=None, init=False)
 
     def carry(self, steps: tuple[WireStep, ...]) -> None:
-        """Do the steps; those with pauses do not keep the program waiting."""
+        """Do the steps. Pauses delay what is behind them, not the program, nor what it sends next."""
         if self._late is None and all(isinstance(step, Send) for step in steps):
             for step in steps:
                 self._do(step)
@@ -35,17 +35,22 @@ class Carrier:
         if self._late is None:
             self._late = queue.SimpleQueue()
             threading.Thread(target=self._carry_late, args=(self._late,), name="rapid wire", daemon=True).start()
+        due_s = time.monotonic()
         for step in steps:
-            self._late.put(step)
+            if isinstance(step, Pause):
+                due_s += step.seconds
+            else:
+                self._late.put((due_s, step))
 
     def end(self) -> None:
         """Nothing more will come."""
         if self._late is not None:
-            self._late.put(Close())
+            self._late.put((0.0, Close()))
 
-    def _carry_late(self, late: "queue.SimpleQueue[WireStep]") -> None:
+    def _carry_late(self, late: "queue.SimpleQueue[tuple[float, WireStep]]") -> None:
         while True:
-            step = late.get()
+            due_s, step = late.get()
+            time.sleep(max(0.0, due_s - time.monotonic()))
             with suppress(OSError):
                 self._do(step)
             if isinstance(step, Close | Reset):
@@ -55,12 +60,12 @@ class Carrier:
         match step:
             case Send(data):
                 self.write(data)
-            case Pause(seconds):
-                time.sleep(seconds)
             case Close():
                 self.hang_up(False)
             case Reset():
                 self.hang_up(True)
+            case Pause():
+                pass
 
 
 class SocketDevice:

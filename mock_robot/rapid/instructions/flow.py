@@ -59,7 +59,7 @@ def tp_write(task: Task, text: str, number: float | None, truth: bool | None, po
 
 
 def err_write(task: Task, warning: bool | None, info: bool | None, header: str, reason: str, *more: str | None) -> None:
-    kind = 80001 if info else 80002 if warning else 80003
+    kind = 80003 if info else 80002 if warning else 80001
     task.services.note(kind, ": ".join([header, reason, *(line for line in more if line)]))
 
 
