@@ -19,7 +19,6 @@ from daemon.scans import Scans
 from daemon.settings import Settings
 from daemon.store.store import Store
 from daemon.systemd import Systemd
-from daemon.webhooks.dispatcher import Dispatcher
 from daemon.workers import Workers
 
 log = logging.getLogger(__name__)
@@ -67,7 +66,6 @@ class Application:
     operations: Operations
     scans: Scans
     metrics: Metrics
-    dispatcher: Dispatcher
     key_desk: KeyDesk
     systemd: Systemd
     companions: tuple[Companion, ...] = ()
@@ -82,7 +80,6 @@ class Application:
         await self.events.recover()
         await self.supervisor.recover()
         await self.scans.recover()
-        await self.dispatcher.start()
         await self._tell_of_keys()
         await self.cell.links_come_up(LINKS_LIMIT_S)
         for companion in self.companions:
@@ -120,7 +117,6 @@ class Application:
         self.workers.close()
         await self.cell.close()
         await self.events.written()
-        await self.dispatcher.stop()
         with suppress(StorageError):
             if (anchor := await self.store.audit.anchor()) is not None:
                 log.info("the audit log ends with row %d, %s", anchor.sequence, anchor.hash)

@@ -140,6 +140,8 @@ class StorageSettings(Document):
 
     folder: Annotated[str, Field(min_length=1)] = "/var/lib/handeyed"
     reserve_mb: Annotated[float, Field(ge=0, le=1_000_000)] = 500.0
+    keep_runs: Annotated[int, Field(ge=1, le=1_000_000)] = 500
+    keep_days: Annotated[float, Field(gt=0, le=36_500)] = 365.0
 
 
 class DriftSettings(Document):

@@ -18,8 +18,6 @@ from daemon.store.records import RunKind
 
 router = APIRouter(tags=["health"])
 
-FAILURES_WORTH_A_WARNING = 3
-
 PAGES = {
     "how to calibrate": "/calibrate",
     "runs": "/runs",
@@ -83,14 +81,6 @@ def _disk_warnings(app: Application) -> list[str]:
     if free_mb >= app.settings.storage.reserve_mb:
         return []
     return [f"only {free_mb:.0f} MB are left on the disk of {app.store.folder}: free some space"]
-
-
-def _webhook_warnings(app: Application) -> list[str]:
-    return [
-        f"webhook {name} has not taken anything at the last {failures} attempts: look at its server and the log"
-        for name, failures in app.dispatcher.failures.items()
-        if failures >= FAILURES_WORTH_A_WARNING
-    ]
 
 
 @router.get(

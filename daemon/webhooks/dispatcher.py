@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +13,7 @@ import httpx
 
 from daemon.clock import Clock
 from daemon.errors import StorageError
+from daemon.metrics import Labels, Metric
 from daemon.settings_server import WebhookSettings
 from daemon.store.outbox import Message, Outbox
 from daemon.webhooks.signing import secrets_in, signed_headers
@@ -28,6 +29,8 @@ NEVER_TAKEN = frozenset({400, 406, 411, 413, 415, 422, 431})
 """Answers that will not change: after some more tries the message is left out, or nothing behind it would arrive."""
 
 TRIES_OF_NEVER_TAKEN = 8
+
+FAILURES_WORTH_A_WARNING = 3
 
 
 def pause_s(failures: int, chance: float) -> float:
@@ -61,6 +64,21 @@ class Dispatcher:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def warnings(self) -> list[str]:
+        """Receivers that take nothing."""
+        return [
+            f"webhook {name} has not taken anything at the last {count} attempts: look at its server and the log"
+            for name, count in self.failures.items()
+            if count >= FAILURES_WORTH_A_WARNING
+        ]
+
+    def families(self) -> Iterable[Metric]:
+        failures: dict[Labels, float] = {
+            (("receiver", webhook.receiver),): float(self.failures[webhook.receiver]) for webhook in self.webhooks
+        }
+        about = "Attempts since a receiver last took something."
+        return [Metric("handeyed_webhook_failures", "gauge", about, failures)]
 
     async def _serve(self, webhook: WebhookSettings, secrets: tuple[bytes, ...]) -> None:
         limits = httpx.Timeout(ANSWER_LIMIT_S)
