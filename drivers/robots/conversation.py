@@ -16,8 +16,10 @@ from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.messages import Hello, Ping, Refused, Reply, Request, Stop, Welcome
 
 REPLY_LIMIT_S = 2.0
-REPEAT_AFTER_S = 0.25
-"""A full frame needs 83 ms at 9600 baud; an answer that takes three times as long was lost."""
+REPEAT_AFTER_S, REPEAT_AT_MOST_S = 0.25, 1.0
+"""A full frame needs 83 ms at 9600 baud; an answer that takes three times as long was lost. A controller that is only
+slow must not drown in repetitions: each waits twice as long as the one before, and the next request begins with half
+of what the last one needed."""
 HEARTBEAT_S = 0.5
 CLIENT_ID = 1
 
@@ -62,6 +64,7 @@ class Conversation:
         self._stopping = False
         self._answered_at_s = timing.clock()
         self._garbage_bytes = 0
+        self._patience_s = REPEAT_AFTER_S
         self.lost: asyncio.Future[DeviceError] = asyncio.get_running_loop().create_future()
 
     @property
@@ -102,13 +105,16 @@ class Conversation:
             encoded = self._session.request(request)
         except NotAllowedNow as error:
             raise LinkLost(self._device, "the link is being closed", "open it again to go on") from error
+        patience_s = self._patience_s
         while not outcome.done():
             remaining_s = asked_at_s + REPLY_LIMIT_S - self._timing.clock()
             if remaining_s <= 0:
                 self.lose(self._silence())
                 break
             await self._send(encoded)
-            await self._timing.done_within(outcome, min(REPEAT_AFTER_S, remaining_s))
+            if not await self._timing.done_within(outcome, min(patience_s, remaining_s)):
+                patience_s = min(2.0 * patience_s, REPEAT_AT_MOST_S)
+        self._patience_s = max(patience_s / 2.0, REPEAT_AFTER_S)
         ended = outcome.result()
         if not isinstance(ended, ReplyReceived):
             raise ended

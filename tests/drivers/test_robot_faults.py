@@ -272,7 +272,7 @@ async def test_an_answer_of_another_shape_is_garbled_and_the_link_stays():
 
 
 class MemoryLine:
-    """A transport and its connection at once; `deaf` swallows what is sent, `closed` refuses to connect."""
+    """A transport and its connection at once; `deaf` swallows what is sent, `slowly` delays each answer."""
 
     address = "memory"
     half_frame_limit_s = 0.2
@@ -282,6 +282,7 @@ class MemoryLine:
         self.deaf = self.refusing = False
         self.sent = []
         self.attempts = self.closed = 0
+        self.slowly = None
         self.may_close = asyncio.Event()
         self.may_close.set()
 
@@ -300,7 +301,10 @@ class MemoryLine:
                 self._arriving.put_nowait(piece)
 
     async def receive(self):
-        return await self._arriving.get()
+        piece = await self._arriving.get()
+        if self.slowly is not None:
+            await self.slowly()
+        return piece
 
     async def close(self):
         await self.may_close.wait()
@@ -334,6 +338,15 @@ async def test_two_seconds_without_a_reply_are_a_lost_link():
         asked = [data for data in line.sent if data[3] == Command.GET_POSE]
         assert len(asked) > 3
         assert len(set(asked)) == 1, "every repetition has the same number and bytes"
+
+
+async def test_a_controller_that_is_only_slow_does_not_drown_in_repetitions():
+    async with on_a_memory_line() as (robot, line, fake):
+        line.slowly = lambda: fake.timing.sleep(0.4)
+        reading = [asyncio.create_task(robot.read_pose()) for _ in range(10)]
+        await fake.advance(12)
+        assert all(read.done() for read in reading)
+        assert [read.exception() for read in reading] == [None] * 10
 
 
 async def test_silence_is_noticed_without_anybody_asking():
