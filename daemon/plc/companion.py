@@ -41,7 +41,8 @@ class Plc:
             bank = door.bank(client, settings.may_write(client))
             return lambda pdu: respond(pdu, bank, IDENTIFICATION)
 
-        tcp = ModbusTcp(listener_at(settings), respond_to, Limits(settings.connections, settings.idle_limit_s))
+        limits = Limits(settings.connections, settings.idle_limit_s, comes_first=settings.may_write)
+        tcp = ModbusTcp(listener_at(settings), respond_to, limits)
         line = settings.serial
         rtu = None if line is None else ModbusRtu(line, door.bank(line.port, True), IDENTIFICATION, random.random)
         return cls(door, tcp, rtu)

@@ -38,7 +38,7 @@ from protocols.plc.events import (
     Start,
     Written,
 )
-from protocols.plc.handshake import Handshake, Rules, react
+from protocols.plc.handshake import COUNT_MOST, Handshake, Rules, react
 from protocols.plc.image import image_of
 from protocols.plc.results import Result
 from registration.errors import RegistrationError
@@ -80,7 +80,9 @@ class PlcDoor:
     _told: str = field(default="", init=False)
 
     def __post_init__(self) -> None:
-        self._state = Handshake(self.rules)
+        # After a restart the ids begin where no PLC has seen them lately: it takes no old result for a new one.
+        begin = int(self.clock.utc_now().timestamp()) % COUNT_MOST + 1
+        self._state = Handshake(self.rules, acquisition_id=begin, result_id=begin)
         self._image = image_of(self._state)
 
     def bank(self, client: str, may_write: bool) -> PlcBank:

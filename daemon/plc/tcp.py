@@ -27,11 +27,12 @@ Respond = Callable[[bytes], bytes]
 
 @dataclass(frozen=True)
 class Limits:
-    """Connections at a time, and how long one may be silent."""
+    """Connections at a time, and how long one may be silent. `comes_first`: clients for whom another makes room."""
 
     connections: int
     idle_s: float
     half_frame_s: float = HALF_FRAME_LIMIT_S
+    comes_first: Callable[[str], bool] = lambda _client: False
 
 
 class ModbusTcp:
@@ -69,12 +70,23 @@ class ModbusTcp:
     def admit(self, connection: "_Connection", client: str) -> Respond | None:
         """The answering function; None when there are too many, which is told once until there are fewer."""
         if len(self._connections) >= self.limits.connections:
+            self._make_room_for(client)
+        if len(self._connections) >= self.limits.connections:
             if not self._full:
                 log.warning("a PLC connection of %s is refused: %d are open already", client, self.connections)
             self._full = True
             return None
         self._connections.add(connection)
         return self._respond_to(client)
+
+    def _make_room_for(self, client: str) -> None:
+        """Whoever scans the network must not keep the PLC out: the longest silent of the others goes."""
+        others = [c for c in self._connections if not self.limits.comes_first(c.client)]
+        if others and self.limits.comes_first(client):
+            silent = min(others, key=lambda connection: connection.heard_s)
+            log.warning("a PLC connection of %s is closed: %s comes first", silent.client, client)
+            self._connections.discard(silent)
+            silent.abort()
 
     def left(self, connection: "_Connection") -> None:
         if connection in self._connections:
@@ -89,9 +101,9 @@ class _Connection(asyncio.Protocol):
         self._server = server
         self._reader = MbapReader()
         self._loop = asyncio.get_running_loop()
-        self._client = "?"
+        self.client = "?"
         self._respond: Respond | None = None
-        self._heard_s = self._loop.time()
+        self.heard_s = self._loop.time()
         self._timer: asyncio.TimerHandle | None = None
         self._transport: asyncio.Transport | None = None
         self._slow = self._working = False
@@ -99,8 +111,8 @@ class _Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = transport = cast(asyncio.Transport, transport)  # uvloop's is none by descent
         peer = transport.get_extra_info("peername")
-        self._client = peer[0] if peer else "?"
-        self._respond = self._server.admit(self, self._client)
+        self.client = peer[0] if peer else "?"
+        self._respond = self._server.admit(self, self.client)
         if self._respond is None:
             transport.abort()
             return
@@ -113,7 +125,7 @@ class _Connection(asyncio.Protocol):
             self._timer.cancel()
 
     def data_received(self, data: bytes) -> None:
-        self._heard_s = self._loop.time()
+        self.heard_s = self._loop.time()
         self._work(data)
 
     def pause_writing(self) -> None:
@@ -165,10 +177,10 @@ class _Connection(asyncio.Protocol):
         """Look again when the client may have been silent for too long."""
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self._loop.call_at(self._heard_s + limit_s, self._look)
+        self._timer = self._loop.call_at(self.heard_s + limit_s, self._look)
 
     def _look(self) -> None:
-        limits, silent_s = self._server.limits, self._loop.time() - self._heard_s
+        limits, silent_s = self._server.limits, self._loop.time() - self.heard_s
         half = self._reader.half_frame_bytes
         if half and silent_s >= limits.half_frame_s:
             self._close(f"a request stopped after {half} bytes")
@@ -179,7 +191,7 @@ class _Connection(asyncio.Protocol):
 
     def _close(self, why: str) -> None:
         """Told once; what was answered already is still sent, but nobody waits long for it to be taken."""
-        log.warning("a PLC connection of %s is closed: %s", self._client, why)
+        log.warning("a PLC connection of %s is closed: %s", self.client, why)
         if self._transport is not None:
             self._transport.close()
             self._loop.call_later(HALF_FRAME_LIMIT_S, self.abort)

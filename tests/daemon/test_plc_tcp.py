@@ -115,6 +115,23 @@ async def test_too_many_connections_are_refused_and_a_place_that_is_left_is_give
             await again.answers(1)
 
 
+async def test_a_scanner_of_the_network_does_not_keep_the_plc_out() -> None:
+    """Of clients that may write, by another address of this machine."""
+    limits = Limits(2, 30.0, comes_first=lambda client: client == "127.0.0.2")
+    async with served(limits) as server, wire(server.port) as first, wire(server.port) as second:
+        for client in (second, first):
+            client.writer.write(Adu(1, 1, READ).encode())
+            await client.answers(1)
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port, local_addr=("127.0.0.2", 0))
+        plc = Wire(reader, writer)
+        writer.write(Adu(2, 1, READ).encode())
+        assert (await plc.answers(1))[0].transaction == 2
+        assert await second.is_closed(within_s=2.0)
+        first.writer.write(Adu(3, 1, READ).encode())
+        assert (await first.answers(1))[0].transaction == 3
+        writer.close()
+
+
 async def test_a_silent_connection_is_closed_and_one_that_asks_is_not() -> None:
     async with served(Limits(3, idle_s=0.3)) as server, wire(server.port) as silent, wire(server.port) as busy:
         loop = asyncio.get_running_loop()
