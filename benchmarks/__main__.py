@@ -21,8 +21,8 @@ QUICK: dict[str, tuple[str, ...]] = {
     "archive": ("--scans", "12"),
     "diagnosis": ("--quick",),
     "drift": ("--cells", "30"),
-    "hand_eye": ("--cells", "200"),
-    "hand_eye_peers": ("--cells", "24"),
+    "hand_eye": ("--cells", "500"),
+    "hand_eye_peers": ("--cells", "40"),
     "schemathesis": ("--cases", "500"),
     "soak": ("--minutes", "1"),
     "torture": ("--rounds", "20"),
@@ -36,7 +36,7 @@ FULL: dict[str, tuple[str, ...]] = {
     "torture": ("--rounds", "1000"),
     "vision_calibration": ("--cells", "50"),
 }
-QUICK_LIMIT_S, FULL_LIMIT_S = 300.0, 3 * 3600.0
+QUICK_LIMIT_S, FULL_LIMIT_S = 600.0, 3 * 3600.0
 
 
 def main() -> int:

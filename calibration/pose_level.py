@@ -66,7 +66,7 @@ def solve_hand_eye_poses(
         used = agreeing
     if used.sum() >= FEWEST_VIEWS:
         drifting = fit_drift(pairs.take(used), likeliest.chain)
-        likeliest = max(likeliest, drifting, key=lambda one: one.log_likelihood)
+        likeliest = max(likeliest, drifting, key=lambda one: one.evidence(int(used.sum())))
     return PoseSolution(
         likeliest.chain.mount_T_camera,
         likeliest.chain.anchor_T_target,
@@ -82,7 +82,7 @@ def _likeliest(pairs: PosePairs) -> PoseFit:
     start = closed_form(pairs)
     tails = TAILS if len(pairs) >= FEWEST_VIEWS else TAILS[:1]
     fitted = [fit_white(pairs, start, camera, t) for camera in CAMERAS for t in tails]
-    return max(fitted, key=lambda one: one.log_likelihood)
+    return max(fitted, key=lambda one: one.evidence(len(pairs)))
 
 
 def _agreeing(pairs: PosePairs) -> NDArray[np.bool_]:

@@ -43,6 +43,11 @@ class PoseFit:
     tails: float
     camera: str
 
+    def evidence(self, views: int) -> float:
+        """For choosing between models: every level and the tails cost what G. Schwarz, Ann. Stat. 6(2), 1978, says."""
+        levels = len(self.variances) + bool(np.isfinite(self.tails))
+        return self.log_likelihood - 0.5 * levels * float(np.log(6 * views))
+
 
 def fit_white(pairs: PosePairs, start: Chain, camera: str, tails: float) -> PoseFit:
     """`camera` is one of `CAMERAS`; `tails` degrees of freedom of the views' errors, infinite for normal ones."""
