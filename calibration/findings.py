@@ -122,8 +122,13 @@ def _estimate(prepared: Prepared, start: Start, selection: Selection) -> Iterato
     if start.elsewhere:
         yield Finding(
             "starts-disagree",
-            "warning",
-            f"started from {', '.join(start.elsewhere)} the solution ends elsewhere; the likelier one is given",
+            "error" if start.as_likely else "warning",
+            f"started from {', '.join(start.elsewhere)} the solution ends elsewhere; "
+            + (
+                "both are about as likely, and which is right is not certain"
+                if start.as_likely
+                else "the likelier one is given"
+            ),
             "add views with larger turns about different axes",
         )
     if not selection.best.converged:

@@ -11,6 +11,12 @@ from calibration.transforms import Array
 NARROWEST_PX = 2.0
 """A target seen narrower than this has no pose worth the name."""
 
+FURTHEST_MM = 1e8
+"""Of a flange from its base. Even poses in micrometres are nearer, whose unit the diagnosis can tell."""
+
+LARGEST_SKEW = 1e-3
+"""Of a rotation's columns: those of any quaternion of unit length are a thousand million times better."""
+
 FEWEST_CORNERS = 4
 """Four points of a plane determine its pose; fewer do not."""
 
@@ -76,6 +82,8 @@ def _corners(problem: Problem, view: View) -> tuple[NDArray[np.intp], Array] | U
     ids, pixels = np.asarray(view.detection.ids), np.asarray(view.detection.corners_px, float)
     if not np.all(np.isfinite(view.base_T_flange)):
         return Unusable("pose-not-finite", "the robot's pose holds a number that is not finite")
+    if not _rigid(view.base_T_flange):
+        return Unusable("pose-not-rigid", "the robot's pose is no rotation and a place that an arm can reach")
     if len(ids) != len(pixels):
         return Unusable("corners-damaged", f"{len(ids)} ids for {len(pixels)} corners")
     if len(ids) and (ids.min() < 0 or ids.max() >= len(problem.target.points_mm)):
@@ -94,6 +102,14 @@ def _corners(problem: Problem, view: View) -> tuple[NDArray[np.intp], Array] | U
     if _extent(pixels)[1] < NARROWEST_PX:
         return Unusable("edge-on", "all corners lie on one line of the image: the target is seen edge-on")
     return ids, pixels
+
+
+def _rigid(base_T_flange: Array) -> bool:
+    """Is it a proper rotation and a place within reach?"""
+    turn, place = base_T_flange[:3, :3], base_T_flange[:3, 3]
+    if np.max(np.abs(place)) > FURTHEST_MM or np.max(np.abs(turn)) > 2.0:
+        return False
+    return float(np.max(np.abs(turn @ turn.T - np.eye(3)))) < LARGEST_SKEW and float(np.linalg.det(turn)) > 0
 
 
 def _extent(points: Array) -> tuple[float, float]:

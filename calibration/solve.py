@@ -43,9 +43,7 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
             prepared, start, selection = estimated(problem)
             solution = solution_of(problem, method, prepared, start, selection)
     except UndeterminedError as undetermined:
-        # Where nothing is determined, some of the trials of the diagnosis divide by nothing and are then no answer.
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return explained(problem, refused_solution(problem, method, undetermined))
+        return explained(problem, refused_solution(problem, method, undetermined))
     except (np.linalg.LinAlgError, ArithmeticError):
         return explained(problem, refused_solution(problem, method, UndeterminedError(*CONTRADICTORY)))
     return explained(problem, solution, prepared)

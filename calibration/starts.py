@@ -6,6 +6,7 @@ import numpy as np
 
 from calibration.closed_forms.kronecker import as_rotation
 from calibration.closed_forms.registry import CLOSED_FORMS
+from calibration.errors import UndeterminedError
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, estimate, frozen
 from calibration.likelihood.mixed_model import Variances
@@ -23,14 +24,27 @@ MOST_VIEWS = 20
 SAME_OPTIMUM = 3.0
 """Two optima closer than this many deviations are one."""
 
+DECISIVE = 4.6
+"""Log-likelihood by which the better of two optima is believed: a hundred times as likely."""
+
+NO_START = (
+    "contradictory-input",
+    "no closed form finds an X from the robot's poses and the images",
+    "check the poses' units, their convention and their order",
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The best optimum over the pixels' quadratic, and which closed forms (names) ended elsewhere."""
+    """The best optimum over the pixels' quadratic, and which closed forms (names) ended elsewhere.
+
+    `as_likely`: another optimum explains the views about as well, so that nobody knows which is right.
+    """
 
     chain: Chain
     variances: Variances
     elsewhere: tuple[str, ...]
+    as_likely: bool = False
 
 
 def best_start(prepared: Prepared) -> Start:
@@ -51,11 +65,16 @@ def best_start(prepared: Prepared) -> Start:
                 found[name] = first
                 continue
         found[name] = estimate(pixels, few.camera, chain, first_variances(statistics, chain))
+    if not found:
+        raise UndeterminedError(*NO_START)
     scatter = {name: robot_scatter(best.chain) for name, best in found.items()}
-    best = found[min(scatter, key=lambda name: scatter[name])]
+    likeliest = min(scatter, key=lambda name: scatter[name])
+    best = found[likeliest]
     elsewhere = tuple(name for name, other in found.items() if _apart(best, other) > SAME_OPTIMUM)
+    # Two levels of 3 n residuals each: their log-likelihood is -3/2 n times the logarithms of their squares.
+    behind = [1.5 * len(few.seen) * (scatter[name] - scatter[likeliest]) for name in elsewhere]
     chain = closed_form_chain(prepared, best.chain.mount_T_camera)
-    return Start(chain, best.variances, elsewhere)
+    return Start(chain, best.variances, elsewhere, min(behind, default=np.inf) < DECISIVE)
 
 
 def closed_form_chain(prepared: Prepared, mount_T_camera: Array) -> Chain:
