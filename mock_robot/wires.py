@@ -118,6 +118,7 @@ class RapidWires:
             os.set_blocking(self._ends[0], False)
             path = os.ttyname(self._ends[1])
         await asyncio.to_thread(rapid.begin, self._ends[0] if serial else None)
+        await asyncio.to_thread(rapid.await_link)
         address = rapid.devices.address
         return host, None if address is None else address[1], path
 

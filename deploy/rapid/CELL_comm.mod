@@ -606,7 +606,7 @@ MODULE CELL_comm
     ! A stopped move belongs to the client before; its end is not reported to this one.
     cell_busy := FALSE;
     cell_timed_out := FALSE;
-    WaitUntil DOutput(cell_do_running) = 0 OR (NOT cell_abort) \MaxTime:=1.5 \PollRate:=0.01;
+    WaitUntil DOutput(cell_do_running) = 0 OR (NOT cell_abort) \MaxTime:=1.5 \PollRate:=0.04;
   ERROR
     IF ERRNO = ERR_WAIT_MAXTIME TRYNEXT;
     RAISE;
@@ -716,7 +716,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_await_verdict()
-    WaitUntil cell_verdict <> 0 \MaxTime:=1 \PollRate:=0.01;
+    WaitUntil cell_verdict <> 0 \MaxTime:=1 \PollRate:=0.04;
     cell_status := cell_verdict;
   ERROR
     IF ERRNO = ERR_WAIT_MAXTIME THEN

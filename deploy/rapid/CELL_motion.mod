@@ -21,7 +21,7 @@ MODULE CELL_motion
       cell_abort := FALSE;
     ENDIF
     WHILE TRUE DO
-      WaitUntil cell_request OR cell_abort \PollRate:=0.01;
+      WaitUntil cell_request OR cell_abort \PollRate:=0.04;
       IF cell_abort ExitCycle;
       cell_request := FALSE;
       cell_one_move;

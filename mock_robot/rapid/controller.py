@@ -65,13 +65,16 @@ class RapidController(Cabinet):
     # --- life ---
 
     def begin(self, serial_fileno: int | None = None) -> None:
-        """Load, start every task, and wait until somebody can connect. Raises MockError when nobody ever can."""
+        """Load, set what an integrator sets, start every task."""
         if serial_fileno is not None:
             self.devices.lines = {name: SerialLine(serial_fileno) for name in serial_ports(self.folder)}
         self._load()
         for name, value in self.settings.items():
             self.memory.preset(name, value)
         self._run()
+
+    def await_link(self) -> None:
+        """Until somebody can connect. Raises MockError when nobody ever can."""
         if not self.devices.reachable.wait(READY_LIMIT_S):
             raise MockError(f"the RAPID program does not answer: {self.log[-1].text if self.log else 'no event'}")
         if self.devices.address is not None:
@@ -95,13 +98,15 @@ class RapidController(Cabinet):
 
     def _restart(self) -> None:
         with self._turn:
+            had_link = self.devices.reachable.is_set()
             self.end()
             self.unit.reset()
             self._error.clear()
             self.record(self.clock(), 10002, "controller restarted")
             self._load()
             self._run()
-        self.devices.reachable.wait(READY_LIMIT_S)
+        if had_link:
+            self.await_link()
 
     def _load(self) -> None:
         known = signals(
@@ -127,7 +132,9 @@ class RapidController(Cabinet):
 
     def _watch(self) -> None:
         """What the bench shows of the program's own state."""
-        session, armed = self.memory["cell_session"], self.memory["cell_armed"]
+        session, armed = self.memory.find("cell_session"), self.memory.find("cell_armed")
+        if session is None or armed is None:
+            return  # another program than the shipped one
 
         def notice() -> None:
             self.session, self.armed = int(session.value), bool(armed.value)

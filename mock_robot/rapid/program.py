@@ -48,6 +48,10 @@ class Memory:
     def __getitem__(self, key: str) -> Persistent:
         return self._kept[key][1]
 
+    def find(self, key: str) -> Persistent | None:
+        """The PERS of that name, or None."""
+        return self._kept[key][1] if key in self._kept else None
+
     def preset(self, key: str, value: Any) -> None:
         """What an integrator writes into the module before it is loaded; the type comes from what is there."""
         kind, slot = self._kept[key]

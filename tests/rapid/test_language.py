@@ -172,7 +172,7 @@ def test_retry_does_it_again_four_times_at_most() -> None:
 
 
 def test_a_routine_without_a_handler_does_not_pass_its_error_on_the_program_stops() -> None:
-    with pytest.raises(ProgramStopped, match="ERR_DIVZERO.*silent has no ERROR handler") as stopped:
+    with pytest.raises(ProgramStopped, match=r"ERR_DIVZERO.*silent has no ERROR handler") as stopped:
         ran("Silent;", RAISER, "TRYNEXT;")
     assert stopped.value.code == 10020
     assert stopped.value.where == "TEST.mod:16"
@@ -210,6 +210,7 @@ def test_undo_runs_when_routines_are_dropped() -> None:
         ("UnpackRawBytes rb, 1, n \\IntX:=USINT;", "ERR_RAW_UNPACK"),
         ("PackRawBytes 1, rb, 1025 \\IntX:=USINT;", "ERR_RAW_PACK"),
         ("PackRawBytes 256, rb, 1 \\IntX:=USINT;", "ERR_ARGVALERR"),
+        ("WaitUntil n = 1 \\PollRate:=0.01;", "ERR_ARGVALERR"),
         ("PackRawBytes 1.5, rb, 1 \\IntX:=USINT;", "ERR_INT_NOTVAL"),
     ],
 )

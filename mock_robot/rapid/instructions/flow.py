@@ -11,9 +11,10 @@ from typing import Any
 from mock_robot.rapid.errors import CycleLeft, RapidError
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.values import single
 
 POLL_S = 0.1
-POLL_LEAST_S = 0.004
+POLL_LEAST_S = 0.04
 
 
 def exit_cycle(task: Task) -> None:
@@ -40,7 +41,9 @@ def wait_until(
     time_flag: Slot | None,
     poll_rate: float | None,
 ) -> None:
-    poll_s = max(POLL_LEAST_S, POLL_S if poll_rate is None else poll_rate)
+    poll_s = POLL_S if poll_rate is None else poll_rate
+    if poll_s < single(POLL_LEAST_S):
+        raise RapidError("ERR_ARGVALERR", f"\\PollRate is {POLL_LEAST_S} s at least")
     ends_s = None if max_time is None else monotonic() + max_time
     if time_flag is not None:
         time_flag.value = False
