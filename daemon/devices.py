@@ -6,6 +6,7 @@ from daemon.quiet import Quiet
 from daemon.settings import EgmSettings, Settings
 from drivers.catalogue import open_camera, open_robot, open_scanner
 from drivers.egm import EgmAddress, EgmMonitor
+from drivers.interfaces import Scanner
 from drivers.timing import Timing
 
 
@@ -16,7 +17,7 @@ def open_devices(settings: Settings, clock: Clock) -> Devices:
     return Devices(
         robot=open_robot(settings.robot.address, timing, stop_address=settings.robot.stop_address),
         camera=open_camera(settings.camera.address, timing, image_size=intrinsics.image_size if intrinsics else None),
-        scanner=open_scanner(settings.scanner.address, timing) if settings.scanner else None,
+        scanner=_scanner(settings, timing),
         quiet=_quiet(settings.robot.egm, timing) if settings.robot.egm else None,
     )
 
@@ -25,3 +26,9 @@ def _quiet(egm: EgmSettings, timing: Timing) -> Quiet:
     monitor = EgmMonitor(EgmAddress(egm.host, egm.port, egm.robot), timing)
     monitor.start()
     return Quiet(monitor, egm)
+
+
+def _scanner(settings: Settings, timing: Timing) -> Scanner | None:
+    if settings.scanner is None:
+        return None
+    return open_scanner(settings.scanner.address, timing, limit_s=settings.scanner.limit_s)

@@ -115,6 +115,7 @@ class ScannerSettings(Document):
 
     address: Annotated[str, _checked(check_scanner_address)]
     unit: Literal["mm", "m"] = "mm"
+    limit_s: Annotated[float, Field(gt=0, le=600)] = 60.0
     camera_T_scanner: PoseDocument | None = None
     poses: tuple[TaughtPose, ...] = ()
 

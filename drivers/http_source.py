@@ -76,11 +76,11 @@ class HttpSource:
         """Content from after `newer_than_s`; a server that is not there is tried again until the limit is over."""
         deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
         backoff = Backoff(self._timing.chance)
+        error: DeviceError | None = None
         while True:
             wait_s = ASK_AGAIN_S
-            error: DeviceError
             try:
-                fetched = await self._within_limit(deadline_s)
+                fetched = await self._within_limit(deadline_s, error or self._no_answer())
                 if fetched.taken_at_s > newer_than_s:
                     return fetched
                 late_s = newer_than_s - fetched.taken_at_s
@@ -92,7 +92,8 @@ class HttpSource:
                 raise error
             await self._timing.sleep(wait_s)
 
-    async def _within_limit(self, deadline_s: float) -> Fetched:
+    async def _within_limit(self, deadline_s: float, otherwise: DeviceError) -> Fetched:
+        """One answer; when the time is over first, `otherwise` is raised: what was wrong with the answer before."""
         asking = asyncio.ensure_future(self._ask())
         try:
             in_time = await self._timing.done_within(asking, max(0.0, deadline_s - self._timing.clock()))
@@ -100,7 +101,7 @@ class HttpSource:
             if not asking.done():
                 asking.cancel()
         if not in_time:
-            raise self._no_answer()
+            raise otherwise
         return asking.result()
 
     async def _ask(self) -> Fetched:

@@ -42,6 +42,7 @@ LOST = "link to the controller lost"
 CELL_PROGRAM = "check the cable and that the cell program runs"
 PROGRAM = "look at the controller's program"
 SOON_S, SILENT_S, STALLED_S, DEVICE_S = 1.0, 3.0, 6.0, 6.0
+"""A camera has 5 s for a picture; the scanner of this plant has as much for a cloud, unless the fault is lateness."""
 
 
 def _fails(fault: str, code: str, tells: str, fix: str, within_s: float = SOON_S, **changes: Any) -> Row:
@@ -109,10 +110,10 @@ ROWS = (
     _fails("camera-half-file", "garbled-answer", "not a whole picture", "whole PNG or JPEG"),
     _fails("camera-empty-file", "garbled-answer", "the answer is empty", "check the device and the URL"),
     _left_out("camera-target-hidden", "view 1"),
-    _goes_on("scanner-late", "nothing: a scanner may take 30 s", job="scan"),
+    _goes_on("scanner-late", "nothing, within `[scanner] limit_s`", job="scan"),
     _goes_on("scanner-away", "nothing: it is asked again", job="scan"),
     _fails("scanner-repeated", "same-again", "the same cloud again", "takes a new cloud for each request", job="scan"),
-    _fails("scanner-stale", "device-timeout", "older than asked for", "goes on", 32.0, job="scan"),
+    _fails("scanner-stale", "device-timeout", "older than asked for", "goes on", DEVICE_S, job="scan"),
     _fails("scanner-empty", "nothing-measured", "the cloud has no points", "within the scanner's range", job="scan"),
     _goes_on("scanner-nan", "nothing: points that are none are left out", job="scan"),
     _fails("scanner-half-file", "garbled-answer", "not a whole cloud file", "whole PLY or PCD", job="scan"),

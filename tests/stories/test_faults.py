@@ -26,7 +26,8 @@ def test_the_page_of_faults_is_this_table() -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.fault)
 async def test_what_a_fault_does(row: Row, tmp_path: Path) -> None:
-    async with plant(tmp_path, time_scale=40, truth=small_pictures(7), serial=row.serial) as story:
+    scanner = {"limit_s": 5 if row.within_s else 60}
+    async with plant(tmp_path, time_scale=40, truth=small_pictures(7), serial=row.serial, scanner=scanner) as story:
         ended = await _struck_by(row, story)
         _told_as_the_row_says(row, ended)
         await _verdict_as_the_row_says(row, ended, story)
