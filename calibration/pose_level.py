@@ -28,6 +28,9 @@ TAILS = (np.inf, 4.0)
 LEAST_AXIS_SPREAD = float(np.tan(np.radians(0.5)))
 """Of two turns whose axes are one degree apart; unlike the widest angle it is not fooled by small, noisy turns."""
 
+LARGEST_SCALE_DOUBT = 0.1
+"""One standard deviation, as a share of the scale; beyond it X's translation is a guess."""
+
 
 @dataclass(frozen=True, eq=False)
 class PoseSolution:
@@ -67,6 +70,7 @@ def solve_hand_eye_poses(
     if used.sum() >= FEWEST_VIEWS:
         drifting = fit_drift(pairs.take(used), likeliest.chain)
         likeliest = max(likeliest, drifting, key=lambda one: one.evidence(int(used.sum())))
+    _require_scale(pairs, likeliest)
     return PoseSolution(
         likeliest.chain.mount_T_camera,
         likeliest.chain.anchor_T_target,
@@ -83,6 +87,15 @@ def _likeliest(pairs: PosePairs) -> PoseFit:
     tails = TAILS if len(pairs) >= FEWEST_VIEWS else TAILS[:1]
     fitted = [fit_white(pairs, start, camera, t) for camera in CAMERAS for t in tails]
     return max(fitted, key=lambda one: one.evidence(len(pairs)))
+
+
+def _require_scale(pairs: PosePairs, fitted: PoseFit) -> None:
+    if not pairs.metric and not np.sqrt(fitted.covariance[12, 12]) < LARGEST_SCALE_DOUBT:
+        raise UndeterminedError(
+            "scale-undetermined",
+            "the camera hardly moves compared with its errors: how long its millimetres are is not determined",
+            "move the camera further between views, or use a target of known size",
+        )
 
 
 def _agreeing(pairs: PosePairs) -> NDArray[np.bool_]:

@@ -106,6 +106,14 @@ def test_an_unknown_scale_is_found_with_x(scale: float) -> None:
     assert np.linalg.norm(off[:3, 3]) < 0.5
 
 
+def test_a_camera_that_turns_on_the_spot_tells_no_scale() -> None:
+    rng = np.random.default_rng(5)
+    turns = transform(rotation_from_vector(0.4 * rng.standard_normal((15, 3))), np.zeros((15, 3)))
+    seen = seen_with(rng, turns, 1e-3, 0.3, 0.3)
+    with pytest.raises(UndeterminedError, match="how long its millimetres are"):
+        solve_hand_eye_poses("eye-in-hand", Y @ inverse(X @ turns), seen, metric=False)
+
+
 def test_a_camera_that_drifts_is_told_from_one_that_scatters() -> None:
     rng = np.random.default_rng(2)
     robot, seen = far_target(rng, 40)
