@@ -61,10 +61,7 @@ class Scans:
         """
         await self.workers.run(_remove_pieces, self.store.folder / "scans")
         for scan_id in await self.store.latest_scans_with_views(UPLOADS_AT_ONCE):
-            try:
-                await self._write_document(scan_id)
-            except StorageError as error:
-                log.error("scan %s: scan.json could not be brought up to date: %s", scan_id, error)
+            await self._tell_in_document(scan_id)
 
     async def create(self, name: str, refine: bool = False) -> ScanRecord:
         """An empty scan."""
@@ -91,7 +88,7 @@ class Scans:
             view = await self.store.add_scan_view(
                 scan_id, upload, upload.suffix, unit, base_T_flange, self.clock.timestamp()
             )
-        await self._write_document(scan_id)
+        await self._tell_in_document(scan_id)
         if scan.refine:
             await self._refine_again(scan_id)
         return view
@@ -171,6 +168,13 @@ class Scans:
         if self.scanner is None or self.scanner.camera_T_scanner is None:
             return flange_T_camera
         return flange_T_camera @ self.scanner.camera_T_scanner.transform()
+
+    async def _tell_in_document(self, scan_id: str) -> None:
+        """The views are stored; a disk that refuses scan.json must not make the caller send the last one again."""
+        try:
+            await self._write_document(scan_id)
+        except StorageError as error:
+            log.error("scan %s: scan.json could not be brought up to date: %s", scan_id, error)
 
     async def _write_document(self, scan_id: str) -> None:
         """scan.json, from the rows."""
