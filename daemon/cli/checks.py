@@ -55,12 +55,9 @@ def check_storage(settings: Settings) -> Result:
 
 async def check_devices(settings: Settings) -> list[Result]:
     """Every device, asked directly; or through a daemon that already runs with these settings and holds them."""
-    url = f"http://{settings.server.host}:{settings.server.port}"
-    try:
-        with DaemonClient(url, limit_s=CONNECT_LIMIT_S) as daemon:
-            return _through(daemon)
-    except CommandError:
-        pass  # no daemon runs: the devices are free
+    with DaemonClient(_url(settings), limit_s=CONNECT_LIMIT_S) as daemon:
+        if (software := _running(daemon)) is not None:
+            return _through(daemon, software)
     try:
         devices = open_devices(settings, Clock())
     except DeviceError as error:
@@ -78,10 +75,29 @@ async def check_devices(settings: Settings) -> list[Result]:
         await asyncio.gather(*(device.close() for device in opened))
 
 
-def _through(daemon: DaemonClient) -> list[Result]:
-    software = daemon.get("/health")["software"]
-    readiness = daemon.get("/calibrate")
+def _url(settings: Settings) -> str:
+    """Where a daemon with these settings would answer from here."""
+    server = settings.server
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(server.host, server.host)
+    scheme = "http" if server.certificate is None else "https"
+    return f"{scheme}://[{host}]:{server.port}" if ":" in host else f"{scheme}://{host}:{server.port}"
+
+
+def _running(daemon: DaemonClient) -> str | None:
+    """The version of the daemon that answers there; None: none does, and the devices are free."""
+    try:
+        version: str = daemon.get("/health")["software"]
+    except CommandError:
+        return None
+    return version
+
+
+def _through(daemon: DaemonClient, software: str) -> list[Result]:
     running = Result("daemon", True, f"{software} runs at {daemon.url} and holds the devices")
+    try:
+        readiness = daemon.get("/calibrate")
+    except CommandError as error:
+        return [running, Result("cell", False, error.what, f"{error.fix}; this command takes it from HANDEYED_KEY")]
     reasons = [Result("cell", False, reason, "put this right at the cell") for reason in readiness["reasons"]]
     return [running, *(reasons or [Result("cell", True, "ready to calibrate")])]
 

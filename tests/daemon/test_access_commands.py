@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from daemon.cli.checks import check_devices
 from daemon.cli.client import DaemonClient
 from daemon.cli.errors import CommandError
 from daemon.cli.main import app
@@ -110,3 +111,17 @@ async def test_commands_ask_with_the_key_of_the_environment(
 def asks(url: str) -> object:
     with DaemonClient(url) as daemon:
         return daemon.get("/runs")
+
+
+async def test_check_leaves_the_devices_to_a_running_daemon_though_it_has_no_key_for_it(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with serving(settings_for(tmp_path / "store")) as bench:
+        key = (await asyncio.to_thread(handeyed, "keys", "add", config, "Ann", "--role", "viewer")).stdout.strip()
+        port = bench.url.rpartition(":")[2]
+        settings = settings_for(tmp_path / "store", server={"port": int(port)})
+        without = await asyncio.to_thread(asyncio.run, check_devices(settings))
+        assert [(row.name, row.ok) for row in without] == [("daemon", True), ("cell", False)]
+        assert "HANDEYED_KEY" in without[1].fix
+        monkeypatch.setenv("HANDEYED_KEY", key)
+        assert all(row.ok for row in await asyncio.to_thread(asyncio.run, check_devices(settings)))
