@@ -84,8 +84,9 @@ class RapidController(Cabinet):
         """End every task, close everything."""
         with self._turn:
             for loaded in self._loaded:
-                loaded.task.end()
                 loaded.interrupts.end()
+            for loaded in self._loaded:
+                loaded.task.end()
             self._loaded.clear()
             self.devices.close()
 

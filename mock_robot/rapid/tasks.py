@@ -173,5 +173,6 @@ class Task:
                     self.running = False
                     self.owner.program_failed(self, stopped)
         finally:
-            for end in (self._ear, self._mouth):
+            ends, self._ear, self._mouth = (self._ear, self._mouth), -1, -1  # nobody rouses a stranger's file
+            for end in ends:
                 os.close(end)

@@ -7,9 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from mock_robot.rapid.configuration import task_plans
 from mock_robot.rapid.errors import RapidSyntaxError
+from mock_robot.rapid.headers import builtins
+from mock_robot.rapid.instructions.table import DOES
+from mock_robot.rapid.program import Memory, Program
 from mock_robot.rapid.rules import offences
 from mock_robot.rapid.syntax import parse_module
+from mock_robot.rapid.tasks import Task
+from tests.rapid.snippets import Nobody
 
 RAPID = Path(__file__).parents[2] / "deploy" / "rapid"
 MODULES = sorted(path for path in RAPID.iterdir() if path.suffix in (".mod", ".sys"))
@@ -35,6 +41,23 @@ def test_a_module_is_read_and_keeps_the_rules(path: Path) -> None:
     source = path.read_bytes()
     parse_module(source.decode("ascii"), path.name)
     assert offences(source) == []
+
+
+def test_every_name_type_and_argument_is_known_to_the_controller() -> None:
+    plans = task_plans(RAPID)
+    assert [(plan.name, plan.motion, len(plan.sources)) for plan in plans] == [
+        ("T_ROB1", True, 2),
+        ("T_COMM", False, 2),
+    ]
+    for plan in plans:
+        signals = dict.fromkeys(("cell_do_motors", "cell_do_estop", "cell_do_running", "cell_do_error"), object())
+        program = Program(Task(plan.name, Nobody(), plan.motion), Memory(), signals)
+        program.load(plan.sources)
+        assert callable(program.main())
+
+
+def test_every_header_has_an_instruction_and_every_instruction_a_header() -> None:
+    assert {builtin.name for builtin in builtins()} == set(DOES)
 
 
 @pytest.mark.parametrize(
