@@ -12,6 +12,7 @@ from protocols.cb.frames import (
     FramingBroken,
     GarbageSkipped,
 )
+from tests.cases import cases
 from tests.protocols.rows import ALL_ROWS, Row
 
 each_row = pytest.mark.parametrize("row", ALL_ROWS, ids=lambda row: row.name)
@@ -144,7 +145,7 @@ def test_half_a_frame_given_up_on_tcp_breaks_the_stream():
     assert reader.abandon_half_frame() == [FramingBroken("a frame stopped after 33 bytes")]
 
 
-@settings(max_examples=60)
+@settings(max_examples=cases(60), deadline=None)
 @given(st.lists(st.sampled_from(ALL_ROWS), min_size=1, max_size=6), st.data())
 def test_however_the_bytes_are_cut_the_same_frames_come(rows, data):
     stream = b"".join(row.encoded for row in rows)
@@ -158,7 +159,7 @@ def test_however_the_bytes_are_cut_the_same_frames_come(rows, data):
 dirt = st.one_of(st.binary(max_size=40), st.sampled_from(list(GARBAGE.values())))
 
 
-@settings(max_examples=100)
+@settings(max_examples=cases(100), deadline=None)
 @given(st.lists(st.tuples(dirt, st.sampled_from(ALL_ROWS)), min_size=1, max_size=5), st.integers(1, 50))
 def test_garbage_between_frames_never_loses_a_good_one(pairs, chunk):
     stream = b"".join(garbage + row.encoded for garbage, row in pairs)
@@ -171,7 +172,7 @@ def test_garbage_between_frames_never_loses_a_good_one(pairs, chunk):
     ]
 
 
-@settings(max_examples=100)
+@settings(max_examples=cases(100), deadline=None)
 @given(st.binary(max_size=300), st.booleans())
 def test_no_bytes_raise_anything(data, resynchronise):
     reader = FrameReader(resynchronise=resynchronise)

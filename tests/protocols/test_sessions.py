@@ -44,6 +44,7 @@ from protocols.cb.messages import (
     Welcome,
 )
 from protocols.cb.sequence import following, is_older
+from tests.cases import cases
 from tests.protocols.rows import FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS, Row
 
 HELLO = Hello(1, 1, 7)
@@ -399,7 +400,7 @@ messages = {type(row.message): row.message for row in REQUEST_ROWS}
 dirt = st.binary(max_size=12).filter(lambda b: b"\x43" not in b)
 
 
-@settings(max_examples=60)
+@settings(max_examples=cases(60), deadline=None)
 @given(conversations, st.integers(1, 90), st.data())
 def test_a_conversation_survives_cutting_and_dirt_on_a_serial_line(kinds, chunk, data):
     client, controller = greeted_pair(resynchronise=True)
@@ -416,7 +417,7 @@ def test_a_conversation_survives_cutting_and_dirt_on_a_serial_line(kinds, chunk,
         assert ReplyReceived(client.last_seq, message, ANSWER_OF[kind]) in events
 
 
-@settings(max_examples=100)
+@settings(max_examples=cases(100), deadline=None)
 @given(st.binary(max_size=200))
 def test_no_bytes_raise_anything_at_either_end(data):
     for resynchronise in (False, True):

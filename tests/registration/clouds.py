@@ -1,18 +1,10 @@
 """Clouds the tests of the room share."""
 
-import os
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from registration.layout import Layout, Records
-
-
-def cases(normal: int) -> int:
-    """How many cases a property is tried with; HANDEYED_CASES=100000 is the long run."""
-    return max(normal, int(os.environ.get("HANDEYED_CASES", "0")))
-
 
 BASE_T_CAMERA = transform(rotation_from_vector([0.1, 0.5, -0.3]), [100.0, -200.0, 300.0])
 

@@ -17,7 +17,8 @@ from registration.formats.las import SCALES
 from registration.layout import XYZ_FLOAT32, Records
 from registration.motion import Motion
 from registration.reading import open_cloud
-from tests.registration.clouds import BASE_T_CAMERA, cases, cloud, moved, xyz
+from tests.cases import cases
+from tests.registration.clouds import BASE_T_CAMERA, cloud, moved, xyz
 
 MOTION = Motion.of(BASE_T_CAMERA, "mm")
 

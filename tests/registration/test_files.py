@@ -25,7 +25,8 @@ from registration.layout import XYZ_FLOAT32, Layout, Records
 from registration.motion import Motion
 from registration.reading import open_cloud
 from registration.writing import new_cloud
-from tests.registration.clouds import BASE_T_CAMERA, RICH, cases, cloud, moved, xyz
+from tests.cases import cases
+from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 
 MOTION = Motion.of(BASE_T_CAMERA, "mm")
 PCL = Layout.of(
@@ -344,6 +345,25 @@ def test_a_file_that_shrinks_while_it_is_read_is_told(tmp_path: Path, monkeypatc
     with pytest.raises(CloudTruncated, match=r"in\.ply: point \d+: the file ends after \d+ of 50000 points"):
         move_file(tmp_path / "in.ply", tmp_path / "out.ply", MOTION)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.ply"]
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize(("suffix", "further"), [(".ply", {}), (".ply", {"write_ascii": True}), (".pcd", {}),
+                                                 (".pcd", {"compressed": True}), (".pcd", {"write_ascii": True})])  # fmt: skip
+def test_open3d_reads_ours_and_we_read_its(tmp_path: Path, suffix: str, further: dict[str, bool]) -> None:
+    open3d = pytest.importorskip(
+        "open3d", reason="Open3D is not installed: its files are not compared", exc_type=ImportError
+    )
+    records = cloud(RICH, 3000)
+    theirs = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(xyz(records)))
+    theirs.normals = open3d.utility.Vector3dVector(xyz(records, ("nx", "ny", "nz")))
+    assert open3d.io.write_point_cloud(str(tmp_path / f"theirs{suffix}"), theirs, **further)
+    np.testing.assert_allclose(xyz(read(tmp_path / f"theirs{suffix}")), xyz(records), rtol=0, atol=1e-3)
+    move_file(tmp_path / f"theirs{suffix}", tmp_path / f"ours{suffix}", MOTION)
+    again = open3d.io.read_point_cloud(str(tmp_path / f"ours{suffix}"))
+    np.testing.assert_allclose(np.asarray(again.points), moved(records), rtol=0, atol=5e-3)
+    turned = xyz(records, ("nx", "ny", "nz")) @ BASE_T_CAMERA[:3, :3].T
+    np.testing.assert_allclose(np.asarray(again.normals), turned, rtol=0, atol=1e-4)
 
 
 def test_plyfile_reads_ours_and_we_read_its(tmp_path: Path) -> None:

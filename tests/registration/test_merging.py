@@ -16,7 +16,8 @@ from registration.reading import open_cloud
 from registration.report import register_scan
 from registration.scan import read_scan
 from registration.voxel import VoxelGrid
-from tests.registration.clouds import RICH, cases, cloud, xyz
+from tests.cases import cases
+from tests.registration.clouds import RICH, cloud, xyz
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, poses, view_of, write_scan
 from tests.registration.test_scan import ticks
 

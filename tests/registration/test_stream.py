@@ -20,7 +20,8 @@ from registration.formats import pcd, ply
 from registration.formats.bodies import TextEncoder
 from registration.layout import XYZ_FLOAT32, XYZ_FLOAT64, Layout
 from registration.stream import CloudStream
-from tests.registration.clouds import BASE_T_CAMERA, RICH, cases, cloud, moved, xyz
+from tests.cases import cases
+from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 
 PLY, PCD, OCTETS = "application/x-ply", "application/x-pcd", "application/octet-stream"
 PADDED = Layout.of(np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("_3", "u1", (4,))]))
