@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.consistency.outliers import Selection
-from calibration.likelihood.doubt import CENTRE, Doubt, trend_basis
+from calibration.likelihood.doubt import CENTRE, NO_DOUBT, Doubt, trend_basis
 from calibration.likelihood.estimate import Estimate, linearise, measured
-from calibration.likelihood.mixed_model import MixedModel, covariance_of, solve, with_trend
+from calibration.likelihood.mixed_model import MixedModel, Variances, covariance_of, solve, with_trend
 from calibration.likelihood.noise_levels import averaged, log_restricted
 from calibration.likelihood.pixels import INTRINSICS
 from calibration.likelihood.variance_components import estimate_variances
@@ -58,21 +58,23 @@ def assumptions(prepared: Prepared, selection: Selection) -> Assumptions:
     return models
 
 
-def shared_errors(prepared: Prepared, selection: Selection, models: Assumptions) -> Doubt:
-    """Which of the two are there beyond doubt."""
+def shared_errors(prepared: Prepared, selection: Selection, models: Assumptions) -> tuple[Doubt, Variances]:
+    """Which of the two are there beyond doubt, and the noise levels that go with them."""
     best, n = selection.best, int(np.count_nonzero(selection.used))
+    neither = NO_DOUBT, best.variances
     if n < FEWEST_VIEWS:
-        return prepared.doubt
+        return neither
     worth = {what: model for what, model in models.items() if _worth_a_trial(what, model, models[NOTHING], best)}
     if len(worth) < 2:
-        return prepared.doubt
+        return neither
     if CENTRE_OFF in models and TREND in models:
         worth[BOTH] = _both(models)
-    scores = {what: _log_likelihood(model, best, n) for what, model in worth.items()}
-    centre, trend = max(scores, key=lambda what: scores[what])
-    if scores[centre, trend] - scores[NOTHING] < GAIN:
-        return prepared.doubt
-    return Doubt(prepared.camera if centre else None, trend)
+    levels = {what: _levels(model, best) for what, model in worth.items()}
+    scores = {what: _score(model, levels[what], n) for what, model in worth.items()}
+    centre, trend = likeliest = max(scores, key=lambda what: scores[what])
+    if scores[likeliest] - scores[NOTHING] < GAIN:
+        return neither
+    return Doubt(prepared.camera if centre else None, trend), levels[likeliest]
 
 
 def doubted(prepared: Prepared, doubt: Doubt) -> Prepared:
@@ -140,10 +142,14 @@ def _trend_shows(model: MixedModel, p: int, best: Estimate) -> bool:
     return above > WORTH_A_TRIAL_TREND * float(np.sqrt(2 * np.sum(correlation**2)))
 
 
-def _log_likelihood(model: MixedModel, best: Estimate, views: int) -> float:
-    """At its own noise levels; a trend's two more are paid for by Schwarz's criterion."""
-    if not model.trend:
-        return log_restricted(model, estimate_variances(model, best.variances))
-    levels = best.variances
-    first = replace(levels, trend_rotation=levels.rotation + 1e-12, trend_translation=levels.translation + 1e-6)
-    return log_restricted(model, estimate_variances(model, first)) - float(np.log(6 * views))
+def _levels(model: MixedModel, best: Estimate) -> Variances:
+    """The likeliest noise levels; a trend's are sought from those of each view alone."""
+    first = best.variances
+    if model.trend:
+        first = replace(first, trend_rotation=first.rotation + 1e-12, trend_translation=first.translation + 1e-6)
+    return estimate_variances(model, first)
+
+
+def _score(model: MixedModel, levels: Variances, views: int) -> float:
+    """The log-likelihood; a trend's two more levels are paid for by Schwarz's criterion."""
+    return log_restricted(model, levels) - (float(np.log(6 * views)) if model.trend else 0.0)

@@ -65,9 +65,10 @@ def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:
             prepared = with_real_target(replace(prepared, camera=selection.best.camera, scale=selection.best.scale))
             selection = _again(prepared, selection)
     models = assumptions(prepared, selection)
-    if doubt := shared_errors(prepared, selection, models):
+    doubt, levels = shared_errors(prepared, selection, models)
+    if doubt:
         prepared = doubted(prepared, doubt)
-        selection = _again(prepared, selection)
+        selection = select(prepared, selection.used, selection.best.chain, levels)
         models = assumptions(prepared, selection)
     return prepared, start, doubting_the_centre(prepared, selection, models)
 
