@@ -94,22 +94,12 @@ def sample_of(points_base_mm: Array, points_target_mm: Array, middle_mm: Array) 
     centres = []
     for seen in points_base_mm:
         mean = seen.mean(axis=0)
-        # Kabsch: the rotation nearest to what carries the target's points to those in base.
-        rotation, _ = nearest_rotation((seen - mean).T @ flat + _normal(seen - mean, flat))
+        # Kabsch: the rotation nearest to the product of both; for a flat target, too.
+        rotation, _ = nearest_rotation((seen - mean).T @ flat)
         centres.append(mean + rotation @ (middle_mm - points_target_mm.mean(axis=0)))
     spread = np.asarray(centres)
     scatter = float(np.sqrt(np.mean(np.var(spread, axis=0, ddof=1)))) if len(spread) > 1 else 0.0
     return Sample(spread.mean(axis=0), scatter, len(spread))
-
-
-def _normal(seen: Array, flat: Array) -> Array:
-    """What a flat target lacks in Kabsch's matrix: the product of the two planes' normals, turned the same way."""
-    u, s, vt = np.linalg.svd(seen.T @ flat)
-    if s[2] > 1e-9 * s[0]:
-        return np.zeros((3, 3))
-    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    product: Array = sign * s[1] * np.outer(u[:, 2], vt[2])
-    return product
 
 
 def chart(samples: Sequence[Sample], rules: DriftRules) -> list[Entry]:

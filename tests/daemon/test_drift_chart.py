@@ -47,7 +47,7 @@ def test_the_limit_is_what_the_average_does_by_chance() -> None:
 def test_a_step_does_not_hide_itself() -> None:
     """However large: the newest difference is not part of the noise it is judged by."""
     still = list(np.random.default_rng(1).normal(0, 0.03, 20))
-    entries = chart(at(*still, 50.0), DriftRules())
+    entries = chart(at(*still, 50.0), DriftRules(weight=0.1))
     assert entries[-2].standing is DriftStanding.STEADY
     assert entries[-1].standing is DriftStanding.DRIFTING
 

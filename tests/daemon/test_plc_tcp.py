@@ -12,7 +12,7 @@ import uvloop
 from pymodbus.client import AsyncModbusTcpClient
 
 from benchmarks.modbus import Tally, fuzz, served
-from daemon.plc.tcp import Limits
+from daemon.plc.tcp import Limits, ModbusTcp
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.plc.registers import BY_NAME
 from tests.drivers.waiting import eventually
@@ -145,6 +145,12 @@ async def test_a_silent_connection_is_closed_and_one_that_asks_is_not() -> None:
         await busy.answers(1)
 
 
+def answers_waiting_bytes(server: ModbusTcp) -> int:
+    """The most that is kept for a client."""
+    transports = [connection._transport for connection in server._connections]
+    return max(transport.get_write_buffer_size() for transport in transports if transport is not None)
+
+
 async def test_a_client_that_never_reads_is_not_kept_and_holds_up_nobody() -> None:
     async with served(Limits(3, idle_s=0.5)) as server, wire(server.port) as deaf, wire(server.port) as other:
         deaf.writer.transport.set_write_buffer_limits(high=1 << 26)
@@ -156,6 +162,7 @@ async def test_a_client_that_never_reads_is_not_kept_and_holds_up_nobody() -> No
             while server.connections > 1:
                 other.writer.write(Adu(2, 1, READ).encode())
                 await other.answers(1)
+                assert answers_waiting_bytes(server) < 500_000
                 await asyncio.sleep(0.02)
         deaf.writer.transport.abort()
 
