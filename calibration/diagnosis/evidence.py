@@ -20,13 +20,18 @@ SMALLEST_PIXEL = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """n views, called by their `indices` (n,). `covariance` (n, 6, 6) of exp(.) @ camera_T_target, [rad, mm]."""
+    """n views, called by their `indices` (n,). `covariance` (n, 6, 6) of exp(.) @ camera_T_target, [rad, mm].
+
+    `redundancy` (n,): how many pixel coordinates each view has beyond those its pose takes: its covariance is known so
+    well.
+    """
 
     setup: Setup
     indices: NDArray[np.intp]
     base_T_flange: Array
     camera_T_target: Array
     covariance: Array
+    redundancy: Array
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -39,6 +44,7 @@ class Evidence:
             self.base_T_flange[chosen],
             self.camera_T_target[chosen],
             self.covariance[chosen],
+            self.redundancy[chosen],
         )
 
     def with_robot_poses(self, base_T_flange: Array) -> "Evidence":
@@ -69,7 +75,8 @@ def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camer
     scaled = statistics.normal * scale[:, :, None] * scale[:, None, :] + 1e-12 * np.eye(6)
     covariance = pixel**2 * scale[:, :, None] * np.linalg.inv(scaled) * scale[:, None, :]
     indices = np.array([problem.views[position].index for position in seen.positions], np.intp)
-    return Evidence(problem.setup, indices, seen.base_T_flange, camera_T_target, covariance)
+    redundancy = np.maximum(statistics.count - 6.0, 1.0)
+    return Evidence(problem.setup, indices, seen.base_T_flange, camera_T_target, covariance, redundancy)
 
 
 def pixel_deviation(statistics: PixelStatistics) -> float:

@@ -7,10 +7,11 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import CHANCE, FEWEST_VIEWS, MOST_VIEWS, diagnose, evenly
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
-from calibration.diagnosis.findings import findings_of, lens_findings
+from calibration.diagnosis.findings import compared, findings_of, lens_findings
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.gate import suspicious
 from calibration.diagnosis.lens import LensMisfit, lens_misfit
+from calibration.diagnosis.target import target_findings
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.estimate import estimate_camera
 from calibration.likelihood.pixels import pixel_statistics
@@ -24,12 +25,8 @@ from calibration.view_poses import candidate_poses, refined_poses
 LARGEST_NUMBER = 1e9
 """mm: a pose further away is no pose, and says nothing about the others."""
 
-REPEATABLE_MM, REPEATABLE_RAD = 0.01, float(np.radians(0.001))
-"""No robot repeats its poses better: what disagrees by less, all views together, is the images' affair and nobody's
-fault."""
-
 SAID_ALREADY = {"wrong-pitch": "target-scale", "board-turned": "board-turned"}
-"""Causes that a solver's own finding tells as well."""
+"""Causes that a solver's own finding tells as well; what the diagnosis measured is added to it."""
 
 
 def explained(problem: Problem, solution: Solution, prepared: Prepared | None = None) -> Solution:
@@ -39,8 +36,15 @@ def explained(problem: Problem, solution: Solution, prepared: Prepared | None = 
     """
     found = _refused(problem) if prepared is None else _solved(problem, solution, prepared)
     known = {finding.code for finding in solution.findings}
-    added = tuple(finding for finding in found if SAID_ALREADY.get(finding.code) not in known)
-    return replace(solution, findings=(*solution.findings, *added)) if added else solution
+    more = {
+        SAID_ALREADY[finding.code]: compared(finding) for finding in found if SAID_ALREADY.get(finding.code) in known
+    }
+    told = (
+        replace(finding, message=f"{finding.message}. {more[finding.code]}") if finding.code in more else finding
+        for finding in solution.findings
+    )
+    added = (finding for finding in found if SAID_ALREADY.get(finding.code) not in known)
+    return replace(solution, findings=(*told, *added)) if found else solution
 
 
 def _solved(problem: Problem, solution: Solution, prepared: Prepared) -> tuple[Finding, ...]:
@@ -70,14 +74,13 @@ def _lens_misfit(prepared: Prepared, poses: Array) -> LensMisfit | None:
 
 
 def _refused(problem: Problem) -> tuple[Finding, ...]:
-    """Motions that determine nothing may be motions in another unit or convention."""
+    """Motions that determine nothing may be motions in another unit or convention, or the target be another one."""
     seen, _ = observe(problem)
-    if len(seen) < FEWEST_VIEWS:
-        return ()
-    seen = seen.take(evenly(len(seen), MOST_VIEWS))
     camera = problem.camera or _estimated(problem)
-    if camera is None:
-        return ()
+    another_target = tuple(target_findings(problem, camera))
+    if another_target or camera is None or len(seen) < FEWEST_VIEWS:
+        return another_target
+    seen = seen.take(evenly(len(seen), MOST_VIEWS))
     return _diagnosed(problem, evidence_of(problem, seen, camera, candidate_poses(seen, camera)[0][:, 0]), set())
 
 
@@ -95,9 +98,6 @@ def _diagnosed(problem: Problem, evidence: Evidence, used: set[int]) -> tuple[Fi
     if len(evidence) < FEWEST_VIEWS or not suspicious(evidence, fit(evidence)):
         return ()
     diagnosis = diagnose(evidence, problem.target.points_mm.mean(axis=0))
-    every = float(np.sqrt(len(evidence)))
-    if diagnosis is None or (
-        every * diagnosis.before_mm < REPEATABLE_MM and every * diagnosis.before_rad < REPEATABLE_RAD
-    ):
+    if diagnosis is None:
         return ()
     return findings_of(diagnosis, used)

@@ -12,6 +12,7 @@ from calibration.diagnosis.views import CHANGE_CODES
 from calibration.solution import Finding, Severity
 from calibration.transforms import Array, difference
 
+DISAGREE = "Robot and images disagree"
 WHOLE_SESSION = frozenset({*(convention.code for convention in CONVENTIONS), "poses-off-by-one"})
 """Causes under which no view may be used as it came."""
 
@@ -29,13 +30,18 @@ def findings_of(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Fin
     """The diagnosis as a finding; `used`: indices of the views that the solution rests on."""
     cause = diagnosis.cause
     message = (
-        f"{cause.message}. Robot and images disagree by {_size(diagnosis.before_mm, diagnosis.before_rad)}"
+        f"{cause.message}. {DISAGREE} by {_size(diagnosis.before_mm, diagnosis.before_rad)}"
         f" as they came, by {_size(diagnosis.after_mm, diagnosis.after_rad)} with this explanation"
     )
     other = diagnosis.runner_up
     if other is not None and diagnosis.runner_up_gain > diagnosis.gain - GAIN:
         message += f". Nearly as likely: {other.message}"
     return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix),)
+
+
+def compared(finding: Finding) -> str:
+    """What a diagnosis says of the session without and with its explanation."""
+    return DISAGREE + finding.message.partition(DISAGREE)[2]
 
 
 def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:

@@ -23,8 +23,8 @@ WORST = -1e15
 SETTLED = 1e-2
 """A change of the log-likelihood that decides nothing."""
 
-SMALLEST_VARIANCE = np.array([1e-7**2, 1e-4**2])
-"""rad², mm²: below what any controller prints."""
+SMALLEST_VARIANCE = np.square([float(np.radians(0.001)), 0.01])
+"""rad², mm²: no robot repeats its poses better. What disagrees by less is the images' affair, and nobody's fault."""
 
 LARGEST_VARIANCE = np.array([1.0**2, 1e5**2])
 """rad², mm²: beyond any robot; a wrong assumption needs no better number."""
@@ -44,7 +44,7 @@ class Fit:
     """`mount_T_camera` (g, 4, 4) and `anchor_T_target` (h, 4, 4), one a label; robot variances (2,) in rad² and mm².
 
     Residuals (n, 6) with their covariance (n, 6, 6), derivatives by the shared unknowns (n, 6, p) and by the robot's
-    error (n, 6, 6).
+    error (n, 6, 6). `redundancy` (n,): see `Evidence`.
     """
 
     mount_T_camera: Array
@@ -54,6 +54,7 @@ class Fit:
     covariance: Array
     by_shared: Array
     by_robot: Array
+    redundancy: Array
     log_likelihood: float
 
     @property
@@ -136,6 +137,7 @@ def fits(
             covariance[t],
             linear.by_shared[t],
             linear.by_robot[t],
+            evidences[t].redundancy,
             float(value[t]),
         )
         for t in range(len(evidences))
@@ -154,7 +156,7 @@ def applied(evidence: Evidence, fitted: Fit) -> Fit:
     linear = _linearised(stack, fitted.mount_T_camera[None, :1], fitted.anchor_T_target[None, :1])
     covariance = _covariance(stack.covariance, linear.by_robot, fitted.variances[None])[0]
     seen = replace(fitted, residuals=linear.residuals[0], covariance=covariance)
-    return replace(seen, by_shared=linear.by_shared[0], by_robot=linear.by_robot[0])
+    return replace(seen, by_shared=linear.by_shared[0], by_robot=linear.by_robot[0], redundancy=evidence.redundancy)
 
 
 def residuals_of(evidence: Evidence, fitted: Fit) -> tuple[Array, Array]:

@@ -73,8 +73,7 @@ FIX = "read that pose on the controller again; if it is right, the arm had not s
 
 def _rest(view: Evidence, fitted: Fit, n: int) -> Rest:
     background = Background.of(fitted)
-    seen = applied(view, background.fitted)
-    outsider = background.of_outsider(seen.residuals[0], seen.covariance[0], seen.by_shared[0], seen.by_robot[0])
+    outsider = background.of_outsider(applied(view, background.fitted))
     return Rest(view, fitted, outsider, outsider.off(), n)
 
 

@@ -65,23 +65,23 @@ class Background:
         lever = self.shared @ by_unknowns.T
         return self._test(value, by_unknowns @ lever, lever, None)
 
-    def of_outsider(self, residual: Array, covariance: Array, by_shared: Array, by_robot: Array) -> "Outsider":
-        """A view that took no part in the fit: its residual (6,), covariance (6, 6), derivatives (6, p) and (6, 6)."""
-        lever = self.shared @ by_shared.T
-        return Outsider(self, residual, covariance + by_shared @ lever, lever, by_robot)
+    def of_outsider(self, seen: Fit) -> "Outsider":
+        """A view that took no part in the fit, as `fit.applied` sees it."""
+        lever = self.shared @ seen.by_shared[0].T
+        return Outsider(self, seen, seen.covariance[0] + seen.by_shared[0] @ lever, lever)
 
-    def _test(self, value: Array, variance: Array, lever: Array, by_robot: Array | None) -> Test:
+    def _test(self, value: Array, variance: Array, lever: Array, outsider: Fit | None) -> Test:
         direction = _solved(variance, value)
         square = max(float(value @ direction), 0.0)
-        return Test(square, len(value), self.degrees(direction, square, lever, by_robot))
+        return Test(square, len(value), self.degrees(direction, square, lever, outsider))
 
-    def degrees(self, direction: Array, square: float, lever: Array, by_robot: Array | None) -> float:
-        """nu of `square`, the variance of direction' d; by how much it follows each level decides."""
-        spread = (self.weighted @ (lever @ direction))[..., None]
-        by_level = _by_level(np.swapaxes(self.fitted.by_robot, 1, 2) @ spread).sum(axis=0)
-        if by_robot is not None:
-            by_level = by_level + _by_level(by_robot.T @ direction[:, None])
-        doubt = float(by_level @ self.levels @ by_level)
+    def degrees(self, direction: Array, square: float, lever: Array, outsider: Fit | None) -> float:
+        """nu of `square`, the variance of direction' d; by how much it follows each level, and each view's pixels."""
+        by_level, doubt = _doubt(self.fitted, self.weighted @ (lever @ direction))
+        if outsider is not None:
+            its_own, its_doubt = _doubt(outsider, direction[None])
+            by_level, doubt = by_level + its_own, doubt + its_doubt
+        doubt += float(by_level @ self.levels @ by_level)
         return float(np.clip(2 * square**2 / max(doubt, 1e-300), FEWEST_DEGREES, MOST_DEGREES))
 
 
@@ -90,26 +90,30 @@ class Outsider:
     """A view against all others: is it off at all, or along one direction?"""
 
     background: Background
-    residual: Array
+    seen: Fit
     variance: Array
     lever: Array
-    by_robot: Array
 
     def off(self) -> Test:
         """In any way."""
-        return self.background._test(self.residual, self.variance, self.lever, self.by_robot)
+        return self.background._test(self._residual, self.variance, self.lever, self.seen)
 
     def off_along(self, slope: Array) -> Test:
         """By some multiple of `slope` (6,)."""
         direction = _solved(self.variance, slope)
         own = max(float(slope @ direction), SMALLEST_INFORMATION)
-        square = float(direction @ self.residual) ** 2 / own
-        return Test(square, 1, self.background.degrees(direction, own, self.lever, self.by_robot))
+        square = float(direction @ self._residual) ** 2 / own
+        return Test(square, 1, self.background.degrees(direction, own, self.lever, self.seen))
+
+    @property
+    def _residual(self) -> Array:
+        residual: Array = self.seen.residuals[0]
+        return residual
 
     def fitting(self, slope: Array) -> float:
         """The multiple of `slope` (6,) that, added, leaves least."""
         direction = _solved(self.variance, slope)
-        return -float(direction @ self.residual) / max(float(slope @ direction), SMALLEST_INFORMATION)
+        return -float(direction @ self._residual) / max(float(slope @ direction), SMALLEST_INFORMATION)
 
     def left_by(self, residuals: Array) -> Array:
         """Squared distance (k,) of other residuals (k, 6) that the view could have."""
@@ -129,10 +133,14 @@ def _with_both_levels(fitted: Fit) -> Fit:
     return replace(fitted, covariance=fitted.covariance + spread @ np.swapaxes(fitted.by_robot, 1, 2), variances=levels)
 
 
-def _by_level(spread: Array) -> Array:
-    """Squares (..., 6, 1) summed over rotation and translation (..., 2)."""
-    squares: Array = (spread[..., 0] ** 2).reshape(*spread.shape[:-2], 2, 3).sum(axis=-1)
-    return squares
+def _doubt(fitted: Fit, spread: Array) -> tuple[Array, float]:
+    """Of the variance of sum spread' residuals, `spread` (n, 6): its derivatives (2,) by the robot's levels, and how
+    uncertain it is because each view's pixel noise is known from that view's few pixels only."""
+    by_robot = (np.swapaxes(fitted.by_robot, 1, 2) @ spread[..., None])[..., 0]
+    by_level = (by_robot**2).reshape(-1, 2, 3).sum(axis=-1)
+    whole = np.einsum("ni,nij,nj->n", spread, fitted.covariance, spread)
+    by_pixels: Array = np.maximum(whole - by_level @ fitted.variances, 0.0)
+    return by_level.sum(axis=0), float(np.sum(2 * by_pixels**2 / fitted.redundancy))
 
 
 def _solved(matrix: Array, right_hand: Array) -> Array:

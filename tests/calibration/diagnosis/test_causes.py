@@ -13,14 +13,18 @@ from benchmarks.diagnosis_faults import (
     distortion_wrong,
     focal_wrong,
     in_convention,
+    mistyped,
+    moved,
     other_tool,
     poses_of,
+    scaled_target,
     simulated_session,
     with_poses,
 )
 from calibration.problem import Problem, Setup
 from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
+from calibration.targets import Charuco
 from calibration.verdict import judge
 
 
@@ -109,12 +113,33 @@ def test_a_fault_half_again_as_large_as_an_oracle_needs_is_named(kind: str) -> N
     assert all(word in found.message for word in fault.says), found.message
 
 
-def test_disagreement_is_told_before_and_after() -> None:
-    fault = in_convention("poses-inverted")(session(9), np.random.default_rng(0))
+BEFORE_AND_AFTER = {
+    **{name: put for name, put in GROSS.items() if name != "board turned in one view"},
+    "one number": lambda p, r: mistyped(p, r).at(15.0),
+    "board or camera moved": lambda p, r: moved(p, r, "base").at(15.0),
+    "pitch": lambda p, r: scaled_target(p, r).at(0.05),
+}
+"""Causes that the diagnosis tells. A board read the wrong way round is read again before anything is estimated."""
+
+
+@pytest.mark.parametrize("kind", BEFORE_AND_AFTER)
+def test_every_cause_tells_the_disagreement_before_and_after(kind: str) -> None:
+    fault = BEFORE_AND_AFTER[kind](session(9), np.random.default_rng(0))
     message = finding(fault.problem, fault.codes).message
     before, after = message.split("Robot and images disagree by ")[1].split(" as they came, by ")
-    assert float(before.split(" mm")[0]) > 50
+    assert float(before.split(" mm")[0]) > 1.0
     assert float(after.split(" mm")[0]) < 0.5
+
+
+@pytest.mark.parametrize(("columns", "rows", "says"), [(11, 9, "points that it does not have"), (13, 9, "do not lie")])
+def test_a_board_of_another_size_is_told(columns: int, rows: int, says: str) -> None:
+    clean = session(12)
+    other = replace(clean, target=Charuco(columns, rows, 20.0, 15.0, "DICT_5X5_100"))
+    verdict = judge(other, solve_hand_eye(other))
+    assert not verdict.accepted
+    (found,) = (found for found in verdict.findings if found.code == "target-not-as-described")
+    assert says in found.message
+    assert "compare the target's description with the target" in found.fix
 
 
 @pytest.mark.parametrize("setup", SETUPS)
