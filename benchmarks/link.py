@@ -1,0 +1,265 @@
+"""The CB link at the shipped RAPID, over real sockets: `python -m benchmarks.link [--schedules N] [--reads S] ...`.
+
+Schedules: one move each, with one to three faults of the table at random. Told is every move that was commanded more
+than once, and every arm that moved, or stayed armed, after the driver had reported an error. Reads: poses at 250 a
+second while a cloud of ten million points passes through the same process. Reconnects: a greeting and a BYE each, with
+what they leave behind.
+"""
+
+import argparse
+import asyncio
+import gc
+import json
+import os
+import sys
+import threading
+import time
+from asyncio.subprocess import PIPE
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+
+import numpy as np
+
+from calibration.arms import IRB_1600_6_145 as ARM
+from drivers.errors import DeviceError
+from drivers.interfaces import Configuration, MoveGoal
+from drivers.robots.cb_robot import CbRobot
+from drivers.robots.tcp import TcpTransport
+from mock_robot.cell import MockCell, Ports
+from mock_robot.fault_table import FAULTS
+from mock_robot.truth import CellTruth
+from registration.stream import CloudStream
+
+STRIKES = tuple(name for name, fault in FAULTS.items() if fault.area in ("link", "robot"))
+CELLS = 6
+TIME_SCALE = 30.0
+READS_A_SECOND = 250
+POINTS = 10_000_000
+SETTLED_S = 12.0
+
+
+@dataclass
+class Tally:
+    """What came of the schedules."""
+
+    schedules: int = 0
+    arrived: int = 0
+    errors: Counter[str] = field(default_factory=Counter)
+    twice: list[str] = field(default_factory=list)
+    moved_afterwards: list[str] = field(default_factory=list)
+    stayed_armed: list[str] = field(default_factory=list)
+
+
+async def schedules(count: int, seed: int) -> Tally:
+    """Several cells side by side: most of a schedule is waiting for a silence to end."""
+    tally = Tally()
+    numbers = iter(range(count))
+
+    async def work() -> None:
+        cell = MockCell(CellTruth.from_seed(7), time_scale=TIME_SCALE, program="rapid")
+        try:
+            wire = await cell.start(Ports(devices=None))
+            assert wire.robot_port is not None
+            for number in numbers:
+                await _schedule(cell, wire.robot_port, Random(f"{seed} {number}"), tally)
+        finally:
+            await cell.close()
+
+    await asyncio.gather(*(work() for _ in range(min(CELLS, count))))
+    return tally
+
+
+async def _schedule(cell: MockCell, port: int, random: Random, tally: Tally) -> None:
+    """One move under one to three faults; then everything is put right, and nothing may have moved again."""
+    faults = random.sample(STRIKES, random.randint(1, 3))
+    told = " + ".join(faults)
+    robot = CbRobot(TcpTransport("127.0.0.1", port))
+    robot.start()
+    try:
+        await _armed(robot)
+        before = cell.controller.moves_accepted
+        for fault in faults:
+            cell.breaks(fault, after_moves=random.randint(0, 1))
+        failed = await _moved(robot, _somewhere(cell, random), tally)
+        await _comes_to_rest(cell)
+        commanded = cell.controller.moves_accepted
+        if commanded > before + 1:
+            tally.twice.append(told)
+        cell.mends()
+        cell.controller.put_right(cell.clock())
+        cell.nudge()
+        if failed:
+            await _stays_at_rest(cell, robot, commanded, told, tally)
+    finally:
+        tally.schedules += 1
+        await robot.close()
+
+
+async def _armed(robot: CbRobot) -> None:
+    """As an operator would: again, when what was before is still ending."""
+    for _ in range(20):
+        try:
+            await robot.connected(30.0)
+            await robot.set_armed(True)
+        except DeviceError:
+            await asyncio.sleep(0.2)
+        else:
+            return
+    raise TimeoutError("the arm cannot be armed")
+
+
+async def _moved(robot: CbRobot, goal: MoveGoal, tally: Tally) -> bool:
+    try:
+        await robot.move_to(goal)
+    except DeviceError as error:
+        tally.errors[error.code] += 1
+        return True
+    tally.arrived += 1
+    return False
+
+
+async def _comes_to_rest(cell: MockCell) -> None:
+    """The controller stops and disarms by itself after two seconds of silence."""
+    ends_s = time.monotonic() + SETTLED_S
+    while cell.flange_now().moving and time.monotonic() < ends_s:  # noqa: ASYNC110 - it happens in arm time
+        await asyncio.sleep(0.02)
+
+
+async def _stays_at_rest(cell: MockCell, robot: CbRobot, commanded: int, told: str, tally: Tally) -> None:
+    await robot.connected(30.0)
+    await asyncio.sleep(0.3)
+    if cell.controller.moves_accepted != commanded or cell.flange_now().moving:
+        tally.moved_afterwards.append(told)
+
+
+def _somewhere(cell: MockCell, random: Random) -> MoveGoal:
+    joints_rad = np.radians([random.uniform(-25, 25), *(random.uniform(-12, 12) for _ in range(3)), 40, 0])
+    pose = ARM.forward(joints_rad)
+    return MoveGoal(pose, Configuration(*ARM.configuration(joints_rad)), speed_mm_s=250.0)
+
+
+@asynccontextmanager
+async def cell_process(program: str) -> AsyncIterator[int]:
+    """A mock cell in a process of its own, as a controller is; the port of its robot."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "mock_robot", "run", "--with-parent", "--robot-only", "--controller", program,
+        stdin=PIPE, stdout=PIPE,
+    )  # fmt: skip
+    assert process.stdout is not None
+    try:
+        yield int(json.loads(await process.stdout.readline())["robot"]["port"])
+    finally:
+        process.terminate()
+        await process.wait()
+
+
+async def reads(seconds: float, program: str) -> list[float]:
+    """The time of each of 250 reads a second, in ms, while clouds pass through another thread of this process."""
+    over = threading.Event()
+    clouds = threading.Thread(target=_register_until, args=(over,))
+    async with cell_process(program) as port:
+        robot = CbRobot(TcpTransport("127.0.0.1", port))
+        robot.start()
+        await robot.connected(10.0)
+        clouds.start()
+        try:
+            taken_ms, took_s = await _read_for(robot, seconds)
+        finally:
+            over.set()
+            clouds.join()
+            await robot.close()
+    print(f"reads ({program}): {len(taken_ms)} poses in {took_s:.1f} s, none lost", flush=True)
+    return taken_ms
+
+
+async def _read_for(robot: CbRobot, seconds: float) -> tuple[list[float], float]:
+    taken_ms: list[float] = []
+    began_s = time.monotonic()
+    while (due_s := began_s + len(taken_ms) / READS_A_SECOND) < began_s + seconds:
+        await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+        asked_s = time.monotonic()
+        await robot.read_pose()
+        taken_ms.append(1e3 * (time.monotonic() - asked_s))
+    return taken_ms, time.monotonic() - began_s
+
+
+def _register_until(over: threading.Event) -> None:
+    piece = np.zeros((100_000, 3), np.float32).tobytes()
+    while not over.is_set():
+        stream = CloudStream("application/octet-stream", np.eye(4), "mm")
+        for _ in range(POINTS // 100_000):
+            for _part in stream.parts(piece):
+                pass
+            if over.is_set():
+                return
+        stream.finish()
+
+
+async def reconnects(count: int) -> str:
+    """Greetings and farewells; descriptors and resident memory before and after."""
+    cell = MockCell(CellTruth.from_seed(7), program="rapid")
+    try:
+        wire = await cell.start(Ports(devices=None))
+        assert wire.robot_port is not None
+        await _connect(wire.robot_port, count // 10)  # caches and arenas are filled
+        before = _left()
+        await _connect(wire.robot_port, count)
+        after = _left()
+    finally:
+        await cell.close()
+    return (
+        f"reconnects: {count}; descriptors {before[0]} before, {after[0]} after; "
+        f"memory {before[1]:.1f} MB before, {after[1]:.1f} MB after"
+    )
+
+
+async def _connect(port: int, count: int) -> None:
+    for _ in range(count):
+        robot = CbRobot(TcpTransport("127.0.0.1", port))
+        robot.start()
+        await robot.connected(30.0)
+        await robot.close()
+
+
+def _left() -> tuple[int, float]:
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return len(os.listdir("/proc/self/fd")), pages * os.sysconf("SC_PAGE_SIZE") / 1e6  # noqa: PTH208
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="benchmarks.link", description=__doc__.splitlines()[0])
+    parser.add_argument("--schedules", type=int, default=60, help="random fault schedules (1000 for the long run)")
+    parser.add_argument(
+        "--reads", type=float, default=5.0, metavar="S", help="seconds of reading (60 for the long run)"
+    )
+    parser.add_argument("--reconnects", type=int, default=300, help="connections (10000 for the long run)")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    failed = False
+    if options.schedules:
+        tally = asyncio.run(schedules(options.schedules, options.seed))
+        ends = ", ".join(f"{count} {code}" for code, count in tally.errors.most_common())
+        print(f"schedules: {tally.schedules}; {tally.arrived} arrived, {ends}")
+        for what, found in (
+            ("commanded more than once", tally.twice),
+            ("moved after an error", tally.moved_afterwards),
+        ):
+            print(f"  {what}: {len(found)} {found[:3] or ''}", flush=True)
+            failed |= bool(found)
+    if options.reads:
+        for program in ("rapid", "python"):
+            taken_ms = np.array(asyncio.run(reads(options.reads, program)))
+            told = ", ".join(f"{share:g} % under {np.percentile(taken_ms, share):.1f} ms" for share in (50, 99, 99.9))
+            print(f"  {told}", flush=True)
+    if options.reconnects:
+        print(asyncio.run(reconnects(options.reconnects)))
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
