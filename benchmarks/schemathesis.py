@@ -74,7 +74,8 @@ def one_round(
         str(Path(sys.executable).with_name("schemathesis")), "--config-file", str(config), "run", str(OPENAPI),
         "--url", url, "--header", f"Authorization: Bearer {key}", "--checks", "all", "--phases", phases,
         "--max-examples", str(examples), "--seed", str(seed), "--continue-on-failure", "--warnings", "off",
-        "--suppress-health-check", "all", "--request-timeout", "60",
+        "--suppress-health-check", "all", "--request-timeout", "120",
+        "--max-response-time", "120",  # `wait` is asked for, and a run takes as long as it takes
         "--report", "ndjson", "--report-ndjson-path", str(report), *more,
     ]  # fmt: skip
     process = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)

@@ -7,6 +7,7 @@ did nothing is not remembered: the same request may be sent again when what it t
 import hashlib
 import json
 import logging
+import re
 from dataclasses import replace
 from urllib.parse import parse_qsl, urlencode
 
@@ -26,6 +27,7 @@ log = logging.getLogger(__name__)
 
 HEADER = b"idempotency-key"
 KEY_LIMIT = 255
+KEY = re.compile(rf'([!#-~]{{1,{KEY_LIMIT}}}|"[!#-~]{{1,{KEY_LIMIT}}}")')
 REPLAYED = "Idempotency-Replayed"
 KEPT_HEADERS = frozenset({"content-type", "location", "etag", "link", "vary", "handeyed-calibration", "handeyed-pose"})
 STREAMED_PATHS = ("/register",)
@@ -178,13 +180,11 @@ class _Reply:
 
 def key_of(given: list[bytes]) -> str:
     """The header's value, with or without the quotes of a structured field. Raises RequestRefused."""
-    key = given[0].decode("latin-1").strip()
-    if len(key) >= 2 and key.startswith('"') and key.endswith('"'):
-        key = key[1:-1]
-    if len(given) != 1 or not 1 <= len(key) <= KEY_LIMIT or not (key.isascii() and key.isprintable()):
+    key = KEY.fullmatch(given[0].decode("latin-1"))
+    if len(given) != 1 or key is None:
         fix = f"send one, of 1 to {KEY_LIMIT} visible ASCII characters, such as a UUID"
         raise RequestRefused([DocumentProblem("header.Idempotency-Key", "not one usable key", fix)])
-    return key
+    return key[1].strip('"')
 
 
 def head_of(scope: Scope) -> str:

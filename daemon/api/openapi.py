@@ -10,6 +10,7 @@ from pydantic.json_schema import models_json_schema
 from daemon.access.policy import role_needed
 from daemon.access.roles import Role
 from daemon.api.documents import Answer
+from daemon.api.idempotency import KEY, KEY_LIMIT
 from daemon.api.problem_examples import example_of
 from daemon.api.problems import MEDIA_TYPE, Problem
 from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, SetupRequest, VerifyRequest
@@ -31,10 +32,10 @@ IDEMPOTENCY_KEY: dict[str, Any] = {
     "required": False,
     "description": "A name for this request, such as a UUID. Sent again with the same name and body it is answered as"
     " the first time and nothing is done twice; with another body: 422; while the first is in progress: 409.",
-    "schema": {"type": "string", "minLength": 1, "maxLength": 255, "pattern": "^[!#-~]{1,255}$"},
+    "schema": {"type": "string", "minLength": 1, "maxLength": KEY_LIMIT + 2, "pattern": f"^(?:{KEY.pattern})$"},
     "example": "8e03978e-40d5-43dd-bc93-6894a57f9324",
 }
-"""Quotes, as of a structured field, are taken too; the schema describes what is simplest to send."""
+"""With or without the quotes of a structured field."""
 
 EVERY_REQUEST = (421,)
 EVERY_POST = (403, 409, 413, 507)

@@ -17,7 +17,7 @@ from tests.daemon.test_register import PLY, cloud, with_a_calibration
 from tests.daemon.test_scans import POSES
 
 KEY = {"idempotency-key": "8e03978e-40d5-43dd-bc93-6894a57f9324"}
-OTHER = {"idempotency-key": '"another key, in quotes"'}
+OTHER = {"idempotency-key": '"another-key-in-quotes"'}
 
 
 def replayed(answer: httpx.Response) -> bool:
@@ -77,11 +77,18 @@ async def test_a_refusal_that_did_nothing_is_not_remembered(tmp_path: Path) -> N
 
 async def test_a_key_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        for key in ("", '""', "x" * 256, "käse", "tab\there"):
+        for key in ("", '""', '"open', "in the middle", "x" * 256, "käse", "tab\there"):
             answer = await bench.client.post("/calibrate", headers=httpx.Headers([(b"idempotency-key", key.encode())]))
             assert (answer.status_code, answer.json()["code"]) == (422, "request-refused")
             assert answer.json()["problems"][0]["place"] == "header.Idempotency-Key"
         assert not bench.robot.goals
+
+
+async def test_quotes_are_not_part_of_a_key(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        plain = await bench.client.post("/scans", headers={"idempotency-key": "k"})
+        quoted = await bench.client.post("/scans", headers={"idempotency-key": '"k"'})
+        assert quoted.json() == plain.json()
 
 
 async def test_two_keys_in_one_request_are_refused(tmp_path: Path) -> None:
