@@ -325,10 +325,13 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="handeyed-torture-"))
     torture = Torture(folder, random.Random(options.seed))
     began_s = time.monotonic()
-    number = 0
+    number = done = 0
     try:
         for number in range(options.rounds):
             torture.round(number)
+            done = number + 1
+    except KeyboardInterrupt:
+        print("stopped before its end")
     except Lost as lost:
         print(f"round {number}: {lost}\nthe store is left in {folder}")
         return 1
@@ -336,7 +339,7 @@ def main() -> int:
     cold_s = [cold_start_s(folder) for _ in range(5)]
     with contextlib.suppress(OSError):
         shutil.rmtree(folder)
-    print(f"{options.rounds} rounds in {took_s:.0f} s: nothing lost, nothing half done, the arm never moved by itself")
+    print(f"{done} rounds in {took_s:.0f} s: nothing lost, nothing half done, the arm never moved by itself")
     for place, count in sorted(torture.killed.items()):
         print(f"  killed {place:<44}{count:6}")
     for name, times in (("forked", torture.ready_s), ("as a new process", cold_s)):
