@@ -1,9 +1,10 @@
 """The shipped RAPID at its link: what it answers, what it refuses, and when the arm stops. Real sockets, a real pty."""
 
 import asyncio
+import random
 import struct
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from statistics import median
 from time import monotonic
@@ -11,6 +12,7 @@ from time import monotonic
 import numpy as np
 import pytest
 
+from mock_robot.fault_table import FAULTS
 from mock_robot.motion import plan_motion
 from mock_robot.panel import Mode
 from mock_robot.rapid.controller import RapidController
@@ -18,13 +20,14 @@ from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, FrameSelector, MoveKind, Status
 from protocols.cb.events import RepeatWanted, ReplyReceived
 from protocols.cb.frames import Frame
-from tests.mock_robot.bench import ARM, AWAY, UNUSED, move_to
+from tests.mock_robot.bench import ARM, AWAY, HOME, UNUSED, move_to
 from tests.mock_robot.cb_client import CbClient, over_serial, over_tcp
 from tests.mock_robot.running_cell import RunningCell, becomes, running_cell
 
 WIRES = pytest.mark.parametrize("serial", [False, True], ids=["tcp", "serial"])
 GOOD = move_to(AWAY)
 NAN = float("nan")
+LINE_FAULTS = sorted(name for name, fault in FAULTS.items() if fault.area in ("link", "serial"))
 
 
 @asynccontextmanager
@@ -284,6 +287,7 @@ async def test_manual_reduced_speed_is_capped_by_the_program() -> None:
         asked_s = cell.controller.robot_s(cell.cell.clock())
         slow = plan_motion(ARM, joints_now(cell), AWAY, 250.0, linear=False, now_s=0.0).end_s
         assert await client.asks(move_to(AWAY, 1000.0)) == cb.MoveAccepted()
+        await becomes(lambda: cell.moving)
         assert cell.controller.arm.end_s - asked_s >= slow
         assert await ends_as(client, client.session.last_seq) is Status.OK
 
@@ -309,6 +313,31 @@ async def test_a_request_with_a_flipped_bit_is_not_done(serial: bool) -> None:
                     await client.hears()
             await becomes(lambda: not cell.controller.armed)
             assert cell.commanded_moves == 0
+
+
+@WIRES
+async def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: bool) -> None:
+    """The full thousand run at the Python twin; here the same client meets the interpreter."""
+    departures = 0
+    for seed in range(4):
+        schedule = random.Random(seed)
+        async with talking(serial=serial, time_scale=200.0) as (cell, client):
+            requests = 0
+            for _ in range(3):
+                cell.breaks(schedule.choice(LINE_FAULTS), after_moves=schedule.randrange(2))
+                request = client.session.request(move_to(schedule.choice([HOME, AWAY])))
+                client.session.abandon()
+                requests += 1
+                for _ in range(schedule.randrange(1, 4)):
+                    client.write(request)
+                    with suppress(TimeoutError, ConnectionError):
+                        async with asyncio.timeout(0.1):
+                            await client.read()
+                cell.mends()
+            await becomes(lambda: not cell.moving)
+            assert cell.controller.arm.departures <= requests
+            departures += cell.controller.arm.departures
+    assert departures >= 3, "the schedules must let the arm move, or they show nothing"
 
 
 async def test_half_a_frame_closes_tcp_after_half_a_second() -> None:
