@@ -325,6 +325,8 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="handeyed-torture-"))
     torture = Torture(folder, random.Random(options.seed))
     began_s = time.monotonic()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     number = done = 0
     try:
         for number in range(options.rounds):
