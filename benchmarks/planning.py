@@ -1,0 +1,114 @@
+"""Planned poses: how long they take and what they give; beside them the seed's three, and poses jogged to by advice."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from calibration.planning.advice import advise
+from calibration.planning.learning import Guess
+from calibration.planning.next_view import Wish, foresee, next_view
+from calibration.planning.plan import plan_poses
+from calibration.planning.viewpoints import flange_poses
+from calibration.prediction import Scene, predict
+from calibration.problem import Detection, Problem, View
+from calibration.transforms import Array, map_points, rotation_from_vector, transform
+from tests.calibration.planning.scenes import WIDE, seed_poses, seed_scene
+
+Made = TypeVar("Made")
+
+COUNTS = (3, 4, 5, 6, 8, 10, 12, 15)
+STATIONS = 8
+BY_HAND = 6
+JOG_DEG, JOG_MM = 2.0, 8.0
+"""How near a person with a joystick gets to where the advice leads, one standard deviation per axis."""
+
+
+def main() -> None:
+    """Print the tables. Times are of one core's work, so that what else runs here does not count."""
+    scene = seed_scene()
+    print(f"the seed's three poses: a mapped point {predict(scene, seed_poses()).point_mm:.3g} mm")
+    print("\nposes planned at once: seconds of one core, predicted uncertainty of a mapped point")
+    for count in COUNTS:
+        plan, seconds = _timed(lambda count=count: plan_poses(scene, WIDE, count))
+        print(f"{count:>5} poses {seconds:8.2f} s {plan.predicted.point_mm:8.3f} mm")
+    _step_by_step(scene)
+    _by_hand(scene)
+
+
+def _step_by_step(scene: Scene) -> None:
+    """As a run does it: after each view the next; from X known to 25 mm and 5 degrees."""
+    print("\nplanned step by step, X guessed 30 mm and 5 deg off: seconds before the arm moves on, with and without")
+    print("planning while it moves; predicted uncertainty before and after")
+    guess, poses = _guess(scene), [_look(scene)]
+    wish, foreseen = Wish(STATIONS), None
+    while True:
+        problem = _seen(scene, poses)
+        anew, seconds = _timed(lambda p=problem, w=wish: next_view(guess, p, WIDE, w, here=poses[-1]))
+        told, shorter = _timed(
+            lambda p=problem, w=wish, f=foreseen: next_view(guess, p, WIDE, w, here=poses[-1], foreseen=f)
+        )
+        now = "not yet" if told.now_mm is None else f"{told.now_mm:.3f}"
+        if told.base_T_flange is None:
+            print(f"    after {len(poses) - 1:>2}: {now} mm")
+            return
+        other = "" if foreseen is None else f"  ({anew.planned_mm or np.nan:.3f} planned anew)"
+        gives = f"{now} -> {told.planned_mm or np.nan:.3f} mm{other}"
+        print(f"    before {len(poses):>2}: {seconds:5.2f} s, {shorter:5.2f} s   {gives}")
+        foreseen = foresee(told, problem, WIDE, wish)
+        poses.append(told.base_T_flange)
+        wish = replace(wish, views_left=wish.views_left - 1)
+
+
+def _by_hand(scene: Scene) -> None:
+    """One turn or two at a time, as somebody jogs it."""
+    print("\njogged to by advice, X guessed 30 mm and 5 deg off, or not at all")
+    for name, guess in (("guessed", _guess(scene)), ("unknown", replace(_guess(scene), mount_T_camera=None))):
+        rng, poses = np.random.default_rng(0), [_look(scene)]
+        while len(poses) < BY_HAND:
+            told = advise(guess, _seen(scene, poses), WIDE, Wish(100), here=poses[-1])
+            pose = told.base_T_flange
+            if pose is None:
+                axis = told.words.split("about its ")[1][0]
+                turn = np.radians(15.0) * np.array([axis == "x", axis == "y", axis == "z"], float)
+                pose = poses[-1] @ transform(rotation_from_vector(turn), np.zeros(3))
+            off = np.radians(JOG_DEG) * rng.standard_normal(3), JOG_MM * rng.standard_normal(3)
+            poses.append(pose @ transform(rotation_from_vector(off[0]), off[1]))
+        known = [predict(scene, np.array(poses[:n])).point_mm for n in range(3, BY_HAND + 1)]
+        print(f"{name:>10}: " + ", ".join(f"{n} views {mm:.3f} mm" for n, mm in enumerate(known, start=3)))
+
+
+def _guess(scene: Scene) -> Guess:
+    rng = np.random.default_rng(0)
+    turn, shift = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
+    off = transform(rotation_from_vector(np.radians(5.0) * turn), 30.0 * shift)
+    return Guess("eye-in-hand", scene.target, scene.camera, scene.mount_T_camera @ off, None, scene.noise)
+
+
+def _look(scene: Scene) -> Array:
+    pose: Array = flange_poses(scene, np.array([[0.05, 0.1, 0.3, 650.0, 0.1, -0.1]]))[0]
+    return pose
+
+
+def _seen(scene: Scene, poses: list[Array]) -> Problem:
+    """Pictures with the scene's own noise; where the arm stands differs from what it says by the robot's."""
+    rng, views, noise = np.random.default_rng(1), [], scene.noise
+    for index, pose in enumerate(poses):
+        error = noise.robot_rotation_rad * rng.standard_normal(3), noise.robot_translation_mm * rng.standard_normal(3)
+        stands = pose @ transform(rotation_from_vector(error[0]), error[1])
+        pixels = scene.camera.project(map_points(scene.camera_T_target(stands[None])[0], scene.target.points_mm))
+        pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
+        views.append(View(index, pose, Detection(np.arange(len(pixels)), pixels)))
+    return Problem("eye-in-hand", scene.target, scene.camera, scene.camera.image_size, tuple(views))
+
+
+def _timed(work: Callable[[], Made]) -> tuple[Made, float]:
+    """What it makes, and the seconds of processor time that took."""
+    began = time.process_time()
+    return work(), time.process_time() - began
+
+
+if __name__ == "__main__":
+    main()
