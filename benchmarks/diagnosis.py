@@ -123,6 +123,7 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=40, help="simulated sessions in each row")
     parser.add_argument("--clean", type=int, default=1000, help="clean sessions")
     parser.add_argument("--only", choices=PARTS, help="one of the parts")
+    parser.add_argument("--factors", type=float, nargs="+", help="sizes, in multiples of just above the noise")
     options = parser.parse_args()
     parts = (options.only,) if options.only else PARTS
     sizes = Sizes(4, 40, 2) if options.quick else Sizes(options.sessions, options.clean, max(options.sessions // 5, 1))
@@ -131,11 +132,11 @@ def main() -> None:
         table(simulated, sizes.row, GROSS, ())
     if "simulated" in parts:
         print(f"simulated sessions, 6 to 30 views, both set-ups; {sizes.row} a row")
-        table(simulated, sizes.row, {}, FACTORS)
+        table(simulated, sizes.row, {}, options.factors or FACTORS)
     if "real" in parts:
         for name, problem in real_sessions():
             print(f"\n{name}; {sizes.real} a row")
-            table(partial(part_of, problem), sizes.real, GROSS, REAL_FACTORS)
+            table(partial(part_of, problem), sizes.real, GROSS, options.factors or REAL_FACTORS)
     if "clean" in parts:
         false_alarms(sizes.clean)
 
