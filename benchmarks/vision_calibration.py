@@ -1,9 +1,9 @@
 """PyPI's `vision-calibration` on the sessions that ours gets: RMS errors of X, failures and time.
 
-`python -m benchmarks.vision_calibration [--cells N]`; needs `pip install vision-calibration`. Its interface takes no
-intrinsics: it estimates them from the same views, as ours does on the rows that say so. Lengths in metres, quaternions
-x-y-z-w, poses of the flange in the base. It has priors on the robot's error (0.5 deg, 1 mm by default; "true priors"
-are the noise that was simulated) where ours learns it.
+`python -m benchmarks.vision_calibration [--cells N] [--setups ...]`; needs `pip install vision-calibration`. Its
+interface takes no intrinsics: it estimates them from the same views, as ours does on the rows that say so. Lengths in
+metres, quaternions x-y-z-w, poses of the flange in the base. It has priors on the robot's error (0.5 deg, 1 mm by
+default; "true priors" are the noise that was simulated) where ours learns it.
 """
 
 import argparse
@@ -53,6 +53,7 @@ def main() -> None:
     """One block a number of views and setup."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cells", type=int, default=10, help="cells for each number of views and setup")
+    parser.add_argument("--setups", nargs="*", choices=SETUPS, default=SETUPS)
     options = parser.parse_args()
     if importlib.util.find_spec("vision_calibration") is None:
         print("vision-calibration is not installed: pip install vision-calibration")
@@ -66,7 +67,7 @@ def main() -> None:
     print(f"{options.cells} cells a row of 0.02 to 0.5 px, 0 to 0.5 mm, 0 to 0.05 deg. RMS over those that {PEER}")
     print(f"answers; refused, and far off (a point misplaced by more than {FAR_MM:g} mm, without a word), over all")
     print(f"{'':>34} {'cells':>5} {'deg':>8} {'mm':>8} {'point':>8} {'refused':>8} {'far off':>8} {'ms':>6}")
-    for setup, views in product(SETUPS, VIEWS):
+    for setup, views in product(options.setups, VIEWS):
         rng = np.random.default_rng([4, SETUPS.index(setup), views])
         answers: dict[str, list[Answer]] = {name: [] for name in solvers}
         for _ in range(options.cells):
