@@ -3,7 +3,6 @@
 import math
 import operator as op
 from collections.abc import Callable, Mapping
-from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
@@ -104,5 +103,3 @@ MINUS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
     {"num": op.neg, "dnum": op.neg, "pos": lambda value: [-item for item in value]}
 )
 """The sign, by type."""
-
-assert all(a[0] != b[0] for a, b in pairwise(sorted(BINARY.items(), key=lambda row: row[0])))
