@@ -22,12 +22,7 @@ DaemonError
 ├── KeyReused             an Idempotency-Key that came with another request before
 ├── RequestInFlight       the request with this Idempotency-Key is still being answered; `holder`
 ├── HostNotAllowed        the request names a host that the daemon does not answer for
-├── KeyMissing            the request carries no key, or one that is not valid
-├── RoleTooLow            the key is valid, but may not do this
-├── SetupRefused          this is not the set-up code, or there are keys already
-├── CertificateUnusable   no server can be started with this certificate
 ├── BackupUnusable        a backup that cannot be restored, or not there
-├── KeyExists             a key of that name is there already
 ├── NoCalibration         nothing is applied yet
 ├── CalibrationUnusable   a calibration that must not, or cannot, be applied
 ├── TargetNotSeen         too few stations saw the target
@@ -44,6 +39,7 @@ DaemonError
 │   ├── StorageFull       the disk is full
 │   └── StorageTooNew     written by a newer handeyed
 ├── PortTaken             the daemon cannot listen where the settings say
+├── (access/errors.py)    keys, roles, certificates
 └── Stopping              the daemon is shutting down
 """
 
@@ -111,7 +107,7 @@ class NotStill(DaemonError):
 
 
 class ElsewhereThanSent(DaemonError):
-    """The arm says it stands where nobody sent it: units, quaternion order, tool or work object are not what we think."""
+    """The arm says it stands where nobody sent it: units, quaternion order, tool or work object are others."""
 
     code = "elsewhere-than-sent"
 
@@ -209,46 +205,10 @@ class HostNotAllowed(DaemonError):
         )
 
 
-class KeyMissing(DaemonError):
-    """The request carries no key, or one that is not valid."""
-
-    code = "key-missing"
-
-    def __init__(self, what: str) -> None:
-        super().__init__(what, 'send "Authorization: Bearer KEY"; an admin makes keys with: handeyed keys add')
-
-
-class RoleTooLow(DaemonError):
-    """The key is valid, but may not do this."""
-
-    code = "role-too-low"
-
-    def __init__(self, name: str, role: str, needed: str) -> None:
-        super().__init__(f"{name!r} is {role}, and this needs {needed}", f"ask with a key of role {needed}")
-
-
-class SetupRefused(DaemonError):
-    """This is not the set-up code, or there are keys already."""
-
-    code = "setup-refused"
-
-
-class CertificateUnusable(DaemonError):
-    """No server can be started with this certificate."""
-
-    code = "certificate-unusable"
-
-
 class BackupUnusable(DaemonError):
     """A backup that cannot be restored, or not there."""
 
     code = "backup-unusable"
-
-
-class KeyExists(DaemonError):
-    """A key of that name is there already."""
-
-    code = "key-exists"
 
 
 class RunOver(DaemonError):

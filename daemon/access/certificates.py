@@ -15,7 +15,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from daemon.errors import CertificateUnusable
+from daemon.access.errors import CertificateUnusable
 from daemon.store.files import fsync_folder, make_folder
 
 CERTIFICATE, PRIVATE_KEY, AUTHORITY = "certificate.pem", "private_key.pem", "authority.pem"

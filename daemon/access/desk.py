@@ -4,11 +4,11 @@ import secrets
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
+from daemon.access.errors import SetupRefused
 from daemon.access.keys import KeyRecord, RandomHex, new_key
 from daemon.access.roles import Role
 from daemon.access.setup_code import SetupCode
 from daemon.clock import Clock
-from daemon.errors import SetupRefused
 from daemon.store.access_keys import AccessKeys
 from daemon.store.behalf import Behalf
 

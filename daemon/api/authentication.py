@@ -5,11 +5,12 @@ import logging
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from daemon.access.errors import KeyMissing, RoleTooLow
 from daemon.access.policy import role_needed
 from daemon.access.roles import LOCAL, NOBODY, ROLES, Caller, Role
 from daemon.api.problems import answer, problem_of
 from daemon.application import Application
-from daemon.errors import DaemonError, KeyMissing, RoleTooLow, StorageError
+from daemon.errors import DaemonError, StorageError
 from daemon.store.behalf import Behalf, on_behalf_of
 
 log = logging.getLogger(__name__)

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
+from daemon.access.errors import RoleTooLow
 from daemon.access.roles import LOCAL, Caller, Role
 from daemon.api.access import App, Before, Identifier, Limit, body_of, page_of, takes
 from daemon.api.authentication import caller_of
@@ -22,7 +23,7 @@ from daemon.api.negotiation import negotiated, or_text
 from daemon.api.problems import documented
 from daemon.api.text import current_in_words
 from daemon.cli.summary import summary
-from daemon.errors import NoCalibration, NotFound, RoleTooLow
+from daemon.errors import NoCalibration, NotFound
 from daemon.requests import ApplyRequest
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])

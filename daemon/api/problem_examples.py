@@ -4,6 +4,7 @@ from typing import Any
 
 from calibration.errors import DocumentProblem
 from daemon import errors
+from daemon.access import errors as access
 from daemon.api.problems import problem_of
 from drivers import errors as device
 
@@ -12,7 +13,7 @@ _FULL = "the disk of /var/lib/handeyed/handeyed.sqlite is full"
 
 EXAMPLES: dict[int, Exception] = {
     400: errors.BodyMalformed("the body is not JSON (Expecting value at line 1, column 2)", "send JSON, or no body"),
-    401: errors.KeyMissing("this needs a key"),
+    401: access.KeyMissing("this needs a key"),
     403: errors.CrossOrigin("a page of 'https://elsewhere.example' asks", "ask from a page of this daemon"),
     404: errors.NotFound(f"there is no run {_RUN!r}", "GET /runs lists them"),
     406: errors.NotAcceptable("a cloud is not answered as 'image/png'", "set Accept to application/x-ply"),

@@ -10,6 +10,7 @@ from starlette.exceptions import HTTPException
 
 from calibration.errors import CalibrationError, DetectionError, DocumentError, DocumentProblem, UndeterminedError
 from daemon import errors
+from daemon.access import errors as access
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
 
@@ -33,10 +34,10 @@ STATUS: dict[type[Exception], int] = {
     errors.KeyReused: 422,
     errors.CursorUnknown: 422,
     errors.HostNotAllowed: 421,
-    errors.KeyMissing: 401,
-    errors.RoleTooLow: 403,
-    errors.SetupRefused: 403,
-    errors.KeyExists: 409,
+    access.KeyMissing: 401,
+    access.RoleTooLow: 403,
+    access.SetupRefused: 403,
+    access.KeyExists: 409,
     errors.CellNotReady: 503,
     errors.Stopping: 503,
     errors.PoseRefused: 422,

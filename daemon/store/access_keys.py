@@ -3,8 +3,9 @@
 import sqlite3
 from dataclasses import astuple
 
+from daemon.access.errors import KeyExists
 from daemon.access.keys import KeyRecord, id_of, same
-from daemon.errors import KeyExists, NotFound
+from daemon.errors import NotFound
 from daemon.store.behalf import Behalf, append_audit
 from daemon.store.database import Database
 

@@ -12,12 +12,13 @@ import httpx
 import pytest
 
 from daemon.access.desk import KeyDesk
+from daemon.access.errors import KeyExists
 from daemon.access.keys import KeyRecord, hash_of, id_of, new_key
 from daemon.access.policy import role_needed
 from daemon.access.roles import ROLES, Role
 from daemon.access.setup_code import TRIES, SetupCode
 from daemon.clock import Clock
-from daemon.errors import KeyExists, NotFound
+from daemon.errors import NotFound
 from daemon.store.behalf import Behalf
 from daemon.store.records import CalibrationRecord
 from daemon.store.store import Store

@@ -9,8 +9,8 @@ import pytest
 
 from calibration.errors import DocumentError
 from daemon.access.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY, make_certificate, require_usable
+from daemon.access.errors import CertificateUnusable
 from daemon.access.roles import Role
-from daemon.errors import CertificateUnusable
 from tests.daemon.cells import serving, settings_for
 from tests.daemon.test_access import TEST, bearer
 

@@ -1,0 +1,47 @@
+"""What can be wrong with keys, roles and certificates.
+
+DaemonError
+├── KeyMissing            the request carries no key, or one that is not valid
+├── RoleTooLow            the key is valid, but may not do this
+├── SetupRefused          this is not the set-up code, or there are keys already
+├── KeyExists             a key of that name is there already
+└── CertificateUnusable   no server can be started with this certificate
+"""
+
+from daemon.errors import DaemonError
+
+
+class KeyMissing(DaemonError):
+    """The request carries no key, or one that is not valid."""
+
+    code = "key-missing"
+
+    def __init__(self, what: str) -> None:
+        super().__init__(what, 'send "Authorization: Bearer KEY"; an admin makes keys with: handeyed keys add')
+
+
+class RoleTooLow(DaemonError):
+    """The key is valid, but may not do this."""
+
+    code = "role-too-low"
+
+    def __init__(self, name: str, role: str, needed: str) -> None:
+        super().__init__(f"{name!r} is {role}, and this needs {needed}", f"ask with a key of role {needed}")
+
+
+class SetupRefused(DaemonError):
+    """This is not the set-up code, or there are keys already."""
+
+    code = "setup-refused"
+
+
+class CertificateUnusable(DaemonError):
+    """No server can be started with this certificate."""
+
+    code = "certificate-unusable"
+
+
+class KeyExists(DaemonError):
+    """A key of that name is there already."""
+
+    code = "key-exists"
