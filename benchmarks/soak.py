@@ -25,9 +25,12 @@ from daemon.demo.settings_file import settings_text
 from protocols.modbus.mbap import Adu
 
 REGISTRATIONS = 10_000
-COMPRESSED_HOURS = 2.0
+AN_HOUR = 5_000
+"""Registrations of a busy cell's hour."""
+
 POINTS = 5_000
 WARM_UP = 0.25
+RUNS_OF_A_PAGE = 20
 POSE = "800,100,900,0,0.7071068,0.7071068,0"
 LIMITS = {"memory": 1.0, "descriptors": 0.5}
 """MB a compressed hour; descriptors an hour."""
@@ -70,7 +73,13 @@ class Cell:
         assert len(answer.content) >= POINTS * 12
 
     def look(self) -> None:
-        for path in ("/ready", "/metrics", "/runs?limit=20", "/calibrations/current", "/camera/frame.png"):
+        for path in (
+            "/ready",
+            "/metrics",
+            f"/runs?limit={RUNS_OF_A_PAGE}",
+            "/calibrations/current",
+            "/camera/frame.png",
+        ):
             self.http.get(path).raise_for_status()
 
     def listen(self) -> None:
@@ -115,6 +124,13 @@ class Cell:
     def close(self) -> None:
         self.plc_leaves()
         self.http.close()
+
+
+def fill(cell: Cell) -> None:
+    """What grows by design is full before anything is measured: the page of the last runs, kept events, caches."""
+    for _ in range(RUNS_OF_A_PAGE):
+        cell.run("/verify")
+        cell.look()
 
 
 def soak(cell: Cell, minutes: float, registrations: int) -> Record:
@@ -184,12 +200,13 @@ def busy_cell() -> Iterator[Cell]:
 
 def report(record: Record, minutes: float) -> bool:
     """Printed; is it within the limits?"""
-    memory, memory_error = (value / COMPRESSED_HOURS for value in record.slope(1))
-    descriptors, _ = (value / COMPRESSED_HOURS for value in record.slope(2))
+    hours = record.registrations / AN_HOUR
+    memory, memory_error = (value / hours for value in record.slope(1))
+    descriptors, _ = (value / hours for value in record.slope(2))
     resident = [sample[1] for sample in record.samples if sample[0] >= WARM_UP] or [float("nan")]
     open_ = [sample[2] for sample in record.samples if sample[0] >= WARM_UP] or [0]
     print(f"{record.registrations:,} registrations, {record.verifications} verifications in {minutes:.1f} minutes:"
-          f" {COMPRESSED_HOURS:g} hours, compressed")  # fmt: skip
+          f" {hours:.2g} hours, compressed")  # fmt: skip
     print(f"failures              {len(record.failures)}")
     for failure in record.failures[:5]:
         print(f"  {failure}")
@@ -207,6 +224,7 @@ def main() -> int:
     options = parser.parse_args()
     registrations = options.registrations or min(REGISTRATIONS, max(200, int(options.minutes * 500)))
     with busy_cell() as cell:
+        fill(cell)
         began_s = time.monotonic()
         record = soak(cell, options.minutes, registrations)
         took_min = (time.monotonic() - began_s) / 60
