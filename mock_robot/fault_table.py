@@ -26,11 +26,15 @@ def _split(data: bytes, random: Random) -> tuple[WireStep, ...]:
 
 
 def _flip(data: bytes, random: Random) -> bytes:
+    if not data:  # another fault has swallowed it
+        return data
     place = random.randrange(2, len(data)) if len(data) > 2 else 0
     return data[:place] + bytes([data[place] ^ (1 << random.randrange(8))]) + data[place + 1 :]
 
 
 def _double_a_byte(data: bytes, random: Random) -> bytes:
+    if not data:
+        return data
     place = random.randrange(len(data))
     return data[: place + 1] + data[place:]
 

@@ -273,3 +273,9 @@ def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: bool) 
         assert bench.controller.arm.departures <= requests
         departures += bench.controller.arm.departures
     assert departures > 500, "the schedules must let the arm move, or they show nothing"
+
+
+def test_faults_may_strike_what_another_has_swallowed() -> None:
+    bench = broken("link-half-open")
+    bench.faults.switch_on("link-request-bit-flip", bench.controller, bench.now_s)
+    assert bench.faults.incoming(b"anything") == b""
