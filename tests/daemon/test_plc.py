@@ -199,7 +199,8 @@ async def test_a_plc_that_falls_silent_stops_what_it_started(tmp_path: Path) -> 
 
 async def test_no_read_ever_sees_a_torn_block(tmp_path: Path) -> None:
     """A reader beside the handshake: whenever a block is valid, its CRC and its number fit, and it does not change."""
-    settings = settings_for(tmp_path, plc=MOVING)
+    poses = [pose_json(pose) for pose in poses_around_the_target(3)]
+    settings = settings_for(tmp_path, plc=MOVING, calibration={"poses": poses})
     async with serving(settings) as bench, ladder(bench) as plc, ladder(bench) as watcher:
         await plc.waits(S.ONLINE)
         seen: dict[int, set[tuple[int, ...]]] = {}
@@ -216,7 +217,7 @@ async def test_no_read_ever_sees_a_torn_block(tmp_path: Path) -> None:
 
         watching = asyncio.create_task(watch())
         bench.robot.status = {}
-        for _ in range(3):
+        for _ in range(2):
             before = value_of(await plc.image(), "result_id")
             await plc.triggers(C.TRIGGER_CALIBRATE)
             assert value_of(await plc.result(), "result_number") == before % 65535 + 1
