@@ -1,4 +1,4 @@
-"""What may be started in the cell: the REST interface, and later a PLC, call these and nothing below them."""
+"""What may be started in the cell: the REST interface, a PLC and the drift schedule call these and nothing below."""
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
