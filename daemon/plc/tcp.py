@@ -106,7 +106,7 @@ class _Connection(asyncio.Protocol):
         self.heard_s = self._loop.time()
         self._timer: asyncio.TimerHandle | None = None
         self._transport: asyncio.Transport | None = None
-        self._slow = self._working = False
+        self._slow = self._working = self._closing = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = transport = cast(asyncio.Transport, transport)  # uvloop's is none by descent
@@ -125,6 +125,8 @@ class _Connection(asyncio.Protocol):
             self._timer.cancel()
 
     def data_received(self, data: bytes) -> None:
+        if self._closing:
+            return
         self.heard_s = self._loop.time()
         self._work(data)
 
@@ -145,7 +147,7 @@ class _Connection(asyncio.Protocol):
         """Some of what has come, then the others' turn."""
         self._working = False
         transport, respond = self._transport, self._respond
-        if transport is None or respond is None or transport.is_closing():
+        if transport is None or respond is None or self._closing or transport.is_closing():
             return
         answers = []
         try:
@@ -166,7 +168,7 @@ class _Connection(asyncio.Protocol):
 
     def _pace(self) -> None:
         transport = self._transport
-        if transport is None or transport.is_closing():
+        if transport is None or self._closing or transport.is_closing():
             return
         if self._slow or self._working:
             transport.pause_reading()
@@ -190,8 +192,12 @@ class _Connection(asyncio.Protocol):
             self._watch(limits.half_frame_s if half else limits.idle_s)
 
     def _close(self, why: str) -> None:
-        """Told once; what was answered already is still sent, but nobody waits long for it to be taken."""
+        """Told once. The client is heard out for a moment: a socket closed over unread bytes takes answers back."""
         log.warning("a PLC connection of %s is closed: %s", self.client, why)
+        self._closing = True
+        if self._timer is not None:
+            self._timer.cancel()
         if self._transport is not None:
-            self._transport.close()
-            self._loop.call_later(HALF_FRAME_LIMIT_S, self.abort)
+            self._transport.resume_reading()
+            self._transport.write_eof()
+            self._timer = self._loop.call_later(HALF_FRAME_LIMIT_S, self.abort)
