@@ -7,8 +7,9 @@ import pytest
 
 from benchmarks.simulation import BOARD, Cell, CellNoise, observed
 from calibration.problem import Detection, Problem
+from calibration.results import solution_of
 from calibration.solution import Solution
-from calibration.solve import solve_hand_eye
+from calibration.solve import estimated, solve_hand_eye
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, transform
 from calibration.verdict import judge
@@ -139,6 +140,19 @@ def test_clean_sessions_raise_no_alarm() -> None:
         solution = solve_hand_eye(truth.problem)
         assert all(view.status == "used" for view in solution.views), seed
         assert not {f.code for f in solution.findings} - {"noise-assumed"}, (seed, solution.findings)
+
+
+@pytest.mark.parametrize(("as_likely", "severity"), [(False, "warning"), (True, "error")])
+def test_starts_that_end_elsewhere_are_part_of_the_verdict(as_likely: bool, severity: str) -> None:
+    truth = cell(31, 6)
+    prepared, start, selection = estimated(truth.problem)
+    assert not start.elsewhere
+    torn = replace(start, elsewhere=("tsai",), as_likely=as_likely)
+    solution = solution_of(truth.problem, "auto", prepared, torn, selection)
+    verdict = judge(truth.problem, solution)
+    finding = next(finding for finding in verdict.findings if finding.code == "starts-disagree")
+    assert finding.severity == severity and "tsai" in finding.message
+    assert verdict.accepted is not as_likely
 
 
 IDENTITY_MOTIONS = {
