@@ -1,21 +1,24 @@
 """Hand-eye calibration against truth and its Cramér-Rao bound: uncertainty, planned poses, speed, real sessions.
 
-`python -m benchmarks.hand_eye [--cells N] [--data DIR]`; OpenCV's own methods join where the installed one has them.
+`python -m benchmarks.hand_eye [--cells N] [--only TABLE] [--data DIR]`; OpenCV's own methods join where the installed
+one has them.
 """
 
 import argparse
 import json
+import multiprocessing
 import os
 import time
 import warnings
 from collections import defaultdict
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.cells import drawn_cell, error_of, point_bound_mm, point_error_mm, scene_of
-from benchmarks.closed_form_peers import OPENCV_HAS_THEM, Method, opencv_methods, own, whose
+from benchmarks.closed_form_peers import OPENCV_HAS_THEM, opencv_methods, own, whose
 from benchmarks.simulation import BOARD, CAMERA, Cell, CellNoise, observed, random_cell
 from calibration.planning.plan import plan_poses
 from calibration.planning.viewpoints import Limits
@@ -43,14 +46,21 @@ def main() -> None:
     parser.add_argument("--cells", type=int, default=500, help="simulated cells of the uncertainty table")
     default = os.environ.get("HANDEYED_DATA", str(Path(__file__).resolve().parents[2] / "shared" / "data"))
     parser.add_argument("--data", type=Path, default=Path(default), help="folder of the real sessions")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes for the simulated cells")
+    parser.add_argument("--only", choices=("cells", "seed", "speed", "real"), help="one of the tables")
     options = parser.parse_args()
-    uncertainty_table(options.cells)
-    seed_table()
-    speed_table()
-    real_table(options.data)
+    tables: dict[str, Callable[[], None]] = {
+        "cells": lambda: uncertainty_table(options.cells, options.workers),
+        "seed": seed_table,
+        "speed": speed_table,
+        "real": lambda: real_table(options.data),
+    }
+    for name, table in tables.items():
+        if options.only in (None, name):
+            table()
 
 
-def uncertainty_table(cells: int) -> None:
+def uncertainty_table(cells: int, workers: int | None) -> None:
     """Normalised errors of X, noise estimates, and the registered point against its bound, by number of views."""
     methods = opencv_methods()
     print(f"Simulated cells ({cells}): 0.02 to 0.5 px, 0 to 0.5 mm, 0 to 0.05 deg, intrinsics given or not; {whose()}")
@@ -58,11 +68,14 @@ def uncertainty_table(cells: int) -> None:
     heads = f"{'point/bound':>11}" + "".join(f"{name:>16}" for name in methods)
     print(f"{'views':>6} {'cells':>5} {'z rot':>6} {'z trans':>7} {'px':>5} {'deg':>5} {'mm':>5} {heads}")
     rng = np.random.default_rng(0)
-    rows: dict[int, list[Array]] = defaultdict(list)
+    drawn = []
     for trial in range(cells):
         views = int(rng.choice(VIEWS))
-        cell, noise = drawn_cell(rng, views, "eye-in-hand" if trial % 2 else "eye-to-hand")
-        rows[views].append(_cell_row(cell, noise, list(methods.values())))
+        drawn.append(drawn_cell(rng, views, "eye-in-hand" if trial % 2 else "eye-to-hand"))
+    rows: dict[int, list[Array]] = defaultdict(list)
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for (cell, _), row in zip(drawn, pool.map(_cell_row, drawn, chunksize=5), strict=True):
+            rows[len(cell.problem.views)].append(row)
     for views, found in sorted(rows.items()):
         print(_uncertainty_row(f"{views:>6}", np.array(found)))
     every = np.concatenate([np.array(found) for found in rows.values()])
@@ -75,7 +88,9 @@ def uncertainty_table(cells: int) -> None:
     print(f"noise estimated / true with {MANY_VIEWS} views or more, median: {levels} in px, deg, mm (bar 0.9 to 1.1)\n")
 
 
-def _cell_row(cell: Cell, noise: CellNoise, methods: list[Method]) -> Array:
+def _cell_row(drawn: tuple[Cell, CellNoise]) -> Array:
+    cell, noise = drawn
+    methods = opencv_methods().values()
     solution = solve_hand_eye(cell.problem)
     bound = point_bound_mm(cell, noise)
     prepared = prepare(cell.problem)
