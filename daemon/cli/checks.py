@@ -17,7 +17,7 @@ from daemon.cli.errors import CommandError
 from daemon.clock import Clock
 from daemon.devices import open_devices
 from daemon.settings import Settings
-from drivers.errors import DeviceError, DeviceUnreachable
+from drivers.errors import DeviceError, DeviceUnreachable, NothingMeasured
 from drivers.interfaces import Camera, Robot, Scanner
 
 CONNECT_LIMIT_S = 4.0
@@ -149,5 +149,8 @@ async def _camera_words(camera: Camera, settings: Settings) -> Result:
 
 
 async def _scanner_words(scanner: Scanner) -> Result:
-    cloud = await scanner.scan(Clock().monotonic_s())
+    try:
+        cloud = await scanner.scan(Clock().monotonic_s())
+    except NothingMeasured:
+        return Result("scanner", True, "it answers; from here it sees nothing")
     return Result("scanner", True, f"a cloud of {len(cloud.content) / 1e3:.0f} kB ({cloud.media_type})")
