@@ -9,6 +9,7 @@ import argparse
 import os
 import platform
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -77,15 +78,21 @@ def run(name: str, arguments: tuple[str, ...], limit_s: float) -> tuple[str, str
     print(f"\n{command_of(name, arguments)}", flush=True)
     lines = []
     command = [sys.executable, "-m", f"benchmarks.{name}", *arguments]
-    with subprocess.Popen(command, cwd=HERE.parent, stdout=subprocess.PIPE, text=True) as process:
+    # A group of its own, so that what it started ends with it.
+    with subprocess.Popen(
+        command, cwd=HERE.parent, stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
         assert process.stdout is not None
         stopped = threading.Event()
-        watchdog = threading.Timer(limit_s, lambda: (stopped.set(), process.terminate()))
+        watchdog = threading.Timer(limit_s, lambda: (stopped.set(), os.killpg(process.pid, signal.SIGTERM)))
         watchdog.start()
         try:
             for line in process.stdout:
                 print(line, end="", flush=True)
                 lines.append(line)
+        except KeyboardInterrupt:
+            os.killpg(process.pid, signal.SIGTERM)
+            raise
         finally:
             watchdog.cancel()
     trouble = f"stopped after {limit_s:.0f} s" if stopped.is_set() else ""
