@@ -93,6 +93,7 @@ def doubting_the_centre(prepared: Prepared, selection: Selection, models: Assump
     best, trend = selection.best, prepared.doubt.trend
     if prepared.doubt.given is not None or CENTRE_OFF not in models:
         return selection
+    trend = trend and TREND in models  # views that were rejected since may leave too few to tell
     exact_model, off_model = (models[TREND], _both(models)) if trend else (models[NOTHING], models[CENTRE_OFF])
     at_first_sight = log_restricted(off_model, best.variances) - log_restricted(exact_model, best.variances)
     if at_first_sight < OUT_OF_THE_QUESTION:
