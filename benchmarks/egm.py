@@ -192,7 +192,7 @@ def main() -> int:
     options = parser.parse_args()
     worst = 0.0
     print(
-        f"{options.seconds:g} s at 250 Hz\nlate by, ms        p50    p99  p99.9    max   kernel's note p99.9   lost  unsure"
+        f"{options.seconds:g} s at 250 Hz\nlate by, ms      p50    p99  p99.9    max   kernel note p99.9   lost  unsure"
     )
     for name, load in (("alone", alone), ("busy thread", busy_thread), ("busy machine", busy_machine)):
         noted, lost, unsure = measure(options.seconds, load)

@@ -348,8 +348,16 @@ def test_a_file_that_shrinks_while_it_is_read_is_told(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize(("suffix", "further"), [(".ply", {}), (".ply", {"write_ascii": True}), (".pcd", {}),
-                                                 (".pcd", {"compressed": True}), (".pcd", {"write_ascii": True})])  # fmt: skip
+@pytest.mark.parametrize(
+    ("suffix", "further"),
+    [
+        (".ply", {}),
+        (".ply", {"write_ascii": True}),
+        (".pcd", {}),
+        (".pcd", {"compressed": True}),
+        (".pcd", {"write_ascii": True}),
+    ],
+)
 def test_open3d_reads_ours_and_we_read_its(tmp_path: Path, suffix: str, further: dict[str, bool]) -> None:
     open3d = pytest.importorskip(
         "open3d", reason="Open3D is not installed: its files are not compared", exc_type=ImportError
