@@ -1,0 +1,100 @@
+"""No robot program at all: poses by Robot Web Services, stillness also by EGM, views by hand; X is the truth's."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from mock_robot.panel import Mode
+from mock_robot.score import score_calibration
+from tests.mock_robot.running_cell import running_cell
+from tests.stories.plant import Plant, daemon_for, small_pictures
+from tests.stories.test_by_hand import SMALL_PICTURES_MM, jogs_and_waits, where_next
+
+
+def free_port() -> int:
+    """A UDP port that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+        asked.bind(("127.0.0.1", 0))
+        return int(asked.getsockname()[1])
+
+
+@asynccontextmanager
+async def by_rws(folder: Path, version: int) -> AsyncIterator[Plant]:
+    """A cell in manual mode whose program stands, and a daemon that knows it by its web services and EGM alone."""
+    async with running_cell(time_scale=50.0, truth=small_pictures(3)) as cell:
+        urls = await cell.cell.rws.start("127.0.0.1", 0, 0)
+        host = (urls.first, urls.second)[version - 1].partition("//")[2]
+        egm = {"host": "127.0.0.1", "port": free_port(), "robot": "127.0.0.1"}
+        await cell.cell.egm.start("127.0.0.1", egm["port"])
+        robot = {"address": f"rws://{host}", "egm": egm}
+        try:
+            async with daemon_for(cell, folder, robot=robot) as story:
+                cell.controller.run_program(False, cell.cell.clock())
+                cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
+                yield story
+                assert cell.commanded_moves == 0
+                assert cell.cell.egm.corrections == 0
+        finally:
+            await cell.cell.egm.close()
+            await cell.cell.rws.close()
+
+
+async def takes_a_view(ask: httpx.AsyncClient, run: dict[str, Any]) -> dict[str, Any]:
+    """As an operator does: again when it comes too early after the jog, which EGM still remembers."""
+    async with asyncio.timeout(20):
+        while (answer := await ask.post(run["links"]["stations"])).status_code == 409:
+            assert answer.json()["code"] == "not-still"
+    assert answer.status_code == 200, answer.text
+    taken: dict[str, Any] = answer.json()
+    return taken
+
+
+@pytest.mark.parametrize("version", [1, 2])
+async def test_the_first_calibration_of_a_cell_needs_no_robot_program(tmp_path: Path, version: int) -> None:
+    async with by_rws(tmp_path, version) as story:
+        rng, ask = np.random.default_rng(0), story.operator.client
+        told = (await ask.get("/robot")).text
+        assert f"RWS {version}.0" in told
+        run = await story.operator.starts("/calibrate", manual=True, uncertainty_mm=0.3)
+        for number in range(1, 9):
+            run = await takes_a_view(ask, run)
+            assert run["station"] == number
+            if run["planning"]["advice"].startswith("that is enough"):
+                break
+            await jogs_and_waits(story.cell, where_next(story.cell, run["planning"], rng))
+        run = (await ask.post(run["links"]["finish"], params={"wait": 60})).json()
+        assert run["state"] == "finished", run["cause"]
+        document = (await story.application.store.calibration(run["id"])).document
+        assert document.flange_T_camera is not None
+        off = score_calibration(story.truth, document.flange_T_camera.transform())
+        assert off["point_rms_mm"] < SMALL_PICTURES_MM
+
+
+async def test_a_ringing_arm_is_not_looked_at(tmp_path: Path) -> None:
+    async with by_rws(tmp_path, 2) as story:
+        run = await story.operator.starts("/calibrate", manual=True)
+        story.cell.breaks("egm-vibration")
+        refused = await story.operator.client.post(run["links"]["stations"])
+        while refused.status_code == 200:  # the window still held samples of a quiet arm
+            refused = await story.operator.client.post(run["links"]["stations"])
+        assert (refused.status_code, refused.json()["code"]) == (409, "not-still")
+        assert "still vibrates by 0." in refused.json()["detail"]
+
+
+async def test_an_automatic_run_is_refused_with_what_to_do_instead(tmp_path: Path) -> None:
+    async with by_rws(tmp_path, 2) as story:
+        controller, now_s = story.cell.controller, story.cell.cell.clock()
+        controller.switch_mode(Mode.AUTO, now_s)
+        controller.run_program(True, now_s)
+        run = await story.operator.starts("/calibrate")
+        ended = await story.operator.waits_for_the_end_of(run)
+        assert ended["state"] == "failed"
+        assert "the arm is read, not moved" in str(ended["cause"])
+        assert "--manual" in str(ended["cause"])
