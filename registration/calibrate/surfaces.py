@@ -4,6 +4,10 @@ Let view i stand at motion_i @ base_T_flange_i @ X @ exp(d). A change d of X mov
 base, so what every pair says about two views (`registration.refine.pairs`) it says about X, too; the robot's accuracy
 is the prior on each motion_i as in `registration.refine.adjust`. X itself has no prior: where neither surfaces nor
 motions fix it, its covariance says so and it is refused.
+
+The robot's noise is estimated with it (expectation maximisation; Dempster, Laird, Rubin 1977): the mean square of the
+motions found and of what the views leave open in them. What was stated counts as one view more, for
+few views cannot tell it.
 """
 
 from collections.abc import Sequence
@@ -21,6 +25,7 @@ from registration.refine.adjust import (
     DEFAULT_NOISE,
     RobotNoise,
     all_pairs,
+    at_flange_of,
     correction_of,
     normal_equations,
     origin_of,
@@ -40,6 +45,9 @@ SETTLED_MM = 2e-3
 ROTATION_LIMIT_RAD = float(np.deg2rad(2.0))
 TRANSLATION_LIMIT_MM = 15.0
 LEAST_VIEWS = 3
+NOISE_SETTLED = 0.01
+"""Share by which an estimate of the noise may still change."""
+NOISE_ROUNDS = 30
 SEEN_POINTS = 200
 FIX = "add overlapping views of a part with relief, the flange turned by 30 degrees or more about different axes"
 
@@ -66,12 +74,13 @@ def solve_surface_scan(
 class SurfaceSolution:
     """X, covariance (6, 6) of [rotation rad, translation mm] of X @ exp(.) in the camera's frame, and motions in base.
 
-    `alone`: views without overlap, which tell nothing. `settled`: did the iterations.
+    `noise` of the robot, estimated. `alone`: views without overlap, which tell nothing. `settled`: did the iterations.
     """
 
     flange_T_camera: Array
     covariance: Array
     motions: tuple[Array, ...]
+    noise: RobotNoise
     alone: tuple[int, ...]
     iterations: int
     settled: bool
@@ -84,8 +93,11 @@ def solve_from_surfaces(
     noise: RobotNoise = DEFAULT_NOISE,
     rough_mm: float = ROUGH_MM,
 ) -> SurfaceSolution:
-    """Gauss-Newton over X and all motions while the search narrows. Raises UndeterminedError."""
-    count = len(surfaces)
+    """Gauss-Newton over X and all motions while the search narrows; `noise` is where its estimate begins.
+
+    Raises UndeterminedError.
+    """
+    count, stated = len(surfaces), noise
     if count < LEAST_VIEWS:
         raise UndeterminedError("too-few-views", f"{count} views of the part", f"scan it from {LEAST_VIEWS} or more")
     x, motions = flange_T_camera, [np.eye(4) for _ in surfaces]
@@ -99,21 +111,78 @@ def solve_from_surfaces(
         pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
         if not pairs:
             raise UndeterminedError("views-alone", "no two views overlap", FIX)
-        information, gradient = _with_x(pairs, poses, motions, base_T_flange, noise, origin, radius_mm)
+        system = _System(pairs, poses, motions, base_T_flange, origin, radius_mm)
+        if reach_mm <= least_mm:
+            noise = _estimated_noise(system, noise, stated)
+        information, step = system.solved(noise)
         covariance = _covariance_of_x(information)
-        step: Array = -np.asarray(np.linalg.solve(information, gradient), float)
         x = x @ _exponential(step[-6:])
-        motions = [
-            twist_motion(twist, origin, radius_mm) @ motion
-            for twist, motion in zip(step[:-6].reshape(count, 6), motions, strict=True)
-        ]
+        motions = system.moved(step)
         narrow = reach_mm <= least_mm
         settled = narrow and float(np.abs(step[:-6]).max()) < SETTLED_MM and float(np.abs(step[-3:]).max()) < SETTLED_MM
         reach_mm = max(least_mm, reach_mm * NARROWING)
     _require_fixed(covariance)
-    paired = {index for key in pairs for index in key}
-    alone = tuple(index for index in range(count) if index not in paired)
-    return SurfaceSolution(x, covariance, tuple(motions), alone, iteration, settled)
+    alone = tuple(index for index in range(count) if index not in system.paired)
+    return SurfaceSolution(x, covariance, tuple(motions), noise, alone, iteration, settled)
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """All motions and X about where they are: linear, so that other noise can be tried without another look."""
+
+    pairs: dict[tuple[int, int], PairEvidence]
+    poses: Sequence[Array]
+    motions: Sequence[Array]
+    base_T_flange: Array
+    origin: Array
+    radius_mm: float
+
+    @property
+    def paired(self) -> set[int]:
+        """Views that overlap others."""
+        return {index for key in self.pairs for index in key}
+
+    def solved(self, noise: RobotNoise) -> tuple[Array, Array]:
+        """Information (6n + 6, 6n + 6), and the step it asks for."""
+        information, gradient = _with_x(
+            self.pairs, self.poses, self.motions, self.base_T_flange, noise, self.origin, self.radius_mm
+        )
+        return information, -np.asarray(np.linalg.solve(information, gradient), float)
+
+    def moved(self, step: Array) -> list[Array]:
+        """The motions after a step."""
+        return [
+            twist_motion(twist, self.origin, self.radius_mm) @ motion
+            for twist, motion in zip(step[:-6].reshape(-1, 6), self.motions, strict=True)
+        ]
+
+
+def _estimated_noise(system: _System, noise: RobotNoise, stated: RobotNoise) -> RobotNoise:
+    """From the motions of the views that overlap others, and the covariance that is left of each."""
+    for _ in range(NOISE_ROUNDS):
+        before = noise
+        information, step = system.solved(noise)
+        covariance, motions = np.linalg.inv(information), system.moved(step)
+        squares = np.array([stated.rotation_rad**2, stated.translation_mm**2])
+        for index in system.paired:
+            flange_mm = system.base_T_flange[index][:3, 3]
+            translation_mm, rotation_rad = correction_of(motions[index], flange_mm)
+            own = slice(6 * index, 6 * index + 6)
+            at_flange = at_flange_of(flange_mm, system.origin, system.radius_mm)
+            left = np.diagonal(at_flange @ covariance[own, own] @ at_flange.T)
+            squares += [np.mean(rotation_rad**2 + left[:3]), np.mean(translation_mm**2 + left[3:])]
+        deviations = np.sqrt(squares / (1 + len(system.paired)))
+        noise = RobotNoise(float(deviations[1]), float(deviations[0]))
+        if _alike(before, noise):
+            break
+    return noise
+
+
+def _alike(one: RobotNoise, other: RobotNoise) -> bool:
+    return (
+        abs(one.translation_mm / other.translation_mm - 1) < NOISE_SETTLED
+        and abs(one.rotation_rad / other.rotation_rad - 1) < NOISE_SETTLED
+    )
 
 
 def _with_x(
@@ -178,15 +247,12 @@ def _solution(
     x = found.flange_T_camera
     placed = [motion @ flange @ x for motion, flange in zip(found.motions, poses, strict=True)]
     agreed = agreement([sample.surface for sample in samples], placed)
-    results, sizes = [], []
+    results = []
     for index, (motion, flange) in enumerate(zip(found.motions, poses, strict=True)):
         correction = correction_of(motion, flange[:3, 3])
         alone = index in found.alone
-        if not alone:
-            sizes.append(np.concatenate(correction))
         reason = "no-overlap" if alone else None
         results.append(ViewResult(index, None, "rejected" if alone else "corrected", reason, None, None, correction))
-    squares = np.mean(np.square(sizes), axis=0)
     seen = np.concatenate(
         [sample.surface.points[:: len(sample.surface.points) // SEEN_POINTS + 1] for sample in samples]
     )
@@ -195,16 +261,14 @@ def _solution(
         x,
         found.covariance,
         seen,
-        Noise(None, float(np.sqrt(squares[3:].mean())), float(np.sqrt(squares[:3].mean()))),
+        Noise(None, found.noise.rotation_rad, found.noise.translation_mm),
         results,
         np.delete(poses, found.alone, axis=0),
-        tuple(_findings(found, agreed.rms_mm, rough, squares, noise)),
+        tuple(_findings(found, agreed.rms_mm, rough, noise)),
     )
 
 
-def _findings(
-    found: SurfaceSolution, rms_mm: float | None, rough: Array, squares: Array, noise: RobotNoise
-) -> list[Finding]:
+def _findings(found: SurfaceSolution, rms_mm: float | None, rough: Array, noise: RobotNoise) -> list[Finding]:
     off_mm, off_rad = difference(found.flange_T_camera, rough)
     moved = f"X moved by {off_mm:.1f} mm and {np.degrees(off_rad):.2f} degrees from the rough one"
     findings = [
@@ -213,9 +277,11 @@ def _findings(
     if not found.settled:
         what = f"X had not settled after {found.iterations} iterations"
         findings.append(Finding("not-settled", "error", what, "start from a better rough X, or add overlap"))
-    if squares[:3].mean() > noise.translation_mm**2 or squares[3:].mean() > noise.rotation_rad**2:
-        what = "the views had to be moved further than the robot's stated noise explains: the uncertainty is too small"
-        findings.append(
-            Finding("correction-unexplained", "warning", what, "state the robot's noise, check the part stood still")
+    if found.noise.translation_mm > noise.translation_mm or found.noise.rotation_rad > noise.rotation_rad:
+        what = (
+            f"the robot errs by {found.noise.translation_mm:.2g} mm and {np.degrees(found.noise.rotation_rad):.2g} "
+            f"degrees, more than the {noise.translation_mm:.2g} mm and {np.degrees(noise.rotation_rad):.2g} degrees "
+            "expected; the uncertainty counts it"
         )
+        findings.append(Finding("robot-noise", "warning", what, "check the mount, and that the part stood still"))
     return findings

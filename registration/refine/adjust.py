@@ -148,14 +148,19 @@ def normal_equations(
     prior, prior_gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
     weights = np.repeat([1 / noise.rotation_rad**2, 1 / noise.translation_mm**2], 3)
     for index, (motion, flange) in enumerate(zip(motions, base_T_flange, strict=True)):
-        at_flange = np.zeros((6, 6))
-        at_flange[:3, :3] = np.eye(3) / radius_mm
-        at_flange[3:, :3] = -skew(flange[:3, 3] - origin) / radius_mm
-        at_flange[3:, 3:] = np.eye(3)
+        at_flange = at_flange_of(flange[:3, 3], origin, radius_mm)
         prior[index, :, index] = at_flange.T @ (weights[:, None] * at_flange)
         prior_gradient[index] = at_flange.T @ (weights * np.concatenate(correction_of(motion, flange[:3, 3])[::-1]))
     size = 6 * count
     return seen.reshape(size, size), seen_gradient.ravel(), prior.reshape(size, size), prior_gradient.ravel()
+
+
+def at_flange_of(flange_mm: Array, origin: Array, radius_mm: float) -> Array:
+    """(6, 6): a twist [rotation × radius, translation] about `origin` as [rotation rad, translation mm] of a flange."""
+    at_flange = np.eye(6)
+    at_flange[:3, :3] /= radius_mm
+    at_flange[3:, :3] = -skew(flange_mm - origin) / radius_mm
+    return at_flange
 
 
 def correction_of(motion: Array, flange_mm: Array) -> tuple[Array, Array]:

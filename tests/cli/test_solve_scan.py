@@ -115,3 +115,60 @@ def test_a_rough_x_that_cannot_be_read_names_its_file(tmp_path: Path) -> None:
     ran = handeyed("solve", scan(tmp_path / "scan"), "--artefact", "none", "--rough", rough)
     assert ran.status == 2
     assert "no flange_T_camera" in ran.err
+
+
+def part_scan(folder: Path, relief_mm: float, views: int = 7) -> Path:
+    """Views of a panel, the robot erring by 0.2 mm."""
+    folder.mkdir()
+    documents, rng = [], np.random.default_rng(5)
+    for index in range(views):
+        down = rotation_from_vector([np.pi, 0, 0])
+        turn = rotation_from_vector([0, 0, 0.5 * index]) @ rotation_from_vector(rng.normal(0, 0.25, 3))
+        flange = transform(turn @ down, [*rng.normal(0, 15, 2), 400.0])
+        x, y = rng.uniform(-60, 60, (2, 5000))
+        z = relief_mm * (2 * np.sin(x / 23) * np.cos(y / 31) + np.sin(x / 9 + y / 17))
+        seen = map_points(
+            inverse(flange @ FLANGE_T_CAMERA), np.column_stack([x, y, z]) + rng.normal(0, 0.02, (5000, 3))
+        )
+        (folder / f"view_{index}.ply").write_bytes(ply_of(seen))
+        erring = transform(flange[:3, :3], flange[:3, 3] + rng.normal(0, 0.2, 3))
+        told = PoseDocument.of(erring).model_dump(mode="json")
+        documents.append({"cloud": f"view_{index}.ply", "unit": "mm", "base_T_flange": told})
+    content = {"schema_version": 1, "source": "test", "setup": "eye-in-hand", "views": documents}
+    (folder / "scan.json").write_text(json.dumps(content))
+    return folder
+
+
+def rough_x(file: Path) -> Path:
+    """A calibration 4 mm and a degree off."""
+    off = FLANGE_T_CAMERA @ transform(rotation_from_vector([0.012, -0.01, 0.008]), [2.0, -3.0, 2.0])
+    document = a_calibration("rough").model_copy(update={"flange_T_camera": PoseDocument.of(off)})
+    file.write_text(document.model_dump_json())
+    return file
+
+
+def test_x_is_found_from_overlapping_views_of_any_part_and_registers_them(tmp_path: Path) -> None:
+    folder, out, rough = part_scan(tmp_path / "scan", 6.0), tmp_path / "found.json", rough_x(tmp_path / "rough.json")
+    ran = handeyed("solve", folder, "--artefact", "none", "--rough", rough, "--json", "--out", out)
+    document = json.loads(ran.out)
+    found, sigma_mm = document["flange_T_camera"], document["uncertainty"]["translation_mm"]
+    off_mm = np.abs(np.array(found["translation_mm"]) - FLANGE_T_CAMERA[:3, 3])
+    assert np.all(off_mm < 3 * np.array(sigma_mm)), (off_mm, sigma_mm)
+    assert np.linalg.norm(off_mm) < 1.0, "the rough one is 4.1 mm off"
+    assert ran.status == (0 if document["verdict"]["accepted"] else 3)
+    assert "surfaces-agree" in [finding["code"] for finding in document["verdict"]["findings"]]
+    before, after = [
+        json.loads(
+            handeyed("register", folder, "--calibration", file, "--out", tmp_path / "all.ply", "--json").out
+        )["rms_mm"]["before"]
+        for file in (rough, out)
+    ]  # fmt: skip
+    assert after < 0.5 * before
+
+
+def test_three_views_of_a_plane_tell_no_x_and_say_so(tmp_path: Path) -> None:
+    folder, rough = part_scan(tmp_path / "scan", 0.0, 3), rough_x(tmp_path / "rough.json")
+    ran = handeyed("solve", folder, "--artefact", "none", "--rough", rough, "--json")
+    document = json.loads(ran.out)
+    assert (ran.status, document["flange_T_camera"]) == (3, None)
+    assert document["verdict"]["findings"][0]["code"] == "surfaces-unobservable"
