@@ -13,27 +13,13 @@ from protocols.cb.frames import (
     GarbageSkipped,
 )
 from tests.cases import cases
+from tests.protocols.dirt import GARBAGE, MOVE
 from tests.protocols.rows import ALL_ROWS, Row
 
 each_row = pytest.mark.parametrize("row", ALL_ROWS, ids=lambda row: row.name)
 both_modes = pytest.mark.parametrize("resynchronise", [False, True], ids=["strict", "resynchronising"])
 
-MOVE = next(row.encoded for row in ALL_ROWS if row.name == "move")
 PING = next(row.encoded for row in ALL_ROWS if row.name == "ping")
-GARBAGE = {
-    "a zero": b"\0",
-    "half a magic": b"\x43",
-    "a magic": b"\x43\x42",
-    "three halves": b"\x43\x42\x43",
-    "twenty magics": b"\x43\x42" * 20,
-    "a header that promises 1012 bytes": b"\x43\x42\x01\x04\x01\x00\x00\x00\xf4\x03\x00\x00",
-    "a header that promises 65535 bytes": b"\x43\x42\x01\x04\x01\x00\x00\x00\xff\xff\x00\x00",
-    "half a move": MOVE[:40],
-    "a move without its last byte": MOVE[:-1],
-    "a move with a flipped bit": MOVE[:30] + bytes([MOVE[30] ^ 4]) + MOVE[31:],
-    "text": b"ABB IRC5 ready\r\n",
-    "a break": b"\0" * 50,
-}
 each_garbage = pytest.mark.parametrize("garbage", GARBAGE.values(), ids=GARBAGE.keys())
 
 
@@ -156,11 +142,12 @@ def test_however_the_bytes_are_cut_the_same_frames_come(rows, data):
         assert [frame.encode() for frame in events] == [row.encoded for row in rows]
 
 
+chunks = st.one_of(st.just(1), st.integers(1, 50))
 dirt = st.one_of(st.binary(max_size=40), st.sampled_from(list(GARBAGE.values())))
 
 
 @settings(max_examples=cases(100), deadline=None)
-@given(st.lists(st.tuples(dirt, st.sampled_from(ALL_ROWS)), min_size=1, max_size=5), st.integers(1, 50))
+@given(st.lists(st.tuples(dirt, st.sampled_from(ALL_ROWS)), min_size=1, max_size=5), chunks)
 def test_garbage_between_frames_never_loses_a_good_one(pairs, chunk):
     stream = b"".join(garbage + row.encoded for garbage, row in pairs)
     reader = FrameReader(resynchronise=True)
