@@ -199,7 +199,7 @@ class Cell:
     async def close(self) -> None:
         """Close every device; one that fails does not keep the others open."""
         if self._quiet is not None:
-            await asyncio.to_thread(self._quiet.monitor.close)
+            await self._quiet.close()
         for name, device in self.links().items():
             try:
                 await device.close()

@@ -1,5 +1,6 @@
 """Does the arm still ring? What the settling monitor (EGM) tells before each look, when the cell has one."""
 
+import asyncio
 from dataclasses import dataclass
 from math import degrees
 from typing import Protocol
@@ -44,6 +45,10 @@ class Quiet:
         if not self._within(vibration):
             raise self._rings(vibration, "the flange")
         return vibration
+
+    async def close(self) -> None:
+        """Listen no more."""
+        await asyncio.to_thread(self.monitor.close)
 
     def _within(self, vibration: Vibration) -> bool:
         return (

@@ -6,6 +6,7 @@ import os
 import shutil
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from math import degrees
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,8 +17,10 @@ from daemon.cli.client import DaemonClient
 from daemon.cli.errors import CommandError
 from daemon.clock import Clock
 from daemon.devices import open_devices
+from daemon.errors import NotStill
+from daemon.quiet import Quiet
 from daemon.settings import Settings
-from drivers.errors import DeviceError, DeviceUnreachable, NothingMeasured
+from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, NothingMeasured
 from drivers.interfaces import Camera, Robot, Scanner
 
 CONNECT_LIMIT_S = 4.0
@@ -70,6 +73,8 @@ async def check_devices(settings: Settings) -> list[Result]:
         ]
         if devices.scanner is not None:
             checks.append(_asked("scanner", devices.scanner, _scanner_words))
+        if devices.quiet is not None:
+            checks.append(_asked("egm", devices.quiet, _vibration_words))
         return list(await asyncio.gather(*checks))
     finally:
         await asyncio.gather(*(device.close() for device in opened))
@@ -108,7 +113,7 @@ async def _asked(name: str, device: Answer, words: Callable[[Answer], Awaitable[
     while True:
         try:
             return await words(device)
-        except DeviceUnreachable as error:
+        except (DeviceUnreachable, DeviceTimeout) as error:
             if asyncio.get_running_loop().time() > limit_s:
                 return _failed(name, error)
             await asyncio.sleep(RETRY_S)
@@ -146,6 +151,15 @@ async def _camera_words(camera: Camera, settings: Settings) -> Result:
     return Result(
         "camera", True, f"{picture}; it shows {len(found.ids)} of the target's {len(target.points_mm)} points"
     )
+
+
+async def _vibration_words(quiet: Quiet) -> Result:
+    try:
+        vibration = await quiet.wait(CONNECT_LIMIT_S, Clock())
+    except NotStill as error:
+        return Result("egm", False, error.what, error.fix)
+    seen = f"{vibration.translation_mm:.3f} mm and {degrees(vibration.rotation_rad):.4f}°"
+    return Result("egm", True, f"the controller streams; the flange vibrates by {seen}")
 
 
 async def _scanner_words(scanner: Scanner) -> Result:

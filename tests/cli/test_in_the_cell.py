@@ -160,6 +160,19 @@ def test_check_says_a_line_for_each_device(alone: tuple[Child, Path]) -> None:
     assert lines[3][2].startswith("a picture of 1920 x 1200; ")
 
 
+def test_check_waits_for_egm_and_says_when_none_comes(alone: tuple[Child, Path], tmp_path: Path) -> None:
+    _, settings = alone
+    egm = f'[robot.egm]\nhost = "127.0.0.1"\nport = 0\nrobot = "127.0.0.1"\n'
+    (tmp_path / "handeyed.toml").write_text(settings.read_text() + egm)
+
+    ran = handeyed("check", tmp_path / "handeyed.toml", "--json")
+
+    vibration = next(result for result in json.loads(ran.out) if result["name"] == "egm")
+    assert ran.status == 1
+    assert vibration["ok"] is False
+    assert "EGMStreamStart" in vibration["fix"]
+
+
 def test_check_says_what_to_do_where_nobody_answers(alone: tuple[Child, Path], tmp_path: Path) -> None:
     mock, settings = alone
     text = settings.read_text().replace(mock.announcement["camera"], "http://127.0.0.1:9/camera.png")

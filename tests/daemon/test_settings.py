@@ -1,5 +1,6 @@
 """The settings file: the example is complete, and every mistake is named with its place."""
 
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,26 +13,11 @@ from calibration.errors import DocumentError
 from daemon.settings import Settings, load_settings, parse_settings
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "handeyed.example.toml"
-OTHER_KINDS = {
-    "square_mm",
-    "marker_mm",
-    "dictionary",
-    "legacy",
-    "layout",
-    "dots",
-    "origin",
-    "tag_mm",
-    "gap_mm",
-    "family",
-    "serial",
-    "baud",
-    "parity",
-    "interlocks",
-    "signals",
-    "name",
-    "allows",
-}
-"""Keys of other targets, and of other devices, than the example's; named in its comments."""
+EVERYTHING = re.sub("^#(?! |$)", "", EXAMPLE.read_text(), flags=re.MULTILINE)
+"""The example with all that it leaves out."""
+
+OTHER_TARGETS = {"pitch_mm", "layout", "dots", "origin", "tag_mm", "gap_mm", "family"}
+"""Keys of other targets than the example's; named in its comments."""
 
 SMALLEST = """
 [robot]
@@ -77,23 +63,25 @@ def test_the_example_loads() -> None:
 
 
 def test_the_example_shows_every_key_of_the_model_and_no_other() -> None:
-    shown = keys_in(tomllib.loads(EXAMPLE.read_text()))
-    assert shown == keys_of(Settings) - OTHER_KINDS
-    comments = "\n".join(line for line in EXAMPLE.read_text().splitlines() if line.startswith("#"))
-    assert all(key in comments for key in OTHER_KINDS)
+    assert keys_in(tomllib.loads(EVERYTHING)) == keys_of(Settings) - OTHER_TARGETS
+    comments = "\n".join(line for line in EXAMPLE.read_text().splitlines() if line.startswith("# "))
+    assert all(key in comments for key in OTHER_TARGETS)
 
 
-def test_the_example_shows_the_defaults() -> None:
+def test_the_example_with_all_that_it_leaves_out_is_understood() -> None:
+    everything = parse_settings(EVERYTHING.encode(), "everything")
+    assert all(value is not None for _, value in everything)
+
+
+def test_the_example_differs_from_the_defaults_in_nothing_but_what_a_cell_must_say() -> None:
     """A key that has a default is shown with it, so that deleting a line changes nothing."""
     example = load_settings(EXAMPLE)
     smallest = parse_settings(SMALLEST.encode(), "smallest")
-    for section in ("calibration", "server", "storage"):
-        shown, default = getattr(example, section), getattr(smallest, section)
-        given = {"flange_T_camera_guess", "base_T_target_guess", "uncertainty_mm"}
-        given |= {"allowed_hosts", "certificate", "private_key"}
-        assert shown.model_dump(exclude={*given, "limits"}) == default.model_dump(exclude={*given, "limits"})
-    assert example.robot.settling == smallest.robot.settling
-    assert example.calibration.limits.model_copy(update={"box_mm": None}) == smallest.calibration.limits
+    differ = {name for name, value in example if value != getattr(smallest, name)}
+    assert differ == {"robot", "camera", "target"}
+    given = {"address", "box_mm", "model"}
+    assert example.robot.model_dump(exclude=given) == smallest.robot.model_dump(exclude=given)
+    assert example.camera.model_dump(exclude=given) == smallest.camera.model_dump(exclude=given)
 
 
 @pytest.mark.parametrize(
