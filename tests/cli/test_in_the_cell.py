@@ -162,7 +162,7 @@ def test_check_says_a_line_for_each_device(alone: tuple[Child, Path]) -> None:
 
 def test_check_waits_for_egm_and_says_when_none_comes(alone: tuple[Child, Path], tmp_path: Path) -> None:
     _, settings = alone
-    egm = f'[robot.egm]\nhost = "127.0.0.1"\nport = 0\nrobot = "127.0.0.1"\n'
+    egm = '[robot.egm]\nhost = "127.0.0.1"\nport = 0\nrobot = "127.0.0.1"\n'
     (tmp_path / "handeyed.toml").write_text(settings.read_text() + egm)
 
     ran = handeyed("check", tmp_path / "handeyed.toml", "--json")
