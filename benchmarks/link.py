@@ -1,9 +1,7 @@
 """The CB link at the shipped RAPID, over real sockets: `python -m benchmarks.link [--schedules N] [--reads S] ...`.
 
-Schedules: one move each, with one to three faults of the table at random. Told is every move that was commanded more
-than once, and every arm that moved after an error, when the link stood again. Reads: poses at 250 a
-second while a cloud of ten million points passes through the same process. Reconnects: a greeting and a BYE each, with
-what they leave behind.
+Schedules: benchmarks/link_schedules.py. Reads: poses at 250 a second while a cloud of ten million points passes through
+the same process. Reconnects: a greeting and a BYE each, with what they leave behind.
 """
 
 import argparse
@@ -15,132 +13,21 @@ import sys
 import threading
 import time
 from asyncio.subprocess import PIPE
-from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
-from random import Random
 
 import numpy as np
 
-from calibration.arms import IRB_1600_6_145 as ARM
-from drivers.errors import DeviceError
-from drivers.interfaces import Configuration, MoveGoal
+from benchmarks.link_schedules import schedules
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cell import MockCell, Ports
-from mock_robot.fault_table import FAULTS
 from mock_robot.truth import CellTruth
 from registration.stream import CloudStream
 
-STRIKES = tuple(name for name, fault in FAULTS.items() if fault.area in ("link", "robot"))
-CELLS = 6
-TIME_SCALE = 30.0
 READS_A_SECOND = 250
 POINTS = 10_000_000
-SETTLED_S = 12.0
-
-
-@dataclass
-class Tally:
-    """What came of the schedules."""
-
-    schedules: int = 0
-    arrived: int = 0
-    errors: Counter[str] = field(default_factory=Counter)
-    twice: list[str] = field(default_factory=list)
-    moved_afterwards: list[str] = field(default_factory=list)
-
-
-async def schedules(count: int, seed: int) -> Tally:
-    """Several cells side by side: most of a schedule is waiting for a silence to end."""
-    tally = Tally()
-    numbers = iter(range(count))
-
-    async def work() -> None:
-        cell = MockCell(CellTruth.from_seed(7), time_scale=TIME_SCALE, program="rapid")
-        try:
-            wire = await cell.start(Ports(devices=None))
-            assert wire.robot_port is not None
-            for number in numbers:
-                await _schedule(cell, wire.robot_port, Random(f"{seed} {number}"), tally)
-        finally:
-            await cell.close()
-
-    await asyncio.gather(*(work() for _ in range(min(CELLS, count))))
-    return tally
-
-
-async def _schedule(cell: MockCell, port: int, random: Random, tally: Tally) -> None:
-    """One move under one to three faults; then everything is put right, and nothing may have moved again."""
-    faults = random.sample(STRIKES, random.randint(1, 3))
-    told = " + ".join(faults)
-    robot = CbRobot(TcpTransport("127.0.0.1", port))
-    robot.start()
-    try:
-        await _armed(robot)
-        before = cell.controller.moves_accepted
-        for fault in faults:
-            cell.breaks(fault, after_moves=random.randint(0, 1))
-        failed = await _moved(robot, _somewhere(cell, random), tally)
-        await _comes_to_rest(cell)
-        cell.mends()
-        cell.controller.put_right(cell.clock())
-        cell.nudge()
-        if failed:
-            await _stays_at_rest(cell, robot, told, tally)
-        if cell.controller.moves_accepted > before + 1:
-            tally.twice.append(told)
-    finally:
-        tally.schedules += 1
-        await robot.close()
-
-
-async def _armed(robot: CbRobot) -> None:
-    """As an operator would: again, when what was before is still ending."""
-    for _ in range(20):
-        try:
-            await robot.connected(30.0)
-            await robot.set_armed(True)
-        except DeviceError:
-            await asyncio.sleep(0.2)
-        else:
-            return
-    raise TimeoutError("the arm cannot be armed")
-
-
-async def _moved(robot: CbRobot, goal: MoveGoal, tally: Tally) -> bool:
-    try:
-        await robot.move_to(goal)
-    except DeviceError as error:
-        tally.errors[error.code] += 1
-        return True
-    tally.arrived += 1
-    return False
-
-
-async def _comes_to_rest(cell: MockCell) -> None:
-    """The controller stops and disarms by itself after two seconds of silence."""
-    ends_s = time.monotonic() + SETTLED_S
-    while cell.flange_now().moving and time.monotonic() < ends_s:  # noqa: ASYNC110 - it happens in arm time
-        await asyncio.sleep(0.02)
-
-
-async def _stays_at_rest(cell: MockCell, robot: CbRobot, told: str, tally: Tally) -> None:
-    """From the next greeting on. Before it, the one move may still have begun, and been stopped."""
-    await robot.connected(30.0)
-    await _comes_to_rest(cell)
-    commanded = cell.controller.moves_accepted
-    await asyncio.sleep(0.5)
-    if cell.controller.moves_accepted != commanded or cell.flange_now().moving:
-        tally.moved_afterwards.append(told)
-
-
-def _somewhere(cell: MockCell, random: Random) -> MoveGoal:
-    joints_rad = np.radians([random.uniform(-25, 25), *(random.uniform(-12, 12) for _ in range(3)), 40, 0])
-    pose = ARM.forward(joints_rad)
-    return MoveGoal(pose, Configuration(*ARM.configuration(joints_rad)), speed_mm_s=250.0)
 
 
 @asynccontextmanager
@@ -239,19 +126,13 @@ def main() -> int:
         "--reads", type=float, default=5.0, metavar="S", help="seconds of reading (60 for the long run)"
     )
     parser.add_argument("--reconnects", type=int, default=300, help="connections (10000 for the long run)")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="of the schedules")
     options = parser.parse_args()
     failed = False
     if options.schedules:
         tally = asyncio.run(schedules(options.schedules, options.seed))
-        ends = ", ".join(f"{count} {code}" for code, count in tally.errors.most_common())
-        print(f"schedules: {tally.schedules}; {tally.arrived} arrived, {ends}")
-        for what, found in (
-            ("commanded more than once", tally.twice),
-            ("moved after an error", tally.moved_afterwards),
-        ):
-            print(f"  {what}: {len(found)} {found[:3] or ''}", flush=True)
-            failed |= bool(found)
+        print(tally.told(), flush=True)
+        failed = tally.failed
     if options.reads:
         for program in ("rapid", "python"):
             taken_ms = np.array(asyncio.run(reads(options.reads, program)))

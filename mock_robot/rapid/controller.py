@@ -90,6 +90,10 @@ class RapidController(Cabinet):
             self._loaded.clear()
             self.devices.close()
 
+    def whereabouts(self) -> dict[str, list[str]]:
+        """For each task the statements it is at, innermost first: for who wonders why nothing happens."""
+        return {loaded.task.name: loaded.task.whereabouts() for loaded in self._loaded}
+
     def restart(self, now_s: float) -> None:
         """A warm start: PERS keep their values, everything else begins anew; the program is started from main."""
         if any(loaded.task.is_current for loaded in self._loaded):

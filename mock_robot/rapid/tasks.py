@@ -2,6 +2,7 @@
 
 import os
 import select
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -59,6 +60,15 @@ class Task:
     def is_current(self) -> bool:
         """Is it this task that asks?"""
         return self._thread is threading.current_thread()
+
+    def whereabouts(self) -> list[str]:
+        """The statements it is at, innermost first, from the thread's own stack; none when the thread has ended."""
+        found, frame = [], sys._current_frames().get(self._thread.ident or 0)
+        while frame is not None:
+            if frame.f_code.co_name == "run" and "lines" in (names := frame.f_locals) and "module" in names:
+                found.append(f"{names['module']}:{names['lines'][names.get('at', 0)]}")
+            frame = frame.f_back
+        return found
 
     def start(self) -> None:
         """Go on where the task was stopped."""

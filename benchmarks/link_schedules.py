@@ -1,0 +1,250 @@
+"""Random fault schedules for the CB link at the shipped RAPID: one move each, with one to three faults of the table.
+
+Told is every move that was commanded more than once, every arm that moved after an error, and every schedule that did
+not come to an end, with what the robot program was doing then.
+"""
+
+import asyncio
+import faulthandler
+import time
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any
+
+import numpy as np
+
+from calibration.arms import IRB_1600_6_145 as ARM
+from drivers.errors import DeviceError
+from drivers.interfaces import Configuration, MoveGoal
+from drivers.robots.cb_robot import CbRobot
+from drivers.robots.tcp import TcpTransport
+from drivers.robots.transport import Connection
+from mock_robot.cell import MockCell, Ports
+from mock_robot.fault_table import FAULTS
+from mock_robot.rapid.controller import RapidController
+from mock_robot.truth import CellTruth
+
+STRIKES = tuple(name for name, fault in FAULTS.items() if fault.area in ("link", "robot"))
+CELLS = 12
+TIME_SCALE = 30.0
+SETTLED_S = 12.0
+SCHEDULE_LIMIT_S = 60.0
+FROZEN_S = 240.0
+"""Not even the limits are looked at any more: every thread's stack is printed, and the run ends."""
+FRAMES_TOLD = 12
+
+
+@dataclass
+class Tally:
+    """What came of the schedules."""
+
+    schedules: int = 0
+    arrived: int = 0
+    errors: Counter[str] = field(default_factory=Counter)
+    twice: list[str] = field(default_factory=list)
+    moved_afterwards: list[str] = field(default_factory=list)
+    never_ended: list[str] = field(default_factory=list)
+
+    @property
+    def failed(self) -> bool:
+        """Was anything found that must not be?"""
+        return bool(self.twice or self.moved_afterwards or self.never_ended)
+
+    def told(self) -> str:
+        """For people."""
+        ends = ", ".join(f"{count} {code}" for code, count in self.errors.most_common())
+        lines = [f"schedules: {self.schedules}; {self.arrived} arrived, {ends}"]
+        for what, found in (
+            ("commanded more than once", self.twice),
+            ("moved after an error", self.moved_afterwards),
+            ("never ended", self.never_ended),
+        ):
+            lines += [f"  {what}: {len(found)}", *(f"    {each}" for each in found[:3])]
+        return "\n".join(lines)
+
+
+@dataclass
+class Overheard:
+    """A transport whose last pieces are remembered."""
+
+    inner: TcpTransport
+    pieces: deque[str] = field(default_factory=lambda: deque(maxlen=FRAMES_TOLD))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+    async def connect(self) -> Connection:
+        """The inner one's, listened to."""
+        self.note("connects")
+        return _Tapped(await self.inner.connect(), self.note)
+
+    def note(self, what: str) -> None:
+        """Remember it, with its time."""
+        self.pieces.append(f"{time.monotonic():.3f} {what}")
+
+
+@dataclass
+class _Tapped:
+    connection: Connection
+    note: Any
+
+    async def send(self, data: bytes) -> None:
+        self.note(f"> {data.hex(' ')}")
+        await self.connection.send(data)
+
+    async def receive(self) -> bytes:
+        data = await self.connection.receive()
+        self.note(f"< {data.hex(' ')}")
+        return data
+
+    async def close(self) -> None:
+        self.note("closes")
+        await self.connection.close()
+
+
+@dataclass
+class Schedule:
+    """One move under one to three faults; then everything is put right, and nothing may have moved again."""
+
+    number: int
+    seed: int
+    cell: MockCell
+    port: int
+    stage: str = "arming"
+
+    def __post_init__(self) -> None:
+        self.random = Random(f"{self.seed} {self.number}")
+        self.faults = {
+            name: self.random.randint(0, 1) for name in self.random.sample(STRIKES, self.random.randint(1, 3))
+        }
+        self.transport = Overheard(TcpTransport("127.0.0.1", self.port))
+
+    def __str__(self) -> str:
+        faults = " + ".join(f"{name}{' from the move on' if later else ''}" for name, later in self.faults.items())
+        return f"schedule {self.number} of seed {self.seed}: {faults}"
+
+    async def run(self, tally: Tally) -> bool:
+        """Did it end, so that the cell may be used again?"""
+        tally.schedules += 1
+        robot = CbRobot(self.transport)
+        robot.start()
+        try:
+            async with asyncio.timeout(SCHEDULE_LIMIT_S):
+                await self._ends(robot, tally)
+        except (TimeoutError, DeviceError) as error:
+            tally.never_ended.append(self._where_it_hangs(error))
+            return False
+        finally:
+            await robot.close()
+        return True
+
+    async def _ends(self, robot: CbRobot, tally: Tally) -> None:
+        cell = self.cell
+        await _armed(robot)
+        before = cell.controller.moves_accepted
+        for fault, later in self.faults.items():
+            cell.breaks(fault, after_moves=later)
+        self.stage = "moving"
+        failed = await _moved(robot, _somewhere(cell, self.random), tally)
+        self.stage = "coming to rest"
+        await _comes_to_rest(cell)
+        cell.mends()
+        cell.controller.put_right(cell.clock())
+        cell.nudge()
+        self.stage = "staying at rest"
+        if failed and await _moves_by_itself(cell, robot):
+            tally.moved_afterwards.append(str(self))
+        if cell.controller.moves_accepted > before + 1:
+            tally.twice.append(str(self))
+
+    def _where_it_hangs(self, error: Exception) -> str:
+        controller = self.cell.controller
+        assert isinstance(controller, RapidController)
+        told = (
+            "cell_session cell_armed cell_request cell_verdict cell_done cell_done_status cell_abort cell_bell"
+            " cell_moving cell_settled"
+        )
+        lines = [
+            f"{self}: {self.stage} for more than {SCHEDULE_LIMIT_S:g} s: {error!r}",
+            f"{controller.panel}, settles {controller.settles}, {controller.unit}",
+            ", ".join(f"{name} {controller.memory[name].value}" for name in told.split()),
+            *(f"{task}: {' <- '.join(where) or 'no thread'}" for task, where in controller.whereabouts().items()),
+            *(f"log {entry.code} {entry.text}" for entry in [*controller.log][-6:]),
+            *self.transport.pieces,
+        ]
+        return "\n      ".join(lines)
+
+
+async def schedules(count: int, seed: int) -> Tally:
+    """Several cells side by side: most of a schedule is waiting for a silence to end."""
+    tally = Tally()
+    numbers = iter(range(count))
+    await asyncio.gather(*(_work(numbers, seed, tally) for _ in range(min(CELLS, count))))
+    faulthandler.cancel_dump_traceback_later()
+    return tally
+
+
+async def _work(numbers: Any, seed: int, tally: Tally) -> None:
+    """One cell after another: a new one when a schedule has left the last one in a state nobody wants."""
+    sound = False
+    while not sound:
+        sound = True
+        cell = MockCell(CellTruth.from_seed(7), time_scale=TIME_SCALE, program="rapid")
+        try:
+            wire = await cell.start(Ports(devices=None))
+            assert wire.robot_port is not None
+            for number in numbers:
+                faulthandler.dump_traceback_later(FROZEN_S, exit=True)
+                sound = await Schedule(number, seed, cell, wire.robot_port).run(tally)
+                if not sound:
+                    break
+        finally:
+            await cell.close()
+
+
+async def _armed(robot: CbRobot) -> None:
+    """As an operator would: again, when what was before is still ending."""
+    while True:
+        try:
+            await robot.connected(30.0)
+            await robot.set_armed(True)
+        except DeviceError:
+            await asyncio.sleep(0.2)
+        else:
+            return
+
+
+async def _moved(robot: CbRobot, goal: MoveGoal, tally: Tally) -> bool:
+    """Did the move fail?"""
+    try:
+        await robot.move_to(goal)
+    except DeviceError as error:
+        tally.errors[error.code] += 1
+        return True
+    tally.arrived += 1
+    return False
+
+
+async def _comes_to_rest(cell: MockCell) -> None:
+    """The controller stops and disarms by itself after two seconds of silence."""
+    ends_s = time.monotonic() + SETTLED_S
+    while cell.flange_now().moving and time.monotonic() < ends_s:  # noqa: ASYNC110 - it happens in arm time
+        await asyncio.sleep(0.02)
+
+
+async def _moves_by_itself(cell: MockCell, robot: CbRobot) -> bool:
+    """From the next greeting on. Before it, the one move may still have begun, and been stopped."""
+    await robot.connected(30.0)
+    await _comes_to_rest(cell)
+    commanded, departures = cell.controller.moves_accepted, cell.controller.arm.departures
+    await asyncio.sleep(0.5)
+    return (cell.controller.moves_accepted, cell.controller.arm.departures) != (commanded, departures) or (
+        cell.flange_now().moving
+    )
+
+
+def _somewhere(cell: MockCell, random: Random) -> MoveGoal:
+    joints_rad = np.radians([random.uniform(-25, 25), *(random.uniform(-12, 12) for _ in range(3)), 40, 0])
+    pose = ARM.forward(joints_rad)
+    return MoveGoal(pose, Configuration(*ARM.configuration(joints_rad)), speed_mm_s=250.0)
