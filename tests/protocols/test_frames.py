@@ -12,9 +12,11 @@ from protocols.cb.frames import (
     FramingBroken,
     GarbageSkipped,
 )
-from tests.cases import cases
+from tests.cases import cases, long_enough_s
 from tests.protocols.dirt import GARBAGE, MOVE
 from tests.protocols.rows import ALL_ROWS, Row
+
+pytestmark = pytest.mark.timeout(long_enough_s())
 
 each_row = pytest.mark.parametrize("row", ALL_ROWS, ids=lambda row: row.name)
 both_modes = pytest.mark.parametrize("resynchronise", [False, True], ids=["strict", "resynchronising"])

@@ -44,9 +44,11 @@ from protocols.cb.messages import (
     Welcome,
 )
 from protocols.cb.sequence import following, is_older
-from tests.cases import cases
+from tests.cases import cases, long_enough_s
 from tests.protocols.dirt import GARBAGE
 from tests.protocols.rows import FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS, Row
+
+pytestmark = pytest.mark.timeout(long_enough_s())
 
 HELLO = Hello(1, 1, 7)
 MOVE = Move(*FLANGE, NO_AXES, 100.0, MoveKind.JOINT)
