@@ -110,6 +110,7 @@ def main() -> int:
         while cases < options.cases and passed:
             count, passed, text = one_round(url, key, options.examples, options.seed + rounds, folder)
             cases, rounds = cases + count, rounds + 1
+            print(f"seed {options.seed + rounds - 1}: {count} cases, {cases} so far", flush=True)
             if not passed:
                 print(text)
     finally:

@@ -16,7 +16,7 @@ from daemon.access.certificates import require_usable
 from daemon.api.app import create_api
 from daemon.application import Application
 from daemon.connections import Door
-from daemon.errors import PortTaken
+from daemon.listening import listener_at
 from daemon.store.files import write_durably
 
 GRACE_S = 4
@@ -24,8 +24,6 @@ GRACE_S = 4
 
 KEEP_ALIVE_S = 10
 """A connection between two requests is closed after this."""
-
-PORT_FIX = "see who listens there already (ss -ltnp), or choose another [server] host or port; 0 takes any port"
 
 Announce = Callable[[str], None]
 """Called with the URL once requests are answered."""
@@ -90,16 +88,6 @@ class Server(uvicorn.Server):
             name = signal.Signals(sig).name
             self._loop.call_soon_threadsafe(self._application.begin_stop, f"the daemon, which is stopping ({name})")
         super().handle_exit(sig, frame)
-
-
-def listener_at(host: str, port: int) -> socket.socket:
-    """A socket that listens there; port 0 lets the system choose. Raises PortTaken."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        return socket.create_server((host, port), family=family, backlog=512)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise PortTaken(f"cannot listen on {host} port {port} ({reason})", PORT_FIX) from None
 
 
 def announce_in(ready_file: Path | None) -> Announce:

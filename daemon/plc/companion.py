@@ -1,13 +1,12 @@
 """Everything of the PLC, joined: the door, Modbus TCP, and RTU where the settings name a line."""
 
 import random
-import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from daemon.clock import Clock
 from daemon.drift.watch import DriftWatch
-from daemon.errors import PortTaken
+from daemon.listening import listener_at
 from daemon.metrics import Metric
 from daemon.operations import Operations
 from daemon.plc.door import PlcDoor
@@ -19,8 +18,6 @@ from protocols.modbus.bank import Identification, respond
 from protocols.plc.handshake import Rules
 
 IDENTIFICATION = Identification("handeyed", "handeyed", VERSION, name="eye-in-hand calibration")
-
-PORT_FIX = "see who listens there already (ss -ltnp), or choose another [plc] host or port; 0 takes any port"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +39,7 @@ class Plc:
             return lambda pdu: respond(pdu, bank, IDENTIFICATION)
 
         limits = Limits(settings.connections, settings.idle_limit_s, comes_first=settings.may_write)
-        tcp = ModbusTcp(listener_at(settings), respond_to, limits)
+        tcp = ModbusTcp(listener_at(settings.host, settings.port, "plc"), respond_to, limits)
         line = settings.serial
         rtu = None if line is None else ModbusRtu(line, door.bank(line.port, True), IDENTIFICATION, random.random)
         return cls(door, tcp, rtu)
@@ -66,14 +63,3 @@ class Plc:
         """For GET /metrics."""
         yield Metric("handeyed_plc_connections", "gauge", "PLCs connected over Modbus TCP.",
                      {(): float(self.tcp.connections)})  # fmt: skip
-
-
-def listener_at(settings: PlcSettings) -> socket.socket:
-    """A socket that listens there. Raises PortTaken."""
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    try:
-        return socket.create_server((settings.host, settings.port), family=family, backlog=64)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        what = f"cannot listen for PLCs on {settings.host} port {settings.port} ({reason})"
-        raise PortTaken(what, PORT_FIX) from None

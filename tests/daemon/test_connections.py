@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import socket
 import statistics
 import time
 from collections.abc import AsyncIterator
@@ -13,6 +14,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from daemon.connections import Door, Limits
+from daemon.listening import listener_at
 from tests.daemon.cells import Bench, serving, settings_for
 
 QUICK = Limits(head_s=0.3, head_bytes=10_000, idle_s=0.4, connections=40)
@@ -39,6 +41,13 @@ async def told(reader: asyncio.StreamReader, within_s: float = 5.0) -> dict[str,
     assert f" {problem['status']} ".encode() in head.splitlines()[0]
     assert problem["fix"]
     return problem
+
+
+def test_no_answer_waits_for_the_client_to_acknowledge_its_first_half() -> None:
+    with listener_at("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
+        accepted, _ = listener.accept()
+        with accepted:
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 MALFORMED = [

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from daemon.errors import PortTaken
+from daemon.listening import listener_at
 from daemon.logs import OneLine, about_run
-from daemon.server import announce_in, listener_at
+from daemon.server import announce_in
 from daemon.settings import Settings
 from daemon.workers import Workers
 from tests.daemon.cells import serving, settings_for
