@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.link_schedules import schedules
+from benchmarks.link_schedules import CELLS, schedules
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cell import MockCell, Ports
@@ -126,11 +126,12 @@ def main() -> int:
         "--reads", type=float, default=5.0, metavar="S", help="seconds of reading (60 for the long run)"
     )
     parser.add_argument("--reconnects", type=int, default=300, help="connections (10000 for the long run)")
+    parser.add_argument("--cells", type=int, default=CELLS, help="side by side; many of them are a busy machine")
     parser.add_argument("--seed", type=int, default=1, help="of the schedules")
     options = parser.parse_args()
     failed = False
     if options.schedules:
-        tally = asyncio.run(schedules(options.schedules, options.seed))
+        tally = asyncio.run(schedules(options.schedules, options.seed, options.cells))
         print(tally.told(), flush=True)
         failed = tally.failed
     if options.reads:

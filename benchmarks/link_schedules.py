@@ -176,11 +176,11 @@ class Schedule:
         return "\n      ".join(lines)
 
 
-async def schedules(count: int, seed: int) -> Tally:
+async def schedules(count: int, seed: int, cells: int = CELLS) -> Tally:
     """Several cells side by side: most of a schedule is waiting for a silence to end."""
     tally = Tally()
     numbers = iter(range(count))
-    await asyncio.gather(*(_work(numbers, seed, tally) for _ in range(min(CELLS, count))))
+    await asyncio.gather(*(_work(numbers, seed, tally) for _ in range(min(cells, count))))
     faulthandler.cancel_dump_traceback_later()
     return tally
 
