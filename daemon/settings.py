@@ -8,13 +8,13 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from calibration.arms import ARMS
+from calibration.arms import arm_named
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
-from calibration.errors import DocumentError, DocumentProblem
+from calibration.errors import DocumentError, DocumentProblem, GeometryError
 from calibration.transforms import Array
 from daemon.plc.settings import InterlockSettings, PlcSettings
 from daemon.settings_server import ServerSettings, WebhookSettings
@@ -40,9 +40,10 @@ Box = tuple[Vector, Vector]
 
 
 def _known_arm(name: str) -> str:
-    if name not in ARMS:
-        raise ValueError(f"known arms are {', '.join(ARMS)}; leave it out for any other")
-    return name
+    try:
+        return arm_named(name).name
+    except GeometryError as error:
+        raise ValueError(f"{error}; leave it out for any other") from None
 
 
 class TaughtPose(PoseDocument):

@@ -4,6 +4,7 @@ import os
 
 import typer
 
+from daemon.cli.arms import arms
 from daemon.cli.assess import assess
 from daemon.cli.audit import app as audit
 from daemon.cli.backup import backup, restore
@@ -53,6 +54,7 @@ app.command(rich_help_panel=OFFLINE)(register)
 app.command(rich_help_panel=OFFLINE)(register_archive)
 app.command(rich_help_panel=OFFLINE)(plan)
 app.command(rich_help_panel=OFFLINE)(assess)
+app.command(rich_help_panel=OFFLINE)(arms)
 app.command(rich_help_panel=OFFLINE)(version)
 
 

@@ -38,13 +38,13 @@ def read_question(file: Path) -> "PlanDocument":
 
 
 def _arm(name: str, file: Path) -> "Arm":
-    from calibration.arms import ARMS, arm_named
+    from calibration.arms import arm_named
     from calibration.errors import DocumentError, DocumentProblem, GeometryError
 
     try:
         return arm_named(name)
-    except GeometryError:
-        problem = DocumentProblem("robot", f"no arm is called {name!r}", f"one of {', '.join(ARMS)}, or leave it out")
+    except GeometryError as error:
+        problem = DocumentProblem("robot", str(error), "correct it, or leave it out")
         raise DocumentError(str(file), [problem]) from None
 
 

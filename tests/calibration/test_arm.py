@@ -1,5 +1,7 @@
 """The arm's kinematics: published dimensions, an independent chain, and the way back."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,11 +16,18 @@ from calibration.arm import (
     OutOfReach,
     OutsideJointLimits,
 )
-from calibration.arms import ARMS, IRB_120_3_06, IRB_1600_6_145, arm_named
+from calibration.arms import ARMS, arm_named
 from calibration.errors import GeometryError
 from calibration.transforms import Array, inverse, transform, transform_from_quaternion
 
-LARGE = IRB_1600_6_145
+LARGE = arm_named("IRB 1600-6/1.45")
+SMALL = arm_named("IRB 120-3/0.6")
+DIFFERENT = [
+    SMALL,
+    LARGE,
+    *map(arm_named, ("IRB 1100-4/0.58", "IRB 2600-12/1.85", "IRB 6650S-90/3.9", "IRB 7600-150/3.5")),
+]
+"""Without and with a shoulder and an elbow set off; the widest, and the narrowest limits."""
 
 
 def joints_of(arm: Arm) -> st.SearchStrategy[Array]:
@@ -59,13 +68,21 @@ def test_home_and_dimension_sheet_poses(
     np.testing.assert_allclose(LARGE.forward(np.radians(joints_deg)), expected, atol=1e-9)
 
 
-def test_the_reach_is_the_one_in_the_name() -> None:
+@pytest.mark.parametrize("arm", ARMS.values(), ids=lambda arm: arm.name)
+def test_the_reach_is_the_one_in_the_name(arm: Arm) -> None:
+    """As far as the name tells it: half its last digit, and the roundings of a data sheet."""
+    named_m = re.findall(r"/(\d\.(\d+))", arm.name)[0]
+    assert arm.reach_mm == pytest.approx(1e3 * float(named_m[0]), abs=500 * 0.1 ** len(named_m[1]) + 15)
+    assert all(lower < 0 < upper for lower, upper in zip(arm.lower_rad, arm.upper_rad, strict=True))
+
+
+def test_the_reach_is_that_of_the_stretched_arm() -> None:
     assert LARGE.reach_mm == pytest.approx(1450.0)
     stretched = LARGE.skeleton(np.radians([0, 90, -90, 0, 0, 0]))[2]
     assert np.hypot(*stretched[:2]) == pytest.approx(1450.0)
 
 
-@pytest.mark.parametrize("arm", ARMS.values(), ids=lambda arm: arm.name)
+@pytest.mark.parametrize("arm", DIFFERENT, ids=lambda arm: arm.name)
 @given(data=st.data())
 @settings(max_examples=40, deadline=None)
 def test_forward_is_the_chain_of_links(arm: Arm, data: st.DataObject) -> None:
@@ -73,7 +90,7 @@ def test_forward_is_the_chain_of_links(arm: Arm, data: st.DataObject) -> None:
     np.testing.assert_allclose(arm.forward(joints), urdf_chain(arm, joints), atol=1e-9)
 
 
-@pytest.mark.parametrize("arm", ARMS.values(), ids=lambda arm: arm.name)
+@pytest.mark.parametrize("arm", DIFFERENT, ids=lambda arm: arm.name)
 @given(data=st.data())
 @settings(max_examples=150, deadline=None)
 def test_every_solution_maps_back_and_the_original_is_among_them(arm: Arm, data: st.DataObject) -> None:
@@ -100,10 +117,10 @@ def test_a_pose_and_its_confdata_bring_back_the_same_joints(data: st.DataObject)
 @given(data=st.data())
 @settings(max_examples=80, deadline=None)
 def test_branch_k_has_cfx_k(data: st.DataObject) -> None:
-    branches = IRB_120_3_06.branches(IRB_120_3_06.forward(data.draw(joints_of(IRB_120_3_06))))
+    branches = SMALL.branches(SMALL.forward(data.draw(joints_of(SMALL))))
     for cfx, joints in enumerate(branches):
-        if np.isfinite(joints).all() and IRB_120_3_06.singularity_clearance(joints) > 1e-6:
-            assert IRB_120_3_06.configuration(joints).cfx == cfx
+        if np.isfinite(joints).all() and SMALL.singularity_clearance(joints) > 1e-6:
+            assert SMALL.configuration(joints).cfx == cfx
 
 
 @pytest.mark.parametrize(
@@ -157,7 +174,7 @@ def test_too_far_too_near_and_limits_are_refused_by_name_and_size() -> None:
         LARGE.inverse(transform(down, [2150, 0, 486.5 - 65]))
     assert far.value.excess_mm == pytest.approx(700.0)
     with pytest.raises(OutOfReach) as near:
-        IRB_120_3_06.inverse(transform(down, [10, 0, 290 - 72]))
+        SMALL.inverse(transform(down, [10, 0, 290 - 72]))
     assert near.value.too_near
     assert near.value.excess_mm == pytest.approx(np.hypot(302, 70) - 270 - 10)
     stretched_too_far = LARGE.forward(np.radians([0, 0, 0, 0, 120, 0]))
@@ -223,5 +240,8 @@ def test_wrist_centre_on_axis_1_takes_axis_1_from_the_hint() -> None:
 
 def test_arms_are_found_by_name_and_unknown_ones_named() -> None:
     assert arm_named("IRB 1600-6/1.45") is LARGE
-    with pytest.raises(GeometryError, match=r"known are IRB 1600-6/1\.45"):
-        arm_named("IRB 9999")
+    assert arm_named("irb1600-6/1.450") is LARGE
+    with pytest.raises(GeometryError, match=r"near are .*IRB 1600-6/1\.45"):
+        arm_named("IRB 1600-7/1.45")
+    with pytest.raises(GeometryError, match="`handeyed arms` lists"):
+        arm_named("KUKA")

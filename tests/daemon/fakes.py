@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calibration.arms import IRB_1600_6_145
+from calibration.arms import arm_named
 from calibration.camera import CameraModel
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
@@ -81,7 +81,7 @@ class FakeRobot:
 
     async def read_joints(self) -> Array:
         self._alive()
-        return IRB_1600_6_145.inverse(self.base_T_flange)[0]
+        return arm_named("IRB 1600-6/1.45").inverse(self.base_T_flange)[0]
 
     async def read_status(self) -> RobotStatus:
         self._alive()

@@ -93,7 +93,7 @@ def test_the_example_differs_from_the_defaults_in_nothing_but_what_a_cell_must_s
         (('address = "tcp://r:1"', ""), "robot.address", "missing"),
         (("[1, 1, 1]", "[1, -1, 1]"), "robot", "each minimum below its maximum"),
         (("[1, 1, 1]", "[1, nan, 1]"), "robot.box_mm[1][1]", "finite"),
-        (('address = "tcp://r:1"', 'address = "tcp://r:1"\nmodel = "IRB 9"'), "robot.model", "IRB 1600-6/1.45"),
+        (('address = "tcp://r:1"', 'address = "tcp://r:1"\nmodel = "IRB 1600-6"'), "robot.model", "IRB 1600-6/1.45"),
         (("[camera]", '[server]\nhost = "0.0.0.0"\n[camera]'), "server", "handeyed tls init"),
         (("[camera]", "[calibration]\ncount = 2\n[camera]"), "calibration.count", "greater than or equal to 3"),
         (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import pytest_asyncio
 
-from calibration.arms import IRB_1600_6_145
+from calibration.arms import arm_named
 from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRefused
 from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, Robot
 from drivers.robots.cb_robot import CbRobot
@@ -19,7 +19,7 @@ from tests.drivers.waiting import eventually
 from tests.mock_robot.bench import AWAY
 from tests.mock_robot.running_cell import running_cell
 
-ARM = IRB_1600_6_145
+ARM = arm_named("IRB 1600-6/1.45")
 GOAL = MoveGoal(ARM.forward(AWAY), Configuration(*ARM.configuration(AWAY)), speed_mm_s=250.0)
 TIME_SCALE = 10.0
 

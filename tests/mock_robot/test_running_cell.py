@@ -11,7 +11,7 @@ import httpx
 import numpy as np
 import pytest
 
-from calibration.arms import IRB_1600_6_145
+from calibration.arms import arm_named
 from calibration.detection.detect import detect
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, inverse, map_points, transform
@@ -44,7 +44,7 @@ async def test_a_client_arms_moves_and_reads_the_pose_over_tcp(program: RobotPro
         assert await client.moves(move_to(AWAY)) is Status.OK
         pose = await client.asks(cb.GetPose())
         assert isinstance(pose, cb.Pose)
-        np.testing.assert_allclose(pose.position_mm, IRB_1600_6_145.forward(AWAY)[:3, 3], atol=1e-3)
+        np.testing.assert_allclose(pose.position_mm, arm_named("IRB 1600-6/1.45").forward(AWAY)[:3, 3], atol=1e-3)
         assert cell.commanded_moves == 1
 
 

@@ -3,27 +3,29 @@
 import numpy as np
 
 from calibration.arm import PoseRefused
-from calibration.arms import IRB_1600_6_145
+from calibration.arms import arm_named
 from calibration.planning.reach import CLEARANCE, reachable_by
+
+ARM = arm_named("IRB 1600-6/1.45")
 
 
 def random_joints(count):
     rng = np.random.default_rng(4)
-    return rng.uniform(IRB_1600_6_145.lower_rad, IRB_1600_6_145.upper_rad, (count, 6))
+    return rng.uniform(ARM.lower_rad, ARM.upper_rad, (count, 6))
 
 
 def solutions(pose):
     try:
-        return IRB_1600_6_145.inverse(pose)
+        return ARM.inverse(pose)
     except PoseRefused:
         return np.empty((0, 6))
 
 
 def test_it_agrees_with_the_arms_inverse():
-    poses = IRB_1600_6_145.forward(random_joints(120))
+    poses = ARM.forward(random_joints(120))
     poses[::3, :3, 3] *= 1.4  # some of them out of reach
-    answers = reachable_by(IRB_1600_6_145)(poses)
-    expected = [np.any(IRB_1600_6_145.singularity_clearance(solutions(pose)) >= CLEARANCE) for pose in poses]
+    answers = reachable_by(ARM)(poses)
+    expected = [np.any(ARM.singularity_clearance(solutions(pose)) >= CLEARANCE) for pose in poses]
     assert answers.tolist() == [bool(answer) for answer in expected]
     assert 10 < answers.sum() < 110
 
@@ -31,8 +33,8 @@ def test_it_agrees_with_the_arms_inverse():
 def test_the_posture_is_kept():
     joints = random_joints(120)
     now = np.radians([10.0, 20, 10, 0, 60, 0])
-    answers = reachable_by(IRB_1600_6_145, now)(IRB_1600_6_145.forward(joints))
-    cfx = IRB_1600_6_145.configuration(now).cfx
-    for pose, answer in zip(IRB_1600_6_145.forward(joints), answers, strict=True):
-        kept = [q for q in solutions(pose) if IRB_1600_6_145.configuration(q).cfx == cfx]
-        assert bool(answer) == any(IRB_1600_6_145.singularity_clearance(q) >= CLEARANCE for q in kept)
+    answers = reachable_by(ARM, now)(ARM.forward(joints))
+    cfx = ARM.configuration(now).cfx
+    for pose, answer in zip(ARM.forward(joints), answers, strict=True):
+        kept = [q for q in solutions(pose) if ARM.configuration(q).cfx == cfx]
+        assert bool(answer) == any(ARM.singularity_clearance(q) >= CLEARANCE for q in kept)
