@@ -26,7 +26,7 @@ EXAMPLES: dict[int, Exception] = {
     500: errors.StorageError("/var/lib/handeyed: input/output error", "check the disk"),
     502: errors.PictureUnusable("the camera gave a picture of 640 x 480 pixels", "set its resolution back"),
     503: errors.CellNotReady(("robot: motors are off",)),
-    504: device.DeviceTimeout("robot tcp://192.168.125.1:5020", "no answer within 2 s", "look at the controller"),
+    504: device.DeviceTimeout("robot tcp://192.168.125.1:4242", "no answer within 2 s", "look at the controller"),
     507: errors.StorageFull(_FULL, "free some space there; what was stored before is unharmed"),
 }
 
