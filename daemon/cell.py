@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 from daemon.clock import Clock
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
+from daemon.failpoints import NEVER, Failpoints
 from daemon.novelty import Novelty
 from daemon.quiet import Quiet
 from daemon.settings import SettlingSettings
 from daemon.settling import require_still, settle, standing
 from drivers.errors import DeviceError
-from drivers.interfaces import Camera, Frame, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
+from drivers.interfaces import Camera, Frame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
 from drivers.interlocked_robot import InterlockedRobot
 from drivers.interlocks import Interlocks
 
@@ -42,12 +43,17 @@ class Cell:
     """Owns the devices. One holder at a time; the arm is armed only while a holder that moves it holds the cell."""
 
     def __init__(
-        self, devices: Devices, settling: SettlingSettings, clock: Clock, interlocks: Interlocks | None = None
+        self,
+        devices: Devices,
+        settling: SettlingSettings,
+        clock: Clock,
+        interlocks: Interlocks | None = None,
+        at: Failpoints = NEVER,
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
         self._camera, self._scanner, self._quiet = devices.camera, devices.scanner, devices.quiet
-        self._settling, self._clock = settling, clock
+        self._settling, self._clock, self._at = settling, clock, at
         self._holder: str | None = None
         self._camera_turn = asyncio.Lock()
         self._camera_novelty, self._scanner_novelty = Novelty("camera"), Novelty("scanner")
@@ -87,6 +93,12 @@ class Cell:
             finally:
                 await asyncio.shield(asyncio.ensure_future(self._leave_safe()))
 
+    async def move_to(self, goal: MoveGoal) -> None:
+        """Drive the arm, for whoever has the motion lease; returns when it stands there. Raises DeviceError."""
+        self._at.reached("before move")
+        await self.robot.move_to(goal)
+        self._at.reached("after move")
+
     async def _leave_safe(self) -> None:
         """Stop and disarm; each is tried though the other failed. The robot does the same when the link is gone."""
         for name, act in (("stop", self.robot.stop), ("disarm", lambda: self.robot.set_armed(False))):
@@ -116,7 +128,9 @@ class Cell:
 
     async def picture(self, before: PoseReading) -> Frame:
         """A frame newer than `before`, and the arm still there afterwards. Raises NotStill, SameAgain, DeviceError."""
+        self._at.reached("before capture")
         frame = await self.grab(before.taken_at_s)
+        self._at.reached("after capture")
         require_still(before, await self.robot.read_pose(), self._settling)
         self._camera_novelty.require_new_frame(frame, before)
         return frame
@@ -128,7 +142,9 @@ class Cell:
         """
         if self._scanner is None:
             raise NoScanner
+        self._at.reached("before capture")
         cloud = await self._scanner.scan(before.taken_at_s)
+        self._at.reached("after capture")
         require_still(before, await self.robot.read_pose(), self._settling)
         self._scanner_novelty.require_new_cloud(cloud, before)
         return cloud

@@ -16,6 +16,7 @@ from daemon.devices import open_devices
 from daemon.drift.schedule import DriftSchedule
 from daemon.drift.watch import DriftWatch
 from daemon.events import EventLog
+from daemon.failpoints import NEVER, Failpoints
 from daemon.logs import log_to_stdout
 from daemon.metrics import Metrics
 from daemon.motion import MotionRules
@@ -45,13 +46,14 @@ def build(
     new_id: Callable[[Clock], str] = time_ordered_id,
     store: Store | None = None,
     systemd: Systemd | None = None,
+    at: Failpoints = NEVER,
 ) -> Application:
     """Everything, joined. Inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
     clock = clock or Clock()
-    store = store or Store(Path(settings.storage.folder))
+    store = store or Store(Path(settings.storage.folder), at=at)
     events, workers, metrics = EventLog(store.kept_events), Workers(clock), Metrics()
     interlocks = settings.interlocks.open() if settings.interlocks else None
-    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks)
+    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks, at)
     supervisor = Supervisor(store, events, clock, new_id)
     scans = Scans(store, workers, clock, new_id, settings.scanner, Registering(store, workers, clock, events))
     rules = MotionRules.of(settings.robot)

@@ -158,7 +158,7 @@ class AdaptiveTour:
 
     async def _visit(self, robot: Robot, base_T_flange: Array) -> View:
         goal = await self.route.rules.goal(self.log.run.station + 1, TaughtPose.of(base_T_flange), robot)
-        await robot.move_to(goal)
+        await self.cell.move_to(goal)
         await self.log.took(E.ARRIVED)
         return await self._capture(captured=True, sent=goal.base_T_flange)
 

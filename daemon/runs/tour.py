@@ -24,7 +24,7 @@ async def tour(
     async with cell.motion_lease(f"run {log.id}") as robot:
         for station, pose in enumerate(stations, start=1):
             goal = await rules.goal(station, pose, robot)
-            await robot.move_to(goal)
+            await cell.move_to(goal)
             await log.took(E.ARRIVED)
             reading = await cell.settled_pose()
             require_arrived(goal.base_T_flange, reading)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from daemon.errors import StorageError, StorageFull, StorageTooNew
-from daemon.store.failpoints import NEVER, Failpoints
+from daemon.failpoints import NEVER, Failpoints
 from daemon.store.files import make_folder, settle_file
 from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from daemon.store.failpoints import NEVER, Failpoints
+from daemon.failpoints import NEVER, Failpoints
 
 WriteFile = Callable[[Path, Iterable[bytes]], None]
 

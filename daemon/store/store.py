@@ -10,13 +10,13 @@ from typing import Any
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound
+from daemon.failpoints import NEVER, Failpoints
 from daemon.runs.states import FINAL_STATES
 from daemon.store.access_keys import AccessKeys
 from daemon.store.audit import AuditLog
 from daemon.store.behalf import current_behalf, note
 from daemon.store.database import Database
 from daemon.store.events import KeptEvents
-from daemon.store.failpoints import NEVER, Failpoints
 from daemon.store.files import WriteFile, settle_file, write_durably
 from daemon.store.hold import FolderHold
 from daemon.store.keyed_requests import KeyedRequests

@@ -16,6 +16,7 @@ from daemon.application import Application
 from daemon.cell import Devices
 from daemon.composition import build
 from daemon.connections import Door
+from daemon.failpoints import NEVER, Failpoints
 from daemon.server import Server
 from daemon.settings import Settings
 from daemon.store.store import Store
@@ -80,13 +81,17 @@ class Parts:
 
 @asynccontextmanager
 async def serving(
-    settings: Settings, parts: Parts | None = None, store: Store | None = None, door: Door | None = None
+    settings: Settings,
+    parts: Parts | None = None,
+    store: Store | None = None,
+    door: Door | None = None,
+    at: Failpoints = NEVER,
 ) -> AsyncIterator[Bench]:
     """The daemon, up; stopped in order afterwards."""
     parts = parts or Parts()
     scanner = parts.scanner if settings.scanner else None
     devices = Devices(parts.robot, parts.camera, scanner)
-    application = build(settings, lambda _settings, _clock: devices, store=store)
+    application = build(settings, lambda _settings, _clock: devices, store=store, at=at)
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     server = Server(application, announced.set_result, door)
     task = asyncio.create_task(server.listen())

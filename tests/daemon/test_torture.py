@@ -6,31 +6,49 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.torture import Ledger, Lost, Request, Torture
-from daemon.store.failpoints import PLACES
-from tests.daemon.cells import serving, settings_for
+from benchmarks.torture import Torture
+from benchmarks.torture_ledger import Ledger, Lost, Request
+from daemon.failpoints import PLACES
+from tests.daemon.cells import pose_json, serving, settings_for
+from tests.daemon.fakes import poses_around_the_target
+
+TWO_POSES = [pose_json(pose) for pose in poses_around_the_target(2)]
 
 
 def test_nothing_is_lost_by_a_few_kills(tmp_path: Path) -> None:
     torture = Torture(tmp_path, random.Random(4))
     for number in range(4):
         torture.round(number)
-    assert sum(torture.killed.values()) == 4
+    assert sum(torture.told.killed.values()) == 4
 
 
-async def test_every_failpoint_that_is_named_is_reached(tmp_path: Path) -> None:
-    """Moves and captures are the torture's own devices'."""
-    seen: set[str] = set()
+async def test_every_failpoint_that_is_named_is_reached_by_the_daemon_itself(tmp_path: Path) -> None:
+    seen: list[str] = []
 
     class Seen:
         def reached(self, place: str) -> None:
-            seen.add(place)
+            seen.append(place)
 
-    from daemon.store.store import Store
-
-    async with serving(settings_for(tmp_path), store=Store(tmp_path, at=Seen())) as bench:
+    async with serving(settings_for(tmp_path), at=Seen()) as bench:
         await bench.client.post("/calibrate?wait=30", json={"count": 3})
-    assert seen == {place for place in PLACES if "move" not in place and "capture" not in place}
+        assert set(seen) == set(PLACES)
+        assert [seen.count(f"{when} {what}") for when in ("before", "after") for what in ("move", "capture")] == [3] * 4
+        await bench.client.post("/scans", json={"capture": True, "poses": TWO_POSES})
+        await bench.run_over((await bench.client.get("/runs")).json()["runs"][0]["links"]["self"])
+        assert [seen.count(f"{when} {what}") for when in ("before", "after") for what in ("move", "capture")] == [5] * 4
+
+
+async def test_an_arm_that_moves_after_the_restart_is_found_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    torture = Torture(tmp_path, random.Random(1))
+    with (
+        monkeypatch.context() as somebody,
+        pytest.raises(Lost, match="the arm moved, and nobody had asked"),
+    ):
+        somebody.setattr(Ledger, "check", lambda *_: (tmp_path / "moves").write_text("1\n"))
+        for number in range(3):
+            torture.round(number)
 
 
 async def test_a_daemon_that_forgets_is_found_out(tmp_path: Path) -> None:
