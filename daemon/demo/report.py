@@ -65,9 +65,7 @@ def curl_lines(url: str, view: Path) -> str:
 
 def farewell(kept_url: str | None, view: Path) -> str:
     """How to go on."""
-    first = (
-        "The cell keeps running until Ctrl-C." if kept_url else "`make cell` does the same and keeps the cell running."
-    )
+    first = "The cell keeps running until Ctrl-C." if kept_url else "`handeyed demo --keep` keeps the cell running."
     return f"\n{first} In another terminal, in this folder:\n\n{curl_lines(kept_url or DEFAULT_URL, view)}\n"
 
 
