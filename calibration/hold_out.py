@@ -30,7 +30,7 @@ def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> Hold
     """
     if len(seen) < FEWEST_VIEWS:
         return None
-    left_out = leave_one_out(best.step)
+    left_out = leave_one_out(best)
     chain = without_each_view(best, left_out)
     pixels = measured(seen, best.free)
     own = _own_poses(pixels(camera_T_target, best.camera, best.scale), left_out)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.problem import Problem, View
+from calibration.problem import Problem
 from calibration.transforms import Array
 
 NARROWEST_PX = 2.0
@@ -65,73 +65,111 @@ class Unusable:
 
 def observe(problem: Problem) -> tuple[Observations, dict[int, Unusable]]:
     """Everything usable, and by position in `problem.views` why the rest is not."""
+    poses = np.array([view.base_T_flange for view in problem.views], float).reshape(-1, 4, 4)
+    finite = np.all(np.isfinite(poses), axis=(1, 2))
+    rigid = np.zeros(len(poses), bool)
+    rigid[finite] = _rigid(poses[finite])
     refused: dict[int, Unusable] = {}
-    kept: list[tuple[int, NDArray[np.intp], Array]] = []
+    whole: list[tuple[int, NDArray[np.intp], Array]] = []
     for position, view in enumerate(problem.views):
-        corners = _corners(problem, view)
-        if isinstance(corners, Unusable):
-            refused[position] = corners
+        if view.detection is None:
+            why = Unusable(*(view.missing or ("target-not-found", "the target was not found in the image")))
+        elif not finite[position]:
+            why = Unusable("pose-not-finite", "the robot's pose holds a number that is not finite")
+        elif not rigid[position]:
+            why = Unusable("pose-not-rigid", "the robot's pose is no rotation and a place that an arm can reach")
         else:
-            kept.append((position, *corners))
-    return _padded(problem, kept), refused
+            ids, pixels = np.asarray(view.detection.ids), np.asarray(view.detection.corners_px, float)
+            if len(ids) == len(pixels):
+                whole.append((position, ids, pixels))
+                continue
+            why = Unusable("corners-damaged", f"{len(ids)} ids for {len(pixels)} corners")
+        refused[position] = why
+    seen, by_corners = _corners(problem, poses, whole)
+    return seen, refused | by_corners
 
 
-def _corners(problem: Problem, view: View) -> tuple[NDArray[np.intp], Array] | Unusable:
-    if view.detection is None:
-        return Unusable(*(view.missing or ("target-not-found", "the target was not found in the image")))
-    ids, pixels = np.asarray(view.detection.ids), np.asarray(view.detection.corners_px, float)
-    if not np.all(np.isfinite(view.base_T_flange)):
-        return Unusable("pose-not-finite", "the robot's pose holds a number that is not finite")
-    if not _rigid(view.base_T_flange):
-        return Unusable("pose-not-rigid", "the robot's pose is no rotation and a place that an arm can reach")
-    if len(ids) != len(pixels):
-        return Unusable("corners-damaged", f"{len(ids)} ids for {len(pixels)} corners")
-    if len(ids) and (ids.min() < 0 or ids.max() >= len(problem.target.points_mm)):
-        return Unusable("corner-id-unknown", f"a corner id is outside 0..{len(problem.target.points_mm) - 1}")
-    if len(np.unique(ids)) < len(ids):
-        return Unusable("corner-id-repeated", "the same corner id stands twice")
+def _rigid(base_T_flange: Array) -> NDArray[np.bool_]:
+    """Which poses (n, 4, 4) are a proper rotation and a place within reach (n,)?"""
+    turns, places = base_T_flange[:, :3, :3], base_T_flange[:, :3, 3]
+    within = (np.abs(places).max(axis=1) <= FURTHEST_MM) & (np.abs(turns).max(axis=(1, 2)) <= 2.0)
+    turns = np.where(within[:, None, None], turns, 0.0)
+    skewed = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    rigid: NDArray[np.bool_] = within & (skewed < LARGEST_SKEW) & (np.linalg.det(turns) > 0)
+    return rigid
+
+
+def _corners(
+    problem: Problem, poses: Array, whole: list[tuple[int, NDArray[np.intp], Array]]
+) -> tuple[Observations, dict[int, Unusable]]:
+    """The views (position, ids, pixels) whose corners can be used, and why the others cannot; all views at once."""
+    n, k = len(whole), len(problem.target.points_mm)
+    row = np.repeat(np.arange(n), [len(ids) for _, ids, _ in whole])
+    ids = np.concatenate([np.zeros(0, np.intp), *(ids for _, ids, _ in whole)]).astype(np.intp)
+    pixels = np.concatenate([np.zeros((0, 2)), *(pixels for _, _, pixels in whole)])
+    known = (ids >= 0) & (ids < k)
+    times = np.bincount(row[known] * k + ids[known], minlength=n * k).reshape(n, k)
     size = np.array(problem.image_size)
     # Not a number is not inside either.
-    inside = np.all((pixels > -size[0]) & (pixels < 2 * size), axis=1)
-    ids, pixels = ids[inside], pixels[inside]
-    if len(ids) < FEWEST_CORNERS:
-        return Unusable("too-few-corners", f"{len(ids)} usable corners; a view needs {FEWEST_CORNERS} or more")
-    long_mm, wide_mm = _extent(problem.target.points_mm[ids, :2])
-    if wide_mm < 1e-6 * long_mm:
-        return Unusable("corners-on-a-line", "all corners lie on one line of the target")
-    if _extent(pixels)[1] < NARROWEST_PX:
-        return Unusable("edge-on", "all corners lie on one line of the image: the target is seen edge-on")
-    return ids, pixels
+    inside = known & np.all((pixels > -size[0]) & (pixels < 2 * size), axis=1)
+    row, ids, pixels, unknown = row[inside], ids[inside], pixels[inside], np.bincount(row[~known], minlength=n)
+    count = np.bincount(row, minlength=n)
+    long_mm, wide_mm = _extents(problem.target.points_mm[ids, :2], row, count)
+    causes = (
+        (unknown > 0, "corner-id-unknown", f"a corner id is outside 0..{k - 1}"),
+        (times.max(axis=1, initial=0) > 1, "corner-id-repeated", "the same corner id stands twice"),
+        (count < FEWEST_CORNERS, "too-few-corners", f"{{}} usable corners; a view needs {FEWEST_CORNERS} or more"),
+        (wide_mm < 1e-6 * long_mm, "corners-on-a-line", "all corners lie on one line of the target"),
+        (
+            _extents(pixels, row, count)[1] < NARROWEST_PX,
+            "edge-on",
+            "all corners lie on one line of the image: the target is seen edge-on",
+        ),
+    )
+    refused = {}
+    kept = np.ones(n, bool)
+    for there, code, what in causes:
+        for bad in np.flatnonzero(there & kept):
+            refused[whole[bad][0]] = Unusable(code, what.format(count[bad]))
+        kept &= ~there
+    used = kept[row]
+    positions = np.array([position for position, _, _ in whole], np.intp)[kept]
+    of_kept = (np.cumsum(kept) - 1)[row[used]]
+    return _padded(problem, positions, poses, of_kept, ids[used], pixels[used]), refused
 
 
-def _rigid(base_T_flange: Array) -> bool:
-    """Is it a proper rotation and a place within reach?"""
-    turn, place = base_T_flange[:3, :3], base_T_flange[:3, 3]
-    if np.max(np.abs(place)) > FURTHEST_MM or np.max(np.abs(turn)) > 2.0:
-        return False
-    return float(np.max(np.abs(turn @ turn.T - np.eye(3)))) < LARGEST_SKEW and float(np.linalg.det(turn)) > 0
+def _extents(points: Array, row: NDArray[np.intp], count: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Singular values (n,) of each row's points (m, 2) about their mean: root of summed squares along and across."""
+
+    def summed(values: Array) -> Array:
+        return np.bincount(row, values, minlength=len(count)).astype(float, copy=False)
+
+    some = np.maximum(count, 1)
+    x, y = (points[:, axis] - (summed(points[:, axis]) / some)[row] for axis in range(2))
+    xx, xy, yy = summed(x * x), summed(x * y), summed(y * y)
+    longer = (xx + yy + np.hypot(xx - yy, 2 * xy)) / 2
+    across = np.maximum(xx * yy - xy * xy, 0.0) / np.maximum(longer, 1e-300)
+    return np.sqrt(longer), np.sqrt(across)
 
 
-def _extent(points: Array) -> tuple[float, float]:
-    """The singular values of points (n, 2) about their mean: the root of their summed squares along and across."""
-    off = points - points.mean(axis=0)
-    (xx, xy), (_, yy) = (off.T @ off).tolist()
-    root = float(np.hypot(xx - yy, 2 * xy))
-    longer = (xx + yy + root) / 2
-    return longer**0.5, (max(xx * yy - xy * xy, 0.0) / max(longer, 1e-300)) ** 0.5
-
-
-def _padded(problem: Problem, kept: list[tuple[int, NDArray[np.intp], Array]]) -> Observations:
-    n, m = len(kept), max((len(ids) for _, ids, _ in kept), default=0)
-    points, pixels, weights = np.zeros((n, m, 3)), np.zeros((n, m, 2)), np.zeros((n, m))
-    names = np.zeros((n, m), np.intp)
-    for row, (_, ids, corners) in enumerate(kept):
-        names[row] = np.concatenate([ids, np.full(m - len(ids), ids[0])])
-        points[row, : len(ids)] = problem.target.points_mm[ids]
-        pixels[row, : len(ids)] = corners
-        weights[row, : len(ids)] = 1.0
-        # Padding repeats a real point, so that it is in front of the camera whenever the view is.
-        points[row, len(ids) :], pixels[row, len(ids) :] = points[row, 0], pixels[row, 0]
-    positions = np.array([position for position, _, _ in kept], dtype=np.intp)
-    poses = np.array([problem.views[position].base_T_flange for position in positions]).reshape(-1, 4, 4)
-    return Observations(positions, poses, names, points, pixels, weights, weights.copy())
+def _padded(
+    problem: Problem,
+    positions: NDArray[np.intp],
+    poses: Array,
+    row: NDArray[np.intp],
+    ids: NDArray[np.intp],
+    pixels: Array,
+) -> Observations:
+    """Corners (c,) that lie one view after the other, as arrays over views."""
+    n = len(positions)
+    count = np.bincount(row, minlength=n)
+    start = np.cumsum(count) - count
+    m = int(count.max(initial=0))
+    # Padding repeats a real point, so that it is in front of the camera whenever the view is.
+    column = np.arange(m)
+    present = column < count[:, None]
+    source = start[:, None] + np.where(present, column, 0)
+    names, weights = ids[source], present.astype(float)
+    return Observations(
+        positions, poses[positions], names, problem.target.points_mm[names], pixels[source], weights, weights.copy()
+    )

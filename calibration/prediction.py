@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.mixed_model import Variances, linearised, solve
+from calibration.likelihood.mixed_model import Variances, linearised, of_views, solve
 from calibration.likelihood.pixels import pixel_statistics
 from calibration.observations import Observations
 from calibration.problem import Setup
@@ -115,7 +115,8 @@ def view_information(scene: Scene, base_T_flange: Array) -> Array:
     statistics = pixel_statistics(
         _whole_target(scene, base_T_flange), scene.camera, camera_T_target, free_intrinsics=scene.intrinsics_free
     )
-    return solve(linearised(statistics, chain, camera_T_target), scene.noise.variances()).view_information
+    model, variances = linearised(statistics, chain, camera_T_target), scene.noise.variances()
+    return of_views(model, variances, solve(model, variances))[0]
 
 
 def _whole_target(scene: Scene, base_T_flange: Array) -> Observations:

@@ -132,8 +132,8 @@ def _trend_shows(model: MixedModel, p: int, best: Estimate) -> bool:
 
     `p`: the unknowns before the trend's coefficients.
     """
-    step = solve(model, best.variances)
-    information, gradient = step.view_information.sum(axis=0), step.view_gradient.sum(axis=0)
+    step, known = solve(model, best.variances), model.known_information(best.variances)
+    information, gradient = step.information - np.diag(known), step.gradient - known * model.offset
     across = information[p:, :p] @ covariance_of(information[:p, :p])
     score = gradient[p:] - across @ gradient[:p]
     spread = information[p:, p:] - across @ information[:p, p:]

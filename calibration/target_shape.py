@@ -123,11 +123,12 @@ class _System:
 def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_]) -> _System:
     n, m = seen.ids.shape
     k = int(seen.ids.max()) + 1
-    rows = pixel_rows(seen, camera, poses, free_intrinsics=True)  # (n, m, 2, 6 + 9 + 1), weighted
+    any_free = bool(np.any(free))
+    rows = pixel_rows(seen, camera, poses, free_intrinsics=any_free)  # (n, m, 2, 6 [+ 9] + 1), weighted
     turned = poses[:, None, None, :3, :3]
     by_point = (rows[:, :, :, None, 3:6] @ turned)[:, :, :, 0]  # d pixel / d point of the target (n, m, 2, 3)
     residual = rows[..., -1]
-    shared = rows[..., 6:-1][..., free]
+    shared = rows[..., 6:-1][..., free[: rows.shape[-1] - 7]]
     c = shared.shape[-1]
     # Dense blocks by view: pose × pose, pose × offsets, pose × intrinsics.
     pose_rows = rows[..., :6].reshape(n, 2 * m, 6)
@@ -143,9 +144,9 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
     CC, cg = flat.T @ flat, flat.T @ residual.reshape(-1)
     # Eliminate the poses, then the intrinsics.
     zS, zC, zg = HH @ HS, HH @ HC, (HH @ hg[..., None])[..., 0]
-    S = np.zeros((3 * k, 3 * k))
-    S.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k), :] = SS
-    S -= HS.reshape(6 * n, -1).T @ zS.reshape(6 * n, -1)
+    half = (np.swapaxes(np.linalg.cholesky(HH), 1, 2) @ HS).reshape(6 * n, -1)
+    S = -(half.T @ half)
+    S.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k), :] += SS
     SC_ = SC.reshape(3 * k, c) - HS.reshape(6 * n, -1).T @ zC.reshape(6 * n, c)
     gS = sg.ravel() - HS.reshape(6 * n, -1).T @ zg.ravel()
     CC = CC - HC.reshape(6 * n, c).T @ zC.reshape(6 * n, c)
@@ -154,7 +155,7 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
     square = float(np.sum(residual**2)) - float(np.sum(zg * hg))
     redundancy = max(2.0 * float(np.count_nonzero(seen.weights)) - 6 * n - c, 1.0)
     return _System(
-        information=S - SC_ @ inverse_CC @ SC_.T,
+        information=S - SC_ @ inverse_CC @ SC_.T if any_free else S,
         gradient=gS - SC_ @ inverse_CC @ gC,
         variance=max(square / redundancy, 1e-12),
         pose_gradient=zg,
@@ -167,6 +168,8 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
 
 def _by_id(seen: Observations, values: Array, k: int) -> Array:
     """Values (n, m, ...) of corners sorted by the points' ids (n, k, ...); an id stands at most once in a view."""
+    if seen.ids.shape[1] == k and np.array_equal(seen.ids, np.broadcast_to(np.arange(k), seen.ids.shape)):
+        return values
     result = np.zeros((len(seen), k, *values.shape[2:]))
     view, corner = np.nonzero(seen.weights)
     result[view, seen.ids[view, corner]] = values[view, corner]

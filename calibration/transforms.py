@@ -17,6 +17,12 @@ Array = NDArray[np.float64]
 QUATERNION_NORM_TOLERANCE = 2e-3
 """A text quaternion with 3 decimals is off by up to 9e-4; anything further is another order, or torn text."""
 
+LARGEST_SIMPLE_RAD = 3.0
+"""Beyond, close to half a turn, the sine says little about the axis."""
+
+SMALLEST_SINE = 1e-12
+"""Below, a rotation vector is half the difference of the matrix and its transpose to all digits."""
+
 
 def transform(rotation: ArrayLike, translation_mm: ArrayLike) -> Array:
     """a_T_b (..., 4, 4) from a rotation (..., 3, 3) and a translation (..., 3) in mm."""
@@ -72,13 +78,30 @@ def rotation_from_vector(rotation_vector_rad: ArrayLike) -> Array:
 
 def vector_from_rotation(rotation: ArrayLike) -> Array:
     """log: rotation vector (..., 3) in radians, angle in [0, pi]."""
-    vector: Array = Rotation.from_matrix(rotation).as_rotvec()
+    rotation = np.asarray(rotation, float)
+    vector, double_sine, angle = _turn(rotation)
+    small = double_sine < SMALLEST_SINE
+    vector *= np.where(small, 0.5, angle / np.where(small, 1.0, double_sine))[..., None]
+    far = angle > LARGEST_SIMPLE_RAD
+    if np.any(far):
+        vector[far] = Rotation.from_matrix(rotation[far]).as_rotvec()
     return vector
+
+
+def _turn(rotation: Array) -> tuple[Array, Array, Array]:
+    """2 sin(angle) times the axis (..., 3), 2 sin(angle) and the angle (...) of rotations (..., 3, 3)."""
+    vector: Array = np.empty(rotation.shape[:-1])
+    vector[..., 0] = rotation[..., 2, 1] - rotation[..., 1, 2]
+    vector[..., 1] = rotation[..., 0, 2] - rotation[..., 2, 0]
+    vector[..., 2] = rotation[..., 1, 0] - rotation[..., 0, 1]
+    double_sine = np.sqrt((vector * vector).sum(axis=-1))
+    trace = rotation[..., 0, 0] + rotation[..., 1, 1] + rotation[..., 2, 2]
+    return vector, double_sine, np.arctan2(double_sine, trace - 1)
 
 
 def rotation_angle_rad(rotation: ArrayLike) -> Any:
     """Angle of a rotation (..., 3, 3) in [0, pi]; a float for one, an array for a stack."""
-    return Rotation.from_matrix(rotation).magnitude()
+    return _turn(np.asarray(rotation, float))[2]
 
 
 def nearest_rotation(matrix: ArrayLike) -> tuple[Array, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import as_rotation, kronecker
-from calibration.transforms import Array, map_points, transform
+from calibration.transforms import Array
 
 FEWEST_VIEWS = 4
 """Three views are one triple: nobody is left to vote."""
@@ -63,7 +63,7 @@ def _spread_triples(rotations: Array) -> NDArray[np.intp]:
         triples = np.array(list(combinations(range(n), 3)))
     else:
         rng = np.random.default_rng(SEED)
-        triples = np.argsort(rng.random((CANDIDATE_TRIPLES, n)), axis=1)[:, :3]
+        triples = np.argpartition(rng.random((CANDIDATE_TRIPLES, n)), 2, axis=1)[:, :3]
     # The second singular value of the stacked (R_A - I) says how well the worse translation is determined.
     turned = rotations[triples] - rotations[triples].mean(axis=1, keepdims=True)
     stacked = turned.reshape(len(triples), 9, 3)
@@ -73,10 +73,16 @@ def _spread_triples(rotations: Array) -> NDArray[np.intp]:
 
 def _distances(anchor_T_mount: Array, camera_T_target: Array, groups: NDArray[np.intp], corners: Array) -> Array:
     """RMS distance in the anchor (g, n) between each view's corners and those of each group's solution."""
+    n, g = len(anchor_T_mount), len(groups)
     mount_T_camera = kronecker(anchor_T_mount[groups], camera_T_target[groups])
-    seen = anchor_T_mount @ mount_T_camera[:, None] @ camera_T_target  # (g, n, 4, 4)
-    members = np.take_along_axis(seen, groups[:, :, None, None], axis=1)
-    target = transform(as_rotation(members[..., :3, :3].mean(axis=1)), members[..., :3, 3].mean(axis=1))
-    apart = map_points(seen, corners) - map_points(target, corners)[:, None]
-    distances: Array = np.sqrt(np.mean(np.sum(apart**2, axis=-1), axis=-1))
+    # The upper three rows of anchor_T_target (n, g, 3, 4), all views and groups in two products.
+    rows = anchor_T_mount[:, :3].reshape(3 * n, 4) @ mount_T_camera.transpose(1, 0, 2).reshape(4, 4 * g)
+    rows = rows.reshape(n, 3, g, 4).transpose(0, 2, 1, 3).reshape(n, 3 * g, 4)
+    seen = (rows @ camera_T_target).reshape(n, g, 3, 4)
+    mean = seen[groups, np.arange(g)[:, None]].mean(axis=1)
+    target = np.concatenate([as_rotation(mean[:, :, :3]), mean[:, :, 3:]], axis=2)
+    homogeneous = np.column_stack([corners, np.ones(len(corners))])
+    apart = (seen - target).reshape(-1, 4) @ homogeneous.T
+    squares = (apart * apart).reshape(n, g, -1).sum(axis=2)
+    distances: Array = np.sqrt(squares.T / len(corners))
     return distances

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import polygamma
 
 from calibration.camera import CameraModel
-from calibration.likelihood.pixels import pixel_statistics
+from calibration.likelihood.pixels import pixel_residuals
 from calibration.observations import Observations
 from calibration.transforms import Array
 
@@ -25,12 +25,14 @@ BIAS_PX = 0.02
 
 def weighted_by_view(seen: Observations, camera: CameraModel, camera_T_target: Array) -> Observations:
     """The observations with each view's corners weighted by its own noise; unchanged when the views are alike."""
-    statistics = pixel_statistics(seen, camera, camera_T_target)
-    redundancy = statistics.count - 6
-    if len(seen) < FEWEST_VIEWS or np.any(redundancy < 2) or np.any(statistics.square <= 0):
+    redundancy = 2.0 * np.count_nonzero(seen.weights, axis=1) - 6
+    if len(seen) < FEWEST_VIEWS or np.any(redundancy < 2):
         return seen
-    variances = statistics.square / redundancy
-    common = float(statistics.square.sum() / redundancy.sum())
+    square = np.sum(seen.weights[..., None] * pixel_residuals(seen, camera, camera_T_target) ** 2, axis=(1, 2))
+    if np.any(square <= 0):
+        return seen
+    variances = square / redundancy
+    common = float(square.sum() / redundancy.sum())
     known = _prior_redundancy(np.log(variances), redundancy)
     if not np.isfinite(known):
         return seen
@@ -39,7 +41,7 @@ def weighted_by_view(seen: Observations, camera: CameraModel, camera_T_target: A
     )
     ratio = np.clip((BIAS_PX**2 + common) / drawn, 1 / LARGEST_RATIO, LARGEST_RATIO)
     # Kept so that the weighted residuals have the common variance.
-    ratio *= common * redundancy.sum() / float(ratio @ statistics.square)
+    ratio *= common * redundancy.sum() / float(ratio @ square)
     return seen.weighted(seen.weights * ratio[:, None])
 
 

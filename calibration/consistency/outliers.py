@@ -67,7 +67,7 @@ def _changed(prepared: Prepared, used: NDArray[np.bool_], best: Estimate) -> NDA
             changed[np.flatnonzero(~used)[back]] = True
             return changed
     if np.count_nonzero(used) > fewest(n):
-        left_out = leave_one_out(best.step)
+        left_out = leave_one_out(best)
         by_shared = best.chain.by_shared(best.chain.camera_T_target())
         distances = disagreement(best, left_out, by_shared) / 6
         if distances.max() > limit:

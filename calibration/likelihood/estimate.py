@@ -55,14 +55,12 @@ class Estimate:
 def measured(seen: Observations, free: Free) -> Pixels:
     """The pixels themselves, with the `free` (10,) among the unknowns."""
     intrinsics, sized = bool(np.any(free[:INTRINSICS])), bool(free[INTRINSICS])
-    keep = np.concatenate([np.ones(6, bool), free[:INTRINSICS] if intrinsics else [], free[INTRINSICS:][[0] * sized]])
-    keep = keep.astype(bool)
+    chosen = free[:INTRINSICS] if intrinsics else free[:0]
+    keep = np.concatenate([np.ones(6, bool), chosen, np.ones(sized + 1, bool)])
 
     def at(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
         sums = pixel_statistics(scaled(seen, scale), camera, poses, free_intrinsics=intrinsics, free_scale=sized)
-        if np.all(keep):
-            return sums
-        return replace(sums, normal=sums.normal[:, keep][:, :, keep], gradient=sums.gradient[:, keep])
+        return sums if np.all(keep) else replace(sums, sums=sums.sums[:, keep][:, :, keep])
 
     return at
 
@@ -74,11 +72,10 @@ def frozen(statistics: PixelStatistics, camera_T_target: Array) -> Pixels:
     def expand(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
         off = poses @ own
         off = np.concatenate([vector_from_rotation(off[:, :3, :3]), off[:, :3, 3]], axis=1)
-        normal = statistics.normal[:, :6, :6]
-        towards = (normal @ off[..., None])[..., 0]
-        gradient = statistics.gradient[:, :6]
-        square = statistics.square + np.sum((2 * gradient + towards) * off, axis=1)
-        return PixelStatistics(normal, gradient + towards, square, statistics.count)
+        sums = statistics.sums.copy()
+        sums[:, :, -1] += (sums[:, :, :-1] @ off[..., None])[..., 0]
+        sums[:, -1, :] += (off[:, None] @ sums[:, :-1, :])[:, 0]
+        return PixelStatistics(sums, statistics.count)
 
     return expand
 
@@ -110,7 +107,8 @@ def estimate(
         coefficients = step.b[len(step.b) - 6 * model.trend :]
         small = change @ step.information @ change < SMALL_STEP**2 * len(change)
         # The last step is far below its deviation: taking it needs no new linearisation.
-        chain, camera, scale = _stepped(chain, camera, scale, free, step)
+        corrections = model.corrections(step.K, step.b)
+        chain, camera, scale = _stepped(chain, camera, scale, free, step.b, corrections)
         if small:
             converged = True
             break
@@ -124,8 +122,8 @@ def averaged_over_noise(best: Estimate) -> Estimate:
     variances = mean.variances if few else best.variances
     step = solve(best.model, variances) if few else best.step
     off = mean.b - best.step.b  # the chain already took the last step
-    moved = replace(step, b=off, corrections=best.model.corrections(step.K, mean.b))
-    chain, camera, scale = _stepped(best.chain, best.camera, best.scale, best.free, moved)
+    corrections = best.model.corrections(step.K, mean.b)
+    chain, camera, scale = _stepped(best.chain, best.camera, best.scale, best.free, off, corrections)
     averages = replace(step, b=mean.b, covariance=mean.covariance)
     return replace(best, chain=chain, camera=camera, scale=scale, variances=variances, step=averages)
 
@@ -137,11 +135,11 @@ def linearise(pixels: Pixels, chain: Chain, camera: CameraModel, scale: float) -
 
 
 def _stepped(
-    chain: Chain, camera: CameraModel, scale: float, free: Free, step: Step
+    chain: Chain, camera: CameraModel, scale: float, free: Free, b: Array, corrections: Array
 ) -> tuple[Chain, CameraModel, float]:
-    moved = chain.moved(step.b[:12], step.corrections)
+    moved = chain.moved(b[:12], corrections)
     change = np.zeros(INTRINSICS + 1)
-    change[free] = step.b[12 : 12 + np.count_nonzero(free)]
+    change[free] = b[12 : 12 + np.count_nonzero(free)]
     if np.any(free[:INTRINSICS]):
         camera = with_intrinsics(camera, change[:INTRINSICS])
     return moved, camera, scale * (1 + float(change[INTRINSICS]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.mixed_model import Step, covariance_of
+from calibration.likelihood.mixed_model import covariance_of, of_views
 from calibration.likelihood.pixels import pixel_statistics
 from calibration.observations import Observations
 from calibration.transforms import Array, inverse, vector_from_rotation
@@ -23,11 +23,12 @@ class LeftOut:
     covariance: Array
 
 
-def leave_one_out(step: Step) -> LeftOut:
+def leave_one_out(best: Estimate) -> LeftOut:
     """For every view the solution without it."""
-    covariance = covariance_of(step.information - step.view_information)
-    gradient = step.gradient - step.view_gradient
-    return LeftOut(-(covariance @ gradient[..., None])[..., 0] - step.b, covariance)
+    step = best.step
+    information, gradient = of_views(best.model, best.variances, step)
+    covariance = covariance_of(step.information - information)
+    return LeftOut(-(covariance @ (step.gradient - gradient)[..., None])[..., 0] - step.b, covariance)
 
 
 def without_each_view(best: Estimate, left_out: LeftOut) -> Chain:
@@ -41,10 +42,10 @@ def disagreement(best: Estimate, left_out: LeftOut, by_shared: Array) -> Array:
 
     `by_shared` (n, 6, 12) is the derivative of camera_T_target by (X, Y).
     """
-    step = best.step
-    gradient = step.view_gradient + (step.view_information @ (left_out.b + step.b)[..., None])[..., 0]
+    information, gradient = of_views(best.model, best.variances, best.step)
+    gradient = gradient + (information @ (left_out.b + best.step.b)[..., None])[..., 0]
     # A view's pose moves by -1 with X in the camera's frame: X's block is the information about the pose itself.
-    own = covariance_of(step.view_information[:, :6, :6])
+    own = covariance_of(information[:, :6, :6])
     off = (own @ gradient[:, :6, None])[..., 0]
     spread = own + by_shared @ left_out.covariance[:, :12, :12] @ np.swapaxes(by_shared, 1, 2)
     squared: Array = np.einsum("ni,ni->n", off, (covariance_of(spread) @ off[..., None])[..., 0])

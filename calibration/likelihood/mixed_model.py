@@ -8,6 +8,7 @@ Source: D. Harville, "Maximum likelihood approaches to variance component estima
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -47,16 +48,13 @@ class Variances:
 class MixedModel:
     """Sums of products per view, unweighted; y is the residual with the robot pose taken as reported.
 
+    `by_robot` (n, 6, 6 + p + 1): U' [U, A, y]; `squares` (n, q + 1, q + 1): [A, y]' [A, y], without the trend.
     `known` (p,): inverse variances of what is known of b beforehand, about `-offset` (p,). Of the robot's corrections
     a part follows the `basis` (n, m) over the views: its 6 m coefficients end b, their variances are noise levels.
     """
 
-    yy: Array
-    Uy: Array
-    UU: Array
-    UA: Array
-    Ay: Array
-    AA: Array
+    by_robot: Array
+    squares: Array
     count: Array
     known: Array
     offset: Array
@@ -65,12 +63,48 @@ class MixedModel:
     @property
     def shared(self) -> int:
         """p"""
-        return int(self.Ay.shape[1])
+        return len(self.known)
 
     @property
     def trend(self) -> int:
         """m"""
         return int(self.basis.shape[1])
+
+    @property
+    def UU(self) -> Array:
+        """U' U (n, 6, 6)"""
+        return self.by_robot[:, :, :6]
+
+    @property
+    def UA(self) -> Array:
+        """U' A (n, 6, p)"""
+        return self.by_robot[:, :, 6:-1]
+
+    @property
+    def UAy(self) -> Array:
+        """U' [A, y] (n, 6, p + 1)"""
+        return self.by_robot[:, :, 6:]
+
+    @cached_property
+    def total(self) -> Array:
+        """[A, y]' [A, y] over all views (p + 1, p + 1)."""
+        total: Array = self.squares.sum(axis=0)
+        if not self.trend:
+            return total
+        n, m, q = len(self.count), self.trend, len(total) - 1
+        follow = (self.basis.T @ self.by_robot.reshape(n, -1)).reshape(6 * m, -1)  # sum of basis U' [U, A, y]
+        both = (self.basis[:, :, None] * self.basis[:, None]).reshape(n, m * m)
+        own = (both.T @ self.UU.reshape(n, 36)).reshape(m, m, 6, 6).transpose(0, 2, 1, 3).reshape(6 * m, 6 * m)
+        return _bordered(total, np.delete(follow[:, 6:], slice(q, q + 6 * m), axis=1), own)
+
+    def of_views(self) -> Array:
+        """[A, y]' [A, y] (n, p + 1, p + 1) of each view."""
+        if not self.trend:
+            return self.squares
+        n, m, q = len(self.count), self.trend, self.squares.shape[1] - 1
+        follow = (self.basis[:, :, None, None] * self.by_robot[:, None]).reshape(n, 6 * m, -1)
+        own = (follow[:, :, None, :6] * self.basis[:, None, :, None]).reshape(n, 6 * m, 6 * m)
+        return _bordered(self.squares, np.delete(follow[:, :, 6:], slice(q, q + 6 * m), axis=2), own)
 
     def known_information(self, variances: Variances) -> Array:
         """(p,)"""
@@ -80,34 +114,41 @@ class MixedModel:
 
     def corrections(self, K: Array, b: Array) -> Array:
         """The prediction (n, 6) of every correction given b (p,)."""
-        own = -(K @ (self.Uy + self.UA @ b)[..., None])[..., 0]
-        return own + self.basis @ b[self.shared - 6 * self.trend :].reshape(self.trend, 6)
+        own: Array = -(K @ (self.UAy @ np.append(b, 1.0))[..., None])[..., 0]
+        if not self.trend:
+            return own
+        shared: Array = self.basis @ b[self.shared - 6 * self.trend :].reshape(self.trend, 6)
+        return own + shared
+
+
+def _bordered(squares: Array, across: Array, own: Array) -> Array:
+    """[A, y]' [A, y] (..., q + 1, q + 1) with more columns between A and y: `across` is T' [A, y], `own` T' T."""
+    q, t = squares.shape[-1] - 1, own.shape[-1]
+    order = np.concatenate([np.arange(q), q + 1 + np.arange(t), [q]])
+    above = np.concatenate([squares, np.swapaxes(across, -1, -2)], axis=-1)
+    whole = np.concatenate([above, np.concatenate([across, own], axis=-1)], axis=-2)
+    bordered: Array = whole[..., order[:, None], order]
+    return bordered
 
 
 def linearised(statistics: PixelStatistics, chain: Chain, camera_T_target: Array) -> MixedModel:
     """The model around the present chain, whose poses are `camera_T_target`."""
     n, k = statistics.gradient.shape
-    by_pose, by_robot = chain.by_shared(camera_T_target), chain.by_correction(camera_T_target)
-    by_shared = np.zeros((n, k, 12 + k - 6))
-    by_shared[:, :6, :12] = by_pose
-    by_shared[:, 6:, 12:] = np.eye(k - 6)
+    p = 12 + k - 6
+    # How pose, intrinsics and residual follow [robot pose, shared unknowns, 1].
+    by = np.zeros((n, k + 1, 6 + p + 1))
+    robot = by[:, :6, :6] = chain.by_correction(camera_T_target)
+    by[:, :6, 6:18] = chain.by_shared(camera_T_target)
+    by[:, 6:, 18:] = np.eye(k - 5)
     # The residual as if the corrections were zero: y = r - U c.
-    undo = -(by_robot @ chain.corrections[..., None])
-    towards = (statistics.normal[:, :, :6] @ undo)[..., 0]
-    gradient = statistics.gradient + towards
-    square = statistics.square + ((2 * statistics.gradient + towards)[:, :6] * undo[..., 0]).sum(axis=1)
-    shared_t, robot_t = np.swapaxes(by_shared, 1, 2), np.swapaxes(by_robot, 1, 2)
-    normal_shared = statistics.normal @ by_shared
+    by[:, :6, -1] = -(robot @ chain.corrections[..., None])[..., 0]
+    sums = statistics.sums @ by
     return MixedModel(
-        yy=square,
-        Uy=(robot_t @ gradient[:, :6, None])[..., 0],
-        UU=robot_t @ statistics.normal[:, :6, :6] @ by_robot,
-        UA=robot_t @ normal_shared[:, :6],
-        Ay=(shared_t @ gradient[..., None])[..., 0],
-        AA=shared_t @ normal_shared,
+        by_robot=np.swapaxes(robot, 1, 2) @ sums[:, :6],
+        squares=np.swapaxes(by[:, :, 6:], 1, 2) @ sums[:, :, 6:],
         count=statistics.count,
-        known=np.zeros(12 + k - 6),
-        offset=np.zeros(12 + k - 6),
+        known=np.zeros(p),
+        offset=np.zeros(p),
         basis=np.zeros((n, 0)),
     )
 
@@ -115,18 +156,11 @@ def linearised(statistics: PixelStatistics, chain: Chain, camera_T_target: Array
 def with_trend(model: MixedModel, basis: Array) -> MixedModel:
     """The same, with corrections that follow the `basis` (n, m) over the views beside those of each view alone."""
     n, m = basis.shape
-    follow = (basis[:, None, :, None] * np.eye(6)[:, None]).reshape(n, 6, 6 * m)  # correction (6) by coefficients
-    follow_t = np.swapaxes(follow, 1, 2)
-    mixed = np.swapaxes(model.UA, 1, 2) @ follow
-    own = follow_t @ model.UU @ follow
+    follow = (model.UU[:, :, None] * basis[:, None, :, None]).reshape(n, 6, 6 * m)
     zeros = np.zeros(6 * m)
     return replace(
         model,
-        UA=np.concatenate([model.UA, model.UU @ follow], axis=2),
-        Ay=np.concatenate([model.Ay, (follow_t @ model.Uy[..., None])[..., 0]], axis=1),
-        AA=np.concatenate(
-            [np.concatenate([model.AA, mixed], axis=2), np.concatenate([np.swapaxes(mixed, 1, 2), own], axis=2)], axis=1
-        ),
+        by_robot=np.concatenate([model.by_robot[:, :, :-1], follow, model.by_robot[:, :, -1:]], axis=2),
         known=np.concatenate([model.known, zeros]),
         offset=np.concatenate([model.offset, zeros]),
         basis=basis,
@@ -135,37 +169,40 @@ def with_trend(model: MixedModel, basis: Array) -> MixedModel:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Best linear unbiased prediction: shared step b (p,), corrections c (n, 6), information and covariance (p, p).
+    """Best linear unbiased prediction of the shared step b (p,), its information, gradient and covariance (p, p).
 
-    `view_information` (n, p, p) and `view_gradient` (n, p) are each view's part of the marginal normal equations at
-    b = 0; what is known beforehand is in the sums only. `K` (n, 6, 6) is D^½ (s² I + D^½ U'U D^½)^-1 D^½.
+    `K` (n, 6, 6) is D^½ (s² I + D^½ U'U D^½)^-1 D^½, `KUAy` (n, 6, p + 1) K U' [A, y].
     """
 
     b: Array
-    corrections: Array
     information: Array
     gradient: Array
     covariance: Array
-    view_information: Array
-    view_gradient: Array
     K: Array
+    KUAy: Array
 
 
 def solve(model: MixedModel, variances: Variances) -> Step:
-    """Generalised least squares for b, and the prediction of every c_i given b."""
+    """Generalised least squares for b."""
     K = woodbury(model, variances)
-    pixel = variances.pixel
-    KUA = K @ model.UA
-    KUy = (K @ model.Uy[..., None])[..., 0]
-    UA_t = np.swapaxes(model.UA, 1, 2)
-    view_information = (model.AA - UA_t @ KUA) / pixel
-    view_gradient = (model.Ay - (UA_t @ KUy[..., None])[..., 0]) / pixel
+    p = model.shared
+    KUAy = K @ model.UAy
+    marginal = (model.total - model.UAy.reshape(-1, p + 1).T @ KUAy.reshape(-1, p + 1)) / variances.pixel
     known = model.known_information(variances)
-    information = view_information.sum(axis=0) + np.diag(known)
-    gradient = view_gradient.sum(axis=0) + known * model.offset
+    information = marginal[:p, :p] + np.diag(known)
+    gradient = marginal[:p, p] + known * model.offset
     covariance = covariance_of(information)
-    b = -covariance @ gradient
-    return Step(b, model.corrections(K, b), information, gradient, covariance, view_information, view_gradient, K)
+    return Step(-covariance @ gradient, information, gradient, covariance, K, KUAy)
+
+
+def of_views(model: MixedModel, variances: Variances, step: Step) -> tuple[Array, Array]:
+    """Each view's part (n, p, p) and (n, p) of the marginal normal equations at b = 0.
+
+    What is known beforehand is in the sums only.
+    """
+    p = model.shared
+    marginal = (model.of_views() - np.swapaxes(model.UAy, 1, 2) @ step.KUAy) / variances.pixel
+    return marginal[:, :p, :p], marginal[:, :p, p]
 
 
 def woodbury(model: MixedModel, variances: Variances) -> Array:

@@ -121,12 +121,11 @@ def _at(model: MixedModel, variances: Variances, deviations: Array) -> _At:
     spread_t = np.swapaxes(spread, 2, 3)
     scaled = spread * model.UU * spread_t / pixel + np.eye(6)
     K = spread * np.linalg.inv(scaled) * spread_t / pixel  # (k, n, 6, 6)
-    n, p = model.Ay.shape
-    columns = np.concatenate([model.UA, model.Uy[..., None]], axis=2)  # (n, 6, p + 1)
+    n, p, columns, total = len(model.count), model.shared, model.UAy, model.total
     explained = columns.reshape(6 * n, p + 1).T @ (K @ columns).reshape(len(K), 6 * n, p + 1)
     known = model.known_information(variances)
-    information = (model.AA.sum(axis=0) - explained[:, :p, :p]) / pixel + np.diag(known)
-    gradient = (model.Ay.sum(axis=0) - explained[:, :p, p]) / pixel + known * model.offset
+    information = (total[:p, :p] - explained[:, :p, :p]) / pixel + np.diag(known)
+    gradient = (total[:p, p] - explained[:, :p, p]) / pixel + known * model.offset
     scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-30))
     factor = np.linalg.cholesky(scale[:, :, None] * information * scale[:, None, :] + 1e-14 * np.eye(p))
     root = scale[:, :, None] * np.swapaxes(np.linalg.inv(factor), 1, 2)
@@ -135,7 +134,7 @@ def _at(model: MixedModel, variances: Variances, deviations: Array) -> _At:
     log_V = np.linalg.slogdet(scaled)[1].sum(axis=1)
     log_S = 2 * np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) - 2 * np.log(scale).sum(axis=1)
     quadratic = (
-        (model.yy.sum() - explained[:, p, p]) / pixel + np.sum(known * model.offset**2) + np.sum(b * gradient, axis=1)
+        (total[p, p] - explained[:, p, p]) / pixel + np.sum(known * model.offset**2) + np.sum(b * gradient, axis=1)
     )
     return _At(-0.5 * (log_V + log_S + quadratic), b, covariance)
 

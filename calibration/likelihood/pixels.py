@@ -21,12 +21,25 @@ NEAREST_MM = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class PixelStatistics:
-    """J' J (n, k, k), J' r (n, k), r' r (n,) and the number of residuals (n,) of each view; k = 6 or 15."""
+    """[J, r]' [J, r] (n, k + 1, k + 1) and the number of residuals (n,) of each view; k is 6 to 16."""
 
-    normal: Array
-    gradient: Array
-    square: Array
+    sums: Array
     count: Array
+
+    @property
+    def normal(self) -> Array:
+        """J' J (n, k, k)"""
+        return self.sums[:, :-1, :-1]
+
+    @property
+    def gradient(self) -> Array:
+        """J' r (n, k)"""
+        return self.sums[:, :-1, -1]
+
+    @property
+    def square(self) -> Array:
+        """r' r (n,)"""
+        return self.sums[:, -1, -1]
 
 
 def pixel_residuals(seen: Observations, camera: CameraModel, camera_T_target: Array) -> Array:
@@ -46,9 +59,8 @@ def pixel_statistics(
     """The sums of every view at the given poses (n, 4, 4)."""
     columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, free_scale=free_scale)
     columns = columns.reshape(*columns.shape[:2], 2 * columns.shape[3])
-    sums = columns @ np.swapaxes(columns, 1, 2)
     count = 2 * np.count_nonzero(seen.weights, axis=1).astype(float)
-    return PixelStatistics(sums[:, :-1, :-1], sums[:, :-1, -1], sums[:, -1, -1], count)
+    return PixelStatistics(columns @ np.swapaxes(columns, 1, 2), count)
 
 
 def pixel_rows(

@@ -48,27 +48,31 @@ def estimate_variances(model: MixedModel, variances: Variances, iterations: int 
 def redundancy(model: MixedModel, variances: Variances) -> Redundancy:
     """Everything the update needs, at the given levels."""
     step = solve(model, variances)
-    pixel, K, S_inv, b = variances.pixel, step.K, step.covariance, step.b
+    pixel, K, S_inv, p = variances.pixel, step.K, step.covariance, model.shared
+    b1 = np.append(step.b, 1.0)
     UUK = model.UU @ K
     W = (model.UU - UUK @ model.UU) / pixel  # U' V^-1 U
-    WA = (model.UA - UUK @ model.UA) / pixel  # U' V^-1 A
-    Ue = model.Uy + model.UA @ b  # U' e with e = y + A b
-    u = (Ue - (UUK @ Ue[..., None])[..., 0]) / pixel  # U' P y
+    WAy = (model.UAy - model.UU @ step.KUAy) / pixel  # U' V^-1 [A, y]
+    WA, u = WAy[:, :, :p], WAy @ b1  # u = U' P y
     SA = [_cross(WA[:, g], WA[:, g]) for g in GROUPS]
     quadratic = np.array([np.sum(u[:, g] ** 2) for g in GROUPS])
-    trace = np.array([np.trace(W[:, g, g], axis1=1, axis2=2).sum() for g in GROUPS])
+    trace = np.array([np.sum(np.diagonal(W[:, g, g], axis1=1, axis2=2)) for g in GROUPS])
     trace -= [np.sum(S_inv * part) for part in SA]
-    fisher = np.array([[_fisher(W, WA, SA, S_inv, g, h) for h in range(2)] for g in range(2)])
-    ee = model.yy.sum() + 2 * model.Ay.sum(axis=0) @ b + b @ model.AA.sum(axis=0) @ b
-    KUe = (K @ Ue[..., None])[..., 0]
-    UUKUe = (model.UU @ KUe[..., None])[..., 0]
-    pixel_quadratic = (ee - 2 * np.sum(KUe * Ue) + np.sum(KUe * UUKUe)) / pixel**2
-    effective = np.trace(UUK, axis1=1, axis2=2).sum()
-    UUKUA = UUK @ model.UA
-    AVVA = model.AA.sum(axis=0) - 2 * _cross(model.UA, K @ model.UA) + _cross(K @ model.UA, UUKUA)
-    pixel_trace = (model.count.sum() - effective) / pixel - np.sum(S_inv * AVVA) / pixel**2
+    # With e = y + A b: y'PPy = e' V^-1 V^-1 e, and U'V^-1 e = u.
+    KUe = step.KUAy @ b1
+    ee = b1 @ model.total @ b1
+    pixel_quadratic = (ee - np.sum(KUe * (model.UAy @ b1 + pixel * u))) / pixel**2
+    effective = np.sum(UUK * np.eye(6))
+    # A' V^-1 V^-1 A
+    AVVA = step.information - np.diag(model.known_information(variances)) - _cross(step.KUAy[:, :, :p], WA)
+    pixel_trace = (model.count.sum() - effective - np.sum(S_inv * AVVA)) / pixel
     return Redundancy(
-        quadratic, trace, fisher, float(pixel_quadratic), float(pixel_trace), _trend(model, variances, step)
+        quadratic,
+        trace,
+        _fisher(W, WA, [S_inv @ part for part in SA], S_inv),
+        float(pixel_quadratic),
+        float(pixel_trace),
+        _trend(model, variances, step),
     )
 
 
@@ -89,12 +93,16 @@ def _cross(left: Array, right: Array) -> Array:
     return product
 
 
-def _fisher(W: Array, WA: Array, SA: list[Array], S_inv: Array, g: int, h: int) -> float:
-    rows, columns = GROUPS[g], GROUPS[h]
-    block = W[:, rows, columns]
-    direct = np.sum(block**2)
-    mixed = _cross(WA[:, rows], block @ WA[:, columns])
-    return float(direct - 2 * np.sum(S_inv * mixed) + np.sum((S_inv @ SA[g]) * (S_inv @ SA[h]).T))
+def _fisher(W: Array, WA: Array, SS: list[Array], S_inv: Array) -> Array:
+    """tr(P V_g P V_h) (2, 2); `SS`: S^-1 A' V^-1 V_g V^-1 A of each group."""
+    result = np.empty((2, 2))
+    for g, h in ((0, 0), (0, 1), (1, 1)):
+        rows, columns = GROUPS[g], GROUPS[h]
+        block = W[:, rows, columns]
+        mixed = _cross(WA[:, rows], block @ WA[:, columns])
+        result[g, h] = np.sum(block**2) - 2 * np.sum(S_inv * mixed) + np.sum(SS[g] * SS[h].T)
+    result[1, 0] = result[0, 1]
+    return result
 
 
 def _scored(found: Redundancy, variances: Variances) -> Variances:
