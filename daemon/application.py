@@ -10,6 +10,7 @@ from typing import Protocol
 from daemon.access.desk import KeyDesk
 from daemon.cell import Cell
 from daemon.clock import Clock
+from daemon.drift.watch import DriftWatch
 from daemon.errors import StorageError
 from daemon.events import EventLog
 from daemon.metrics import Metric, Metrics
@@ -66,6 +67,7 @@ class Application:
     operations: Operations
     scans: Scans
     metrics: Metrics
+    drift: DriftWatch
     key_desk: KeyDesk
     systemd: Systemd
     companions: tuple[Companion, ...] = ()

@@ -80,6 +80,7 @@ def build(
         operations=operations,
         scans=scans,
         metrics=metrics,
+        drift=drift,
         key_desk=KeyDesk(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         companions=tuple(companions),

@@ -23,6 +23,7 @@ PAGES = {
     "runs": "/runs",
     "calibrations": "/calibrations",
     "calibration in force": "/calibrations/current",
+    "drift": "/drift",
     "scans": "/scans",
     "robot": "/robot",
     "camera": "/camera/frame.png",

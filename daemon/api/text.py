@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.api.documents import CalibrateStatus, CurrentCalibration, ReadyDocument, RobotDocument
+from daemon.api.documents import CalibrateStatus, CurrentCalibration, DriftDocument, ReadyDocument, RobotDocument
 from daemon.cli.summary import summary
 from daemon.runs.log import predicted_in_words
 from daemon.store.records import RunRecord
@@ -105,6 +105,21 @@ def ready_in_words(ready: ReadyDocument) -> str:
         lines.append(f"{name}: {'ready' if what.ready else 'not ready'}")
         lines += [f"  {reason}" for reason in what.reasons]
     return "\n".join([*lines, *(f"warning: {warning}" for warning in ready.warnings)])
+
+
+def drift_in_words(chart: DriftDocument) -> str:
+    """GET /drift."""
+    about = f" of calibration {chart.calibration_id}" if chart.calibration_id else ""
+    lines = [f"drift: {chart.standing}{about}, {chart.verifications} verifications"]
+    if chart.alarm is not None:
+        lines.append(f"alarm: {chart.alarm}")
+    if chart.points:
+        lines.append(f"{'at':<26}{'run':<24}{'drift [mm]':>11}{'limit':>8}{'scatter':>9}  ")
+    for point in chart.points:
+        limit = "" if point.limit_mm is None else f"{point.limit_mm:.3f}"
+        numbers = f"{point.drift_mm:>11.3f}{limit:>8}{point.scatter_mm:>9.3f}"
+        lines.append(f"{point.at:<26}{point.run_id:<24}{numbers}  {point.standing}")
+    return "\n".join(lines)
 
 
 def robot_in_words(robot: RobotDocument) -> str:

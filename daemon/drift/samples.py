@@ -23,10 +23,11 @@ class Verified:
     sample: Sample
 
 
-def belongs(run: RunRecord, applied: Applied) -> bool:
+def belongs(run: RunRecord, applied: Applied, target_points: int) -> bool:
     """A finished verification of the calibration in force, of the fixed target, from the settings' poses.
 
-    One with poses or a target of its own may look at something else, or from where the errors are others.
+    One with poses or a target of its own may look at something else, or from where the errors are others; one from
+    before the settings' target was changed may have seen points that this one has not.
     """
     return (
         run.kind == "verify"
@@ -35,6 +36,7 @@ def belongs(run: RunRecord, applied: Applied) -> bool:
         and run.result["calibration_id"] == applied.calibration_id
         and run.created_at >= applied.applied_at
         and not {"poses", "target"} & run.request.keys()
+        and all(point["id"] < target_points for point in run.result["verification"]["points"])
     )
 
 

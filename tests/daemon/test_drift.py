@@ -4,7 +4,7 @@ import asyncio
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from calibration.transforms import Array, transform
 from daemon.clock import Clock
 from daemon.drift.samples import belongs
 from daemon.drift.schedule import RETRY_S, DriftSchedule
+from daemon.drift.verifications import Verifications
 from daemon.drift.watch import DriftWatch
 from daemon.errors import CellBusy
 from daemon.runs.states import RunState
@@ -113,6 +114,68 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
         assert (await bench.client.get("/ready")).json()["warnings"] == []
 
 
+async def test_the_chart_is_told_over_rest_with_every_verification_that_is_over(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path / "other")) as bench:
+        off = (await bench.client.get("/drift")).json()
+        assert (off["standing"], off["calibration_id"], off["points"]) == ("off", None, [])
+    async with calibrated(tmp_path) as (bench, camera):
+        learning = (await bench.client.get("/drift")).json()
+        assert (learning["standing"], learning["verifications"], learning["limit_mm"]) == ("learning", 0, None)
+        runs = []
+        for turn in range(5):
+            if turn == 4:
+                camera.knock = transform(np.eye(3), [0.0, 3.0, 0.0])
+            run = (await bench.client.post("/verify?wait=60")).json()
+            told = (await bench.client.get("/drift")).json()
+            runs.append(run["id"])
+            assert [point["run_id"] for point in told["points"]] == runs
+        assert [point["standing"] for point in told["points"]] == ["learning"] * 2 + ["steady"] * 2 + ["drifting"]
+        assert [point["limit_mm"] is None for point in told["points"]] == [True, True, False, False, False]
+        last = told["points"][-1]
+        assert told["shift_mm"] == last["drift_mm"] == pytest.approx(np.linalg.norm(last["average_mm"]), abs=1e-5)
+        assert last["drift_mm"] > last["limit_mm"] == told["limit_mm"]
+        assert np.linalg.norm(last["shift_mm"]) == pytest.approx(3.0, abs=0.2)
+        assert told["standing"] == "drifting"
+        assert told["alarm"] == (await bench.client.get("/ready")).json()["warnings"][0]
+        assert told["rules"] == {"weight": 0.2, "allowed_mm": 0.0, **QUICK}
+        assert [point["run_id"] for point in (await bench.client.get("/drift?limit=2")).json()["points"]] == runs[-2:]
+        words = (await bench.client.get("/drift", headers={"accept": "text/plain"})).text
+        assert words.startswith(
+            f"drift: drifting of calibration {told['calibration_id']}, 5 verifications\nalarm: drift:"
+        )
+        assert len(words.splitlines()) == 3 + 5
+
+
+async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also past a run that is in progress, or whose end could not be stored yet."""
+    monkeypatch.setattr("daemon.drift.verifications.PAGE", 2)
+    async with calibrated(tmp_path) as (bench, _):
+        for _ in range(5):
+            await verifies(bench)
+        newest, *older = (await bench.client.get("/runs")).json()["runs"]
+        store = bench.application.store
+        record = await store.run(older[2]["id"])
+        await store.save_run(replace(record, state=RunState.MOVING, result=None))
+        applied, _ = await store.current()
+        fresh = Verifications(store, bench.application.workers, bench.application.settings.target.target().points_mm)
+        expected = [run["id"] for run in reversed([newest, *older]) if run["kind"] == "verify"]
+        assert [entry.run_id for entry in await fresh.of(applied)] == [run for run in expected if run != record.id]
+        assert [entry.run_id for entry in await fresh.of(applied)] == [run for run in expected if run != record.id]
+        await store.save_run(record)
+        assert [entry.run_id for entry in await fresh.of(applied)] == expected
+        asked: list[str | None] = []
+        runs = store.runs
+
+        async def counted(limit: int, before: str | None = None) -> list[RunRecord]:
+            asked.append(before)
+            return await runs(limit, before)
+
+        monkeypatch.setattr(store, "runs", counted)
+        assert [entry.run_id for entry in await fresh.of(applied)] == expected
+        assert asked == [None]
+        assert await fresh.of(replace(applied, sequence=99)) and len(asked) > 3
+
+
 async def test_the_chart_survives_a_restart_and_passes_over_what_does_not_belong(tmp_path: Path) -> None:
     async with calibrated(tmp_path) as (bench, _):
         for _ in range(3):
@@ -131,7 +194,7 @@ def a_run(**changes: Any) -> RunRecord:
     made: dict[str, Any] = {
         "id": "r", "kind": "verify", "state": RunState.FINISHED, "station": 3, "stations": 3,
         "created_at": "2026-11-21T10:00:00.000Z", "updated_at": "2026-11-21T10:01:00.000Z",
-        "result": {"calibration_id": "c"},
+        "result": {"calibration_id": "c", "verification": {"points": [{"id": 0}, {"id": 87}]}},
     }  # fmt: skip
     return RunRecord(**{**made, **changes})
 
@@ -146,10 +209,11 @@ def a_run(**changes: Any) -> RunRecord:
         ({"created_at": "2026-11-21T08:00:00.000Z"}, False),
         ({"request": {"poses": []}}, False),
         ({"request": {"target": {}}}, False),
+        ({"result": {"calibration_id": "c", "verification": {"points": [{"id": 88}]}}}, False),
     ],
 )
 def test_what_belongs_to_a_chart(changes: dict[str, Any], expected: bool) -> None:
-    assert belongs(a_run(**changes), Applied("c", "2026-11-21T09:00:00.000Z", "x")) is expected
+    assert belongs(a_run(**changes), Applied("c", "2026-11-21T09:00:00.000Z", "x"), 88) is expected
 
 
 class Asked:
