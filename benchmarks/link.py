@@ -128,8 +128,11 @@ def main() -> int:
     parser.add_argument("--reconnects", type=int, default=300, help="connections (10000 for the long run)")
     parser.add_argument("--cells", type=int, default=CELLS, help="side by side; many of them are a busy machine")
     parser.add_argument("--seed", type=int, default=1, help="of the schedules")
+    parser.add_argument("--hectic", action="store_true", help="threads take turns a thousand times as often")
     options = parser.parse_args()
     failed = False
+    if options.hectic:
+        sys.setswitchinterval(5e-6)
     if options.schedules:
         tally = asyncio.run(schedules(options.schedules, options.seed, options.cells))
         print(tally.told(), flush=True)

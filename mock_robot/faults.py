@@ -46,6 +46,7 @@ class ActiveFault:
     only: Command | None
     from_move: int
     awake: bool = False
+    cleared: bool = False
     struck: int = 0
 
 
@@ -93,7 +94,10 @@ class FaultBoard:
             raise UnknownFault(name, tuple(self.table))
         for cleared in [name] if name is not None else list(self._active):
             active = self._active.pop(cleared, None)
-            if active is not None and active.awake and active.fault.end is not None:
+            if active is None:
+                continue
+            active.cleared = True
+            if active.awake and active.fault.end is not None:
                 active.fault.end(controller, now_s)
 
     def wake(self, controller: Cabinet, now_s: float) -> None:
@@ -105,6 +109,8 @@ class FaultBoard:
             if active.fault.begin is not None:
                 active.fault.begin(controller, now_s)
                 self._struck(active)
+            if active.cleared and active.fault.end is not None:  # by another thread, before it had begun
+                active.fault.end(controller, now_s)
 
     def is_on(self, name: str) -> bool:
         """Is a fault on and awake, for who looks at it by name?"""

@@ -4,7 +4,7 @@ MODULE CELL_comm
   CONST num CELL_HALF_FRAME := 0.5;
   CONST num CELL_IDLE := 10;
   CONST num CELL_PAYLOAD_MAX := 1012;
-  CONST num CELL_BUILD := 2;
+  CONST num CELL_BUILD := 3;
   CONST num CELL_STANDS := 0.01;
 
   VAR socketdev cell_server;
@@ -603,12 +603,14 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_await_motion()
-    ! A stopped move belongs to the client before; its end is not reported to this one.
+    ! A stopped move belongs to the client before; its end is not reported to this one, and nothing of it moves any more.
     cell_busy := FALSE;
-    cell_timed_out := FALSE;
     WaitUntil DOutput(cell_do_running) = 0 OR (NOT cell_abort) \MaxTime:=1.5 \PollRate:=0.04;
   ERROR
-    IF ERRNO = ERR_WAIT_MAXTIME TRYNEXT;
+    IF ERRNO = ERR_WAIT_MAXTIME THEN
+      cell_hold;
+      TRYNEXT;
+    ENDIF
     RAISE;
   ENDPROC
 
@@ -719,10 +721,12 @@ MODULE CELL_comm
     WaitUntil cell_verdict <> 0 \MaxTime:=1 \PollRate:=0.04;
     cell_status := cell_verdict;
   ERROR
+    ! The motion task is late. What is refused here must not begin after all.
     IF ERRNO = ERR_WAIT_MAXTIME THEN
       cell_armed := FALSE;
       cell_abort_status := CB_WRONG_MODE;
       cell_abort := TRUE;
+      cell_hold;
       cell_ring;
       cell_status := CB_WRONG_MODE;
       RETURN;
@@ -813,7 +817,7 @@ MODULE CELL_comm
     ! The motion task: may it move, does it run, has it heard of the abort?
     IF (cell_armed OR cell_busy) AND cell_forbidden() <> CB_OK THEN
       cell_halt cell_forbidden();
-      cell_hold;
+      IF cell_busy cell_hold;
     ENDIF
     IF DOutput(cell_do_running) = 0 THEN
       cell_take_over;
@@ -826,8 +830,8 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_hold()
-    ! A move that was interrupted would go on when its task is started: not before it was dropped.
-    IF cell_held OR (NOT cell_busy) RETURN;
+    ! A move that was interrupted would go on when its task is started, one that is late begin: not before it was dropped.
+    IF cell_held RETURN;
     cell_held := TRUE;
     StopMove \AllMotionTasks;
   ERROR

@@ -3,9 +3,8 @@ MODULE CELL_motion
   VAR intnum cell_abort_intno;
 
   PROC main()
+    ! Deaf until the arm stands and the abort is answered: a bell rung meanwhile would begin the wait anew, for ever.
     IDelete cell_abort_intno;
-    CONNECT cell_abort_intno WITH cell_abort_trap;
-    IPers cell_bell, cell_abort_intno;
     ConfJ \On;
     ConfL \On;
     SingArea \Off;
@@ -20,6 +19,8 @@ MODULE CELL_motion
       cell_done := TRUE;
       cell_abort := FALSE;
     ENDIF
+    CONNECT cell_abort_intno WITH cell_abort_trap;
+    IPers cell_bell, cell_abort_intno;
     WHILE TRUE DO
       WaitUntil cell_request OR cell_abort \PollRate:=0.04;
       IF cell_abort ExitCycle;

@@ -10,6 +10,7 @@ from drivers.errors import DeviceUnreachable, LinkLost
 CONNECT_LIMIT_S = 5.0
 CLOSE_LIMIT_S = 1.0
 CHUNK_BYTES = 4096
+CHECK_ADDRESS = "check the address, and that the communication task runs on the controller"
 KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 2, socket.TCP_KEEPCNT: 3}
 """The heartbeat finds a dead peer first; keepalive frees the socket when even that is stuck in the kernel."""
 
@@ -79,9 +80,11 @@ class TcpTransport:
             what = f"no answer to a connection in {CONNECT_LIMIT_S:g} s"
             raise DeviceUnreachable(self.address, what, "check address, cable and network port") from error
         except OSError as error:
-            fix = "check the address, and that the communication task runs on the controller"
-            raise DeviceUnreachable(self.address, _reason(error), fix) from error
+            raise DeviceUnreachable(self.address, _reason(error), CHECK_ADDRESS) from error
         raw = writer.get_extra_info("socket")
+        if raw.getsockname() == raw.getpeername():  # a dial within this machine, to a port nobody listens on now
+            writer.transport.abort()
+            raise DeviceUnreachable(self.address, "connection refused", CHECK_ADDRESS)
         raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         for option, value in KEEPALIVE.items():

@@ -52,6 +52,7 @@ class RapidController(Cabinet):
     _loaded: list[Loaded] = field(default_factory=list, init=False)
     _error: set[str] = field(default_factory=set, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
+    _switching: Any = field(default_factory=threading.RLock, init=False)
 
     def __post_init__(self) -> None:
         if not self.folder.is_dir():
@@ -147,10 +148,11 @@ class RapidController(Cabinet):
         session.watchers = armed.watchers = (notice,)
 
     def _run(self) -> None:
-        allowed = self.panel.forbids_motion() is None
-        self.unit.held = not allowed
-        for loaded in self._loaded:
-            loaded.task.begin(running=allowed or loaded.plan.kind != "NORMAL")
+        with self._switching:  # a switch that is turned meanwhile comes before, or after
+            allowed = self.panel.forbids_motion() is None
+            self.unit.held = not allowed
+            for loaded in self._loaded:
+                loaded.task.begin(running=allowed or loaded.plan.kind != "NORMAL")
 
     # --- switches ---
 
@@ -160,20 +162,22 @@ class RapidController(Cabinet):
 
     def halt(self, now_s: float, result: Status) -> None:
         """Every normal task stops, as on a controller whose program is stopped, and the arm with them."""
-        self.panel.program_running = False
-        for loaded in self._loaded:
-            if loaded.plan.kind == "NORMAL":
-                loaded.task.stop()
-        self.unit.hold()
+        with self._switching:
+            self.panel.program_running = False
+            for loaded in self._loaded:
+                if loaded.plan.kind == "NORMAL":
+                    loaded.task.stop()
+            self.unit.hold()
 
     def obey_panel(self, now_s: float) -> None:
         """What is forbidden ends; what was stopped goes on when the program is started."""
-        super().obey_panel(now_s)
-        if self.panel.forbids_motion() is None:
-            self._error.clear()
-            self.unit.free()
-            for loaded in self._loaded:
-                loaded.task.start()
+        with self._switching:
+            super().obey_panel(now_s)
+            if self.panel.forbids_motion() is None:
+                self._error.clear()
+                self.unit.free()
+                for loaded in self._loaded:
+                    loaded.task.start()
 
     def program_failed(self, task: Task, stopped: ProgramStopped) -> None:
         """A task's program stopped by itself: an entry in the event log, and whatever goes down with it."""

@@ -24,10 +24,8 @@ class Devices:
     _open: dict[int, Any] = field(default_factory=dict)
 
     def add(self, device: Any) -> None:
-        """It was opened; a serial line can be talked to from now on."""
+        """It was opened."""
         self._open[id(device)] = device
-        if hasattr(device, "line"):
-            self.reachable.set()
 
     def drop(self, device: Any) -> None:
         """It was closed."""
@@ -38,7 +36,7 @@ class Devices:
         self.address = address
 
     def listening(self) -> None:
-        """Somebody may connect."""
+        """Somebody may connect, or be heard: what came to a serial line before it was read may be thrown away."""
         self.reachable.set()
 
     def close(self) -> None:

@@ -84,12 +84,14 @@ class Task:
 
     def move_pointer_to_main(self) -> None:
         """Every routine is dropped."""
-        self._leaving = True
+        with self._turn:
+            self._leaving = True
         self.rouse()
 
     def end(self, limit_s: float = 5.0) -> None:
         """Drop every routine and end the thread."""
-        self._ended = True
+        with self._turn:
+            self._ended = True
         self.move_pointer_to_main()
         if self._thread.is_alive() and not self.is_current:
             self._thread.join(limit_s)
@@ -174,7 +176,8 @@ class Task:
         try:
             while not self._ended:
                 try:
-                    self._leaving = self._ended
+                    with self._turn:
+                        self._leaving = self._ended
                     self.attend()
                     self.main()
                 except CycleLeft:

@@ -141,15 +141,18 @@ class MotionUnit:
         """Wire time to the end of its motion; at most a second, for somebody may change that."""
         return min(max(self.cabinet.arm.end_s - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
 
-    def settled(self, seconds: float) -> bool:
-        """Has it stood for so long, in the arm's time?"""
-        return self.cabinet.settles and self.now_s() >= self.cabinet.arm.end_s + seconds
+    def settled(self, seconds: float, since_s: float) -> bool:
+        """Has it stood for so long, from `since_s` on, in the arm's time?"""
+        return self.cabinet.settles and self.now_s() >= self._stood_at_s(seconds, since_s)
 
-    def settles_in_s(self, seconds: float) -> float:
+    def settles_in_s(self, seconds: float, since_s: float) -> float:
         """When to look again, wire time."""
         if not self.cabinet.settles:
             return LOOK_S
-        return min(max(self.cabinet.arm.end_s + seconds - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
+        return min(max(self._stood_at_s(seconds, since_s) - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
+
+    def _stood_at_s(self, seconds: float, since_s: float) -> float:
+        return max(self.cabinet.arm.end_s, since_s) + seconds
 
     def joints_now(self) -> Array:
         """Axes (6,) in rad."""

@@ -3,6 +3,7 @@
 import asyncio
 import random
 import struct
+import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
@@ -104,7 +105,7 @@ async def test_the_published_bytes_are_answered_by_the_rapid(serial: bool) -> No
             ping = bytes.fromhex("43 42 01 01 01 00 00 00 00 00 88 0a")
             assert await answer_to(client, ping) == Frame(0x81, 1).encode()
             hello = bytes.fromhex("43 42 01 02 02 00 00 00 08 00 94 c7 01 00 00 00 01 00 00 00")
-            welcome = cb.Welcome(1, cb.Capability(15), cell.controller.session, 2, 1024, 6)
+            welcome = cb.Welcome(1, cb.Capability(15), cell.controller.session, 3, 1024, 6)
             assert await answer_to(client, hello) == Frame(0x82, 2, cb.pack(welcome)).encode()
             pose = await answer_to(client, Frame(3, 3, b"\0\0").encode())
             assert pose[:10] == bytes.fromhex("43 42 01 83 03 00 00 00 44 00")
@@ -254,6 +255,43 @@ async def test_an_interrupted_move_does_not_go_on_though_the_client_is_gone() ->
             await client.is_armed()
             np.testing.assert_array_equal(joints_now(cell), standing)
             assert cell.commanded_moves == 1
+
+
+async def test_a_move_that_was_refused_because_the_motion_task_was_late_never_begins() -> None:
+    async with talking() as (cell, client):
+        async with late(cell, "joints_for"):
+            assert await client.asks(GOOD) == cb.Refused(Status.WRONG_MODE)
+            assert not cell.controller.armed
+        await moves_again(cell, client)
+        assert cell.controller.arm.departures == 1, "the second one alone"
+
+
+async def test_after_a_greeting_nothing_moves_though_the_move_before_was_late() -> None:
+    async with talking() as (cell, client):
+        async with late(cell, "order"):
+            assert await client.asks(GOOD) == cb.MoveAccepted()
+            assert isinstance(await client.asks(cb.Hello(1, 1, 9)), cb.Welcome)
+        await becomes(lambda: cell.commanded_moves == 1)
+        await moves_again(cell, client)
+        assert cell.controller.arm.departures == 1, "the second one alone"
+
+
+@asynccontextmanager
+async def late(cell: RunningCell, step: str) -> AsyncIterator[None]:
+    """Within it the motion task does not get past that step of a move."""
+    unit = cell.controller.unit  # type: ignore[attr-defined]
+    goes_on, does = threading.Event(), getattr(unit, step)
+
+    def does_late(*arguments: object) -> object:
+        assert goes_on.wait(10.0)
+        return does(*arguments)
+
+    setattr(unit, step, does_late)
+    try:
+        yield
+    finally:
+        setattr(unit, step, does)
+        goes_on.set()
 
 
 async def test_a_line_that_cannot_be_followed_ends_in_a_motion_error_with_abbs_number_in_the_log() -> None:

@@ -24,11 +24,12 @@ def exit_cycle(task: Task) -> None:
 
 
 def wait_time(task: Task, in_position: bool | None, seconds: float) -> None:
-    """With \\InPos the time counts from standstill."""
+    """With \\InPos the time begins to count when the arm stands, never before the instruction does."""
     unit = task.services.unit
     if in_position:
-        while not unit.settled(seconds):
-            task.wait(unit.settles_in_s(seconds))
+        began_s = unit.now_s()
+        while not unit.settled(seconds, began_s):
+            task.wait(unit.settles_in_s(seconds, began_s))
     else:
         task.wait(seconds / unit.time_scale)
 

@@ -43,6 +43,7 @@ def clear_buffer(task: Task, slot: Slot) -> None:
 def read_bin(task: Task, slot: Slot, time: float | None) -> float:
     """One byte."""
     line, seconds = slot.value.line, DEFAULT_WAIT_S if time is None else time
+    task.services.devices.listening()
     ends_s = None if seconds >= WAIT_MAX_S else monotonic() + seconds
     while not line.arrived and not line.look(task.services.wire):
         left_s = None if ends_s is None else max(0.0, ends_s - monotonic())

@@ -1,6 +1,8 @@
 """Sockets of a program on real ones. What waits is taken when it is asked for; a time-out loses nothing."""
 
 import errno
+import socket
+from random import Random
 from time import monotonic
 from types import MappingProxyType
 from typing import Any
@@ -14,6 +16,8 @@ from mock_robot.rapid.values import RAWBYTES_MAX, STRING_MAX, integer
 WAIT_MAX_S = 9999999.0
 DEFAULT_WAIT_S = 60.0
 PORT_LOWEST = 1025
+OWN_PORTS = range(20_000, 32_000)
+"""Below those that Linux gives to clients (net.ipv4.ip_local_port_range)."""
 STATES = MappingProxyType({"created": 1.0, "connected": 2.0, "bound": 3.0, "listening": 4.0, "closed": 5.0})
 
 
@@ -23,18 +27,28 @@ def create(task: Task, slot: Slot) -> None:
 
 
 def bind(task: Task, slot: Slot, address: str, port: float) -> None:
-    """To an address the controller owns. Port 0 is the mock's own: the system chooses."""
+    """To an address the controller owns. Port 0 is the mock's own: one that stays its own over a restart."""
     device: SocketDevice = slot.value
     end, number = device.opened(), integer(port)
     device.require(device.state == "created", "ERR_SOCK_IS_BOUND", f"the socket is {device.state}")
     device.require(number == 0 or PORT_LOWEST <= number <= 65535, "ERR_SOCK_UNSPEC", f"port {number} is not free")
     try:
-        end.bind((address, number))
+        _bind(end, address, number)
     except OSError as error:
         name = "ERR_SOCK_ADDR_INUSE" if error.errno == errno.EADDRINUSE else "ERR_SOCK_UNSPEC"
         raise RapidError(name, f"{address}:{number}: {error.strerror}") from None
     device.state = "bound"
     task.services.devices.bound(end.getsockname())
+
+
+def _bind(end: socket.socket, address: str, number: int) -> None:
+    """A port that the system chooses it gives to somebody's client, too, while a restart leaves it free."""
+    for own in [number] if number else Random().sample(OWN_PORTS, 100):
+        try:
+            return end.bind((address, own))
+        except OSError as error:
+            taken = error
+    raise taken
 
 
 def listen(task: Task, slot: Slot) -> None:
