@@ -31,6 +31,9 @@ say "installing into $FOLDER ..."
 "$PYTHON" -m venv "$FOLDER"
 "$FOLDER/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/requirements.lock"
 "$FOLDER/bin/pip" install --quiet --disable-pip-version-check --no-deps "$work"/handeyed-*.whl
-mkdir -p "$FOLDER/share/handeyed"
-cp "$SOURCE/docs/runbook.md" "$SOURCE/deploy/handeyed.example.toml" "$FOLDER/share/handeyed/"
+share="$FOLDER/share/handeyed" # what a plant reads, loads into the controller, PLC and MES, and gives to its Prometheus
+mkdir -p "$share/docs" "$share/deploy"
+(cd "$SOURCE/docs" && cp runbook.md faults.md plc.md plc-registers.csv api.md openapi.json cb-link.md rapid.md rws.md "$share/docs/")
+(cd "$SOURCE/deploy" && cp -R handeyed.example.toml prometheus grafana rapid "$share/deploy/")
+cp "$SOURCE/SECURITY.md" "$SOURCE/CHANGELOG.md" "$share/"
 "$FOLDER/bin/handeyed" version >/dev/null || fail "the new release does not run"

@@ -105,6 +105,18 @@ def test_installer_and_package_put_the_program_where_the_unit_looks() -> None:
     assert '"$root/opt/handeyed/current"' in (DEPLOY / "deb/build.sh").read_text()
 
 
+def test_a_release_brings_what_the_runbook_speaks_of() -> None:
+    """Both ways of installing build a release; no source tree is left on the cell's PC."""
+    script, docs = (DEPLOY / "release.sh").read_text(), DEPLOY.parent / "docs"
+    linked = set(re.findall(r"\]\(([\w-]+\.(?:md|csv|json))", (docs / "runbook.md").read_text()))
+    brought = set(re.search(r'docs" && cp ([^&]*) "\$share/docs/', script)[1].split())  # type: ignore[index]
+
+    assert linked <= brought
+    assert all((docs / name).exists() for name in brought)
+    assert {"prometheus", "grafana", "rapid"} <= set(script.split())
+    assert "share/handeyed/docs/runbook.md" in UNIT.read_text()
+
+
 def test_the_manual_page_names_no_command_that_is_not_there() -> None:
     page = (DEPLOY / "deb/handeyed.1").read_text()
     named = set(re.findall(r"^\.BR? (\w+)(?: \", \" | *$)", page, re.MULTILINE)) - {"handeyed"}
