@@ -12,15 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from registration.formats import pcl
 from registration.formats.pcd import PADDING
 from registration.layout import Layout, Records
 
 Getter = Callable[[Records], NDArray[Any]]
 
-SHIFTS = {"red": 16, "green": 8, "blue": 0}
-"""Where a colour stands in PCL's packed 0x00RRGGBB."""
-
-RENAMED = {"normal_x": "nx", "normal_y": "ny", "normal_z": "nz"}
+RENAMED = {theirs: common for common, theirs in pcl.NAMES.items()}
 
 
 def _plain(name: str, block: Records) -> NDArray[Any]:
@@ -32,9 +30,8 @@ def _element(name: str, index: int, block: Records) -> NDArray[Any]:
     return column
 
 
-def _colour(name: str, shift: int, block: Records) -> NDArray[Any]:
-    packed = np.ascontiguousarray(block[name]).view(np.uint32)
-    return (packed >> np.uint32(shift)).astype(np.uint8)
+def _colour(name: str, colour: str, block: Records) -> NDArray[Any]:
+    return pcl.unpacked(block[name], colour)
 
 
 def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
@@ -47,7 +44,7 @@ def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
         if PADDING.fullmatch(name):
             continue
         if name in ("rgb", "rgba") and base.itemsize == 4 and base.isnative and not shape:
-            columns |= {colour: (np.dtype(np.uint8), partial(_colour, name, by)) for colour, by in SHIFTS.items()}
+            columns |= {colour: (np.dtype(np.uint8), partial(_colour, name, colour)) for colour in pcl.SHIFTS}
         elif shape:
             count = int(np.prod(shape, dtype=int))
             columns |= {f"{name}_{index}": (kind, partial(_element, name, index)) for index in range(count)}

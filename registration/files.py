@@ -6,7 +6,7 @@ from pathlib import Path
 
 from registration.columns import Conversion, shared_layout
 from registration.disk import GuardedFile, new_file
-from registration.formats.bodies import too_long
+from registration.formats.bodies import require_end
 from registration.formats.header import CloudHeader
 from registration.formats.las_move import move_las
 from registration.formats.sections import SectionPassage
@@ -96,9 +96,8 @@ def _move_records(file: GuardedFile, out: GuardedFile, header: CloudHeader, span
     tail = SectionPassage(header.tail, header.encoding, file.name)
     while piece := file.read(BLOCK_BYTES):
         used = tail.take(memoryview(piece)) if not tail.done else 0
-        if used < len(piece):
-            raise too_long(file.name, span.count, len(piece) - used)
-        out.write(piece)
+        require_end(header, file.name, span.count, piece[used:])
+        out.write(piece[:used])
     tail.finish()
     return Moved(sum(mover.points for mover in movers), sum(mover.non_finite for mover in movers))
 

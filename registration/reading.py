@@ -12,7 +12,7 @@ from typing import Protocol
 from registration.disk import GuardedFile
 from registration.errors import CloudTruncated, CloudUnsupported
 from registration.formats import npy, pcd, ply, rows
-from registration.formats.bodies import decoder_of, too_long
+from registration.formats.bodies import decoder_of, require_end
 from registration.formats.compressed import CompressedSource
 from registration.formats.detect import HeaderParser, octets
 from registration.formats.extras import E57Source, LasSource
@@ -78,8 +78,7 @@ class StreamedSource:
                 rest = rest[decoder.taken :]
             if decoder.done and not tail.done and rest:
                 rest = rest[tail.take(rest) :]
-            if rest and (header.encoding == "binary" or bytes(rest).strip()):
-                raise too_long(name, decoder.points, len(rest))
+            require_end(header, name, decoder.points, rest)
         lead.finish()
         yield from decoder.finish()
         tail.finish()

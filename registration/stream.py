@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from registration.errors import CloudTruncated, CloudUnsupported
-from registration.formats.bodies import BodyDecoder, TextEncoder, decoder_of, too_long
+from registration.formats.bodies import BodyDecoder, TextEncoder, decoder_of, require_end
 from registration.formats.detect import HeaderParser, parser_of
 from registration.formats.header import CloudHeader
 from registration.formats.sections import SectionPassage
@@ -148,7 +148,8 @@ class CloudStream:
             yield data[:used]
             data = data[used:]
         if data:
-            self._refuse_extra(data)
+            assert self._header is not None
+            require_end(self._header, self._file, self._points.points, data)
 
     def _moved(self, block: Records) -> bytes | memoryview:
         assert self._mover is not None
@@ -156,8 +157,3 @@ class CloudStream:
             block = block.copy()
         moved = self._mover.move(block)
         return self._encoder.encode(moved) if self._encoder else moved.view(np.uint8).data
-
-    def _refuse_extra(self, data: memoryview) -> None:
-        """White space may follow text; nothing may follow anything else."""
-        if self._encoder is None or bytes(data).strip():
-            raise too_long(self._file, self._points.points, len(data))

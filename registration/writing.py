@@ -11,6 +11,7 @@ from registration.disk import GuardedFile, new_file
 from registration.errors import CloudUnsupported
 from registration.formats import npy, pcd, ply, rows
 from registration.formats.bodies import TextEncoder
+from registration.formats.pcl import PclRecords
 from registration.layout import XYZ_FLOAT32, Layout, Records
 
 
@@ -27,13 +28,22 @@ class Form:
     encode: Callable[[Records], bytes | memoryview]
 
 
-FORMS: dict[str, Callable[[Layout], Form]] = {
-    ".ply": lambda layout: Form(layout, lambda count: ply.format_header(layout, count), _raw),
-    ".pcd": lambda layout: Form(layout, lambda count: pcd.format_header(layout, count), _raw),
-    ".npy": lambda layout: Form(layout, lambda count: npy.format_header(layout, count), _raw),
-    ".xyz": lambda layout: Form(layout, lambda count: rows.format_header(layout, " "), TextEncoder(layout).encode),
-    ".csv": lambda layout: Form(layout, lambda count: rows.format_header(layout, ","), TextEncoder(layout, ",").encode),
-    ".bin": lambda layout: Form(XYZ_FLOAT32, lambda count: b"", _raw),
+def _pcd(layout: Layout, file: str) -> Form:
+    records = PclRecords.of(layout, file)
+    return Form(layout, lambda count: pcd.format_header(records.layout, count), records.encode)
+
+
+def _text(layout: Layout, separator: str) -> Form:
+    return Form(layout, lambda count: rows.format_header(layout, separator), TextEncoder(layout, separator).encode)
+
+
+FORMS: dict[str, Callable[[Layout, str], Form]] = {
+    ".ply": lambda layout, _: Form(layout, lambda count: ply.format_header(layout, count), _raw),
+    ".pcd": _pcd,
+    ".npy": lambda layout, _: Form(layout, lambda count: npy.format_header(layout, count), _raw),
+    ".xyz": lambda layout, _: _text(layout, " "),
+    ".csv": lambda layout, _: _text(layout, ","),
+    ".bin": lambda layout, _: Form(XYZ_FLOAT32, lambda count: b"", _raw),
 }
 """By suffix; `.bin` is raw float32 x, y, z and holds no other column."""
 
@@ -44,7 +54,7 @@ def form_of(path: Path, layout: Layout) -> Form:
     if suffix not in FORMS:
         fix = f"use one of {', '.join(FORMS)}"
         raise CloudUnsupported(path.name, "suffix", f"clouds of type {suffix!r} are not written", fix)
-    return FORMS[suffix](layout)
+    return FORMS[suffix](layout, path.name)
 
 
 class CloudWriter:

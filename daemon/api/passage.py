@@ -106,7 +106,7 @@ class Passage:
             off = -(self.content_length % header.layout.itemsize)
         else:
             off = 0 if header.body_length is None else self.content_length - header.length - header.body_length
-        if off:
+        if off < 0 or (off and not header.filler):
             kind = CloudTruncated if off < 0 else CloudTooLong
             what = f"Content-Length is {abs(off)} bytes too {'short' if off < 0 else 'long'} for a whole cloud"
             raise kind("request body", "header", what, "send the whole cloud, and nothing after it")

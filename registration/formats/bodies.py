@@ -178,10 +178,11 @@ def _truncated(file: str, points: int, count: int | None, cut: str = "") -> Clou
     )
 
 
-def too_long(file: str, points: int, extra: int) -> CloudTooLong:
-    """Bytes follow after everything the header promised."""
-    what = f"at least {extra} bytes follow after everything the header promises"
-    return CloudTooLong(file, f"after point {points}", what, "check the header's count, or send the cloud again")
+def require_end(header: CloudHeader, file: str, points: int, extra: bytes | memoryview) -> None:
+    """What follows after everything the header promised says nothing. Raises CloudTooLong."""
+    if bytes(extra).strip(header.filler):
+        what = f"at least {len(extra)} bytes follow after everything the header promises"
+        raise CloudTooLong(file, f"after point {points}", what, "check the header's count, or send the cloud again")
 
 
 def decoder_of(header: CloudHeader, file: str) -> BodyDecoder:

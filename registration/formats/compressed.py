@@ -8,6 +8,7 @@ import numpy as np
 
 from registration.disk import GuardedFile
 from registration.errors import CloudFormatError, CloudTruncated
+from registration.formats.bodies import require_end
 from registration.formats.header import CloudHeader
 from registration.formats.lzf import LzfDamaged, decompress
 from registration.layout import Layout, Records
@@ -72,6 +73,8 @@ class CompressedSource:
                 "the compressed points are cut or damaged",
                 "copy the file again",
             ) from None
-        if written != expected or self._file.read(1):
-            what = f"the compressed part holds {written} bytes where {expected} belong, or more follows"
+        if written != expected:
+            what = f"the compressed part holds {written} bytes where {expected} belong"
             raise CloudFormatError(self._name, "compressed points", what, "write the file again")
+        while rest := self._file.read(1 << 16):
+            require_end(self._header, self._name, self._header.count or 0, rest)

@@ -15,6 +15,8 @@ import numpy as np
 
 from registration.disk import GuardedFile
 from registration.errors import CloudError, CloudFormatError, CloudTruncated, CloudUnsupported
+from registration.formats import las
+from registration.formats.laz import require_sound_chunks
 from registration.layout import Layout, Records
 
 BLOCK_POINTS = 1 << 16
@@ -32,6 +34,9 @@ DAMAGE = (
 )
 """What parsers written in Python and C raise on bytes they do not expect."""
 
+PANIC = "PanicException"
+"""What parsers written in Rust raise then: no module gives its class."""
+
 
 def library(name: str, extra: str, file: str) -> Any:
     """An optional library. Raises CloudUnsupported when it is not installed."""
@@ -44,13 +49,15 @@ def library(name: str, extra: str, file: str) -> Any:
 
 @contextmanager
 def told(file: str, place: str, *further: type[Exception]) -> Iterator[None]:
-    """A library's exceptions as CloudFormatError."""
-    kinds: tuple[type[Exception], ...] = (*DAMAGE, *further)
+    """A library's exceptions as CloudFormatError; what it overflows on is not told on stderr."""
     try:
-        yield
+        with np.errstate(all="ignore"):
+            yield
     except CloudError:
         raise
-    except kinds as error:
+    except BaseException as error:
+        if not isinstance(error, (*DAMAGE, *further)) and type(error).__name__ != PANIC:
+            raise
         what = f"it is damaged ({str(error)[:120] or type(error).__name__})"
         raise CloudFormatError(file, place, what, "copy the whole file again") from None
 
@@ -60,11 +67,15 @@ class LasSource:
 
     def __init__(self, file: GuardedFile, name: str, *, compressed: bool) -> None:
         self._name = name
+        header = las.read_whole_header(file)
         laspy = library("laspy", "las", name)
         self._errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
-        if compressed:
+        if compressed or header.compressed:
             self._errors += (library("lazrs", "las", name).LazrsError,)
         with told(name, "header", *self._errors):
+            if header.compressed:
+                require_sound_chunks(file, header, library("lazrs", "las", name))
+                file.seek(0)
             self._reader = laspy.open(file.raw, closefd=False)
             header = self._reader.header
             self.count: int | None = int(header.point_count)

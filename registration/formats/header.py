@@ -34,6 +34,13 @@ class CloudHeader:
     """Between the numbers of a line, where the encoding is text; None: white space."""
 
     @property
+    def filler(self) -> bytes:
+        """Bytes that may stand behind everything and say nothing: PCL fills a file's last page with zeros."""
+        if self.encoding == "text":
+            return b" \t\r\n\v\f"
+        return b"\0" if self.format == "pcd" else b""
+
+    @property
     def body_length(self) -> int | None:
         """Bytes after the header, where the header tells."""
         if (

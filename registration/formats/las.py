@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from registration.disk import GuardedFile
 from registration.errors import CloudFormatError, CloudTruncated, CloudUnsupported
 from registration.layout import Array
 from registration.motion import Motion
@@ -16,8 +17,10 @@ from registration.motion import Motion
 HEADER_BYTES = 375
 """Of version 1.4, the longest."""
 LEAST_BYTES = 227
-SIGNATURE, VERSION, SIZES, LEGACY_COUNT, SCALES, BOUNDS, LONG_COUNT = 0, 24, 94, 107, 131, 179, 247
+SIGNATURE, VERSION, SIZES, LEGACY_COUNT, SCALES, BOUNDS, LONG_RECORDS, LONG_COUNT = 0, 24, 94, 107, 131, 179, 235, 247
 """Where the fields stand."""
+RECORD_HEAD, LONG_RECORD_HEAD = 54, 60
+"""The least that a variable length record takes, before and behind the points."""
 
 COMPRESSED = 0xC0
 """Bits of the record format that LAZ sets."""
@@ -61,12 +64,14 @@ def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
         raise CloudTruncated(file, "header", f"the file ends after {len(prefix)} bytes", FIX)
     if prefix[:4] != b"LASF":
         raise CloudFormatError(file, "byte 0", "this is no LAS file", "check the file's type")
-    header_bytes, begin, _, kind, record_bytes, count = struct.unpack_from("<HIIBHI", prefix, SIZES)
+    header_bytes, begin, records, kind, record_bytes, count = struct.unpack_from("<HIIBHI", prefix, SIZES)
     if prefix[VERSION + 1] >= 4 and header_bytes >= LONG_COUNT + 8 <= len(prefix):
-        (count,) = struct.unpack_from("<Q", prefix, LONG_COUNT)
+        at, long_records, count = struct.unpack_from("<QIQ", prefix, LONG_RECORDS)
+        _require_room("extended records", long_records, LONG_RECORD_HEAD, size - at, file)
     if record_bytes < LEAST_RECORD or not LEAST_BYTES <= header_bytes <= begin:
         what = f"records of {record_bytes} bytes after a header of {header_bytes} at byte {begin} are none"
         raise CloudFormatError(file, "header", what, FIX)
+    _require_room("variable length records", records, RECORD_HEAD, min(begin, size) - header_bytes, file)
     compressed = bool(kind & COMPRESSED)
     if not compressed and begin + count * record_bytes > size:
         what = f"the header promises {count} points in {count * record_bytes} bytes, but {size - begin} follow"
@@ -75,6 +80,21 @@ def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
     bounds = numbers[6:].reshape(3, 2)  # max x, min x, max y, ...
     frame = LasFrame(numbers[:3].copy(), numbers[3:6].copy(), bounds[:, 1].copy(), bounds[:, 0].copy())
     return LasHeader(frame, begin, record_bytes, count, compressed)
+
+
+def _require_room(what: str, number: int, least_bytes: int, room: int, file: str) -> None:
+    """A library that believes the header would make as many records as it promises."""
+    if number * least_bytes > max(0, room):
+        raise CloudFormatError(file, "header", f"it promises {number} {what} in {max(0, room)} bytes", FIX)
+
+
+def read_whole_header(file: GuardedFile) -> LasHeader:
+    """The header at a file's beginning; the file stands there again. Raises CloudFormatError, CloudTruncated."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    header = parse_header(file.read(HEADER_BYTES), size, file.name)
+    file.seek(0)
+    return header
 
 
 def moved_frame(frame: LasFrame, motion: Motion, file: str) -> tuple[LasFrame, Array]:

@@ -17,10 +17,11 @@ from registration.formats.las import (
     LasFrame,
     LasHeader,
     moved_frame,
-    parse_header,
+    read_whole_header,
     require_fit,
     rewritten,
 )
+from registration.formats.laz import require_sound_chunks
 from registration.layout import Array, Layout
 from registration.motion import IntegerMover, Motion
 from registration.spans import THREADS, Span, copy_span, move_span
@@ -30,14 +31,11 @@ XYZ = ("X", "Y", "Z")
 
 def move_las(source: GuardedFile, target: GuardedFile, motion: Motion, *, compress: bool) -> int:
     """Every dimension but X, Y, Z as it was. Gives the number of points. Raises CloudError's leaves."""
-    size = source.seek(0, 2)
-    source.seek(0)
-    prefix = source.read(HEADER_BYTES)
-    header = parse_header(prefix, size, source.name)
+    header = read_whole_header(source)
+    prefix, size = source.read(HEADER_BYTES), source.seek(0, 2)
     frame, matrix = moved_frame(header.frame, motion, source.name)
     if header.compressed or compress:
-        source.seek(0)
-        return _through_laspy(source, target, frame, matrix, compress=compress)
+        return _through_laspy(source, target, header, frame, matrix, compress=compress)
     _records(source, target, prefix, header, frame, matrix, size)
     return header.count
 
@@ -66,12 +64,18 @@ def _records(
     target.write_at(rewritten(prefix, replace(frame, least=bounds[0], most=bounds[1]))[: header.begin], 0)
 
 
-def _through_laspy(source: GuardedFile, target: GuardedFile, frame: LasFrame, matrix: Array, *, compress: bool) -> int:
+def _through_laspy(
+    source: GuardedFile, target: GuardedFile, sound: LasHeader, frame: LasFrame, matrix: Array, *, compress: bool
+) -> int:
     """LAZ, on one side or on both."""
     name = source.name
     laspy = library("laspy", "las", name)
-    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException, library("lazrs", "las", name).LazrsError)
+    lazrs = library("lazrs", "las", name)
+    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException, lazrs.LazrsError)
     with told(name, "header", *errors):
+        if sound.compressed:
+            require_sound_chunks(source, sound, lazrs)
+        source.seek(0)
         reader = laspy.open(source.raw, closefd=False)
         header = copy.deepcopy(reader.header)
     header.scales, header.offsets = frame.scales, frame.offsets

@@ -32,7 +32,7 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
         line = prefix[position : end + 1]
         position = end + 1
         rewritten.append(line)
-        if line.startswith(b"#") or not line.strip():
+        if line.startswith(b"#") or not line.decode("ascii", "replace").split():
             continue
         keyword, words = _entry(line, lines)
         if keyword in entries:

@@ -74,7 +74,8 @@ class TextStl:
 
 
 def _block(corners: list[tuple[float, ...]]) -> Records:
-    return np.array(corners, np.float32).reshape(-1, 3).view(XYZ_FLOAT32.dtype)[:, 0]
+    with np.errstate(over="ignore"):
+        return np.array(corners, np.float32).reshape(-1, 3).view(XYZ_FLOAT32.dtype)[:, 0]
 
 
 def open_stl(file: GuardedFile, name: str) -> BinaryStl | TextStl:

@@ -201,6 +201,6 @@ async def test_laz_cut_short_is_refused_and_leaves_nothing(tmp_path: Path, share
         part = content[: int(share * len(content))]
         answer = await bench.client.post("/register", params={"pose": POSE}, content=part, headers=LAZ)
         assert answer.status_code == 422, answer.text
-        assert "damaged" in answer.json()["detail"]
+        assert answer.json()["code"] == "cloud-truncated", answer.text
         assert "again" in answer.json()["fix"]
         assert not list(bench.application.store.folder.rglob("*upload*"))

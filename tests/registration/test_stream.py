@@ -119,6 +119,12 @@ def test_bytes_after_the_end_are_refused(media_type: str, encoding: str, layout:
         through(body_of(media_type, encoding, layout, 5) + b"1", media_type)
 
 
+def test_zeros_behind_a_pcd_are_left_out() -> None:
+    body = body_of(PCD, "binary", PADDED, 5)
+    for cuts in ([], [len(body)], [len(body) + 7]):
+        assert through(body + bytes(100), PCD, cuts)[0] == through(body, PCD)[0]
+
+
 def test_metres_become_millimetres() -> None:
     records = cloud(XYZ_FLOAT32, 10)
     for name in "xyz":
