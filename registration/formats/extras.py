@@ -28,6 +28,7 @@ DAMAGE = (
     IndexError,
     EOFError,
     OverflowError,
+    MemoryError,
     RuntimeError,
     AttributeError,
     struct.error,

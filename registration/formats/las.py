@@ -71,6 +71,8 @@ def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
     if record_bytes < LEAST_RECORD or not LEAST_BYTES <= header_bytes <= begin:
         what = f"records of {record_bytes} bytes after a header of {header_bytes} at byte {begin} are none"
         raise CloudFormatError(file, "header", what, FIX)
+    if begin > size:
+        raise CloudTruncated(file, f"byte {size}", f"the points begin at byte {begin}, but the file ends here", FIX)
     _require_room("variable length records", records, RECORD_HEAD, min(begin, size) - header_bytes, file)
     compressed = bool(kind & COMPRESSED)
     if not compressed and begin + count * record_bytes > size:

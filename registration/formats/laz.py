@@ -57,7 +57,8 @@ def _laszip_record(file: GuardedFile, header: LasHeader) -> bytes:
     at = int.from_bytes(file.read(2), "little")
     while LEAST_BYTES <= at <= header.begin - RECORD_HEAD:
         file.seek(at)
-        head = file.read(RECORD_HEAD)
+        if len(head := file.read(RECORD_HEAD)) < RECORD_HEAD:
+            break
         length = int.from_bytes(head[20:22], "little")
         if head[2:18].startswith(LASZIP):
             return file.read(length)

@@ -1,6 +1,7 @@
 """NumPy's file format: an array (n, 3 or more) of floats, or a structured array with x, y, z."""
 
 import ast
+import warnings
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,8 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
 
 def _entries(text: bytes, file: str) -> dict[str, Any]:
     try:
-        entries = ast.literal_eval(text.decode("latin1").strip())
+        with warnings.catch_warnings(action="ignore"):  # Python warns of what looks like a mistake in a program
+            entries = ast.literal_eval(text.decode("latin1").strip())
     except (ValueError, SyntaxError, MemoryError, RecursionError):
         entries = None
     if not isinstance(entries, dict) or set(entries) != {"descr", "fortran_order", "shape"}:
