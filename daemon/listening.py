@@ -1,11 +1,16 @@
 """Sockets that the daemon listens on."""
 
+import errno
 import socket
 
 from daemon.errors import PortTaken
 
 WAITING = 512
 """Connections that may wait to be accepted."""
+
+
+TAKEN = "see who listens there already (ss -ltnp)"
+NO_RIGHT = "ports below 1024 need a right that the service does not have: docs/plc.md tells how to give it"
 
 
 def listener_at(host: str, port: int, table: str = "server") -> socket.socket:
@@ -15,10 +20,11 @@ def listener_at(host: str, port: int, table: str = "server") -> socket.socket:
         listener = socket.create_server((host, port), family=family, backlog=WAITING)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
+        fix = TAKEN if error.errno != errno.EACCES else NO_RIGHT
         whom = " for PLCs" if table == "plc" else ""
         raise PortTaken(
             f"cannot listen{whom} on {host} port {port} ({reason})",
-            f"see who listens there already (ss -ltnp), or choose another [{table}] host or port; 0 takes any port",
+            f"{fix}, or choose another [{table}] host or port; 0 takes any port",
         ) from None
     # Its connections inherit this. asyncio sets it only on sockets made with IPPROTO_TCP, which create_server's are
     # not: an answer's body then waits 40 ms for the client to acknowledge the head.

@@ -15,11 +15,12 @@ def check(
     config_only: Annotated[bool, typer.Option("--config-only", help="Do not ask the devices.")] = False,
     json: Json = False,
 ) -> None:
-    """Check the settings and every device, one line each, with what to do. Nothing moves.
+    """Check the settings, every device, interlocks and the PLC's port, one line each, with what to do. Nothing moves.
 
     Exit status: 0 everything is well, 1 something is not, 2 the settings cannot be read.
     """
-    from daemon.cli.checks import Result, check_devices, check_storage
+    from daemon.cli.checks import check_devices, check_storage
+    from daemon.cli.result import Result
     from daemon.settings import load_settings
 
     settings = load_settings(config)

@@ -5,7 +5,6 @@ import getpass
 import os
 import shutil
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +14,8 @@ from calibration.errors import DetectionError
 from daemon.cell import motion_obstacles
 from daemon.cli.client import DaemonClient
 from daemon.cli.errors import CommandError
+from daemon.cli.modbus_checks import check_interlocks, check_plc
+from daemon.cli.result import Result
 from daemon.clock import Clock
 from daemon.devices import open_devices
 from daemon.errors import NotStill
@@ -27,20 +28,6 @@ CONNECT_LIMIT_S = 4.0
 RETRY_S = 0.1
 
 Answer = TypeVar("Answer")
-
-
-@dataclass(frozen=True)
-class Result:
-    """One thing looked at: `what` was found, and what to do when it is not well."""
-
-    name: str
-    ok: bool
-    what: str
-    fix: str = ""
-
-    def line(self) -> str:
-        """ok    robot     what"""
-        return f"{'ok' if self.ok else 'FAIL':<6}{self.name:<10}{self.what}" + (f": {self.fix}" if self.fix else "")
 
 
 def check_storage(settings: Settings) -> Result:
@@ -75,7 +62,13 @@ async def check_devices(settings: Settings) -> list[Result]:
             checks.append(_asked("scanner", devices.scanner, _scanner_words))
         if devices.quiet is not None:
             checks.append(_asked("egm", devices.quiet, _vibration_words))
-        return list(await asyncio.gather(*checks))
+        modbus: list[Awaitable[list[Result]]] = []
+        if settings.interlocks is not None:
+            modbus.append(check_interlocks(settings.interlocks))
+        if settings.plc is not None:
+            modbus.append(check_plc(settings.plc))
+        one, several = await asyncio.gather(asyncio.gather(*checks), asyncio.gather(*modbus))
+        return [*one, *(result for results in several for result in results)]
     finally:
         await asyncio.gather(*(device.close() for device in opened))
 

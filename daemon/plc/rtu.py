@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import termios
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -58,7 +59,7 @@ class ModbusRtu:
                 self.opened.set()
                 await self._lost.wait()
                 log.warning("the PLC's serial line %s was lost; it is opened again by itself", self._settings.port)
-            except (RuntimeError, OSError) as error:
+            except (RuntimeError, OSError, termios.error) as error:  # the last: a setting that the adapter cannot do
                 if not told:
                     log.warning("the PLC's serial line %s cannot be opened: %s", self._settings.port, error)
                 told = True

@@ -82,3 +82,15 @@ async def test_a_line_that_is_not_there_keeps_nobody_from_working(
         assert (await bench.client.get("/health")).status_code == 200
         await eventually(lambda: "cannot be opened" in caplog.text)
         assert caplog.text.count("cannot be opened") == 1
+
+
+async def test_a_line_that_cannot_do_what_is_asked_is_told_and_tried_again(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A pseudo terminal knows no parity."""
+    async with cable() as (ours, _):
+        settings = settings_for(tmp_path, plc={**with_line(ours), "serial": {"port": ours, "parity": "E"}})
+        async with serving(settings) as bench:
+            await eventually(lambda: "cannot be opened: (22, 'Invalid argument')" in caplog.text)
+            rtu = plc_of(bench).rtu
+            assert rtu is not None and rtu._task is not None and not rtu._task.done()
