@@ -1,5 +1,6 @@
 """Scans that are registered: fitted in the background, reported, answered as the caller prefers."""
 
+import asyncio
 import json
 from pathlib import Path
 from typing import Any
@@ -55,20 +56,22 @@ async def test_a_scan_asked_to_refine_does_so_while_views_come_and_tells_how_far
         assert len(report["views"]) == 3
         assert report["rms_mm"]["after"] < 0.5 * report["rms_mm"]["before"]
         assert all(view["correction"] for view in report["views"])
-        told = [event.data async for event in kept(bench) if event.kind == "registration"]
+        told = await asyncio.wait_for(registrations_told(bench, views=3), 10)
         assert {event["scan_id"] for event in told} == {scan["id"]}
         whole = [event["state"] for event in told if event["views"] == 3]
         assert whole[:4] == ["reading", "reading", "reading", "registering"]
         assert whole[-1] == "finished"
 
 
-async def kept(bench: Bench) -> Any:
-    """Everything that was told so far."""
-    events = bench.application.events
-    async for event in events.listen(0):
-        yield event
-        if event.number == events.last:
-            return
+async def registrations_told(bench: Bench, views: int) -> list[dict[str, Any]]:
+    """What was told of registrations, to the end of the one of so many views."""
+    told: list[dict[str, Any]] = []
+    async for event in bench.application.events.listen(0):
+        if event is not None and event.kind == "registration":
+            told.append(event.data)
+            if event.data["views"] == views and event.data["state"] in ("finished", "failed"):
+                break
+    return told
 
 
 async def test_the_refined_cloud_lies_closer_to_the_surface_than_the_plain_one(tmp_path: Path) -> None:
