@@ -15,7 +15,7 @@ from daemon.errors import StorageError
 from daemon.events import EventLog
 from daemon.metrics import Metric, Metrics
 from daemon.operations import Operations
-from daemon.runs.supervisor import Supervisor
+from daemon.runs.supervisor import STEP_LIMIT_S, Supervisor
 from daemon.scans import Scans
 from daemon.settings import Settings
 from daemon.store.store import Store
@@ -35,6 +35,10 @@ ANCHOR_S = 10.0
 
 JOB_LIMIT_S = 600.0
 """No detection or solution of a run takes ten minutes: a job that does hangs."""
+
+
+STUCK_LIMIT_S = STEP_LIMIT_S + 60.0
+"""A run that takes longer over a step is ended; one that does not end then either hangs."""
 
 
 class Companion(Protocol):
@@ -146,7 +150,7 @@ class Application:
         return self.clock.monotonic_s() - self._started_s
 
     async def work_is_alive(self) -> bool:
-        """The event loop, the store's thread and the workers do their work."""
+        """The event loop, the store's thread, the workers and the run in progress do their work."""
         with suppress(StorageError):  # it answers, if badly: a restart would not mend the disk
             await self.store.alive()
-        return self.workers.oldest_job_s() < JOB_LIMIT_S
+        return self.workers.oldest_job_s() < JOB_LIMIT_S and self.supervisor.silent_s() < STUCK_LIMIT_S

@@ -17,6 +17,7 @@ DaemonError
 ├── SamePose              the arm stands where a view was taken already
 ├── TooFewViews           a manual run cannot be finished yet
 ├── OperatorGone          a manual run waited too long for its operator
+├── RunStalled            a run did not get any further, though nothing said why
 ├── CursorUnknown         a page before something that is not there
 ├── AppliedMeanwhile      something else is in force than the request expects
 ├── KeyReused             an Idempotency-Key that came with another request before
@@ -245,6 +246,12 @@ class OperatorGone(DaemonError):
     """A manual run waited too long for its operator."""
 
     code = "operator-gone"
+
+
+class RunStalled(DaemonError):
+    """A run did not get any further: something that always ends, or has a limit, did not."""
+
+    code = "run-stalled"
 
 
 class NoCalibration(DaemonError):

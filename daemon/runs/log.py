@@ -18,6 +18,10 @@ SaveRun = Callable[[RunRecord], Awaitable[None]]
 STATION_DONE = frozenset({RunEvent.CAPTURED, RunEvent.ALL_CAPTURED, RunEvent.ALL_STORED})
 
 
+def nothing() -> None:
+    """Nobody counts the steps."""
+
+
 class RunLog:
     """The one place where a run's record changes."""
 
@@ -25,6 +29,8 @@ class RunLog:
         self.run = run
         self.concluding = False
         self.unsaved = False
+        self.since_s = clock.monotonic_s()
+        self.at_each_step: Callable[[], None] = nothing
         self._save, self._events, self._clock = save, events, clock
 
     @property
@@ -66,6 +72,16 @@ class RunLog:
     def conclude(self) -> None:
         """From here on the run cannot be aborted: what follows is done whole."""
         self.concluding = True
+        self.at_each_step()
+
+    @property
+    def waits_for_somebody(self) -> bool:
+        """An operator may take as long as the run's own limit allows."""
+        return self.run.state is RunState.WAITING
+
+    def silent_s(self) -> float:
+        """How long it has been at the same step, unless that waits for an operator."""
+        return 0.0 if self.run.over or self.waits_for_somebody else self._clock.monotonic_s() - self.since_s
 
     def _after(self, event: RunEvent) -> RunRecord:
         return replace(
@@ -77,6 +93,8 @@ class RunLog:
 
     def _tell(self) -> None:
         run = self.run
+        self.since_s = self._clock.monotonic_s()
+        self.at_each_step()
         self._events.publish("run", run_event(run))
         ending = f": {run.cause.what}" if run.cause else ""
         if run.state is RunState.MOVING and (words := predicted_in_words(run.planning)):

@@ -8,17 +8,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from daemon.clock import Clock
-from daemon.errors import CellBusy, NotFound, NotWaiting, RunInProgress, RunOver, Stopping, StorageError
+from daemon.errors import CellBusy, NotFound, NotWaiting, RunInProgress, RunOver, RunStalled, Stopping, StorageError
 from daemon.events import EventLog
 from daemon.logs import about_run
 from daemon.runs.causes import aborted, cause_of, interrupted
 from daemon.runs.desk import Desk
-from daemon.runs.log import RunLog, run_event
+from daemon.runs.log import RunLog, nothing, run_event
 from daemon.runs.states import FIRST_STATE, RunEvent, RunState
 from daemon.store.records import RunKind, RunRecord
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
+
+STEP_LIMIT_S = 1800.0
+"""Every driver has limits of its own, the longest a scanner's ten minutes: a step that takes longer hangs."""
 
 Ending = tuple[RunEvent, dict[str, Any]]
 """The event that finishes a run, and what it found."""
@@ -59,6 +62,10 @@ class Supervisor:
     def in_progress(self) -> RunRecord | None:
         current = self._current
         return current.log.run if current and not current.log.run.over else None
+
+    def silent_s(self) -> float:
+        """How long the run in progress has been at the same step; the watchdog asks."""
+        return self._current.log.silent_s() if self._current else 0.0
 
     def require_free(self) -> None:
         """Raises RunInProgress or Stopping when a run could not start now."""
@@ -174,7 +181,7 @@ class Supervisor:
     async def _supervise(self, run_log: RunLog, drive: Drive) -> None:
         with about_run(run_log.id):
             try:
-                event, result = await drive(run_log)
+                event, result = await _driven(run_log, drive)
                 await run_log.end(event, result=result)
             except asyncio.CancelledError:
                 by = self._current.aborted_by if self._current else ""
@@ -196,3 +203,28 @@ class Supervisor:
             await self._store.save_run(record)
             del self._unsaved[run_id]
         await self._store.save_run(run)
+
+
+async def _driven(run_log: RunLog, drive: Drive) -> Ending:
+    """As `drive`, but no step takes for ever. Raises RunStalled, and what `drive` raises."""
+    loop = asyncio.get_running_loop()
+    try:
+        async with asyncio.timeout(None) as limit:
+
+            def allow() -> None:
+                endless = run_log.waits_for_somebody or run_log.concluding
+                if not limit.expired():
+                    limit.reschedule(None if endless else loop.time() + STEP_LIMIT_S)
+
+            run_log.at_each_step = allow
+            allow()
+            return await drive(run_log)
+    except TimeoutError:
+        if not limit.expired():
+            raise
+        raise RunStalled(
+            f"the run did not get any further for {STEP_LIMIT_S:g} s while {run_log.run.state}",
+            "see that robot, camera and scanner answer (handeyed check); report it with the log",
+        ) from None
+    finally:
+        run_log.at_each_step = nothing

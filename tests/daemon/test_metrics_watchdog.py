@@ -4,7 +4,7 @@ import asyncio
 import logging
 import threading
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,9 @@ import pytest
 from daemon.application import Application
 from daemon.cell import Devices
 from daemon.composition import build
+from daemon.errors import CellNotReady
+from daemon.runs.log import RunLog
+from daemon.runs.supervisor import Departure, Ending
 from daemon.systemd import Systemd
 from tests.daemon.cells import Parts, settings_for
 from tests.daemon.test_systemd import Manager
@@ -58,6 +61,32 @@ async def test_a_hung_worker_starves_the_watchdog_and_is_told_once(
         assert await manager.hears() == "WATCHDOG=1"
         told = [record for record in caplog.records if "the watchdog is not fed" in record.message]
         assert [record.levelno for record in told] == [logging.ERROR]
+
+
+async def test_a_run_that_hangs_and_cannot_even_be_stopped_starves_the_watchdog(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("daemon.runs.supervisor.STEP_LIMIT_S", 0.1)
+    monkeypatch.setattr("daemon.application.STUCK_LIMIT_S", 0.2)
+    async with watched(tmp_path) as (application, manager):
+        released = asyncio.Event()
+
+        async def deaf(_log: RunLog) -> Ending:
+            while not released.is_set():
+                with suppress(asyncio.CancelledError):
+                    await released.wait()
+            raise CellNotReady(("it was let go",))
+
+        async def prepare() -> Departure:
+            return Departure(1, deaf)
+
+        run = await application.supervisor.start("calibration", {}, prepare)
+        try:
+            await starves(manager)
+        finally:
+            released.set()
+        assert (await application.supervisor.wait(run.id, 5)).state == "failed"
+        assert await manager.hears() == "WATCHDOG=1"
 
 
 async def test_a_hung_store_starves_the_watchdog(tmp_path: Path) -> None:

@@ -72,6 +72,32 @@ async def test_a_second_calibrate_is_told_who_holds_the_cell(tmp_path: Path) -> 
         assert (await bench.run_over(f"/runs/{first['id']}"))["state"] == "finished"
 
 
+@pytest.mark.parametrize("hangs", ["move", "picture"])
+async def test_a_device_that_never_answers_ends_the_run_though_its_driver_has_no_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hangs: str
+) -> None:
+    monkeypatch.setattr("daemon.runs.supervisor.STEP_LIMIT_S", 1.0)
+    parts = Parts()
+    never = asyncio.Event()
+
+    async def waits_for_ever(*_: object) -> Any:
+        await never.wait()
+
+    if hangs == "move":
+        parts.robot.before_move = waits_for_ever
+    else:
+        monkeypatch.setattr(parts.camera, "grab", waits_for_ever)
+    async with serving(settings_for(tmp_path), parts) as bench:
+        run = (await bench.client.post("/calibrate?wait=20")).json()
+        assert (run["state"], run["cause"]["code"]) == ("failed", "run-stalled")
+        assert f"while {'moving' if hangs == 'move' else 'capturing'}" in run["cause"]["what"]
+        assert (bench.robot.armed, bench.robot.stops) == (False, 1)
+        never.set()
+        monkeypatch.undo()
+        parts.robot.before_move = None
+        assert (await bench.client.post("/calibrate?wait=20")).json()["state"] == "finished"
+
+
 async def test_two_calibrates_in_the_same_moment_start_one_run(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         answers = await asyncio.gather(*(bench.client.post("/calibrate") for _ in range(5)))

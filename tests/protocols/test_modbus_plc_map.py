@@ -48,7 +48,7 @@ def test_what_a_plc_can_run_into_has_a_number() -> None:
     of_a_run = (
         "RunInProgress", "CellBusy", "CellNotReady", "NotStill", "PictureUnusable", "NoPoses", "PoseRefused",
         "NoCalibration", "CalibrationUnusable", "TargetNotSeen", "NoScanner", "ScanEmpty", "StorageError",
-        "StorageFull", "Stopping", "NotFound",
+        "StorageFull", "Stopping", "NotFound", "RunStalled",
     )  # fmt: skip
     codes = {getattr(daemon_errors, name).code for name in of_a_run}
     codes |= {kind.code for kind in vars(driver_errors).values() if isinstance(getattr(kind, "code", None), str)}
