@@ -131,12 +131,14 @@ class _Connection(asyncio.Protocol):
         self._work(data)
 
     def pause_writing(self) -> None:
-        """A client that asks and does not read is not asked for more; the idle limit ends it."""
+        """A client that asks and does not read gets no more answers made; the idle limit ends it."""
         self._slow = True
         self._pace()
 
     def resume_writing(self) -> None:
         self._slow = False
+        if self._working:
+            self._work()
         self._pace()
 
     def abort(self) -> None:
@@ -155,13 +157,14 @@ class _Connection(asyncio.Protocol):
                 answers.append(Adu(adu.transaction, adu.unit, respond(adu.pdu)).encode())
                 if len(answers) >= AT_ONCE:
                     self._working = True
-                    self._loop.call_soon(self._work)
                     break
         except HeaderBroken as error:
             transport.writelines(answers)
             self._close(f"it does not speak Modbus TCP: {error}")
             return
         transport.writelines(answers)
+        if self._working and not self._slow:
+            self._loop.call_soon(self._work)
         self._pace()
         if self._reader.half_frame_bytes and not self._working:
             self._watch(self._server.limits.half_frame_s)
