@@ -270,7 +270,7 @@ class Arm:
         choices = []
         for angle, low, high in zip(joints, self.lower_rad, self.upper_rad, strict=True):
             turned = angle + 2 * np.pi * np.arange(-2, 3)
-            choices.append(turned[(turned >= low - LIMIT_SLACK_RAD) & (turned <= high + LIMIT_SLACK_RAD)])
+            choices.append(turned[(low - turned <= LIMIT_SLACK_RAD) & (turned - high <= LIMIT_SLACK_RAD)])
         return [np.array(combination) for combination in product(*choices)]
 
     def _least_excess(self, joints: Array) -> Array:

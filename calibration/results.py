@@ -11,7 +11,7 @@ from calibration.hold_out import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.pixels import pixel_residuals
 from calibration.observability import axis_in_words, motion_of
-from calibration.observations import Unusable, observe, scaled
+from calibration.observations import Observations, Unusable, observe, scaled
 from calibration.prepare import Prepared
 from calibration.problem import Problem
 from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
@@ -102,8 +102,8 @@ def _views(
     for row in np.flatnonzero(~selection.used):
         reason = "beyond-the-first-three" if agreeing[row] else "pose-disagrees"
         results.append(_rejected(problem, prepared, int(row), best, reason))
+    reprojection_px, base_error_mm = _rms(rows.seen, residuals), _rms(rows.seen, errors)
     for kept, position in enumerate(rows.seen.positions):
-        weights = _shares(rows, kept)
         view = problem.views[position]
         results.append(
             ViewResult(
@@ -111,8 +111,8 @@ def _views(
                 image=view.image,
                 status="corrected" if rows.turned[kept] else "used",
                 reason="board-turned" if rows.turned[kept] else None,
-                reprojection_px=float(np.sqrt(weights @ np.sum(residuals[kept] ** 2, axis=-1))),
-                base_error_mm=float(np.sqrt(weights @ np.sum(errors[kept] ** 2, axis=-1))),
+                reprojection_px=float(reprojection_px[kept]),
+                base_error_mm=float(base_error_mm[kept]),
                 robot_correction=(best.chain.corrections[kept, 3:], best.chain.corrections[kept, :3]),
             )
         )
@@ -122,27 +122,27 @@ def _views(
 def _rejected(problem: Problem, prepared: Prepared, row: int, best: Estimate, reason: str) -> ViewResult:
     only = prepared.take(np.array([row]))
     chain = best.chain.of_views(only.seen.base_T_flange)
-    errors = base_errors(only.seen, chain, only.camera_T_target)[0]
-    residuals = pixel_residuals(only.seen, best.camera, chain.camera_T_target())[0]
+    errors = base_errors(only.seen, chain, only.camera_T_target)
+    residuals = pixel_residuals(only.seen, best.camera, chain.camera_T_target())
     correction = chain.with_corrections_from(only.camera_T_target).corrections[0]
-    weights = _shares(only, 0)
     view = problem.views[only.seen.positions[0]]
     return ViewResult(
         index=view.index,
         image=view.image,
         status="rejected",
         reason=reason,
-        reprojection_px=float(np.sqrt(weights @ np.sum(residuals**2, axis=-1))),
-        base_error_mm=float(np.sqrt(weights @ np.sum(errors**2, axis=-1))),
+        reprojection_px=float(_rms(only.seen, residuals)[0]),
+        base_error_mm=float(_rms(only.seen, errors)[0]),
         robot_correction=(correction[3:], correction[:3]),
     )
 
 
-def _shares(rows: Prepared, row: int) -> Array:
-    """Weights (m,) of the mean over a view's used corners."""
-    used = rows.seen.weights[row] > 0
-    shares: Array = used / np.count_nonzero(used)
-    return shares
+def _rms(seen: Observations, errors: Array) -> Array:
+    """Over each view's used corners (n,), of errors (n, m, 2 or 3)."""
+    used = seen.weights > 0
+    squares = np.where(used, np.sum(errors * errors, axis=-1), 0.0)
+    rms: Array = np.sqrt(squares.sum(axis=1) / np.count_nonzero(used, axis=1))
+    return rms
 
 
 def _without_numbers(problem: Problem, position: int, why: Unusable | None) -> ViewResult:

@@ -11,11 +11,12 @@ import numpy as np
 
 from calibration.consistency.outliers import Selection
 from calibration.likelihood.doubt import CENTRE, NO_DOUBT, Doubt, trend_basis
-from calibration.likelihood.estimate import Estimate, linearise, measured
+from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.mixed_model import MixedModel, Variances, covariance_of, solve, with_trend
 from calibration.likelihood.noise_levels import averaged, log_restricted
 from calibration.likelihood.pixels import INTRINSICS
 from calibration.likelihood.variance_components import estimate_variances
+from calibration.likelihood.widened import Widened
 from calibration.prepare import Prepared
 
 FEWEST_VIEWS, FEWEST_TREND_VIEWS = 5, 12
@@ -41,20 +42,18 @@ WORTH_A_TRIAL_CENTRE, WORTH_A_TRIAL_TREND = 8.0, 2.0
 """Chi-square of two; deviations of a score test. Low, for the noise has taken the blame so far."""
 
 
-def assumptions(prepared: Prepared, selection: Selection) -> Assumptions:
-    """The session linearised at the estimate, under each assumption that it has enough views to look at."""
-    best, rows = selection.best, prepared.take(selection.used)
-    base_T_flange = rows.seen.base_T_flange
-    plain = linearise(measured(rows.seen, best.free), best.chain, best.camera, best.scale)
+def assumptions(prepared: Prepared, wider: Widened) -> Assumptions:
+    """The session at the estimate, under each assumption that it has enough views to look at."""
+    best = wider.best
+    base_T_flange = best.chain.base_T_flange
+    plain = wider.freeing(best.free)
     models = {NOTHING: plain}
     if not np.any(best.free[:INTRINSICS]):
         free = best.free.copy()
         free[list(CENTRE)] = True
-        moved = linearise(measured(rows.seen, free), best.chain, best.camera, best.scale)
-        models[CENTRE_OFF] = Doubt(prepared.camera).applied(moved, free, best.camera, base_T_flange)
-    if len(rows.seen) >= FEWEST_TREND_VIEWS:
-        basis = trend_basis(base_T_flange)
-        models[TREND] = with_trend(plain, basis)
+        models[CENTRE_OFF] = Doubt(prepared.camera).applied(wider.freeing(free), free, best.camera, base_T_flange)
+    if len(base_T_flange) >= FEWEST_TREND_VIEWS:
+        models[TREND] = with_trend(plain, trend_basis(base_T_flange))
     return models
 
 

@@ -8,6 +8,7 @@ from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.consistency.outliers import Selection, agreeing_rows, select
 from calibration.diagnosis.explain import explained
 from calibration.errors import UndeterminedError
+from calibration.likelihood.widened import widened
 from calibration.observability import require_determined
 from calibration.prepare import Prepared, prepare, with_real_target
 from calibration.problem import Problem
@@ -57,19 +58,22 @@ def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:
         require_determined(prepared.seen.base_T_flange[used])
     start = best_start(prepared.take(used))
     selection = select(prepared, used, start.chain, start.variances)
-    if share := scale_error(prepared, selection):
+    wider = widened(prepared.take(selection.used).seen, selection.best)
+    if share := scale_error(wider):
         prepared = with_scale(prepared, share)
         selection = _again(prepared, selection)
     if prepared.shape is not None and problem.camera is None:
         for _ in range(MOST_ROUNDS):
             prepared = with_real_target(replace(prepared, camera=selection.best.camera, scale=selection.best.scale))
             selection = _again(prepared, selection)
-    models = assumptions(prepared, selection)
+    if selection.best is not wider.best:
+        wider = widened(prepared.take(selection.used).seen, selection.best)
+    models = assumptions(prepared, wider)
     doubt, levels = shared_errors(prepared, selection, models)
     if doubt:
         prepared = doubted(prepared, doubt)
         selection = select(prepared, selection.used, selection.best.chain, levels)
-        models = assumptions(prepared, selection)
+        models = assumptions(prepared, widened(prepared.take(selection.used).seen, selection.best))
     return prepared, start, doubting_the_centre(prepared, selection, models)
 
 

@@ -10,11 +10,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import t as student
 
-from calibration.consistency.outliers import Selection
-from calibration.likelihood.estimate import linearise, measured
 from calibration.likelihood.mixed_model import solve
 from calibration.likelihood.pixels import INTRINSICS
 from calibration.likelihood.variance_components import estimate_variances
+from calibration.likelihood.widened import Widened
 from calibration.prepare import Prepared
 from calibration.transforms import Array
 
@@ -27,18 +26,18 @@ LARGEST = 0.5
 """More than this share is a unit, not a print: the robot's or the target's numbers are not in millimetres."""
 
 
-def scale_error(prepared: Prepared, selection: Selection) -> float:
+def scale_error(wider: Widened) -> float:
     """By what share the target is larger than described (negative: smaller); 0 when that is not beyond doubt."""
-    best, rows = selection.best, prepared.take(selection.used)
-    if len(rows.seen) < FEWEST_VIEWS or best.free[INTRINSICS]:
+    best, views = wider.best, len(wider.model.count)
+    if views < FEWEST_VIEWS or best.free[INTRINSICS]:
         return 0.0
     free = best.free.copy()
     free[INTRINSICS] = True
-    model = linearise(measured(rows.seen, free), best.chain, best.camera, best.scale)
+    model = wider.freeing(free)
     # A wrong scale looks like a poor robot: the noise is estimated anew with the scale free.
     step = solve(model, estimate_variances(model, best.variances))
     share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
-    beyond_doubt = abs(share) > deviation * float(student.isf(CHANCE / 2, 3 * len(rows.seen) - 7))
+    beyond_doubt = abs(share) > deviation * float(student.isf(CHANCE / 2, 3 * views - 7))
     return share if beyond_doubt and SMALLEST < abs(share) < LARGEST else 0.0
 
 

@@ -54,13 +54,10 @@ class Estimate:
 
 def measured(seen: Observations, free: Free) -> Pixels:
     """The pixels themselves, with the `free` (10,) among the unknowns."""
-    intrinsics, sized = bool(np.any(free[:INTRINSICS])), bool(free[INTRINSICS])
-    chosen = free[:INTRINSICS] if intrinsics else free[:0]
-    keep = np.concatenate([np.ones(6, bool), chosen, np.ones(sized + 1, bool)])
+    intrinsics, sized = free[:INTRINSICS], bool(free[INTRINSICS])
 
     def at(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
-        sums = pixel_statistics(scaled(seen, scale), camera, poses, free_intrinsics=intrinsics, free_scale=sized)
-        return sums if np.all(keep) else replace(sums, sums=sums.sums[:, keep][:, :, keep])
+        return pixel_statistics(scaled(seen, scale), camera, poses, free_intrinsics=intrinsics, free_scale=sized)
 
     return at
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.pixels import PixelStatistics
@@ -106,6 +107,17 @@ class MixedModel:
         own = (follow[:, :, None, :6] * self.basis[:, None, :, None]).reshape(n, 6 * m, 6 * m)
         return _bordered(self.squares, np.delete(follow[:, :, 6:], slice(q, q + 6 * m), axis=2), own)
 
+    def only(self, shared: NDArray[np.bool_]) -> "MixedModel":
+        """Without the unknowns that are not chosen (p,); for a model without a trend."""
+        columns = np.append(shared, True)
+        return replace(
+            self,
+            by_robot=self.by_robot[:, :, np.append(np.ones(6, bool), columns)],
+            squares=self.squares[:, columns][:, :, columns],
+            known=self.known[shared],
+            offset=self.offset[shared],
+        )
+
     def known_information(self, variances: Variances) -> Array:
         """(p,)"""
         if not self.trend:
@@ -187,7 +199,7 @@ def solve(model: MixedModel, variances: Variances) -> Step:
     K = woodbury(model, variances)
     p = model.shared
     KUAy = K @ model.UAy
-    marginal = (model.total - model.UAy.reshape(-1, p + 1).T @ KUAy.reshape(-1, p + 1)) / variances.pixel
+    marginal = (model.total - summed_products(model.UAy, KUAy)) / variances.pixel
     known = model.known_information(variances)
     information = marginal[:p, :p] + np.diag(known)
     gradient = marginal[:p, p] + known * model.offset
@@ -203,6 +215,13 @@ def of_views(model: MixedModel, variances: Variances, step: Step) -> tuple[Array
     p = model.shared
     marginal = (model.of_views() - np.swapaxes(model.UAy, 1, 2) @ step.KUAy) / variances.pixel
     return marginal[:, :p, :p], marginal[:, :p, p]
+
+
+def summed_products(left: Array, right: Array) -> Array:
+    """sum_n left_n' right_n (..., p, q) of (n, k, p) and (..., n, k, q)."""
+    n, k, p = left.shape
+    summed: Array = left.reshape(n * k, p).T @ right.reshape(*right.shape[:-3], n * k, right.shape[-1])
+    return summed
 
 
 def woodbury(model: MixedModel, variances: Variances) -> Array:

@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from calibration.likelihood.mixed_model import MixedModel, Variances
+from calibration.likelihood.mixed_model import MixedModel, Variances, summed_products
 from calibration.likelihood.variance_components import redundancy
 from calibration.transforms import Array
 
@@ -121,8 +121,8 @@ def _at(model: MixedModel, variances: Variances, deviations: Array) -> _At:
     spread_t = np.swapaxes(spread, 2, 3)
     scaled = spread * model.UU * spread_t / pixel + np.eye(6)
     K = spread * np.linalg.inv(scaled) * spread_t / pixel  # (k, n, 6, 6)
-    n, p, columns, total = len(model.count), model.shared, model.UAy, model.total
-    explained = columns.reshape(6 * n, p + 1).T @ (K @ columns).reshape(len(K), 6 * n, p + 1)
+    p, columns, total = model.shared, model.UAy, model.total
+    explained = summed_products(columns, K @ columns)
     known = model.known_information(variances)
     information = (total[:p, :p] - explained[:, :p, :p]) / pixel + np.diag(known)
     gradient = (total[:p, p] - explained[:, :p, p]) / pixel + known * model.offset

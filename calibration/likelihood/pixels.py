@@ -2,13 +2,15 @@
 
 Residuals are predicted minus measured pixels; their derivatives are by the view's pose (6: exp(.) @ camera_T_target,
 [rotation rad, translation mm]) and, when they are free, by the intrinsics (9: fx fy cx cy k1 k2 p1 p2 k3) and by the
-target's relative scale (1).
+target's relative scale (1). `free_intrinsics` says which: all, none, or some of them (9,).
 All views are one padded batch, so the cost is a few array operations however many views there are.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.observations import Observations
@@ -53,7 +55,7 @@ def pixel_statistics(
     camera: CameraModel,
     camera_T_target: Array,
     *,
-    free_intrinsics: bool = False,
+    free_intrinsics: bool | NDArray[np.bool_] = False,
     free_scale: bool = False,
 ) -> PixelStatistics:
     """The sums of every view at the given poses (n, 4, 4)."""
@@ -68,7 +70,7 @@ def pixel_rows(
     camera: CameraModel,
     camera_T_target: Array,
     *,
-    free_intrinsics: bool = False,
+    free_intrinsics: bool | NDArray[np.bool_] = False,
     free_scale: bool = False,
 ) -> Array:
     """Derivatives and, last, residual of every pixel coordinate, times the root of its weight: (n, m, 2, k + 1)."""
@@ -77,14 +79,20 @@ def pixel_rows(
 
 
 def _columns(
-    seen: Observations, camera: CameraModel, camera_T_target: Array, *, free_intrinsics: bool, free_scale: bool
+    seen: Observations,
+    camera: CameraModel,
+    camera_T_target: Array,
+    *,
+    free_intrinsics: bool | NDArray[np.bool_],
+    free_scale: bool,
 ) -> Array:
     """The same as (n, k + 1, 2, m): every derivative lies in one piece, which is what makes it quick."""
     arms = camera_T_target[:, :3, :3] @ np.swapaxes(seen.points_mm, 1, 2)
     x, y, z = np.moveaxis(arms + camera_T_target[:, :3, 3:], 1, 0)
     z = np.maximum(z, NEAREST_MM)
     u, v = x / z, y / z
-    columns = np.empty((len(x), 6 + (INTRINSICS if free_intrinsics else 0) + free_scale + 1, 2, x.shape[1]))
+    chosen = np.flatnonzero(np.broadcast_to(free_intrinsics, INTRINSICS))
+    columns = np.empty((len(x), 6 + len(chosen) + free_scale + 1, 2, x.shape[1]))
     (fx, skew, cx), (_, fy, cy), _ = camera.matrix
     xx, xy, yy = camera.distortion_slopes(u, v)
     # With (a, b, c) = d pixel / d point, the derivative by a rotation of the point p is p × (a, b, c), by a shift it.
@@ -96,8 +104,8 @@ def _columns(
         columns[:, 2, row] = x * b - y * a
         columns[:, 3, row], columns[:, 4, row], columns[:, 5, row] = a, b, c
     along, across = camera.distorted(u, v)
-    if free_intrinsics:
-        columns[:, 6 : 6 + INTRINSICS] = _by_intrinsics(fx, fy, u, v, along, across)
+    for column, slopes in enumerate(_by_intrinsics(chosen, (fx, fy), u, v, along, across), start=6):
+        columns[:, column, 0], columns[:, column, 1] = slopes
     if free_scale:
         columns[:, -2] = (columns[:, 3:6] * arms[:, :, None]).sum(axis=1)
     columns[:, -1, 0] = fx * along + skew * across + cx - seen.pixels[..., 0]
@@ -112,23 +120,20 @@ def _in_front(points: Array) -> Array:
     return points
 
 
-def _by_intrinsics(fx: float, fy: float, x: Array, y: Array, along: Array, across: Array) -> Array:
-    """(n, 9, 2, m), at ideal coordinates x, y and distorted ones along, across."""
-    r2 = x * x + y * y
-    xy2 = 2 * x * y
-    result = np.zeros((len(x), INTRINSICS, 2, x.shape[1]))
-    result[:, 0, 0], result[:, 1, 1] = along, across
-    result[:, 2, 0] = result[:, 3, 1] = 1.0
-    by_lens = (
-        (x * r2, y * r2),
-        (x * r2 * r2, y * r2 * r2),
-        (xy2, r2 + 2 * y * y),
-        (r2 + 2 * x * x, xy2),
-        (x * r2 * r2 * r2, y * r2 * r2 * r2),
-    )
-    for term, (by_x, by_y) in enumerate(by_lens, start=4):
-        result[:, term, 0], result[:, term, 1] = fx * by_x, fy * by_y
-    return result
+def _by_intrinsics(
+    chosen: NDArray[np.intp], focal: tuple[float, float], x: Array, y: Array, along: Array, across: Array
+) -> Iterator[tuple[Array | float, Array | float]]:
+    """Of both pixel coordinates, at ideal coordinates x, y and distorted ones along, across."""
+    fx, fy = focal
+    by_focal_and_centre = ((along, 0.0), (0.0, across), (1.0, 0.0), (0.0, 1.0))
+    yield from (by_focal_and_centre[which] for which in chosen if which < len(by_focal_and_centre))
+    if not np.any(chosen >= len(by_focal_and_centre)):
+        return
+    r2, xy2 = x * x + y * y, 2 * x * y
+    radial = {4: r2, 5: r2 * r2, 8: r2 * r2 * r2}
+    tangential = {6: (fx * xy2, fy * (r2 + 2 * y * y)), 7: (fx * (r2 + 2 * x * x), fy * xy2)}
+    for which in chosen[chosen >= len(by_focal_and_centre)].tolist():
+        yield tangential[which] if which in tangential else (fx * x * radial[which], fy * y * radial[which])
 
 
 def with_intrinsics(camera: CameraModel, change: Array) -> CameraModel:

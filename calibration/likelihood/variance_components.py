@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.likelihood.mixed_model import MixedModel, Step, Variances, solve
+from calibration.likelihood.mixed_model import MixedModel, Step, Variances, solve, summed_products
 from calibration.transforms import Array
 
 SMALLEST_PIXEL_VARIANCE = 1e-6
@@ -54,7 +54,7 @@ def redundancy(model: MixedModel, variances: Variances) -> Redundancy:
     W = (model.UU - UUK @ model.UU) / pixel  # U' V^-1 U
     WAy = (model.UAy - model.UU @ step.KUAy) / pixel  # U' V^-1 [A, y]
     WA, u = WAy[:, :, :p], WAy @ b1  # u = U' P y
-    SA = [_cross(WA[:, g], WA[:, g]) for g in GROUPS]
+    SA = [summed_products(WA[:, g], WA[:, g]) for g in GROUPS]
     quadratic = np.array([np.sum(u[:, g] ** 2) for g in GROUPS])
     trace = np.array([np.sum(np.diagonal(W[:, g, g], axis1=1, axis2=2)) for g in GROUPS])
     trace -= [np.sum(S_inv * part) for part in SA]
@@ -64,7 +64,7 @@ def redundancy(model: MixedModel, variances: Variances) -> Redundancy:
     pixel_quadratic = (ee - np.sum(KUe * (model.UAy @ b1 + pixel * u))) / pixel**2
     effective = np.sum(UUK * np.eye(6))
     # A' V^-1 V^-1 A
-    AVVA = step.information - np.diag(model.known_information(variances)) - _cross(step.KUAy[:, :, :p], WA)
+    AVVA = step.information - np.diag(model.known_information(variances)) - summed_products(step.KUAy[:, :, :p], WA)
     pixel_trace = (model.count.sum() - effective - np.sum(S_inv * AVVA)) / pixel
     return Redundancy(
         quadratic,
@@ -87,19 +87,13 @@ def _trend(model: MixedModel, variances: Variances, step: Step) -> Array:
     return levels
 
 
-def _cross(left: Array, right: Array) -> Array:
-    """sum_n left_n' right_n (p, q)."""
-    product: Array = left.reshape(-1, left.shape[2]).T @ right.reshape(-1, right.shape[2])
-    return product
-
-
 def _fisher(W: Array, WA: Array, SS: list[Array], S_inv: Array) -> Array:
     """tr(P V_g P V_h) (2, 2); `SS`: S^-1 A' V^-1 V_g V^-1 A of each group."""
     result = np.empty((2, 2))
     for g, h in ((0, 0), (0, 1), (1, 1)):
         rows, columns = GROUPS[g], GROUPS[h]
         block = W[:, rows, columns]
-        mixed = _cross(WA[:, rows], block @ WA[:, columns])
+        mixed = summed_products(WA[:, rows], block @ WA[:, columns])
         result[g, h] = np.sum(block**2) - 2 * np.sum(S_inv * mixed) + np.sum(SS[g] * SS[h].T)
     result[1, 0] = result[0, 1]
     return result
