@@ -159,10 +159,10 @@ class _Connection(asyncio.Protocol):
                     self._working = True
                     break
         except HeaderBroken as error:
-            transport.writelines(answers)
+            transport.write(b"".join(answers))
             self._close(f"it does not speak Modbus TCP: {error}")
             return
-        transport.writelines(answers)
+        transport.write(b"".join(answers))  # writelines does not pause the protocol in every Python
         if self._working and not self._slow:
             self._loop.call_soon(self._work)
         self._pace()
