@@ -69,7 +69,7 @@ async def test_the_target_is_not_seen_at_first_but_somebody_said_where_it_is(tmp
         story.cell.breaks("camera-target-hidden", strikes=1)
         run, off_mm = await calibrates(story)
         assert off_mm < 2 * SMALL_PICTURES_MM
-        assert run["stations"] == 3
+        assert 3 <= run["stations"] <= 4, "one view planned by a guess may miss the target, and is taken again"
 
 
 async def test_it_stops_when_a_mapped_point_is_known_as_well_as_asked(tmp_path: Path) -> None:
