@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any
 
+from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from daemon.api.problems import MEDIA_TYPE, Problem
@@ -103,6 +104,16 @@ class GuardedConnection(HttpToolsProtocol):
             self._head_bytes += len(data)
             if self._head_bytes > self._limits.head_bytes:
                 self._refuse(TOO_LONG)
+
+    def on_body(self, body: bytes) -> None:
+        """As uvicorn's, but a piece that nobody waits behind is handed on as it came: two copies fewer for a cloud."""
+        if self.cycle.body or self.cycle.response_complete or self.parser.should_upgrade():
+            super().on_body(body)
+            return
+        self.cycle.body = body  # type: ignore[assignment]
+        if len(body) > HIGH_WATER_LIMIT:
+            self.flow.pause_reading()
+        self.cycle.message_event.set()
 
     def on_headers_complete(self) -> None:
         self._head_since_s = None
