@@ -6,6 +6,7 @@ at all in 15 % of the cells), intrinsics given in 70 % of the cells, and in all 
 
 import numpy as np
 
+from benchmarks.pose_sessions import PoseSession
 from benchmarks.simulation import Cell, CellNoise, random_cell
 from calibration.prediction import ExpectedNoise, Prediction, Scene, point_weights, predict, working_points_mm
 from calibration.problem import Setup
@@ -30,7 +31,7 @@ def drawn_cell(rng: np.random.Generator, views: int, setup: Setup) -> tuple[Cell
     return random_cell(rng, views, noise, setup=setup, camera_given=given), noise
 
 
-def error_of(cell: Cell, mount_T_camera: Array) -> Array:
+def error_of(cell: Cell | PoseSession, mount_T_camera: Array) -> Array:
     """[rotation rad, translation mm] in the camera's frame."""
     off = inverse(cell.mount_T_camera) @ mount_T_camera
     return np.concatenate([vector_from_rotation(off[:3, :3]), off[:3, 3]])

@@ -1,28 +1,41 @@
-"""The methods everybody uses, as `Prepared -> mount_T_camera`: OpenCV's where it has them, else ours in their place.
+"""The methods everybody uses, as `poses -> mount_T_camera`: OpenCV's where it has them, else ours in their place.
 
 They get the poses of the target that a careful user would feed them: refined on all corners, with the intrinsics
 given or estimated over all views.
 """
 
 from collections.abc import Callable
+from typing import Protocol
 
 import cv2
 import numpy as np
 
 from calibration.closed_forms.registry import CLOSED_FORMS
-from calibration.prepare import Prepared
 from calibration.transforms import Array, inverse, transform
 
-Method = Callable[[Prepared], Array]
+
+class Poses(Protocol):
+    """What they look at: a prepared session, or one that was given as poses (n, 4, 4)."""
+
+    @property
+    def anchor_T_mount(self) -> Array:
+        """base_T_flange, or flange_T_base"""
+
+    @property
+    def camera_T_target(self) -> Array:
+        """Of every view."""
+
+
+Method = Callable[[Poses], Array]
 HAND_EYE = ("TSAI", "PARK", "HORAUD", "ANDREFF", "DANIILIDIS")
 OPENCV_HAS_THEM = hasattr(cv2, "calibrateHandEye") and hasattr(cv2, "calibrateRobotWorldHandEye")
 
 
 def opencv_methods() -> dict[str, Method]:
-    """OpenCV's five and its Shah; Andreff has no counterpart of ours."""
+    """OpenCV's five, its Shah and its Li; Andreff and Li have no counterpart of ours."""
     if OPENCV_HAS_THEM:
         methods = {f"cv2 {name.lower()}": _hand_eye(getattr(cv2, f"CALIB_HAND_EYE_{name}")) for name in HAND_EYE}
-        return methods | {"cv2 shah": _robot_world}
+        return methods | {"cv2 shah": _robot_world("SHAH"), "cv2 li": _robot_world("LI")}
     return {name: own(name) for name in ("tsai", "park", "horaud", "daniilidis", "shah")}
 
 
@@ -38,26 +51,29 @@ def whose() -> str:
 
 def own(name: str) -> Method:
     """A closed form of ours."""
-    return lambda prepared: CLOSED_FORMS[name](prepared.anchor_T_mount, prepared.camera_T_target)
+    return lambda poses: CLOSED_FORMS[name](poses.anchor_T_mount, poses.camera_T_target)
 
 
 def _hand_eye(method: int) -> Method:
-    def solve(prepared: Prepared) -> Array:
-        mount, camera = prepared.anchor_T_mount, prepared.camera_T_target
+    def solve(poses: Poses) -> Array:
+        mount, camera = poses.anchor_T_mount, poses.camera_T_target
         rotation, translation = cv2.calibrateHandEye(*_stacks(mount), *_stacks(camera), method=method)
         return transform(rotation, np.ravel(translation))
 
     return solve
 
 
-def _robot_world(prepared: Prepared) -> Array:
-    # cam2gripper = inverse(gripper2cam), the last two of base2world R, t and gripper2cam R, t.
-    found = cv2.calibrateRobotWorldHandEye(
-        *_stacks(prepared.camera_T_target),
-        *_stacks(inverse(prepared.anchor_T_mount)),
-        method=cv2.CALIB_ROBOT_WORLD_HAND_EYE_SHAH,
-    )
-    return inverse(transform(found[2], np.ravel(found[3])))
+def _robot_world(name: str) -> Method:
+    method = getattr(cv2, f"CALIB_ROBOT_WORLD_HAND_EYE_{name}")
+
+    def solve(poses: Poses) -> Array:
+        # cam2gripper = inverse(gripper2cam), the last two of base2world R, t and gripper2cam R, t.
+        found = cv2.calibrateRobotWorldHandEye(
+            *_stacks(poses.camera_T_target), *_stacks(inverse(poses.anchor_T_mount)), method=method
+        )
+        return inverse(transform(found[2], np.ravel(found[3])))
+
+    return solve
 
 
 def _stacks(poses: Array) -> tuple[list[Array], list[Array]]:

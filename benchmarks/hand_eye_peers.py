@@ -1,105 +1,165 @@
 """RMS errors of X beside OpenCV's methods and beside the bound that no estimator can beat, at 5, 10, 20 and 50 views.
 
-`python -m benchmarks.hand_eye_peers [--cells N]`: N cells for each number of views and each setup, drawn from the
-distribution of `benchmarks.cells`, and a quarter as many for each of the single mixes of noise. The RMS of plain
-errors is that of the noisiest cells; beside it stands that of errors in units of each cell's bound, where all count.
+`python -m benchmarks.hand_eye_peers [--only poses|pixels] [--cells N] [--methods]`. One level of noise a row, so
+that none hides another. `poses`: sessions given as pairs of poses with isotropic errors, nothing told about them;
+`pixels`: whole sessions, intrinsics given. `--methods` prints every method's errors below each row.
 """
 
 import argparse
+import multiprocessing
+import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from itertools import product
 
 import numpy as np
 
-from benchmarks.cells import bound_of, drawn_cell, error_of
-from benchmarks.closed_form_peers import opencv_methods, own, whose
+from benchmarks.cells import bound_of, error_of
+from benchmarks.closed_form_peers import Poses, opencv_methods, own, whose
+from benchmarks.pose_sessions import Motions, PoseNoise, PoseSession, drawn_session
 from benchmarks.simulation import Cell, CellNoise, random_cell
+from calibration.errors import UndeterminedError
+from calibration.pose_level import solve_hand_eye_poses
 from calibration.prepare import prepare
 from calibration.problem import Setup
 from calibration.solve import estimated
 from calibration.transforms import Array
 
 VIEWS = (5, 10, 20, 50)
-SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 BARS = np.array([0.85, 0.65])
 """Ours over the best of OpenCV's: rotation, translation."""
 
-MIXES = (
-    ("0.02 px, exact robot", CellNoise(0.02, 0.0, 0.0)),
-    ("0.05 px, 0.005 deg, 0.05 mm", CellNoise()),
-    ("0.05 px, 0.02 deg, 0.1 mm", CellNoise(0.05, float(np.radians(0.02)), 0.1)),
-    ("0.2 px, 0.01 deg, 0.1 mm", CellNoise(0.2, float(np.radians(0.01)), 0.1)),
-    ("0.5 px, 0.05 deg, 0.5 mm", CellNoise(0.5, float(np.radians(0.05)), 0.5)),
+POSE_NOISES = (
+    PoseNoise(0.02, 0.1, 0.02, 0.1),
+    PoseNoise(0.05, 0.05, 0.05, 0.05),
+    PoseNoise(0.01, 0.3, 0.01, 0.3),
+    PoseNoise(0.02, 0.1, 0.1, 0.5),
+    PoseNoise(0.05, 0.3, 0.01, 0.05),
 )
+MOTIONS: tuple[Motions, ...] = ("looking", "random")
+CELL_NOISES = (
+    CellNoise(0.02, 0.0, 0.0),
+    CellNoise(0.05, float(np.radians(0.005)), 0.05),
+    CellNoise(0.05, float(np.radians(0.02)), 0.1),
+    CellNoise(0.2, float(np.radians(0.01)), 0.1),
+    CellNoise(0.5, float(np.radians(0.05)), 0.5),
+)
+SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 OURS, BOUND, KRONECKER = "handeyed", "bound", "handeyed kronecker"
-Table = dict[str, Array]
-"""By method: RMS [rotation deg, translation mm], and RMS [rotation, translation] in units of each cell's bound."""
+
+Squares = dict[str, Array]
+"""By method: squared errors of X, [rotation rad², translation mm²]; infinite where there is none."""
+
+Session = Callable[[np.random.Generator, int], Squares]
 
 
 def main() -> None:
-    """The distribution first, method by method; then the mixes, ours against the best."""
+    """Both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cells", type=int, default=40, help="cells for each number of views and setup")
+    parser.add_argument("--cells", type=int, default=200, help="for each row and number of views")
+    parser.add_argument("--only", choices=("poses", "pixels"), help="one of the tables")
+    parser.add_argument("--views", type=int, nargs="+", default=VIEWS)
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    parser.add_argument("--methods", action="store_true", help="print every method below each row")
     options = parser.parse_args()
-    print(f"RMS error of X; {whose()}\n")
-    print(f"{options.cells} cells a row of 0.02 to 0.5 px, 0 to 0.5 mm, 0 to 0.05 deg, intrinsics given or not")
-    for setup, views in product(SETUPS, VIEWS):
-        rng = np.random.default_rng([1, SETUPS.index(setup), views])
-        table = rms(drawn_cell(rng, views, setup) for _ in range(options.cells))
-        _print_methods(f"{setup}, {views} views", table)
-    few = options.cells // 4
-    if not few:
-        return
-    print(f"\nSingle mixes of noise, {few} cells each, intrinsics given: ours / the best; the bound / the best")
-    for (name, noise), setup, views in product(MIXES, SETUPS, VIEWS):
-        rng = np.random.default_rng([2, SETUPS.index(setup), views])
-        table = rms((random_cell(rng, views, noise, setup=setup), noise) for _ in range(few))
-        print(f"{name:>28} {setup:>12} {views:>3} views: {_verdict(table)}", flush=True)
+    poses = [
+        (f"{motions:>7}  {noise}", partial(pose_squares, noise, motions))
+        for motions, noise in product(MOTIONS, POSE_NOISES)
+    ]
+    pixels = [
+        (f"{setup}  {_words(noise)}", partial(cell_squares, noise, setup))
+        for setup, noise in product(SETUPS, CELL_NOISES)
+    ]
+    print(f"RMS error of X over that of the best of OpenCV's methods; {whose()}")
+    print(
+        f"In brackets what the Cramér-Rao bound has; bars {BARS[0]} deg, {BARS[1]} mm;"
+        f" {options.cells} sessions a figure (each good to {100 / np.sqrt(3 * options.cells):.0f} %)"
+    )
+    with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for name, heading, rows in (
+            ("poses", "pairs of poses; motions, noise of the robot, of the camera", poses),
+            ("pixels", "images; setup, noise of pixels and robot", pixels),
+        ):
+            if options.only in (None, name):
+                _table(pool, heading, rows, options.views, options.cells, options.methods)
 
 
-def rms(cells: Iterator[tuple[Cell, CellNoise]]) -> Table:
-    """Over the cells, for every method and for the bound. A method that gives no number has an infinite error."""
-    methods = opencv_methods() | {KRONECKER: own("kronecker")}
-    squares: dict[str, list[Array]] = {name: [] for name in (OURS, BOUND, *methods)}
-    for cell, noise in cells:
-        covariance = np.diagonal(bound_of(cell, noise).covariance)
-        bound = np.array([covariance[:3].sum(), covariance[3:].sum()])
-        squares[BOUND].append(np.concatenate([bound, np.ones(2)]))
-        squares[OURS].append(_squares(cell, bound, estimated(cell.problem)[2].best.chain.mount_T_camera))
-        prepared = prepare(cell.problem)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            for name, method in methods.items():
-                squares[name].append(_squares(cell, bound, method(prepared)))
-    return {name: np.sqrt(np.mean(found, axis=0)) * [np.degrees(1), 1, 1, 1] for name, found in squares.items()}
+def _table(
+    pool: ProcessPoolExecutor,
+    heading: str,
+    rows: Sequence[tuple[str, Session]],
+    views: Sequence[int],
+    sessions: int,
+    methods: bool,
+) -> None:
+    print(f"\n{heading}\n{'':44}" + "".join(f"{f'{n} views: deg':>16}{'mm':>13}" for n in views))
+    within, possible, all_of = np.zeros(2, int), np.zeros(2, int), 0
+    for number, (name, session) in enumerate(rows):
+        line, below = f"{name:<44}", []
+        for n in views:
+            found = list(
+                pool.map(partial(_one, session, n), [(number, n, seed) for seed in range(sessions)], chunksize=5)
+            )
+            table = {method: np.sqrt(np.mean([one[method] for one in found], axis=0)) for method in found[0]}
+            rivals = [method for method in table if method not in (OURS, BOUND, KRONECKER)]
+            best = np.min([table[method] for method in rivals], axis=0)
+            ours, bound = table[OURS] / best, table[BOUND] / best
+            within, possible, all_of = within + (ours <= BARS), possible + (bound <= BARS), all_of + 1
+            line += f"    {ours[0]:5.2f} ({bound[0]:.2f}) {ours[1]:5.2f} ({bound[1]:.2f})"
+            below += [
+                f"    {n} views {method:>20} {np.degrees(rms[0]):8.4f} deg {rms[1]:8.4f} mm"
+                for method, rms in table.items()
+            ]
+        print("\n".join([line, *(below if methods else [])]), flush=True)
+    print(
+        f"met: rotation {within[0]} of {all_of} ({possible[0]} where the bound is that low),"
+        f" translation {within[1]} of {all_of} ({possible[1]})"
+    )
 
 
-def _squares(cell: Cell, bound: Array, mount_T_camera: Array) -> Array:
-    if not np.all(np.isfinite(mount_T_camera)):
-        return np.full(4, np.inf)
-    error = error_of(cell, mount_T_camera)
-    both = np.array([error[:3] @ error[:3], error[3:] @ error[3:]])
-    return np.concatenate([both, both / bound])
+def _one(session: Session, views: int, seed: tuple[int, ...]) -> Squares:
+    return session(np.random.default_rng(seed), views)
 
 
-def _print_methods(heading: str, table: Table) -> None:
-    print(f"{heading}: {_verdict(table)}")
-    for name, (rotation, translation, *in_bounds) in table.items():
-        print(
-            f"{name:>22} {rotation:8.4f} deg {translation:8.3f} mm {in_bounds[0]:9.2f} {in_bounds[1]:6.2f}", flush=True
-        )
+def pose_squares(noise: PoseNoise, motions: Motions, rng: np.random.Generator, views: int) -> Squares:
+    """Of one session that is given as pairs of poses."""
+    session = drawn_session(rng, views, noise, motions)
+    try:
+        ours = solve_hand_eye_poses("eye-in-hand", session.anchor_T_mount, session.camera_T_target).mount_T_camera
+    except UndeterminedError:
+        ours = np.full((4, 4), np.nan)
+    return _squares(session, session, ours, session.bound)
 
 
-def _verdict(table: Table) -> str:
-    rivals = [name for name in table if name not in (OURS, BOUND, KRONECKER)]
-    best = np.min([table[name] for name in rivals], axis=0)
-    ours, bound = table[OURS] / best, table[BOUND] / best
-    words = []
-    for row, (what, bar) in enumerate(zip(("deg", "mm"), BARS, strict=True)):
-        met = "met" if ours[row] <= bar else "NOT met" if bound[row] <= bar else "NOT met, nor could it be"
-        words.append(f"{what} {ours[row]:.2f} (bound {bound[row]:.2f}; bar {bar}: {met})")
-    return f"{', '.join(words)}; in bounds {ours[2]:.2f}, {ours[3]:.2f}"
+def cell_squares(noise: CellNoise, setup: Setup, rng: np.random.Generator, views: int) -> Squares:
+    """Of one session with pixels."""
+    cell = random_cell(rng, views, noise, setup=setup)
+    ours = estimated(cell.problem)[2].best.chain.mount_T_camera
+    return _squares(cell, prepare(cell.problem), ours, bound_of(cell, noise).covariance)
+
+
+def _squares(truth: Cell | PoseSession, poses: Poses, ours: Array, bound: Array) -> Squares:
+    variances = np.diagonal(bound)
+    found = {OURS: ours}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found |= {name: method(poses) for name, method in (opencv_methods() | {KRONECKER: own("kronecker")}).items()}
+    squares = {BOUND: np.array([variances[:3].sum(), variances[3:].sum()])}
+    for name, mount_T_camera in found.items():
+        if np.all(np.isfinite(mount_T_camera)):
+            error = error_of(truth, mount_T_camera)
+            squares[name] = np.array([error[:3] @ error[:3], error[3:] @ error[3:]])
+        else:
+            squares[name] = np.full(2, np.inf)
+    return squares
+
+
+def _words(noise: CellNoise) -> str:
+    if not noise.robot_translation_mm:
+        return f"{noise.image_px:g} px, exact robot"
+    return f"{noise.image_px:g} px, {np.degrees(noise.robot_rotation_rad):.3g} deg {noise.robot_translation_mm:g} mm"
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def random_cell(
     """`views` pictures of the target from 450 to 650 mm, tilted by up to `tilt_rad` and rolled at will."""
     X = transform(rotation_from_vector(rng.standard_normal(3)), 80 * rng.standard_normal(3))
     Y = transform(rotation_from_vector(rng.standard_normal(3)), 500 * rng.standard_normal(3))
-    camera_T_target = np.array([_looking(rng, target, tilt_rad) for _ in range(views)])
+    camera_T_target = np.array([looking(rng, target, tilt_rad) for _ in range(views)])
     base_T_flange = Y @ inverse(X @ camera_T_target) if setup == "eye-in-hand" else X @ camera_T_target @ inverse(Y)
     return observed(rng, setup, target, base_T_flange, X, Y, noise, camera_given=camera_given)
 
@@ -85,7 +85,7 @@ def observed(
     return Cell(problem, X, Y, camera, stands)
 
 
-def _looking(rng: np.random.Generator, target: Target, tilt_rad: float) -> Array:
+def looking(rng: np.random.Generator, target: Target = BOARD, tilt_rad: float = float(np.radians(35.0))) -> Array:
     """camera_T_target with the whole target in the image."""
     centre = target.points_mm.mean(axis=0)
     while True:

@@ -24,6 +24,9 @@ MOST_ROUNDS = 4
 REACH_MM = 100.0
 """Views vote with four points this far from the target's origin."""
 
+FEWEST_VOTERS = 6
+"""Of five views three are a majority, and any three agree with themselves: honest views would be dropped too often."""
+
 TAILS = (np.inf, 4.0)
 LEAST_AXIS_SPREAD = float(np.tan(np.radians(0.5)))
 """Of two turns whose axes are one degree apart; unlike the widest angle it is not fooled by small, noisy turns."""
@@ -63,7 +66,7 @@ def solve_hand_eye_poses(
         _require_axes(base_T_flange[used])
         likeliest = _likeliest(pairs.take(used))
         distances = distances_of(pairs, likeliest)
-        agreeing = distances < outlying(likeliest.tails)
+        agreeing = distances < outlying(likeliest.tails, int(used.sum()))
         if np.array_equal(agreeing, used) or agreeing.sum() <= len(used) // 2:
             break
         used = agreeing
@@ -99,6 +102,8 @@ def _require_scale(pairs: PosePairs, fitted: PoseFit) -> None:
 
 
 def _agreeing(pairs: PosePairs) -> NDArray[np.bool_]:
+    if len(pairs) < FEWEST_VOTERS:
+        return np.ones(len(pairs), bool)
     seen = pairs.camera_T_target
     if not pairs.metric:
         seen = seen.copy()

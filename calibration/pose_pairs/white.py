@@ -66,9 +66,10 @@ def distances_of(pairs: PosePairs, fitted: PoseFit) -> Array:
     return _squared(at.residuals, _information(list(sources.values()), variances))
 
 
-def outlying(tails: float) -> float:
-    """The squared distance that one honest view in ten thousand exceeds."""
-    return 6 * float(f_distribution.ppf(1 - OUTLYING, 6, tails if np.isfinite(tails) else 1e9))
+def outlying(tails: float, views: int) -> float:
+    """The squared distance that one honest view in ten thousand exceeds; few `views` know the levels poorly."""
+    redundancy = max(3 * views - 6, 3)
+    return 6 * float(f_distribution.isf(OUTLYING, 6, min(tails, redundancy)))
 
 
 def _sources(at: Linearised, camera: str) -> Sources:
