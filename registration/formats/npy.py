@@ -62,8 +62,9 @@ def _layout(entries: dict[str, Any], file: str) -> tuple[Layout, int]:
 
 def _dtype(description: Any, file: str) -> np.dtype[Any]:
     try:
-        dtype = np.dtype([tuple(entry) for entry in description] if isinstance(description, list) else description)
-    except (TypeError, ValueError):
+        with warnings.catch_warnings(action="ignore"):
+            dtype = np.dtype([tuple(entry) for entry in description] if isinstance(description, list) else description)
+    except (TypeError, ValueError, SyntaxError, OverflowError, MemoryError):
         raise CloudFormatError(file, "header", f"{shorten(str(description))} is no type", FIX) from None
     kinds = [dtype[name].base.kind for name in dtype.names] if dtype.names else [dtype.kind]
     if not set(kinds) <= set("fiub") or dtype.itemsize > HEADER_LIMIT or (dtype.kind == "f" and dtype.itemsize > 8):
