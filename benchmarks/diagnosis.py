@@ -26,19 +26,21 @@ from benchmarks.diagnosis_faults import (
     mistyped,
     moved,
     other_tool,
+    poses_of,
     scaled_target,
     sign_lost,
     simulated_session,
     swapped,
     turned,
+    with_poses,
 )
 from benchmarks.diagnosis_oracle import Reach, lens_reach, mistyped_reach, moved_reach, scale_reach
 from calibration.diagnosis.conventions import CONVENTIONS as KNOWN_CONVENTIONS
 from calibration.diagnosis.views import CHANGE_CODES
 from calibration.problem import Problem
 from calibration.solution import Finding
-from calibration.solve import solve_hand_eye
-from calibration.transforms import Array
+from calibration.solve import estimated, solve_hand_eye
+from calibration.transforms import Array, transform
 
 CAUSES = CHANGE_CODES | {convention.code for convention in KNOWN_CONVENTIONS}
 CAUSES |= {"poses-off-by-one", "poses-swapped", "pose-mistyped", "board-turned", "intrinsics-do-not-fit"}
@@ -46,6 +48,7 @@ CAUSES |= {"wrong-pitch", "target-scale"}
 FACTORS = (0.75, 1.0, 1.5, 2.0, 4.0)
 REAL_FACTORS = (1.0, 1.5, 2.0, 4.0)
 EVERY = 250
+REAL = ("ic_charuco", "ic_circles", "metric_1")
 PARTS = ("gross", "simulated", "real", "clean")
 Put = Callable[[Problem, np.random.Generator], Fault]
 GROSS: dict[str, Put] = {
@@ -121,12 +124,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.diagnosis", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="few sessions, for a look")
     parser.add_argument("--sessions", type=int, default=40, help="simulated sessions in each row")
+    parser.add_argument("--real", type=int, default=20, help="parts of each real session in each row")
     parser.add_argument("--clean", type=int, default=1000, help="clean sessions")
     parser.add_argument("--only", choices=PARTS, help="one of the parts")
     parser.add_argument("--factors", type=float, nargs="+", help="sizes, in multiples of just above the noise")
+    parser.add_argument("--session", choices=REAL, help="one of the real sessions")
+    parser.add_argument("--seed", type=int, default=3, help="of the clean sessions")
     options = parser.parse_args()
     parts = (options.only,) if options.only else PARTS
-    sizes = Sizes(4, 40, 2) if options.quick else Sizes(options.sessions, options.clean, max(options.sessions // 5, 1))
+    sizes = Sizes(4, 40, 2) if options.quick else Sizes(options.sessions, options.clean, options.real)
     if "gross" in parts:
         print(f"simulated sessions, 6 to 30 views, both set-ups, faults that are plain; {sizes.row} a row")
         table(simulated, sizes.row, GROSS, ())
@@ -135,10 +141,11 @@ def main() -> None:
         table(simulated, sizes.row, {}, options.factors or FACTORS)
     if "real" in parts:
         for name, problem in real_sessions():
-            print(f"\n{name}; {sizes.real} a row")
-            table(partial(part_of, problem), sizes.real, GROSS, options.factors or REAL_FACTORS)
+            if options.session in (None, name):
+                print(f"\n{name}; {sizes.real} a row; at most 20 of its {len(problem.views)} views that agree")
+                table(partial(part_of, problem), sizes.real, GROSS, options.factors or REAL_FACTORS)
     if "clean" in parts:
-        false_alarms(sizes.clean)
+        false_alarms(sizes.clean, options.seed)
 
 
 def simulated(rng: np.random.Generator) -> Session:
@@ -156,17 +163,22 @@ def part_of(problem: Problem, rng: np.random.Generator) -> Session:
 
 
 def real_sessions() -> Iterator[tuple[str, Problem]]:
-    """The folders that are there, with the views that agree, and the camera that fits them."""
+    """The folders that are there: views that agree, the camera that fits, travel in units of the target as it is.
+
+    A slip of the pitch that undoes the session's own would be no fault.
+    """
     from daemon.session_folder import load_problem, open_session
 
     root = Path(os.environ.get("HANDEYED_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
-    for name in ("ic_charuco", "ic_circles", "metric_1"):
+    for name in REAL:
         if (root / name).is_dir():
             problem = load_problem(open_session(root / name))
             solution = solve_hand_eye(problem)
             agreeing = {result.index for result in solution.views if result.status != "rejected"}
             views = tuple(view for view in problem.views if view.index in agreeing)
-            yield name, replace(problem, views=views, camera=solution.camera)
+            clean = replace(problem, views=views, camera=solution.camera)
+            poses, size = poses_of(clean), estimated(problem)[2].best.scale
+            yield name, with_poses(clean, transform(poses[:, :3, :3], poses[:, :3, 3] / size))
         else:
             print(f"\n{name}: the folder is not there (HANDEYED_DATA)")
 
@@ -226,9 +238,9 @@ def causes(problem: Problem) -> list[Finding]:
     return [finding for finding in solve_hand_eye(problem).findings if finding.code in CAUSES]
 
 
-def false_alarms(count: int) -> None:
+def false_alarms(count: int, seed: int) -> None:
     """Clean sessions in which a cause is named all the same; a line for every few hundred."""
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(seed)
     alarms = Counter[str]()
     for done in range(1, count + 1):
         alarms.update(finding.code for finding in causes(simulated(rng).problem)[:1])
