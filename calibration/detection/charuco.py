@@ -1,4 +1,8 @@
-"""ChArUco boards: markers read in a reduced image, then every inner corner looked for where the markers put it."""
+"""ChArUco boards: the chessboard's corners are found first, and the markers tell which of them they are.
+
+Where too few corners join, OpenCV's detector looks for markers one by one. Then every inner corner is looked for where
+those found put it.
+"""
 
 from typing import Any
 
@@ -6,7 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.detection.charuco_lattice import Bits, numbered
+from calibration.detection.chessboard import plane_through, without_loose_lines
+from calibration.detection.crossings import find_crossings
 from calibration.detection.image import Grey, at_full_size, reduced
+from calibration.detection.lattice import grow_lattices
 from calibration.detection.plane_view import fit_plane_view
 from calibration.detection.saddle import refine_saddles
 from calibration.detection.squares import narrowest_side, window_px
@@ -15,9 +23,11 @@ from calibration.problem import Detection
 from calibration.targets import Charuco
 from calibration.transforms import Array
 
-SEARCH_PIXELS = (1.5e6, np.inf)
+LATTICE_PIXELS, RING_RADII_PX, FEWEST_JOINED = 1.3e6, (4.0, 2.5), 9
+MARKER_PIXELS = (1.5e6, np.inf)
 """Markers too small to be read in the reduced image may be readable in the full one."""
-FEWEST_CORNERS = 4
+FEWEST_CORNERS, ENOUGH_OF_BOARD = 4, 0.5
+NOTHING = Detection(np.empty(0, np.intp), np.empty((0, 2)))
 ROUNDS = 3
 FURTHEST_OF_SPACING = 0.25
 """How far a corner may lie from where the others put it, before the lens is known."""
@@ -28,15 +38,39 @@ def detect_charuco(image: Grey, target: Charuco) -> Detection:
 
     Raises DetectionError `not-found`, `unknown-dictionary`, `dictionary-too-small`.
     """
-    detector = cv2.aruco.CharucoDetector(charuco_board(target))
-    for pixels in SEARCH_PIXELS:
+    board = charuco_board(target)
+    rough = _by_lattice(image, target, board)
+    if len(rough.ids) < ENOUGH_OF_BOARD * len(target.points_mm):
+        rough = max(rough, _by_markers(image, board), key=lambda found: len(found.ids))
+    if len(rough.ids) >= FEWEST_CORNERS:
+        return _complete(image, target, rough.ids, rough.corners_px)
+    what = f"no ChArUco board of {target.columns}×{target.rows} squares ({target.dictionary}) was found"
+    raise DetectionError("not-found", what, "bring the board into view, without glare; check dictionary, columns, rows")
+
+
+def _by_lattice(image: Grey, target: Charuco, board: Any) -> Detection:
+    small, factor = reduced(image, LATTICE_PIXELS)
+    bits = Bits.of(board, target.square_mm)
+    for radius_px in RING_RADII_PX:
+        for grown in grow_lattices(find_crossings(small, radius_px), FEWEST_JOINED):
+            lattice = without_loose_lines(grown)
+            view = plane_through(lattice, (small.shape[1], small.shape[0]))
+            found = None if view is None else numbered(small, target, bits, lattice, view)
+            if found is not None:
+                return Detection(found.ids, at_full_size(found.corners_px, factor))
+    return NOTHING
+
+
+def _by_markers(image: Grey, board: Any) -> Detection:
+    detector = cv2.aruco.CharucoDetector(board)
+    for pixels in MARKER_PIXELS:
         small, factor = reduced(image, pixels)
         corners, ids, _, _ = detector.detectBoard(small)
         if ids is not None and len(ids) >= FEWEST_CORNERS:
-            rough = at_full_size(np.asarray(corners, float).reshape(-1, 2), factor)
-            return _complete(image, target, np.asarray(ids, np.intp).ravel(), rough)
-    what = f"no ChArUco board of {target.columns}×{target.rows} squares ({target.dictionary}) was found"
-    raise DetectionError("not-found", what, "bring the board into view, without glare; check dictionary, columns, rows")
+            return Detection(np.ravel(ids).astype(np.intp), at_full_size(np.reshape(corners, (-1, 2)), factor))
+        if factor == 1:
+            break
+    return NOTHING
 
 
 def charuco_board(target: Charuco) -> Any:

@@ -81,8 +81,8 @@ def _boards(image: Grey, target: Chessboard) -> Iterator[Board]:
 
 def confirmed_board(image: Grey, lattice: Lattice) -> Board | None:
     """The lattice and what lies around it, with every corner looked for where the plane puts it."""
-    lattice = _without_loose_lines(lattice)
-    view = _plane(lattice, (image.shape[1], image.shape[0]))
+    lattice = without_loose_lines(lattice)
+    view = plane_through(lattice, (image.shape[1], image.shape[0]))
     if view is None:
         return None
     columns, rows = lattice.cells.max(axis=0) + 1 + 2 * LINES_AROUND
@@ -111,7 +111,8 @@ def _finite(pixels: Array) -> Array:
     return np.asarray(np.clip(np.nan_to_num(pixels, nan=-FAR_PX), -FAR_PX, FAR_PX))
 
 
-def _without_loose_lines(lattice: Lattice) -> Lattice:
+def without_loose_lines(lattice: Lattice) -> Lattice:
+    """What stays when outer lines of mostly missing corners are taken off."""
     columns, rows = lattice.cells.max(axis=0) + 1
     occupied = np.zeros((rows, columns), bool)
     occupied[tuple(lattice.cells.T[::-1])] = True
@@ -134,7 +135,7 @@ def _filled_block(occupied: NDArray[np.bool_]) -> tuple[int, int, int, int]:
     return top, bottom, left, right
 
 
-def _plane(lattice: Lattice, image_size: tuple[int, int]) -> PlaneView | None:
+def plane_through(lattice: Lattice, image_size: tuple[int, int]) -> PlaneView | None:
     """The plane through most of the lattice's points; None when they lie in no plane."""
     cells, points = lattice.cells.astype(float), lattice.points
     for _ in range(3):

@@ -1,13 +1,16 @@
 """ChArUco boards: partly seen ones too, with OpenCV's corner numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from benchmarks.detection_views import BLURRED, ORDINARY
+from benchmarks.detection_views import BLURRED, ORDINARY, industrial_camera, take_picture
 from calibration.detection.charuco import charuco_board
 from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from calibration.targets import Charuco
+from mock_robot.optics import Optics
 from tests.calibration.detection.sights import errors_px, pictures, rms
 
 BOARD = Charuco(9, 7, 20.0, 15.0, "DICT_5X5_100")
@@ -84,3 +87,23 @@ def test_opencv_keeps_its_warnings_to_itself(capfd):
     capfd.readouterr()
     assert len(detect(picture.image, wide_markers).ids) == 20
     assert capfd.readouterr().err == ""
+
+
+LARGE, SMALL_CAMERA = Charuco(12, 9, 20.0, 15.0, "DICT_5X5_100"), industrial_camera(960, 600)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_markers_of_two_dozen_pixels_aslant_and_noisy_are_read_together(seed):
+    """OpenCV's detector gives no corner of half of these, and 50 to 56 of the others."""
+    picture = take_picture(SMALL_CAMERA, LARGE, np.random.default_rng(seed), Optics(blur_px=1.4, read_noise=4.0), 55.0)
+    found = detect(picture.image, LARGE)
+    assert len(found.ids) >= 80
+    assert rms([errors_px(found, picture)]) < 0.1
+
+
+@pytest.mark.parametrize("other", [{"dictionary": "DICT_4X4_100"}, {"dictionary": "DICT_5X5_1000", "legacy": True}])
+def test_a_board_of_other_markers_is_not_taken_for_this_one(other):
+    picture = pictures(LARGE, 1)[0]
+    with pytest.raises(DetectionError) as caught:
+        detect(picture.image, replace(Charuco(11, 9, 20.0, 15.0, "DICT_5X5_100"), **other))
+    assert caught.value.code == "not-found"
