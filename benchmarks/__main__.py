@@ -19,19 +19,26 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 
 QUICK: dict[str, tuple[str, ...]] = {
-    "archive": ("--scans", "12"),
+    "archive": ("--scans", "8"),
+    "detection": ("--views", "4"),
     "diagnosis": ("--quick",),
+    "disk_faults": ("--every", "40"),
     "drift": ("--cells", "30"),
+    "egm": ("--seconds", "5"),
     "hand_eye": ("--cells", "500"),
-    "hand_eye_peers": ("--cells", "40"),
-    "schemathesis": ("--cases", "500"),
+    "hand_eye_peers": ("--cells", "20"),
+    "http": ("--rounds", "8"),
+    "link": ("--schedules", "10", "--reads", "10", "--reconnects", "50"),
+    "restart": ("--starts", "5"),
+    "schemathesis": ("--cases", "300"),
     "soak": ("--minutes", "1"),
     "torture": ("--rounds", "20"),
-    "vision_calibration": ("--cells", "8"),
+    "vision_calibration": ("--cells", "4"),
 }
 FULL: dict[str, tuple[str, ...]] = {
     "hand_eye": ("--cells", "1000"),
     "hand_eye_peers": ("--cells", "200"),
+    "modbus": ("--frames", "1000000"),
     "kinhec": ("--tier", "small"),
     "soak": ("--minutes", "120"),
     "torture": ("--rounds", "1000"),
@@ -116,17 +123,34 @@ def section(name: str, arguments: tuple[str, ...], text: str, trouble: str) -> s
 
 
 def put(file: Path, name: str, new: str) -> None:
-    """In place of the section of that name, or at the end."""
+    """In place of the section of that name, or at the end. What people wrote around the old table is kept."""
     old = file.read_text(encoding="utf-8") if file.exists() else HEADING
     head, *sections = re.split(r"^(?=## )", old, flags=re.MULTILINE)
     kept = [one.rstrip("\n") + "\n" for one in sections]
     places = [index for index, one in enumerate(kept) if one.startswith(f"## {name}\n")]
     if places:
-        kept[places[0]] = new
+        kept[places[0]] = with_words(kept[places[0]], new)
     else:
         kept.append(new)
     file.write_text("\n".join([head.rstrip("\n") + "\n", *kept]), encoding="utf-8")
 
+
+def with_words(old: str, new: str) -> str:
+    """A new section with what stood around the old one's table: paragraphs before it, and all that came after it.
+
+    What came after may be tables of longer runs, which say themselves how they were made.
+    """
+    parts, written = (re.split(FENCED, one, maxsplit=1, flags=re.MULTILINE) for one in (old, new))
+    if len(parts) < len(written):
+        return new
+    before = [one.strip("\n") for one in parts[0].split("\n\n")[2:]]
+    words = [one for one in before if one and not one.startswith("Failed: ")]
+    after = [one for one in (parts[2].strip("\n"),) if one]
+    return "\n\n".join([written[0].rstrip("\n"), *words, written[1], *after]) + "\n"
+
+
+FENCED = r"(^```\n(?s:.*?)^```$)"
+"""A table: what a benchmark printed."""
 
 HEADING = """# Benchmarks
 

@@ -1,10 +1,10 @@
-"""Detection beside OpenCV's: `python -m benchmarks.detection [views]` prints a Markdown table.
+"""Detection beside OpenCV's: `python -m benchmarks.detection [--views N]` prints a Markdown table.
 
 Errors are root mean squares per axis over all points of the views that were found, each point taken against the nearest
 true one. Times are medians over the views, image in memory to points out, on this machine in this run.
 """
 
-import sys
+import argparse
 import time
 from collections.abc import Callable
 from typing import Any
@@ -58,7 +58,9 @@ ROWS: dict[str, tuple[Target, dict[str, Method]]] = {
 
 def main() -> None:
     """Every target, image size and light, by every method."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 8
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--views", type=int, default=8, help="of each row")
+    count = parser.parse_args().views
     print("| target | image | light | method | found | RMS px | worst px | bound px | ms |")
     print("|---|---|---|---|---|---|---|---|---|")
     for name, (target, methods) in ROWS.items():

@@ -55,7 +55,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             scored = scores(Path(folder), options.tier)
     print(f"KinHEC, tier {options.tier}: median error of X over the sequences that ours answers")
-    print(f"{'track':>12} {'answered':>8} {'':>4} {'ours':>9} {'best reference':>14} {'ratio':>6}")
+    print(f"{'track':>12} {'answered':>8} {'':>4} {'ours':>9} {'best reference':>14} {'ratio':>6} {'95 % of it':>15}")
     for track in dict.fromkeys(one.track for one in scored):
         _print(track, [one for one in scored if one.track == track])
 
@@ -119,12 +119,24 @@ def _print(track: str, scored: list[Scored]) -> None:
             value = medians[best][axis]
             met = "met" if ours[axis] <= value else "NOT met"
             head = f"{track:>12} {len(answered):>4}/{len(scored):<3}" if axis == 0 else " " * 21
-            print(f"{head} {unit:>4} {ours[axis]:9.4f} {value:14.4f} {ours[axis] / value:6.2f} {met:>7}  {best}")
+            low, high = _ratio_by_chance([(one.ours[axis], one.references[best][axis]) for one in answered])
+            print(
+                f"{head} {unit:>4} {ours[axis]:9.4f} {value:14.4f} {ours[axis] / value:6.2f} {low:7.2f} to {high:4.2f}"
+                f" {met:>7}  {best}"
+            )
     if refused:
         reasons = ", ".join(f"{code} {count}" for code, count in Counter(str(one.ours) for one in refused).items())
         medians = _medians(refused)
         best_mm = min(pair[1] for pair in medians.values())
         print(f"{track:>12} refused: {reasons}; the best median among the reference solvers there: {best_mm:.3g} mm")
+
+
+def _ratio_by_chance(pairs: list[tuple[float, float]]) -> tuple[float, float]:
+    """Between what the ratio of the medians lies when other sequences of the kind had been drawn (bootstrap, 95 %)."""
+    drawn = np.array(pairs)[np.random.default_rng(0).integers(0, len(pairs), (2000, len(pairs)))]
+    ours, theirs = np.moveaxis(np.median(drawn, axis=1), -1, 0)
+    low, high = np.quantile(ours / theirs, [0.025, 0.975])
+    return float(low), float(high)
 
 
 def _medians(scored: list[Scored]) -> dict[str, Errors]:

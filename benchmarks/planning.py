@@ -1,5 +1,6 @@
 """Planned poses: how long they take and what they give; beside them the seed's three, and poses jogged to by advice."""
 
+import argparse
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,6 +29,7 @@ JOG_DEG, JOG_MM = 2.0, 8.0
 
 def main() -> None:
     """Print the tables. Times are of one core's work, so that what else runs here does not count."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     scene = seed_scene()
     print(f"the seed's three poses: a mapped point {predict(scene, seed_poses()).point_mm:.3g} mm")
     print("\nposes planned at once: seconds of one core, predicted uncertainty of a mapped point")

@@ -8,8 +8,11 @@ default; "true priors" are the noise that was simulated) where ours learns it.
 
 import argparse
 import importlib.util
+import multiprocessing
+import os
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -33,7 +36,7 @@ Solve = Callable[[Cell, CellNoise], Array | None]
 
 @dataclass(frozen=True)
 class Answer:
-    """Squares of [rad, mm, point mm], infinite without an answer, and how long it took."""
+    """Squares of [rad, mm, point mm], infinite without an answer, and the processor time it took."""
 
     squares: Array
     seconds: float
@@ -54,33 +57,31 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cells", type=int, default=10, help="cells for each number of views and setup")
     parser.add_argument("--setups", nargs="*", choices=SETUPS, default=SETUPS)
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
     options = parser.parse_args()
     if importlib.util.find_spec("vision_calibration") is None:
         print("vision-calibration is not installed: pip install vision-calibration")
         return
-    solvers: dict[str, Solve] = {
-        OURS: lambda cell, noise: solve_hand_eye(cell.problem).mount_T_camera,
-        OURS_FREE: lambda cell, noise: solve_hand_eye(replace(cell.problem, camera=None)).mount_T_camera,
-        PEER: lambda cell, noise: theirs(cell.problem, None),
-        f"{PEER}, true priors": lambda cell, noise: theirs(cell.problem, noise),
-    }
     print(f"{options.cells} cells a row of 0.02 to 0.5 px, 0 to 0.5 mm, 0 to 0.05 deg. RMS over those that {PEER}")
     print(f"answers; refused, and far off (a point misplaced by more than {FAR_MM:g} mm, without a word), over all")
     print(f"{'':>34} {'cells':>5} {'deg':>8} {'mm':>8} {'point':>8} {'refused':>8} {'far off':>8} {'ms':>6}")
-    for setup, views in product(options.setups, VIEWS):
-        rng = np.random.default_rng([4, SETUPS.index(setup), views])
-        answers: dict[str, list[Answer]] = {name: [] for name in solvers}
-        for _ in range(options.cells):
-            cell, noise = drawn_cell(rng, views, setup)
-            for name, solve in solvers.items():
-                answers[name].append(_answer(cell, noise, solve))
-        _print(f"{setup}, {views} views", answers)
+    with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for setup, views in product(options.setups, VIEWS):
+            rng = np.random.default_rng([4, SETUPS.index(setup), views])
+            drawn = [drawn_cell(rng, views, setup) for _ in range(options.cells)]
+            answered = list(pool.map(_answers, drawn))
+            answers = {name: [one[name] for one in answered] for name in SOLVERS}
+            _print(f"{setup}, {views} views", answers)
+
+
+def _answers(drawn: tuple[Cell, CellNoise]) -> dict[str, Answer]:
+    return {name: _answer(*drawn, solve) for name, solve in SOLVERS.items()}
 
 
 def _answer(cell: Cell, noise: CellNoise, solve: Solve) -> Answer:
-    before = time.perf_counter()
+    before = time.process_time()
     X = solve(cell, noise)
-    seconds = time.perf_counter() - before
+    seconds = time.process_time() - before
     if X is None:
         return Answer(np.full(3, np.inf), seconds)
     error = error_of(cell, X)
@@ -154,6 +155,13 @@ def _transform(pose) -> Array:  # type: ignore[no-untyped-def]
     x, y, z, w = pose.rotation_xyzw
     return transform_from_quaternion(1e3 * np.array(pose.translation_xyz), [w, x, y, z])
 
+
+SOLVERS: dict[str, Solve] = {
+    OURS: lambda cell, noise: solve_hand_eye(cell.problem).mount_T_camera,
+    OURS_FREE: lambda cell, noise: solve_hand_eye(replace(cell.problem, camera=None)).mount_T_camera,
+    PEER: lambda cell, noise: theirs(cell.problem, None),
+    f"{PEER}, true priors": lambda cell, noise: theirs(cell.problem, noise),
+}
 
 if __name__ == "__main__":
     main()

@@ -20,6 +20,20 @@ def test_a_section_is_replaced_and_the_others_stay(tmp_path: Path) -> None:
     assert "`python -m benchmarks.one --few`" in written
 
 
+def test_words_and_the_tables_of_longer_runs_stay_around_a_new_table(tmp_path: Path) -> None:
+    file = tmp_path / "benchmarks.md"
+    told = "## one\n\n`old command` (then)\n\nFailed: it did.\n\nHow to read it.\n\n```\n1\n```\n\nLonger:\n\n```\n2\n```\n"
+    file.write_text(f"# Benchmarks\n\n{told}\n## two\n", encoding="utf-8")
+    for _ in range(2):
+        runner.put(file, "one", runner.section("one", ("--few",), "3", ""))
+    written = file.read_text(encoding="utf-8")
+    order = ("--few", "How to read it.", "```\n3\n```\n", "Longer:", "```\n2\n```\n", "## two")
+    assert [written.count(word) for word in order] == [1] * len(order)
+    assert sorted(order, key=written.index) == list(order)
+    assert "Failed" not in written
+    assert "```\n1\n```" not in written
+
+
 def test_a_benchmark_that_fails_says_so_in_its_section() -> None:
     assert "Failed: exit status 2." in runner.section("one", (), "", "exit status 2")
 
