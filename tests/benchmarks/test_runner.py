@@ -22,7 +22,8 @@ def test_a_section_is_replaced_and_the_others_stay(tmp_path: Path) -> None:
 
 def test_words_and_the_tables_of_longer_runs_stay_around_a_new_table(tmp_path: Path) -> None:
     file = tmp_path / "benchmarks.md"
-    told = "## one\n\n`old command` (then)\n\nFailed: it did.\n\nHow to read it.\n\n```\n1\n```\n\nLonger:\n\n```\n2\n```\n"
+    told = "## one\n\n`old command` (then)\n\nFailed: it did.\n\nHow to read it.\n\n```\n1\n```\n"
+    told += "\nLonger:\n\n```\n2\n```\n"
     file.write_text(f"# Benchmarks\n\n{told}\n## two\n", encoding="utf-8")
     for _ in range(2):
         runner.put(file, "one", runner.section("one", ("--few",), "3", ""))
