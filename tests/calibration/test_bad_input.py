@@ -1,7 +1,7 @@
-"""Bad input: a typed error or a finding each; no exception from numpy, no warning (a warning fails every test here)."""
+"""Bad input: a typed error or a finding each; no exception from numpy, no warning and no word on standard error."""
 
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +49,13 @@ BAD_CORNERS: dict[str, tuple[Spoil, str | None]] = {
 }
 
 
+@pytest.fixture(autouse=True)
+def silent(capfd: pytest.CaptureFixture[str]) -> Iterator[None]:
+    """Warnings are errors in every test; OpenCV writes past Python."""
+    yield
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.parametrize("what", BAD_CORNERS)
 @pytest.mark.parametrize("camera_given", [True, False])
 def test_a_view_that_cannot_be_used_is_rejected_with_its_reason(what: str, camera_given: bool) -> None:
@@ -93,9 +100,8 @@ BAD_SESSIONS: dict[str, tuple[Callable[[Problem], Problem], str]] = {
 
 
 @pytest.mark.parametrize("what", BAD_SESSIONS)
-@pytest.mark.parametrize("camera_given", [True, False])
-@pytest.mark.parametrize("method", ["auto", "park", "three-pose"])
-def test_a_session_that_tells_nothing_is_refused_with_the_reason(what: str, camera_given: bool, method: str) -> None:
+@pytest.mark.parametrize(("method", "camera_given"), [("auto", True), ("auto", False), ("park", True)])
+def test_a_session_that_tells_nothing_is_refused_with_the_reason(what: str, method: str, camera_given: bool) -> None:
     spoil, code = BAD_SESSIONS[what]
     problem = spoil(cell(10, 6, camera_given=camera_given).problem)
     solution = solve_hand_eye(problem, method)
