@@ -15,6 +15,7 @@ from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from daemon.api.problems import MEDIA_TYPE, Problem
+from daemon.handshakes import Handshake
 
 MALFORMED = (400, "request-malformed", "this is not an HTTP/1.1 request", "send one; for TLS use https://")
 TOO_SLOW = (408, "request-too-slow", "the request's head did not come in time", "send it in one go")
@@ -47,11 +48,42 @@ class Door:
     """What all connections of one server share: the limits, and who keeps it waiting, the longest first."""
 
     limits: Limits = field(default_factory=lambda: Limits(connections=_affordable(Limits.connections)))
-    waiting: "dict[GuardedConnection, None]" = field(default_factory=dict)
+    waiting: "dict[GuardedConnection | Handshake, None]" = field(default_factory=dict)
+    handshakes: set[Handshake] = field(default_factory=set)
+    _established: set[Any] = field(default_factory=set)
 
-    def protocol(self, **arguments: Any) -> "GuardedConnection":
-        """For `uvicorn.Config(http=...)`."""
-        return GuardedConnection(self, **arguments)
+    def protocol(self, handshake: Handshake | None = None, **arguments: Any) -> "GuardedConnection":
+        """For `uvicorn.Config(http=...)`. `handshake`: the connection's own, which is done."""
+        self._established = arguments["server_state"].connections
+        return GuardedConnection(self, handshake, **arguments)
+
+    def has_room(self) -> bool:
+        """For one more; the connection that has waited longest is closed for it. False when every one is at work."""
+        if len(self._established) + len(self.handshakes) < self.limits.connections:
+            return True
+        for oldest in self.waiting:
+            oldest.abort()
+            del self.waiting[oldest]
+            return True
+        return False
+
+    def enter(self, newcomer: Handshake) -> bool:
+        """A handshake begins, if there is room for it."""
+        if not self.has_room():
+            return False
+        self.handshakes.add(newcomer)
+        self.waiting[newcomer] = None
+        return True
+
+    def leave(self, one: Handshake) -> None:
+        """It is done, or gone."""
+        self.handshakes.discard(one)
+        self.waiting.pop(one, None)
+
+    def close(self) -> None:
+        """Nobody comes in any more."""
+        for handshake in self.handshakes:
+            handshake.abort()
 
 
 def _affordable(wanted: int) -> int:
@@ -67,8 +99,9 @@ def _affordable(wanted: int) -> int:
 class GuardedConnection(HttpToolsProtocol):
     """uvicorn's connection, with limits."""
 
-    def __init__(self, door: Door, **arguments: Any) -> None:
+    def __init__(self, door: Door, handshake: Handshake | None, **arguments: Any) -> None:
         super().__init__(**arguments)
+        self._handshake = handshake
         self._door, self._limits = door, door.limits
         self._head_since_s: float | None = None
         self._head_bytes = 0
@@ -78,14 +111,20 @@ class GuardedConnection(HttpToolsProtocol):
         self._check: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        full = len(self.connections) >= self._limits.connections
+        if self._handshake is not None:
+            self._door.leave(self._handshake)
+        welcome = self._door.has_room()
         super().connection_made(transport)
         self._moved_s = self.loop.time()
-        if full and not self._made_room():
+        if not welcome:
             self._refuse(TOO_MANY)
             return
         self._wait_for_a_head()
         self._look_again()
+
+    def abort(self) -> None:
+        """It has to go."""
+        self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         if self._check is not None:
@@ -131,14 +170,6 @@ class GuardedConnection(HttpToolsProtocol):
     def _wait_for_a_head(self) -> None:
         self._head_since_s, self._head_bytes = self.loop.time(), 0
         self._door.waiting[self] = None
-
-    def _made_room(self) -> bool:
-        """The connection that has waited longest is closed; False when every one is at work."""
-        for oldest in self._door.waiting:
-            oldest.transport.abort()
-            del self._door.waiting[oldest]
-            return True
-        return False
 
     def _look_again(self) -> None:
         period_s = min(self._limits.head_s, self._limits.idle_s) / 4

@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import socket
+import ssl
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,10 +13,11 @@ from types import FrameType
 
 import uvicorn
 
-from daemon.access.certificates import require_usable
+from daemon.access.certificates import server_context
 from daemon.api.app import create_api
 from daemon.application import Application
 from daemon.connections import Door
+from daemon.handshakes import Handshake, SecuredListener
 from daemon.listening import listener_at
 from daemon.store.files import write_durably
 
@@ -38,8 +40,6 @@ class Server(uvicorn.Server):
             uvicorn.Config(
                 create_api(application),
                 http=self._door.protocol,  # type: ignore[arg-type] # it is called, never subclassed
-                ssl_certfile=application.settings.server.certificate,
-                ssl_keyfile=application.settings.server.private_key,
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=KEEP_ALIVE_S,
                 log_config=None,
@@ -51,29 +51,47 @@ class Server(uvicorn.Server):
         self._application, self._announce = application, announce
         self._loop: asyncio.AbstractEventLoop | None = None
         self._listener: socket.socket | None = None
+        self._tls: ssl.SSLContext | None = None
 
     async def listen(self) -> None:
         """Serve until a signal comes or `should_exit` is set. Raises PortTaken, CertificateUnusable."""
         settings = self._application.settings.server
         if settings.certificate is not None and settings.private_key is not None:
-            require_usable(settings.certificate, settings.private_key)
+            self._tls = server_context(settings.certificate, settings.private_key)
         with listener_at(settings.host, settings.port) as self._listener:
             await self.serve([self._listener])
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """As uvicorn's, then the announcement."""
         self._loop = asyncio.get_running_loop()
-        await super().startup(sockets)
+        if self._tls is None or self._listener is None:
+            await super().startup(sockets)
+        else:
+            await super().startup([])
+            secured = SecuredListener(
+                self._listener, self._tls, self._door.limits.head_s, self._door, self._secured_connection
+            )
+            self.servers.append(secured)  # type: ignore[arg-type] # it is closed, and waited for
         if self.started:
             self._application.systemd.notify("READY=1")
             self._announce(self.url())
+
+    def _secured_connection(self, handshake: Handshake) -> asyncio.Protocol:
+        return self._door.protocol(
+            handshake, config=self.config, server_state=self.server_state, app_state=self.lifespan.state
+        )
 
     def url(self) -> str:
         """Where it really listens: port 0 lets the system choose."""
         assert self._listener is not None
         host, port = self._listener.getsockname()[:2]
-        scheme = "http" if self.config.ssl_certfile is None else "https"
+        scheme = "http" if self._tls is None else "https"
         return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn's; who has not even shaken hands is not waited for."""
+        self._door.close()
+        await super().shutdown(sockets)
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:

@@ -62,9 +62,10 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
         raise CertificateUnusable(f"{folder} cannot be written ({reason})", "give another --out") from None
 
 
-def require_usable(certificate: str, private_key: str) -> None:
-    """Raises CertificateUnusable when a server could not be started with them."""
+def server_context(certificate: str, private_key: str) -> ssl.SSLContext:
+    """TLS 1.2 or newer with this certificate. Raises CertificateUnusable."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
     fix = "correct [server] certificate and private_key, or make them: handeyed tls init"
     try:
         context.load_cert_chain(certificate, private_key, password=lambda: "")
@@ -76,6 +77,7 @@ def require_usable(certificate: str, private_key: str) -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise CertificateUnusable(f"{certificate} with {private_key}: {reason}", fix) from None
+    return context
 
 
 def _builder(
