@@ -1,20 +1,22 @@
 """An archive registered by one process and by 1 and 2 Dask workers, and what that says of more of them:
 `python -m benchmarks.archive`.
 
-The model is T(n) = start + serial + work / n: `serial` is what the client alone does (listing, submitting), `work`
-what the workers do; both from the run in one process and the run with one worker. It is checked by the run with two.
+The model is T(n) = serial + work / n: `work` is what registering costs in processor time, `serial` what the run with one
+worker costs beyond it (Dask's own work, most of it the client's). Clock and model differ by what else the machine did.
 """
 
 import argparse
 import importlib.util
 import json
+import os
 import sys
 import tempfile
-import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.registration_rows import Cost, cost
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
 from daemon.archive.engines import engine, in_this_process
 from daemon.archive.work import Task
@@ -69,32 +71,37 @@ def main() -> int:
             return [Task(str(folder / "in"), str(folder / out), scan, calibration) for scan in scans]
 
         list(in_this_process(tasks("warm")[:1]))
-        spent = {0: seconds(lambda: list(in_this_process(tasks("here"))))}
+        spent = {0: cost(lambda: list(in_this_process(tasks("here"))))}
         for workers in (1, 2):
             with engine("local", workers) as run:
                 list(run(tasks(f"warm{workers}")[: 2 * workers]))  # imports are paid once, not for each scan
-                spent[workers] = seconds(lambda w=workers, r=run: list(r(tasks(f"out{w}"))))  # type: ignore[misc]
+                before = _busy_s(os.getpid())
+                spent[workers] = cost(lambda w=workers, r=run: list(r(tasks(f"out{w}"))))  # type: ignore[misc]
+                spent[workers] = replace(spent[workers], cpu_s=_busy_s(os.getpid()) - before)
     tell(options.scans, spent)
     return 0
 
 
-def seconds(work: object) -> float:
-    began = time.perf_counter()
-    work()  # type: ignore[operator]
-    return time.perf_counter() - began
+def _busy_s(pid: int) -> float:
+    """Processor seconds of a process and all it started that still runs."""
+    own = sum(map(int, Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].split()[11:13]))
+    threads = Path(f"/proc/{pid}/task").iterdir()
+    children = [int(child) for thread in threads for child in (thread / "children").read_text().split()]
+    return own / os.sysconf("SC_CLK_TCK") + sum(_busy_s(child) for child in children)
 
 
-def tell(scans: int, spent: dict[int, float]) -> None:
-    work, serial = spent[0], max(0.0, spent[1] - spent[0])
-    print(f"{scans} scans in one process {spent[0]:.2f} s; each {1000 * spent[0] / scans:.0f} ms")
-    for workers in (1, 2):
-        told = serial + work / workers
-        print(
-            f"{workers} workers {spent[workers]:8.2f} s  {spent[1] / spent[workers]:5.2f} x one  (model {told:.2f} s)"
-        )
+def tell(scans: int, spent: dict[int, Cost]) -> None:
+    """The model is of a free machine: processors' seconds, and what the clock says beside them."""
+    work = min(each.cpu_s for each in spent.values())
+    serial = max(0.0, spent[1].cpu_s - spent[0].cpu_s)
+    print(f"{f'{scans} scans':<20}{'clock s':>10}{'CPU s':>10}{'CPU in use':>12}{'x one worker':>14}{'model s':>10}")
+    for workers, each in spent.items():
+        name = f"{workers} workers" if workers > 1 else "1 worker" if workers else "this process"
+        told = f"{spent[1].wall_s / each.wall_s:14.2f}{serial + work / workers:10.2f}" if workers else ""
+        print(f"{name:<20}{each.wall_s:10.2f}{each.cpu_s:10.2f}{each.cpu_s / each.wall_s:12.2f}{told}")
     for workers in BEYOND:
         told = serial + work / workers
-        print(f"{workers} workers {told:8.2f} s  {spent[1] / told:5.2f} x one (model)")
+        print(f"{f'{workers} workers':<20}{'':>32}{(serial + work) / told:14.2f}{told:10.2f}  by the model")
 
 
 if __name__ == "__main__":

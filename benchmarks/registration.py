@@ -75,15 +75,15 @@ def voxels(points: int, edge_mm: float) -> None:
     cloud = np.stack([records[name] for name in "xyz"], axis=1).astype(float)
     if (open3d := open3d_here()) is not None:
         legacy = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud))
-        beside("ours", lambda: legacy.voxel_down_sample(edge_mm), ours, "Open3D, legacy", 3)
+        beside("ours", lambda: legacy.voxel_down_sample(edge_mm), ours, "Open3D, legacy", 2)
     if find_spec("small_gicp"):
         import small_gicp
 
-        beside("ours", lambda: small_gicp.voxelgrid_sampling(cloud, edge_mm), ours, "small_gicp", 3)
+        beside("ours", lambda: small_gicp.voxelgrid_sampling(cloud, edge_mm), ours, "small_gicp", 2)
     if find_spec("kiss_icp"):
         from kiss_icp.voxelization import voxel_down_sample
 
-        beside("ours", lambda: voxel_down_sample(cloud, edge_mm), ours, "kiss-icp, which averages nothing", 2)
+        beside("ours", lambda: voxel_down_sample(cloud, edge_mm), ours, "kiss-icp, which averages nothing", 1)
     note(f"{points / best(ours, 2) / 1e6:.2f} million points a second")
 
 
