@@ -33,9 +33,12 @@ def a_config(folder: Path) -> Path:
 async def answers(bench: Bench, key: str) -> dict[str, Any]:
     """What a client sees of the past."""
     headers, found = bearer(key), {}
-    links = ["/runs", "/calibrations", "/calibrations/current", "/scans"]
+    links = ["/runs", "/calibrations", "/calibrations/current", "/scans", "/drift", "/audit"]
     for link in links:
-        found[link] = (await bench.client.get(link, headers=headers)).json()
+        found[link] = (await bench.client.get(link, headers=headers)).raise_for_status().json()
+    for calibration in found["/calibrations"]["calibrations"]:
+        link = f"/calibrations/{calibration['id']}"
+        found[link] = (await bench.client.get(link, headers=headers)).raise_for_status().json()
     for run in found["/runs"]["runs"]:
         links = [run["links"]["self"], *(link for name, link in run["links"].items() if name.startswith("frame"))]
         for link in links:
@@ -53,12 +56,15 @@ async def test_a_restored_store_gives_the_same_answers(tmp_path: Path) -> None:
         headers = bearer(key)
         run = (await bench.client.post("/calibrate?wait=30", headers=headers)).json()
         assert run["result"]["applied"]
+        verified = (await bench.client.post("/verify?wait=30", headers=headers)).json()
+        assert verified["state"] == "finished"
         scan = (await bench.client.post("/scans", headers=headers)).json()
         link, sent = scan["links"]["views"], {**headers, **PLY}
         await bench.client.post(link, params={"pose": POSES[0]}, content=ply_of(cloud(100)), headers=sent)
         done = await asyncio.to_thread(handeyed, "backup", here, "--out", file)
         assert done.exit_code == 0, done.output
         before = await answers(bench, key)
+        assert len(before["/drift"]["points"]) == 1
     assert leftovers(tmp_path) == []
     put_back = await asyncio.to_thread(handeyed, "restore", file, there)
     assert put_back.exit_code == 0, put_back.output
