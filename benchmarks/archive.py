@@ -1,8 +1,8 @@
 """An archive registered by one process and by 1 and 2 Dask workers, and what that says of more of them:
 `python -m benchmarks.archive`.
 
-The model is T(n) = serial + work / n: `work` is what registering costs in processor time, `serial` what the run with one
-worker costs beyond it (Dask's own work, most of it the client's). Clock and model differ by what else the machine did.
+The model is T(n) = serial + work / n: `work` is what registering costs in processor time, `serial` what the run with
+one worker costs beyond it (Dask's own work, most of it the client's). Clock and model differ by what else ran.
 """
 
 import argparse

@@ -7,6 +7,7 @@ import argparse
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,11 @@ import numpy as np
 from benchmarks.registration_door import door
 from benchmarks.registration_files import BASE_T_CAMERA, MOTION, files
 from benchmarks.registration_rows import beside, best, heading, note, open3d_here
+from calibration.solution import Solution
+from calibration.transforms import difference
+from registration.calibrate.outcome import judge_scan
+from registration.calibrate.sphere import solve_sphere_scan
+from registration.calibrate.surfaces import solve_surface_scan
 from registration.layout import XYZ_FLOAT32
 from registration.motion import move_points
 from registration.overlap import agreement
@@ -151,20 +157,56 @@ def _pairs_of_kiss_icp(surfaces: list[Surface], poses: list[np.ndarray]) -> None
             get_registration(config).align_points_to_map(surfaces[two].points, world, start, 4.0, 1.0)
 
 
+def calibrations(data: Path) -> None:
+    """X from the sphere, and from each object without any target, beginning at the sphere's."""
+    print(f"\n{'X from one object, nine views':<24}{'sigma mm':>22}{'sigma deg':>22}{'a point mm':>12}  verdict")
+    sphere = solve_sphere_scan(read_scan(data / "reghec_sphere"), 48.37)
+    _tell_solution("sphere", sphere)
+    assert sphere.mount_T_camera is not None
+    found = {}
+    for name in ("duck", "david", "mozart"):
+        solution = solve_surface_scan(read_scan(data / f"reghec_{name}"), sphere.mount_T_camera)
+        _tell_solution(f"{name}, no target", solution)
+        if solution.mount_T_camera is not None:
+            found[name] = solution.mount_T_camera
+    apart = [difference(one, two) for one, two in combinations(found.values(), 2)]
+    largest_mm, largest_rad = np.max(apart, axis=0)
+    note(f"largest difference between two objects' X: {largest_mm:.2f} mm, {np.degrees(largest_rad):.3f} deg")
+    far = [difference(sphere.mount_T_camera, one) for one in found.values()]
+    largest_mm, largest_rad = np.max(far, axis=0)
+    note(f"largest difference from the sphere's X: {largest_mm:.1f} mm, {np.degrees(largest_rad):.2f} deg")
+
+
+def _tell_solution(name: str, solution: Solution) -> None:
+    verdict = judge_scan(solution)
+    if solution.uncertainty is None:
+        print(f"{name:<24}{'none':>56}  refused")
+        return
+    mm = " ".join(f"{one:.2f}" for one in solution.uncertainty.translation_mm)
+    degrees = " ".join(f"{one:.3f}" for one in np.degrees(solution.uncertainty.rotation_rad))
+    codes = ", ".join(finding.code for finding in verdict.findings if finding.severity != "info")
+    said = "accepted" if verdict.accepted else "not accepted"
+    print(f"{name:<24}{mm:>22}{degrees:>22}{solution.uncertainty.point_mm:12.2f}  {said} ({codes})", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--points", type=int, default=10_000_000)
     parser.add_argument("--data", type=Path, default=Path(__file__).resolve().parents[2] / "shared" / "data")
-    parser.add_argument("parts", nargs="*", choices=("kernel", "files", "voxels", "door", "real", []))
+    parser.add_argument("parts", nargs="*", choices=("kernel", "files", "voxels", "door", "real", "calibrations", []))
     options = parser.parse_args()
     parts: dict[str, Callable[[], None]] = {
         "kernel": lambda: (kernel(options.points), stream(options.points))[0],
         "files": lambda: files(options.points),
         "voxels": lambda: (voxels(options.points, 10.0), voxels(options.points, 3.0))[0],
         "door": door,
-        "real": lambda: real(options.data) if options.data.is_dir() else print(f"no real data at {options.data}"),
+        "real": lambda: real(options.data),
+        "calibrations": lambda: calibrations(options.data),
     }
     for name in options.parts or parts:
+        if name in ("real", "calibrations") and not options.data.is_dir():
+            print(f"{name}: no real data at {options.data}")
+            continue
         parts[name]()
 
 
