@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.pose_sessions import PoseNoise, drawn_session
 from calibration.errors import UndeterminedError
 from calibration.pose_level import solve_hand_eye_poses
 from calibration.problem import Setup
@@ -45,6 +46,15 @@ def test_views_that_disagree_are_left_out() -> None:
     found = solve_hand_eye_poses("eye-in-hand", robot, seen)
     assert np.flatnonzero(~found.used).tolist() == [2, 9, 11]
     assert np.linalg.norm((inverse(X) @ found.mount_T_camera)[:3, 3]) < 1.0
+
+
+@pytest.mark.parametrize("seed", [11, 18, 37])
+def test_five_honest_views_are_all_used(seed: int) -> None:
+    """Sessions in which the best three agree so well with themselves that they would outvote the other two."""
+    session = drawn_session(np.random.default_rng(seed), 5, PoseNoise(0.05, 0.3, 0.01, 0.05), "looking")
+    found = solve_hand_eye_poses("eye-in-hand", session.anchor_T_mount, session.camera_T_target)
+    assert np.all(found.used)
+    assert np.linalg.norm((inverse(session.mount_T_camera) @ found.mount_T_camera)[:3, 3]) < 3.0
 
 
 ONE_AXIS = np.array([0.6, 0.0, 0.8])
