@@ -59,18 +59,24 @@ MODULE CELL_comm
   VAR jointtarget cell_seen;
 
   FUNC num cell_fletcher(VAR rawbytes data, num count)
-    ! Over bytes 1 to 10 and the payload; every partial sum is exact in a num.
+    ! Over bytes 1 to 10 and the payload. Of 1022 bytes low is at most 260610: high stays below 2^23, exact in a num.
     VAR num low := 0;
     VAR num high := 0;
     VAR num value := 0;
-    FOR i FROM 1 TO count DO
-      IF i <> 11 AND i <> 12 THEN
-        UnpackRawBytes data, i, value \IntX:=USINT;
-        low := (low + value) MOD 255;
-        high := (high + low) MOD 255;
-      ENDIF
+    FOR i FROM 1 TO 10 DO
+      UnpackRawBytes data, i, value \IntX:=USINT;
+      low := low + value;
+      high := high + low;
     ENDFOR
-    RETURN high * 256 + low;
+    IF count > 12 THEN
+      FOR i FROM 13 TO count DO
+        UnpackRawBytes data, i, value \IntX:=USINT;
+        low := low + value;
+        high := high + low;
+        IF high > 8000000 high := high MOD 255;
+      ENDFOR
+    ENDIF
+    RETURN (high MOD 255) * 256 + low MOD 255;
   ERROR
     RAISE;
   ENDFUNC

@@ -23,9 +23,22 @@ def call(context: Context, symbol: Routine | Builtin, node: Node) -> Evaluate:
         for parameter, argument in zip(symbol.parameters, given, strict=True)
     ]
     if isinstance(symbol, Builtin):
-        does, task = symbol.does, context.task
-        return lambda frame: does(task, *[make(frame) for make in makers])
+        return _builtin_call(symbol, makers, context.task)
     return _routine_call(symbol, makers)
+
+
+def _builtin_call(symbol: Builtin, makers: list[Evaluate], task: Any) -> Evaluate:
+    """Most arguments of most instructions are left out: only the others are made for each call."""
+    does, none = symbol.does, [None] * len(makers)
+    given = [(place, make) for place, make in enumerate(makers) if make is not _absent]
+
+    def run(frame: Frame) -> Any:
+        arguments: list[Any] = none[:]
+        for place, make in given:
+            arguments[place] = make(frame)
+        return does(task, *arguments)
+
+    return run
 
 
 def _routine_call(routine: Routine, makers: list[Evaluate]) -> Evaluate:

@@ -8,7 +8,7 @@ from typing import Any
 
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.types import BOOL, DNUM, NUM, STRING, Record, Type
-from mock_robot.rapid.values import integer, short, single
+from mock_robot.rapid.values import INTEGER_HIGH, integer, short, single
 
 Evaluate = Callable[[Any], Any]
 Combine = Callable[[Evaluate, Evaluate], Evaluate]
@@ -33,9 +33,11 @@ def _quotient(a: float, b: float) -> float:
 
 def _remainder(a: float, b: float) -> float:
     """MOD is what DIV leaves: it has the sign of the dividend."""
-    if integer(b) == 0:
-        raise RapidError("ERR_DIVZERO", f"{a:g} MOD 0")
-    return math.fmod(integer(a), integer(b)) + 0.0
+    if not (a.is_integer() and b.is_integer() and abs(a) <= INTEGER_HIGH >= abs(b) > 0):
+        integer(a)
+        if integer(b) == 0:
+            raise RapidError("ERR_DIVZERO", f"{a:g} MOD 0")
+    return math.fmod(a, b) + 0.0
 
 
 def _vector(function: Callable[[float, float], float]) -> Combine:

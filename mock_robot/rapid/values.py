@@ -3,7 +3,9 @@
 import math
 from ctypes import c_float
 from dataclasses import dataclass, field
+from struct import Struct
 from time import monotonic
+from typing import Any
 
 from mock_robot.rapid.errors import RapidError
 
@@ -12,11 +14,15 @@ RAWBYTES_MAX = 1024
 INTEGER_LOW, INTEGER_HIGH = -8388607, 8388608
 """RAPID's integers in a num: exact only here."""
 SINGLE_MAX = 3.4028234663852886e38
+SINGLE_EXACT = 2.0**24
+"""A single holds every integer up to here."""
 MILLISECOND = 1000
 
 
 def single(value: float) -> float:
     """A number as a num holds it: rounded to IEEE single. Raises ERR_NUM_LIMIT beyond its range."""
+    if value.is_integer() and -SINGLE_EXACT <= value <= SINGLE_EXACT:
+        return value
     rounded = c_float(value).value
     if -SINGLE_MAX <= rounded <= SINGLE_MAX:
         return rounded
@@ -78,6 +84,12 @@ class RawBytes:
         if not 1 <= index <= index - 1 + count <= self.length:
             raise RapidError(error, f"bytes {index} to {index - 1 + count} of {self.length} valid ones")
         return bytes(self.content[index - 1 : index - 1 + count])
+
+    def number(self, layout: Struct, index: int) -> Any:
+        """The one value at `index` that the layout tells."""
+        if not 1 <= index <= self.length + 1 - layout.size:
+            self.read(index, layout.size)
+        return layout.unpack_from(self.content, index - 1)[0]
 
     def valid(self) -> bytes:
         """The valid bytes."""

@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mock_robot.rapid.scope import Slot
@@ -44,6 +44,13 @@ def test_the_published_sums_come_out_of_the_rapid(frame: str, expected: int) -> 
     assert sum_of(bytes.fromhex(frame)) == expected
 
 
+@settings(deadline=None)
 @given(st.binary(min_size=12, max_size=1024))
 def test_any_other_sum_too(frame: bytes) -> None:
+    assert sum_of(frame) == fletcher16(frame[:10] + frame[12:])
+
+
+@pytest.mark.parametrize("byte", [0, 1, 254, 255])
+def test_the_longest_frame_keeps_every_partial_sum_exact(byte: int) -> None:
+    frame = bytes([byte]) * 1024
     assert sum_of(frame) == fletcher16(frame[:10] + frame[12:])

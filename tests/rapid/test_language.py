@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RapidProgramError
@@ -333,6 +333,7 @@ def test_names_differ_by_more_than_case() -> None:
 NUMS = st.floats(-1e6, 1e6, width=32).map(lambda value: value + 0.0)
 
 
+@settings(deadline=None)
 @given(NUMS, NUMS, NUMS)
 def test_arithmetic_is_that_of_ieee_single(a: float, b: float, c: float) -> None:
     snippet = _arithmetic()
@@ -357,6 +358,7 @@ def _arithmetic() -> Snippet:
 LAYOUTS = {"USINT": "B", "UINT": "H", "UDINT": "I", "SINT": "b", "INT": "h", "DINT": "i"}
 
 
+@settings(deadline=None)
 @given(
     st.lists(
         st.one_of(

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Mapping
+from struct import Struct
 from types import MappingProxyType
 from typing import Any
 
@@ -9,10 +10,18 @@ from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.tasks import Task
 from mock_robot.rapid.types import BYTE, NUM, STRING, Type
-from mock_robot.rapid.values import INTEGER_HIGH, INTEGER_LOW, STRING_MAX, integer, single
+from mock_robot.rapid.values import STRING_MAX, integer, single
 
 INTEGERS: Mapping[float, str] = MappingProxyType({1: "B", 2: "H", 4: "I", -1: "b", -2: "h", -4: "i"})
 """struct's letter for the constants USINT, UINT, UDINT, SINT, INT, DINT of system.rapid."""
+_INTEGER_LAYOUTS = MappingProxyType(
+    {
+        (kind, network): Struct((">" if network else "<") + INTEGERS[kind])
+        for kind in INTEGERS
+        for network in (None, True)
+    }
+)
+_FLOAT_LAYOUTS = MappingProxyType({None: Struct("<f"), True: Struct(">f")})
 
 
 def clear(task: Task, raw: Slot, from_index: float | None) -> None:
@@ -73,13 +82,11 @@ def unpack(
     ascii_: float | None,
 ) -> None:
     kind, slot = value
-    first, order = integer(index), ">" if network else "<"
-    if kind == NUM and int_x is not None:
-        letter = order + INTEGERS[int_x]
-        (number,) = struct.unpack(letter, raw.value.read(first, struct.calcsize(letter)))
-        slot.value = float(number) if INTEGER_LOW <= number <= INTEGER_HIGH else single(number)
-    elif kind == NUM and float4:
-        (slot.value,) = struct.unpack(order + "f", raw.value.read(first, 4))
+    first = integer(index)
+    if kind is NUM and int_x is not None:
+        slot.value = single(float(raw.value.number(_INTEGER_LAYOUTS[int_x, network], first)))
+    elif kind is NUM and float4:
+        slot.value = raw.value.number(_FLOAT_LAYOUTS[network], first)
     elif kind == BYTE and hex1:
         slot.value = raw.value.read(first, 1)[0]
     elif kind == STRING and ascii_ is not None and 1 <= ascii_ <= STRING_MAX:
