@@ -4,24 +4,19 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from calibration.transforms import Array
 from registration.columns import Conversion, shared_layout
 from registration.disk import new_file
-from registration.errors import ScanError
 from registration.files import moved_blocks
-from registration.formats.extras import library
+from registration.formats.las_out import las_out
 from registration.layout import XYZ_FLOAT32, Layout, Records
 from registration.merging import EVERY_POINT, Merge, Merger
 from registration.motion import Motion
 from registration.reading import open_cloud
 from registration.writing import CloudWriter, form_of
-
-LAS_STEP_MM = 0.005
-"""LAS holds integers: this step reaches 10 m and is far below any scanner's noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,37 +83,9 @@ def _new_cloud(target: Path, layout: Layout, calibration_id: str) -> Iterator[tu
 
 @contextmanager
 def _new_las(target: Path, layout: Layout, calibration_id: str) -> Iterator[tuple[Layout, Write]]:
-    """LAZ through laspy: colours and intensity by LAS's own names, every other column as an extra dimension."""
-    laspy = library("laspy", "las", target.name)
-    library("lazrs", "las", target.name)
-    header = laspy.LasHeader(version="1.4", point_format=7)
-    header.scales, header.offsets = np.full(3, LAS_STEP_MM), np.zeros(3)
-    header.system_identifier = "frame base, lengths mm"
-    header.generating_software = f"handeyed {calibration_id}"[:32]
-    own = {*layout.xyz, *COLOURS, "intensity"}
-    names = layout.dtype.names or ()
-    header.add_extra_dims([laspy.ExtraBytesParams(name, layout.dtype[name]) for name in names if name not in own])
-    reach = LAS_STEP_MM * (2**31 - 1)
-
-    def points_of(block: Records) -> Any:
-        if len(block) and max(float(np.abs(block[name]).max()) for name in layout.xyz) > reach:
-            raise ScanError(
-                f"a point lies further than {reach:.0f} mm from the base", "ask for PLY, which has no limit"
-            )
-        record = laspy.ScaleAwarePointRecord.zeros(len(block), header=header)
-        for name in names:
-            record[name] = block[name] * np.uint16(257) if name in COLOURS and eight_bits[name] else block[name]
-        return record
-
-    eight_bits = {name: layout.dtype[name].itemsize == 1 for name in names}
-    with (
-        new_file(target) as file,
-        laspy.open(file.raw, mode="w", header=header, do_compress=True, closefd=False) as writer,
-    ):
-        yield layout, lambda block: writer.write_points(points_of(block))
-
-
-COLOURS = ("red", "green", "blue")
+    software = f"handeyed {calibration_id}"
+    with new_file(target) as file, las_out(file, layout, compress=True, software=software) as out:
+        yield layout, out.write
 
 
 def _layout(file: Path) -> Layout:

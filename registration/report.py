@@ -51,6 +51,7 @@ def register_scan(
     registered = clock()
     layout, lost = merged_layout(registration.views)
     merger = Merger(merge, form_of(out, layout).layout)
+    lost = (*lost, *sorted(set(layout.dtype.names or ()) - set(merger.shared.dtype.names or ())))
     with new_cloud(out, merger.layout) as writer:
         held = Conversion.between(merger.layout, writer.form.layout)
         for block in merged_blocks(registration.views, merger):
@@ -139,8 +140,8 @@ def dropped(lost: Sequence[str]) -> list[FindingDocument]:
     """What is said of columns that only some views have."""
     if not lost:
         return []
-    what = f"the columns {', '.join(lost)} are not in every view and were left out"
-    return [_finding("columns-dropped", "warning", what, "scan every view with the same settings")]
+    what = f"the columns {', '.join(lost)} are not in every view, or not in this format, and were left out"
+    return [_finding("columns-dropped", "warning", what, "scan every view with the same settings, and write a PLY")]
 
 
 def _strays(merger: Merger) -> list[FindingDocument]:

@@ -1,9 +1,10 @@
 """Writing clouds in blocks; the number of points may be unknown until the end."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from registration.disk import GuardedFile, new_file
 from registration.errors import CloudUnsupported
 from registration.formats import npy, pcd, ply, rows
 from registration.formats.bodies import TextEncoder
+from registration.formats.e57_out import E57Out, e57_out, held
+from registration.formats.las_out import LasOut, las_out
 from registration.formats.pcl import PclRecords
 from registration.layout import XYZ_FLOAT32, Layout, Records
 
@@ -48,13 +51,43 @@ FORMS: dict[str, Callable[[Layout, str], Form]] = {
 """By suffix; `.bin` is raw float32 x, y, z and holds no other column."""
 
 
+LIBRARIES: dict[str, Callable[[GuardedFile, Layout], AbstractContextManager[LasOut | E57Out]]] = {
+    ".las": lambda file, layout: las_out(file, layout, compress=False),
+    ".laz": lambda file, layout: las_out(file, layout, compress=True),
+    ".e57": e57_out,
+}
+"""Formats that the extras' libraries write."""
+
+
 def form_of(path: Path, layout: Layout) -> Form:
     """How a cloud of common columns is written to `path`. Raises CloudUnsupported."""
     suffix = path.suffix.lower()
+    if suffix in LIBRARIES:
+        return Form(held(layout) if suffix == ".e57" else layout, lambda count: b"", _raw)
     if suffix not in FORMS:
-        fix = f"use one of {', '.join(FORMS)}"
+        fix = f"use one of {', '.join([*FORMS, *LIBRARIES])}"
         raise CloudUnsupported(path.name, "suffix", f"clouds of type {suffix!r} are not written", fix)
     return FORMS[suffix](layout, path.name)
+
+
+class Writer(Protocol):
+    """Takes blocks of `form.layout`, and counts."""
+
+    form: Form
+    points: int
+
+    def write(self, block: Records) -> None: ...
+
+
+class LibraryWriter:
+    """Passes blocks on to a library."""
+
+    def __init__(self, out: LasOut | E57Out, form: Form) -> None:
+        self._out, self.form, self.points = out, form, 0
+
+    def write(self, block: Records) -> None:
+        self.points += len(block)
+        self._out.write(block)
 
 
 class CloudWriter:
@@ -77,10 +110,14 @@ class CloudWriter:
 
 
 @contextmanager
-def new_cloud(path: Path, layout: Layout, *, durable: bool = True) -> Iterator[CloudWriter]:
+def new_cloud(path: Path, layout: Layout, *, durable: bool = True) -> Iterator[Writer]:
     """A cloud file that is whole under its name, or not there. Raises CloudUnsupported, CloudIOError."""
-    form = form_of(path, layout)
+    form, library = form_of(path, layout), LIBRARIES.get(path.suffix.lower())
     with new_file(path, durable=durable) as file:
+        if library is not None:
+            with library(file, layout) as out:
+                yield LibraryWriter(out, form)
+            return
         writer = CloudWriter(file, form)
         yield writer
         writer.finish()

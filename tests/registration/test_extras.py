@@ -17,8 +17,9 @@ from registration.formats.las import SCALES
 from registration.layout import XYZ_FLOAT32, Records
 from registration.motion import Motion
 from registration.reading import open_cloud
+from registration.writing import new_cloud
 from tests.cases import cases
-from tests.registration.clouds import BASE_T_CAMERA, cloud, moved, xyz
+from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 
 MOTION = Motion.of(BASE_T_CAMERA, "mm")
 
@@ -152,6 +153,34 @@ def test_e57_is_read_in_blocks(tmp_path: Path) -> None:
         (tmp_path / "cut.e57").write_bytes(content[:end])
         with pytest.raises(CloudError, match=r"^cut\.e57: "):
             read(tmp_path / "cut.e57")
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".e57"])
+def test_a_ply_becomes_what_the_libraries_read(tmp_path: Path, suffix: str) -> None:
+    pytest.importorskip({".e57": "pye57"}.get(suffix, "lazrs"), reason="its library is not installed: not tested")
+    records = cloud(RICH, 150_000)
+    with new_cloud(tmp_path / "in.ply", RICH) as writer:
+        writer.write(records)
+    assert move_file(tmp_path / "in.ply", tmp_path / f"out{suffix}", MOTION).points == len(records)
+    answer = read(tmp_path / f"out{suffix}")
+    unit_mm = 1000 if suffix == ".e57" else 1  # the standard says metres
+    np.testing.assert_allclose(xyz(answer) * unit_mm, moved(records), rtol=0, atol=3e-3)
+    assert np.array_equal(answer["intensity"], records["intensity"])
+    factor = 1 if suffix == ".e57" else 257
+    for name in ("red", "green", "blue"):
+        assert np.array_equal(answer[name], records[name] * np.uint16(factor)), name
+    if suffix != ".e57":
+        assert np.array_equal(answer["time"], records["time"])
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["in.ply", f"out{suffix}"]
+
+
+@pytest.mark.parametrize("suffix", [".laz", ".e57"])
+def test_a_point_that_is_nowhere_leaves_no_file_of_a_format_that_cannot_hold_it(tmp_path: Path, suffix: str) -> None:
+    pytest.importorskip({".e57": "pye57"}.get(suffix, "lazrs"), reason="its library is not installed: not tested")
+    (tmp_path / "in.csv").write_text("1 2 3\n4 nan 6\n")
+    with pytest.raises(CloudUnsupported, match=rf"^out\{suffix}: points: "):
+        move_file(tmp_path / "in.csv", tmp_path / f"out{suffix}", MOTION)
+    assert [file.name for file in tmp_path.iterdir()] == ["in.csv"]
 
 
 def test_an_extra_that_is_not_installed_is_named() -> None:
