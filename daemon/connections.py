@@ -8,12 +8,12 @@ many connections the one that has kept us waiting longest makes room.
 import asyncio
 import resource
 from dataclasses import dataclass, field
-from http import HTTPStatus
 from typing import Any
 
 from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from daemon.api.phrases import phrase_of
 from daemon.api.problems import MEDIA_TYPE, Problem
 from daemon.handshakes import Handshake
 
@@ -229,7 +229,7 @@ class _PoliteTransport:
 
 def _answer(refusal: Refusal) -> bytes:
     status, code, detail, fix = refusal
-    phrase = HTTPStatus(status).phrase
+    phrase = phrase_of(status)
     problem = Problem(
         type=f"urn:handeyed:problem:{code}", title=phrase, status=status, code=code, detail=detail, fix=fix
     )

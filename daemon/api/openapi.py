@@ -1,6 +1,5 @@
 """openapi.json: what FastAPI derives, and what it does not see: bodies, problems, keys, examples."""
 
-from http import HTTPStatus
 from typing import Any, Literal
 
 from fastapi import FastAPI
@@ -11,6 +10,7 @@ from daemon.access.policy import role_needed
 from daemon.access.roles import Role
 from daemon.api.documents import Answer
 from daemon.api.idempotency import KEY, KEY_LIMIT
+from daemon.api.phrases import phrase_of
 from daemon.api.problem_examples import example_of
 from daemon.api.problems import MEDIA_TYPE, Problem
 from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, SetupRequest, VerifyRequest
@@ -116,6 +116,6 @@ def _examples_of(answer: type[BaseModel]) -> list[Any]:
 def _problem(status: int) -> dict[str, Any]:
     schema = {"$ref": "#/components/schemas/Problem"}
     return {
-        "description": HTTPStatus(status).phrase,
+        "description": phrase_of(status),
         "content": {MEDIA_TYPE: {"schema": schema, "example": example_of(status)}},
     }

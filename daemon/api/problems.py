@@ -1,6 +1,5 @@
 """From errors to HTTP answers (RFC 9457): one table for the status, the error's own code and fix."""
 
-from http import HTTPStatus
 from typing import Any
 
 from fastapi import Request, Response
@@ -11,6 +10,7 @@ from starlette.exceptions import HTTPException
 from calibration.errors import CalibrationError, DetectionError, DocumentError, DocumentProblem, UndeterminedError
 from daemon import errors
 from daemon.access import errors as access
+from daemon.api.phrases import phrase_of
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
 
@@ -112,7 +112,7 @@ def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """For `responses=` of a route: these statuses answer a Problem."""
     return {
         status: {
-            "description": HTTPStatus(status).phrase,
+            "description": phrase_of(status),
             "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
         }
         for status in statuses
@@ -132,7 +132,7 @@ def problem_of(error: Exception) -> Problem:
     reasons = getattr(error, "reasons", None)
     return Problem(
         type=f"urn:handeyed:problem:{code}",
-        title=HTTPStatus(status).phrase,
+        title=phrase_of(status),
         status=status,
         code=code,
         detail=what,
@@ -194,7 +194,7 @@ async def handle_http(_request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     code, fix = HTTP_CODES.get(error.status_code, ("http-error", "see openapi.json"))
     headers = dict(error.headers or {})
-    phrase = HTTPStatus(error.status_code).phrase
+    phrase = phrase_of(error.status_code)
     return answer(
         Problem(
             type=f"urn:handeyed:problem:{code}",

@@ -13,6 +13,7 @@ import pytest
 from daemon.api.app import routes
 from daemon.api.guards import JSON_LIMIT_BYTES
 from daemon.api.negotiation import wants_text
+from daemon.api.phrases import phrase_of
 from daemon.store.records import CalibrationRecord
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import Bench, pose_json, serving, settings_for
@@ -332,3 +333,11 @@ async def test_a_defect_is_a_problem_too_and_the_daemon_stays_up(tmp_path: Path)
         problem = await refused(bench, "GET", "/robot")
         assert (problem["status"], problem["code"]) == (500, "internal-error")
         assert (await bench.client.get("/health")).json()["status"] == "alive"
+
+
+def test_a_status_has_one_name_whichever_python_this_is() -> None:
+    assert [phrase_of(status) for status in (404, 413, 422)] == [
+        "Not Found",
+        "Content Too Large",
+        "Unprocessable Content",
+    ]
