@@ -25,6 +25,7 @@ from daemon.demo.settings_file import settings_text
 READY_BAR_S = 5.0
 LIMIT_S = 60.0
 POLL_S = 0.005
+TRIES = 5
 
 
 @contextmanager
@@ -58,13 +59,14 @@ def _can_work(ready: dict[str, Any]) -> bool:
 
 
 def interrupted_run(client: httpx.Client) -> str:
-    """A run that is in progress, and has moved the arm."""
-    run = client.post("/calibrate").raise_for_status().json()
-    while run["station"] < 1:
-        run = client.get(f"/runs/{run['id']}").json()
-        if run["over"]:
-            raise SystemExit(f"the run ended before it could be interrupted: {run['cause']}")
-    return str(run["id"])
+    """A run that is in progress, and has moved the arm; begun again when the machine was too busy for a device."""
+    for _ in range(TRIES):
+        run = client.post("/calibrate").raise_for_status().json()
+        while run["station"] < 1 and not run["over"]:
+            run = client.get(f"/runs/{run['id']}").json()
+        if not run["over"]:
+            return str(run["id"])
+    raise SystemExit(f"the run ended before it could be interrupted: {run['cause']}")
 
 
 def main() -> int:
