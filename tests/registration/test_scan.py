@@ -93,6 +93,30 @@ def test_refinement_halves_the_deviation_and_beats_the_robot(tmp_path: Path) -> 
     assert [finding.code for finding in report.verdict.findings] == []
 
 
+def test_a_part_that_moved_between_views_and_stray_points_do_not_pull_the_others(tmp_path: Path) -> None:
+    true = poses(6)
+    said = [wrong(pose, 0.3, 0.03, index) for index, pose in enumerate(true)]
+    random = np.random.default_rng(0)
+    clouds = []
+    for index, pose in enumerate(true):
+        base_T_camera = pose @ FLANGE_T_CAMERA
+        points = map_points(base_T_camera, view_of(bumpy, base_T_camera, index))
+        points[points[:, 0] > 35] += [
+            0.0,
+            0.0,
+            1.5 * (index % 2),
+        ]  # a fifth of the part moved
+        strays = random.uniform([-60, -60, -30], [60, 60, 60], (200, 3))
+        clouds.append(map_points(inverse(base_T_camera), np.concatenate([points, strays])))
+    write_scan(tmp_path, clouds, said)
+    hand = Hand("calibration-1", FLANGE_T_CAMERA, NOISE)
+    report = register_scan(read_scan(tmp_path), hand, tmp_path / "refined.ply", ticks(), refine=True)
+    camera = [np.array(view.base_T_camera.transform()) for view in report.views]
+    errors = [pose_errors(found @ inverse(FLANGE_T_CAMERA), pose) for found, pose in zip(camera, true, strict=True)]
+    robot = [pose_errors(pose, truth) for pose, truth in zip(said, true, strict=True)]
+    assert np.all(np.mean(errors, axis=0) < np.array([0.6, 0.8]) * np.mean(robot, axis=0))
+
+
 def pose_errors(found: Array, truth: Array) -> tuple[float, float]:
     """(rotation in rad, error of the part's centre in mm)"""
     off = found @ inverse(truth)
