@@ -1,7 +1,9 @@
 """POST /register: clouds in and out over real sockets, larger than every buffer between."""
 
 import asyncio
+import contextlib
 import io
+import socket
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -10,10 +12,12 @@ import pytest
 
 from calibration.transforms import Array, map_points, transform_from_quaternion
 from daemon.api.spool import MEMORY_BYTES
+from daemon.connections import Door, Limits
 from daemon.store.records import Applied, CalibrationRecord
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import Bench, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
+from tests.drivers.waiting import eventually
 
 POSE = "800,-100,900,0,1,0,0"
 BASE_T_FLANGE = transform_from_quaternion([800.0, -100, 900], [0, 1.0, 0, 0])
@@ -99,6 +103,30 @@ async def test_a_client_that_reads_while_it_sends_gets_the_first_points_before_i
         assert b"200" in answer.split(b"\r\n")[0]
         moved = np.frombuffer(first + rest, "<f4").reshape(-1, 3)
         np.testing.assert_allclose(moved, in_base(cloud(2_000_000)), atol=2e-3)
+
+
+async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothing(tmp_path: Path) -> None:
+    """All of it is taken; what memory does not hold waits in a file; then nothing moves, and the connection ends."""
+    impatient = Door(Limits(idle_s=0.5))
+    async with serving(settings_for(tmp_path), door=impatient) as bench:
+        await with_a_calibration(bench)
+        body = bytes(12 * 2_000_000)
+        head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
+        url = urlsplit(bench.url)
+        with socket.create_connection((url.hostname, url.port)) as client:
+            client.setblocking(False)
+            loop = asyncio.get_running_loop()
+            await loop.sock_sendall(client, f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
+            await eventually(lambda: bench.application.metrics.registered_bytes >= len(body))
+            await eventually(lambda: not bench.server.server_state.connections)
+            received = 0
+            with contextlib.suppress(ConnectionResetError):
+                async with asyncio.timeout(10):
+                    while piece := await loop.sock_recv(client, 1 << 20):
+                        received += len(piece)
+        assert received < len(body), "what the sockets held, and no more"
+        assert (await bench.client.get("/health")).status_code == 200
+        assert not [file for file in bench.application.store.folder.rglob("*") if file.stat().st_size >= len(body) // 2]
 
 
 @pytest.mark.parametrize(
