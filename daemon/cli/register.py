@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 def register(
     folder: Annotated[Path, typer.Argument(metavar="SCAN_DIR", help="Folder with a scan.json and its clouds.")],
     calibration: Annotated[Path, typer.Option(help="calibration.json, eye-in-hand.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .ply, .pcd, .npy, .xyz, .csv or .bin.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", help="File to write: .ply, .pcd, .las, .laz, .e57 (metres), .npy, .xyz, .csv or .bin."
+        ),
+    ],
     refine: Annotated[bool, typer.Option("--refine", help="Fit the views to each other, within the robot's noise.")] = (
         False
     ),
