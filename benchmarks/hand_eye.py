@@ -172,8 +172,8 @@ def seed_table(seeds: int = 8, trials: int = 10) -> None:
 
 
 def speed_table() -> None:
-    """Milliseconds, the quickest of several runs: whatever else runs on the machine only adds."""
-    print("Speed, ms, the quickest of several runs (detection excluded)")
+    """Milliseconds of one core, the quickest of several runs: whatever else runs on the machine only adds."""
+    print("Speed, ms of one core, the quickest of several runs (detection excluded)")
     for views in (50, 500):
         cell = random_cell(np.random.default_rng(views), views, CellNoise())
         prepared = estimated(cell.problem)[0]
@@ -192,9 +192,9 @@ def speed_table() -> None:
 def _milliseconds(work: Callable[[], object], runs: int) -> float:
     times = []
     for _ in range(runs):
-        before = time.perf_counter()
+        before = time.process_time()
         work()
-        times.append(time.perf_counter() - before)
+        times.append(time.process_time() - before)
     return 1000 * min(times)
 
 
