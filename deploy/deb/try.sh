@@ -15,6 +15,7 @@ inside() { chroot "$CHROOT" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.U
 [ "$(id -u)" = 0 ] || fail "run it as root"
 if [ -z "$CHROOT" ]; then
     CHROOT=$(mktemp -d)
+    chmod 0755 "$CHROOT" # the service's user has to get in
     trap 'umount "$CHROOT/proc" 2>/dev/null || true; rm -rf "$CHROOT"' EXIT
     debootstrap --variant=minbase --include=python3,adduser,libstdc++6,systemd,udev bookworm "$CHROOT" "$MIRROR"
 else
