@@ -1,4 +1,4 @@
-"""The EGM reader at 250 packets a second, alone and with the machine busy: `python -m benchmarks.egm`.
+"""The EGM reader at 250 packets a second, alone, beside clouds, and with the machine busy: `python -m benchmarks.egm`.
 
 A packet is late by the time from its sending, in a process of its own, until the monitor holds its sample. The peers
 read the same packets: how long each takes for one.
@@ -17,11 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.link import register_until
 from drivers.egm import Arrival, EgmAddress, EgmMonitor
 from protocols.egm.messages import RobotSample, decode, encode
 
 PERIOD_S = 0.004
 BAR_MS = 4.0
+BARRED = ("alone", "clouds here")
+"""What the bar is about; the others show what else there may be."""
 UNSURE_S = 0.0005
 PEERS = ("abb_robot_client.egm", "ABBRobotEGM")
 DECODES = 5000
@@ -81,6 +84,19 @@ def crunch(_: int) -> None:
 def alone() -> Iterator[None]:
     """Nothing else."""
     yield
+
+
+@contextlib.contextmanager
+def cloud_here() -> Iterator[None]:
+    """Clouds of ten million points are registered by another thread of this process, one after the other."""
+    over = threading.Event()
+    thread = threading.Thread(target=register_until, args=(over,))
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 @contextlib.contextmanager
@@ -194,7 +210,12 @@ def main() -> int:
     print(
         f"{options.seconds:g} s at 250 Hz\nlate by, ms      p50    p99  p99.9    max   kernel note p99.9   lost  unsure"
     )
-    for name, load in (("alone", alone), ("busy thread", busy_thread), ("busy machine", busy_machine)):
+    for name, load in (
+        ("alone", alone),
+        ("clouds here", cloud_here),
+        ("busy thread", busy_thread),
+        ("busy machine", busy_machine),
+    ):
         noted, lost, unsure = measure(options.seconds, load)
         p50, p99, p999 = np.percentile([*noted.there_ms.values()], [50, 99, 99.9])
         note = np.percentile([*noted.noted_ms.values()], 99.9)
@@ -202,7 +223,7 @@ def main() -> int:
             f"{name:14} {p50:7.3f}{p99:7.3f}{p999:7.3f}{max(noted.there_ms.values()):7.2f}"
             f"{note:22.3f}{lost:7}{unsure:8}"
         )
-        worst = max(worst, p999) if name != "busy thread" else worst
+        worst = max(worst, p999) if name in BARRED else worst
     print(f"\none packet, µs: ours {ours_us():.0f}" + "".join(f", {peer} {us:.0f}" for peer, us in peers_us().items()))
     print(f"bar: p99.9 below {BAR_MS:g} ms: {'met' if worst < BAR_MS else f'NOT met, {worst:.2f} ms'}")
     return 0

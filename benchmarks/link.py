@@ -48,7 +48,7 @@ async def cell_process(program: str) -> AsyncIterator[int]:
 async def reads(seconds: float, program: str) -> list[float]:
     """The time of each of 250 reads a second, in ms, while clouds pass through another thread of this process."""
     over = threading.Event()
-    clouds = threading.Thread(target=_register_until, args=(over,))
+    clouds = threading.Thread(target=register_until, args=(over,))
     async with cell_process(program) as port:
         robot = CbRobot(TcpTransport("127.0.0.1", port))
         robot.start()
@@ -75,7 +75,8 @@ async def _read_for(robot: CbRobot, seconds: float) -> tuple[list[float], float]
     return taken_ms, time.monotonic() - began_s
 
 
-def _register_until(over: threading.Event) -> None:
+def register_until(over: threading.Event) -> None:
+    """Clouds pass, piece by piece as the daemon takes them, until it is over."""
     piece = np.zeros((100_000, 3), np.float32).tobytes()
     while not over.is_set():
         stream = CloudStream("application/octet-stream", np.eye(4), "mm")

@@ -17,6 +17,7 @@ from daemon.cli.output import Commands
 from daemon.cli.plan import plan
 from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
+from daemon.cli.robot import app as robot
 from daemon.cli.serve import serve
 from daemon.cli.solve import solve
 from daemon.cli.support_bundle import support_bundle
@@ -44,6 +45,7 @@ app.command(rich_help_panel=CELL)(serve)
 app.command(rich_help_panel=CELL)(calibrate)
 app.command(rich_help_panel=CELL)(backup)
 app.command(rich_help_panel=CELL)(restore)
+app.add_typer(robot, name="robot", rich_help_panel=CELL)
 app.add_typer(target, name="target", rich_help_panel=CELL)
 app.add_typer(keys, name="keys", rich_help_panel=CELL)
 app.add_typer(tls, name="tls", rich_help_panel=CELL)

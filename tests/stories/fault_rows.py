@@ -15,7 +15,9 @@ SUMMARIES: Mapping[str, str] = {
     for fault in (*FAULTS.values(), *DEVICE_FAULTS.values())
     if fault.area not in ("rws", "egm")
 }
-"""All but those of Robot Web Services and EGM, over which nothing moves: docs/rws.md has them."""
+"""All that strike a run which moves the arm."""
+SERVICES: Mapping[str, str] = {fault.name: fault.summary for fault in FAULTS.values() if fault.area in ("rws", "egm")}
+"""Those of Robot Web Services and EGM, over which nothing moves: they strike an operator who takes views by hand."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,35 @@ ROWS = (
 )
 
 
+@dataclass(frozen=True)
+class ViewRow:
+    """What the operator reads who takes a view by hand; `code` None: the view is taken all the same."""
+
+    fault: str
+    code: str | None
+    tells: str
+    fix: str = ""
+    within_s: float = SOON_S
+
+
+MUTE = "check that the program runs EGMStreamStart"
+VIEW_ROWS = (
+    ViewRow("rws-401", "request-refused", "user or password is refused", "password_file"),
+    ViewRow("rws-406", "request-refused", "no media type of ours will do", "set version= in the address"),
+    ViewRow("rws-503", "device-unreachable", "it answers 503, its 70 sessions are taken", "close other clients"),
+    ViewRow("rws-410", None, "nothing: views need no mastership; an upload of modules is told that there is none"),
+    ViewRow("rws-slow", None, "nothing: it takes longer", within_s=12.0),
+    ViewRow("rws-garbage", "garbled-answer", "no answer of RWS 2.0", "check that the address is a controller's"),
+    ViewRow("rws-sessions-exhausted", "device-unreachable", "its 70 sessions are taken", "close other clients"),
+    ViewRow("rws-mastership-held", None, "nothing: views need no mastership; an upload of modules is told who has it"),
+    ViewRow("rws-subscription-gone", None, "nothing: it is noticed, told in the log, and opened again"),
+    ViewRow("egm-silent", "device-timeout", "samples came within 0.25 s", MUTE),
+    ViewRow("egm-loss", None, "nothing: four packets of five are enough"),
+    ViewRow("egm-garbage", "device-timeout", "samples came within 0.25 s", MUTE),
+    ViewRow("egm-vibration", "not-still", "the flange still vibrates by 0.", "look for what shakes it"),
+    ViewRow("rws-other-tool", None, "nothing: poses are asked for in tool0 and wobj0 by name"),
+)
+
 HEADING = """# What goes wrong, and what handeyed says
 
 Each fault can be set on the mock cell when it starts (`handeyed mock run --fault NAME`) and while it runs
@@ -128,16 +159,34 @@ last. Whatever happens: the arm then stands, is disarmed, and moves on a new, ex
 stays stored. A calibration that is not accepted is not put in force.
 
 `pytest tests/stories/test_faults.py` tries every row; `python -m tests.stories.fault_rows` writes this page.
-The faults of Robot Web Services and EGM are in [rws.md](rws.md): nothing moves over them.
 
 | fault | what happens | the run | what the operator reads | what to do | told within |
 |---|---|---|---|---|---|
 """
 
 
+VIEW_HEADING = """
+## Robot Web Services and EGM
+
+Over them nothing is ever commanded: whatever happens, the arm stands where the operator jogged it. They strike here
+when a view is asked for by hand; the run waits on, and when the fault is mended the next view is taken.
+`pytest tests/stories/test_faults_of_services.py` tries every row over RWS 2.0 with EGM beside it.
+
+| fault | what happens | the view | what the operator reads | what to do | told within |
+|---|---|---|---|---|---|
+"""
+
+
 def page() -> str:
     """docs/faults.md."""
-    return HEADING + "".join(f"{_line(row)}\n" for row in ROWS)
+    rows = "".join(f"{_line(row)}\n" for row in ROWS)
+    return HEADING + rows + VIEW_HEADING + "".join(f"{_view_line(row)}\n" for row in VIEW_ROWS)
+
+
+def _view_line(row: ViewRow) -> str:
+    ends = f"refused: `{row.code}`" if row.code else "taken"
+    within = f"{row.within_s:g} s" if row.code else ""
+    return f"| `{row.fault}` | {SERVICES[row.fault]} | {ends} | {row.tells} | {row.fix} | {within} |"
 
 
 def _line(row: Row) -> str:

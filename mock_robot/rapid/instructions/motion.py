@@ -7,7 +7,7 @@ from calibration.arm import OtherConfiguration, PoseRefused
 from mock_robot.rapid.errors import ProgramStopped, RapidError
 from mock_robot.rapid.postures import flange_of, joints_rad
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import EXECUTION_ERROR, Task
 
 OUTSIDE_REACH, OTHER_CONFIGURATION, JOINT_OUT_OF_RANGE, NEAR_SINGULARITY = 50050, 50080, 50027, 50026
 """ABB's event numbers."""
@@ -82,7 +82,11 @@ def start_move(task: Task, all_tasks: bool | None) -> None:
 
 
 def clear_path(task: Task) -> None:
-    task.services.unit.clear()
+    """Only of an arm that was stopped, or stands at its goal."""
+    unit = task.services.unit
+    if unit.moving() and not unit.stopped_by:
+        raise ProgramStopped(EXECUTION_ERROR, task.name, "ClearPath while the arm moves: StopMove comes first")
+    unit.clear()
 
 
 def is_stop_move_active(task: Task, from_move_task: bool | None, from_other: bool | None) -> bool:

@@ -1,0 +1,44 @@
+"""Each fault of Robot Web Services and EGM strikes an operator who takes views by hand: what is told, then a view."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.stories.fault_rows import SERVICES, VIEW_ROWS, ViewRow
+from tests.stories.test_by_hand_over_rws import by_rws
+
+PATIENCE = 10.0
+"""Test machines are busy: what the table says of time is for a PC that is not."""
+
+
+def test_every_fault_of_the_services_has_its_row() -> None:
+    assert [row.fault for row in VIEW_ROWS] == list(SERVICES)
+
+
+@pytest.mark.parametrize("row", VIEW_ROWS, ids=lambda row: row.fault)
+async def test_what_a_fault_does(row: ViewRow, tmp_path: Path) -> None:
+    async with by_rws(tmp_path, 2) as story:
+        run = await story.operator.starts("/calibrate", manual=True)
+        story.cell.breaks(row.fault)
+        async with asyncio.timeout(row.within_s * PATIENCE):
+            told = await _told(story.operator.client, run, row.code)
+        if row.code is not None:
+            assert row.tells in told["detail"]
+            assert row.fix in told["fix"]
+        story.cell.mends()
+        async with asyncio.timeout(30.0):
+            await _told(story.operator.client, run, None)
+        assert story.cell.controller.arm.departures == 0
+
+
+async def _told(ask: httpx.AsyncClient, run: dict[str, Any], code: str | None) -> dict[str, Any]:
+    """Ask for views until the answer is that one; None: until a view was taken from here."""
+    wanted = {None, "same-pose"} if code is None else {code}
+    while True:
+        answer = (await ask.post(run["links"]["stations"])).json()
+        if answer.get("code") in wanted:
+            return dict(answer)
+        await asyncio.sleep(0.1)
