@@ -144,7 +144,7 @@ def las(points: int, folder: Path, peers: bool) -> None:
 
 
 def _ply_peers(source: Path, target: Path) -> None:
-    ours, name = moving(source, target), "  ours"
+    ours, name, before = moving(source, target), "  ours", lambda: fresh(target)
     if find_spec("plyfile"):
         import plyfile
 
@@ -157,14 +157,14 @@ def _ply_peers(source: Path, target: Path) -> None:
                 vertex[name] = points[:, axis]
             plyfile.PlyData([plyfile.PlyElement.describe(vertex, "vertex")]).write(target)
 
-        beside(name, through_plyfile, ours, "plyfile", 3)
+        beside(name, through_plyfile, ours, "plyfile", 3, before)
     if (open3d := open3d_here()) is not None:
 
         def through_open3d() -> None:
             cloud = open3d.t.io.read_point_cloud(str(source))
             open3d.t.io.write_point_cloud(str(target), cloud.transform(BASE_T_CAMERA))
 
-        beside(name, through_open3d, ours, "Open3D, tensor API", 3)
+        beside(name, through_open3d, ours, "Open3D, tensor API", 3, before)
     if find_spec("trimesh"):
         import trimesh
 
@@ -173,7 +173,7 @@ def _ply_peers(source: Path, target: Path) -> None:
             cloud.apply_transform(BASE_T_CAMERA)
             cloud.export(target)
 
-        beside(name, through_trimesh, ours, "trimesh", 1)
+        beside(name, through_trimesh, ours, "trimesh", 1, before)
 
 
 def compressed(points: int, folder: Path) -> None:
