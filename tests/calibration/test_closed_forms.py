@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.closed_forms.registry import CLOSED_FORMS
@@ -32,6 +32,7 @@ ORDINARY_X = transform(rotation_from_vector([0.4, -0.8, 1.9]), [30.0, -70.0, 120
 
 
 @pytest.mark.parametrize("name", NAMES)
+@settings(deadline=None)
 @given(seed=st.integers(0, 10_000), vector=st.tuples(*[st.floats(-3, 3)] * 3))
 def test_without_noise_every_method_finds_the_truth(name: str, seed: int, vector: tuple[float, float, float]) -> None:
     X = transform(rotation_from_vector(vector), [30.0, -70.0, 120.0])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.detection_views import industrial_camera
@@ -22,6 +22,7 @@ def seen(camera_T_target, noise_px=0.0, seed=0):
     return Detection(ALL, pixels + np.random.default_rng(seed).normal(0, noise_px, pixels.shape))
 
 
+@settings(deadline=None)
 @given(
     st.tuples(st.floats(-0.8, 0.8), st.floats(-0.8, 0.8), st.floats(-3.1, 3.1)),
     st.tuples(st.floats(-120, 0), st.floats(-100, 0), st.floats(400, 900)),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.detection.order import canonical
@@ -34,6 +34,7 @@ def read(grid, black_first, reading):
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(4, 3), (3, 4), (9, 6), (2, 3)])
+@settings(deadline=None)
 @given(READINGS, st.floats(-np.pi, np.pi), st.floats(-0.6, 0.6))
 def test_an_odd_by_even_board_has_one_first_corner(columns, rows, reading, roll, tilt):
     grid = grid_of(columns, rows, [tilt * 0.5, tilt, roll])
@@ -43,6 +44,7 @@ def test_an_odd_by_even_board_has_one_first_corner(columns, rows, reading, roll,
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(5, 3), (6, 4), (5, 5), (4, 4)])
+@settings(deadline=None)
 @given(READINGS, st.floats(-3.0, 3.0))
 def test_other_boards_are_read_alike_whatever_way_they_were_found(columns, rows, reading, roll):
     grid = grid_of(columns, rows, [0.2, -0.1, roll])

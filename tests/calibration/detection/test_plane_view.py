@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.detection.plane_view import fit_plane_view
@@ -14,6 +14,7 @@ from tests.calibration.detection.sights import CAMERA
 POINTS = Chessboard(9, 6, 20.0).points_mm
 
 
+@settings(deadline=None)
 @given(
     st.tuples(*[st.floats(-0.7, 0.7)] * 2, st.floats(-3.1, 3.1)),
     st.tuples(st.floats(-150, 50), st.floats(-120, 40), st.floats(400, 1500)),
