@@ -8,7 +8,7 @@ from drivers.interfaces import LinkHealth
 from drivers.link_report import LinkReport
 from drivers.robots.conversation import Conversation
 from drivers.robots.transport import Connection, Transport
-from drivers.timing import Timing
+from drivers.timing import Timing, take_turns_often
 from protocols.cb.client import ClientSession
 from protocols.cb.messages import Bye
 
@@ -42,6 +42,7 @@ class CbLink:
     def start(self) -> None:
         """Begin to dial."""
         if self._task is None:
+            take_turns_often()
             self._task = asyncio.create_task(self._keep_connected(), name=f"link to {self._device}")
 
     async def connected(self, limit_s: float) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -95,6 +96,17 @@ async def test_a_silent_controller_is_told_with_what_to_do() -> None:
         assert "EGMStreamStart" in monitor.link.detail
         with pytest.raises(DeviceTimeout, match="EGMStreamStart"):
             monitor.vibration(0.1)
+
+
+async def test_who_waits_for_a_packet_does_not_wait_for_python_to_change_threads() -> None:
+    before_s = sys.getswitchinterval()
+    try:
+        sys.setswitchinterval(5e-3)
+        async with monitored() as (_, monitor):
+            await a_window_passes(monitor)
+            assert sys.getswitchinterval() < 1e-3
+    finally:
+        sys.setswitchinterval(before_s)
 
 
 async def test_only_the_named_controller_is_listened_to() -> None:
