@@ -138,6 +138,14 @@ def test_a_move_that_cannot_be_stops_the_program_with_abbs_number(tmp_path: Path
         assert controller.arm.departures == 0
 
 
+def test_a_path_is_cleared_only_of_an_arm_that_was_stopped(tmp_path: Path) -> None:
+    with running(tmp_path, program("MoveAbsJ away, v100, fine, tool0;", "ClearPath;"), time_scale=1.0) as controller:
+        until(controller.unit.moving)
+        controller.memory["bell"].value = 1.0
+        until(lambda: not controller.panel.program_running)
+        assert "StopMove comes first" in controller.log[0].text
+
+
 def test_a_target_out_of_reach_is_an_error_one_can_handle(tmp_path: Path) -> None:
     body = """goal := CalcRobT(home, tool0);
     goal.trans.x := 5000;
