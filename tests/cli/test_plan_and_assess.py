@@ -65,7 +65,10 @@ def test_in_words_there_is_a_line_a_pose(tmp_path: Path) -> None:
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "no arm of that name": ({"robot": "IRB 2600-1.65"}, "robot: no arm is named 'IRB 2600-1.65'; near are IRB 2600-20/1.65, IRB 2600-12/1.65"),
+    "no arm of that name": (
+        {"robot": "IRB 2600-1.65"},
+        "robot: no arm is named 'IRB 2600-1.65'; near are IRB 2600-20/1.65, IRB 2600-12/1.65",
+    ),
     "unknown key": ({"pose": 3}, "pose: unknown key: did you mean 'poses'?"),
     "too few": ({"poses": 2}, "poses: 2: "),
 }
