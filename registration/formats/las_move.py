@@ -11,7 +11,7 @@ import numpy as np
 
 from registration.disk import GuardedFile
 from registration.errors import CloudIOError, CloudTruncated
-from registration.formats.extras import BLOCK_POINTS, library, told
+from registration.formats.extras import library, told
 from registration.formats.las import (
     HEADER_BYTES,
     LasFrame,
@@ -27,6 +27,9 @@ from registration.motion import IntegerMover, Motion
 from registration.spans import THREADS, Span, copy_span, move_span
 
 XYZ = ("X", "Y", "Z")
+
+BLOCK_POINTS = 200_000
+"""Four chunks as writers of LAZ make them: lazrs packs and unpacks each by a thread of its own."""
 
 
 def move_las(source: GuardedFile, target: GuardedFile, motion: Motion, *, compress: bool) -> int:
