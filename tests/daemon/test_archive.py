@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,42 @@ def test_scans_and_results_may_lie_anywhere_fsspec_reaches(archive: Path, tmp_pa
         for scan in scans
         for name in ("manifest.json", "merged.ply", "report.json")
     }
+
+
+@pytest.fixture
+def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """An empty bucket of an S3 server."""
+    pytest.importorskip("s3fs")
+    server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    try:
+        host, port = server.get_host_and_port()
+        for name, value in {
+            "AWS_ENDPOINT_URL": f"http://{host}:{port}",
+            "AWS_ACCESS_KEY_ID": "cell",
+            "AWS_SECRET_ACCESS_KEY": "secret",
+            "AWS_DEFAULT_REGION": "us-east-1",
+        }.items():
+            monkeypatch.setenv(name, value)
+        yield "s3://parts"
+    finally:
+        server.stop()
+
+
+def test_scans_and_results_may_lie_in_s3(archive: Path, tmp_path: Path, calibration: Path, bucket: str) -> None:
+    import fsspec
+
+    s3: Any = fsspec.filesystem("s3", skip_instance_cache=True)
+    s3.mkdir(bucket)
+    s3.put(str(archive), f"{bucket}/in", recursive=True)
+    there = ["register-archive", f"{bucket}/in", "--calibration", str(calibration), "--out", f"{bucket}/out", "--json"]
+    assert set(states(handeyed(*there, "--scheduler", "here").out).values()) == {"registered"}
+    assert set(states(handeyed(*there, "--scheduler", "here").out).values()) == {"unchanged"}
+    s3.rm_file(f"{bucket}/out/door/merged.ply")
+    assert states(handeyed(*there, "--scheduler", "here").out)["door"] == "registered"
+    handeyed(*command(archive, calibration, tmp_path / "out", "--scheduler", "here"))
+    for name, content in bytes_of(tmp_path / "out").items():
+        assert s3.cat_file(f"{bucket}/out/{name}") == content
 
 
 @pytest.mark.parametrize(
