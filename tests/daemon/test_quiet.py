@@ -5,12 +5,14 @@ from math import radians
 
 import pytest
 
+from daemon.cell import Cell, Devices
 from daemon.clock import Clock
 from daemon.errors import NotStill
 from daemon.quiet import Quiet
-from daemon.settings import EgmSettings
+from daemon.settings import EgmSettings, SettlingSettings
 from drivers.egm import Vibration
 from drivers.errors import DeviceTimeout
+from tests.daemon.fakes import FakeCamera, FakeRobot
 
 
 def stepped_clock() -> Clock:
@@ -70,3 +72,24 @@ async def test_a_silent_controller_is_not_taken_for_a_quiet_arm() -> None:
 
     with pytest.raises(DeviceTimeout):
         await Quiet(Silent(0.0), ALLOWED).wait(1.0, stepped_clock())
+
+
+def looking_through(monitor: Ringing, limit_s: float) -> tuple[Cell, FakeCamera]:
+    robot = FakeRobot()
+    camera = FakeCamera(robot)
+    devices = Devices(robot, camera, None, Quiet(monitor, ALLOWED))
+    return Cell(devices, SettlingSettings(gap_s=0.0, limit_s=limit_s), Clock()), camera
+
+
+async def test_every_picture_waits_until_the_arm_has_stopped_ringing() -> None:
+    monitor = Ringing(1.0, 0.1)
+    cell, camera = looking_through(monitor, limit_s=10.0)
+    await cell.look()
+    assert (monitor.looks, camera.pictures) == (6, 1)
+
+
+async def test_of_an_arm_that_goes_on_ringing_no_picture_is_taken() -> None:
+    cell, camera = looking_through(Ringing(0.06, decay=1.0), limit_s=0.05)
+    with pytest.raises(NotStill, match="still vibrates"):
+        await cell.look()
+    assert camera.pictures == 0

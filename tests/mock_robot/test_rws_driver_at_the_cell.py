@@ -59,6 +59,17 @@ async def test_it_finds_the_version_by_itself_and_reads_what_the_cb_link_reads(v
 
 
 @VERSIONS
+async def test_the_pendants_speed_ratio_is_read_and_told(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        assert (await robot.read_state()).speed_ratio == 100.0
+        assert not (await robot.read_status()).speed_limited
+        cell.controller.panel.speed_override = 0.4
+        state = await robot.read_state()
+        assert (state.speed_ratio, str(state)) == (40.0, "motoron, AUTO, RAPID running, speed 40 %")
+        assert (await robot.read_status()).speed_limited
+
+
+@VERSIONS
 async def test_a_moving_arm_is_not_still(version: int) -> None:
     async with rws_cell(time_scale=1.0) as cell, robot_at(cell, version) as robot:
         arm, now_s = cell.controller.arm, cell.cell.clock()
