@@ -128,13 +128,21 @@ class E57Source:
     def blocks(self) -> Iterator[Records]:
         for index, header in enumerate(self._headers):
             with told(self._name, f"scan {index}", *self._errors):
-                arrays, buffers = self._file.make_buffers(self._fields, BLOCK_POINTS)
-                reader = header.points.reader(buffers)
+                block = np.empty(BLOCK_POINTS, self.layout.dtype)
+                reader = header.points.reader(self._straight_into(block))
                 while count := reader.read():
-                    block = np.empty(count, self.layout.dtype)
-                    for field in self._fields:
-                        block[COLUMNS[field]] = arrays[field][:count]
-                    yield block
+                    yield block[:count].copy()
+
+    def _straight_into(self, block: Records) -> Any:
+        """libE57's buffers on the columns of `block`, as numbers of its kind."""
+        libe57 = library("pye57", "e57", self._name).libe57
+        buffers = libe57.VectorSourceDestBuffer()
+        for field in self._fields:
+            column = block[COLUMNS[field]]
+            buffers.append(
+                libe57.SourceDestBuffer(self._file.image_file, field, column, len(block), True, True, column.strides[0])
+            )
+        return buffers
 
 
 COLUMNS = {
