@@ -131,7 +131,7 @@ class E57Source:
                 block = np.empty(BLOCK_POINTS, self.layout.dtype)
                 reader = header.points.reader(self._straight_into(block))
                 while count := reader.read():
-                    yield block[:count].copy()
+                    yield block[:count]
 
     def _straight_into(self, block: Records) -> Any:
         """libE57's buffers on the columns of `block`, as numbers of its kind."""
