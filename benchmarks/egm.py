@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.link import register_until
+from benchmarks.link import beside, register_until
 from drivers.egm import Arrival, EgmAddress, EgmMonitor
 from protocols.egm.messages import RobotSample, decode, encode
 
@@ -86,36 +86,11 @@ def alone() -> Iterator[None]:
     yield
 
 
-@contextlib.contextmanager
-def cloud_here() -> Iterator[None]:
-    """Clouds of ten million points are registered by another thread of this process, one after the other."""
-    over = threading.Event()
-    thread = threading.Thread(target=register_until, args=(over,))
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-
-
-@contextlib.contextmanager
-def busy_thread() -> Iterator[None]:
-    """Another thread of this process that never lets go of the interpreter by itself."""
-    over = threading.Event()
-
-    def work() -> None:
-        number = 0
-        while not over.is_set():
-            number = (number * 31 + 7) % 1_000_003
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+def hold_the_interpreter(over: threading.Event) -> None:
+    """Never lets go of it by itself."""
+    number = 0
+    while not over.is_set():
+        number = (number * 31 + 7) % 1_000_003
 
 
 @contextlib.contextmanager
@@ -212,8 +187,8 @@ def main() -> int:
     )
     for name, load in (
         ("alone", alone),
-        ("clouds here", cloud_here),
-        ("busy thread", busy_thread),
+        ("clouds here", lambda: beside(register_until)),
+        ("busy thread", lambda: beside(hold_the_interpreter)),
         ("busy machine", busy_machine),
     ):
         noted, lost, unsure = measure(options.seconds, load)

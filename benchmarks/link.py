@@ -13,8 +13,8 @@ import sys
 import threading
 import time
 from asyncio.subprocess import PIPE
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -46,19 +46,18 @@ async def cell_process(program: str) -> AsyncIterator[int]:
 
 
 async def reads(seconds: float, program: str) -> list[float]:
-    """The time of each of 250 reads a second, in ms, while clouds pass through another thread of this process."""
-    over = threading.Event()
-    clouds = threading.Thread(target=register_until, args=(over,))
+    """The time of each of 250 reads a second, in ms, while clouds pass through another thread of this process.
+
+    A read without an answer raises, so whatever is returned was none lost.
+    """
     async with cell_process(program) as port:
         robot = CbRobot(TcpTransport("127.0.0.1", port))
         robot.start()
         await robot.connected(10.0)
-        clouds.start()
         try:
-            taken_ms, took_s = await _read_for(robot, seconds)
+            with beside(register_until):
+                taken_ms, took_s = await _read_for(robot, seconds)
         finally:
-            over.set()
-            clouds.join()
             await robot.close()
     print(f"reads ({program}): {len(taken_ms)} poses in {took_s:.1f} s, none lost", flush=True)
     return taken_ms
@@ -73,6 +72,19 @@ async def _read_for(robot: CbRobot, seconds: float) -> tuple[list[float], float]
         await robot.read_pose()
         taken_ms.append(1e3 * (time.monotonic() - asked_s))
     return taken_ms, time.monotonic() - began_s
+
+
+@contextmanager
+def beside(work: Callable[[threading.Event], object]) -> Iterator[None]:
+    """Another thread of this process at work until the event is set."""
+    over = threading.Event()
+    thread = threading.Thread(target=work, args=(over,))
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def register_until(over: threading.Event) -> None:

@@ -6,10 +6,8 @@ from pydantic import BaseModel, ConfigDict
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
-from daemon.drift.report import DriftChart
 from daemon.runs.log import predicted_in_words
 from daemon.runs.states import RunState
-from daemon.settings import DriftSettings
 from daemon.store.records import Applied, CalibrationRecord, Planning, RunRecord, ScanRecord, ScanView
 
 
@@ -19,12 +17,12 @@ class Answer(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
-def _example(**answer: Any) -> ConfigDict:
+def example(**answer: Any) -> ConfigDict:
     """For `model_config`: shown in openapi.json."""
     return ConfigDict(frozen=True, json_schema_extra={"examples": [answer]})
 
 
-_ID, _AT = "20261121-090000-3f9a1c", "2026-11-21T09:00:00.123Z"
+EXAMPLE_ID, EXAMPLE_AT = "20261121-090000-3f9a1c", "2026-11-21T09:00:00.123Z"
 
 
 class CauseDocument(Answer):
@@ -62,20 +60,20 @@ class PlanningDocument(Answer):
 class RunDocument(Answer):
     """One run. `station` counts the stations captured so far; `result` depends on `kind`."""
 
-    model_config = _example(
-        id=_ID,
+    model_config = example(
+        id=EXAMPLE_ID,
         kind="calibration",
         state="finished",
         over=True,
         station=3,
         stations=3,
-        created_at=_AT,
-        updated_at=_AT,
+        created_at=EXAMPLE_AT,
+        updated_at=EXAMPLE_AT,
         cause=None,
         request={"count": 3},
-        result={"calibration_id": _ID, "accepted": True, "applied": False},
+        result={"calibration_id": EXAMPLE_ID, "accepted": True, "applied": False},
         planning=None,
-        links={"self": f"/runs/{_ID}", "calibration": f"/calibrations/{_ID}"},
+        links={"self": f"/runs/{EXAMPLE_ID}", "calibration": f"/calibrations/{EXAMPLE_ID}"},
     )
 
     id: str
@@ -122,7 +120,9 @@ class RunList(Answer):
 class CalibrationSummary(Answer):
     """One line of the list."""
 
-    model_config = _example(id=_ID, run_id=_ID, created_at=_AT, accepted=True, current=True, point_mm=0.06)
+    model_config = example(
+        id=EXAMPLE_ID, run_id=EXAMPLE_ID, created_at=EXAMPLE_AT, accepted=True, current=True, point_mm=0.06
+    )
 
     id: str
     run_id: str | None
@@ -143,7 +143,7 @@ class CalibrationSummary(Answer):
 class AppliedDocument(Answer):
     """A calibration became current. `sequence` counts everything that was ever applied."""
 
-    model_config = _example(calibration_id=_ID, applied_at=_AT, applied_by="Ann", sequence=7)
+    model_config = example(calibration_id=EXAMPLE_ID, applied_at=EXAMPLE_AT, applied_by="Ann", sequence=7)
 
     calibration_id: str
     applied_at: str
@@ -201,14 +201,18 @@ class ScanViewDocument(Answer):
 class ScanDocument(Answer):
     """A part looked at from several sides; `run` fills it when the daemon drives the scanner."""
 
-    model_config = _example(
-        id=_ID,
+    model_config = example(
+        id=EXAMPLE_ID,
         name="door 4711",
         refine=False,
-        created_at=_AT,
+        created_at=EXAMPLE_AT,
         views=[],
         run=None,
-        links={"self": f"/scans/{_ID}", "views": f"/scans/{_ID}/views", "cloud": f"/scans/{_ID}/cloud"},
+        links={
+            "self": f"/scans/{EXAMPLE_ID}",
+            "views": f"/scans/{EXAMPLE_ID}/views",
+            "cloud": f"/scans/{EXAMPLE_ID}/cloud",
+        },
     )
 
     id: str
@@ -255,75 +259,6 @@ class ScanList(Answer):
 
     scans: list[ScanDocument]
     next: str | None
-
-
-class DriftRulesDocument(Answer):
-    """How the chart is drawn, as in [drift] of the settings."""
-
-    weight: float
-    learn: int
-    allowed_mm: float
-    runs_between_false_alarms: float
-
-
-class DriftPointDocument(Answer):
-    """One verification, in base: how far the target was from where it was learnt to be, and the moving average of that.
-
-    `drift_mm` is the average's length, and `limit_mm` how long it may be by chance, null while the chart still learns.
-    """
-
-    run_id: str
-    at: str
-    standing: Literal["learning", "steady", "drifting"]
-    shift_mm: tuple[float, float, float]
-    average_mm: tuple[float, float, float]
-    drift_mm: float
-    limit_mm: float | None
-    scatter_mm: float
-
-
-class DriftDocument(Answer):
-    """The control chart of the calibration in force; "off" without one. `points`: the oldest first.
-
-    `alarm`: why there is one, in words, else null. `scatter_limit_mm`: how far the calibration's uncertainty and the
-    robot's noise explain the scatter of the last verification over its positions.
-    """
-
-    model_config = _example(
-        standing="steady", calibration_id=_ID, verifications=1, shift_mm=0.021, limit_mm=0.094, scatter_mm=0.04,
-        scatter_limit_mm=0.16, alarm=None,
-        rules={"weight": 0.2, "learn": 5, "allowed_mm": 0.0, "runs_between_false_alarms": 1000.0},
-        points=[{"run_id": _ID, "at": _AT, "standing": "steady", "shift_mm": [0.03, -0.01, 0.02],
-                 "average_mm": [0.017, -0.004, 0.012], "drift_mm": 0.021, "limit_mm": 0.094, "scatter_mm": 0.04}],
-    )  # fmt: skip
-
-    standing: Literal["off", "learning", "steady", "drifting"]
-    calibration_id: str | None
-    verifications: int
-    shift_mm: float
-    limit_mm: float | None
-    scatter_mm: float
-    scatter_limit_mm: float | None
-    alarm: str | None
-    rules: DriftRulesDocument
-    points: list[DriftPointDocument]
-
-    @classmethod
-    def of(cls, chart: DriftChart, settings: DriftSettings, limit: int) -> "DriftDocument":
-        report = chart.report
-        return cls(
-            standing="off" if report.standing is None else report.standing.value,
-            calibration_id=report.calibration_id or None,
-            verifications=report.verifications,
-            shift_mm=report.shift_mm,
-            limit_mm=report.limit_mm,
-            scatter_mm=report.scatter_mm,
-            scatter_limit_mm=report.scatter_limit_mm,
-            alarm=report.alarm or None,
-            rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
-            points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
-                    for point in chart.points[-limit:]],
-        )  # fmt: skip
 
 
 class RobotDocument(Answer):
@@ -378,7 +313,7 @@ class AuditList(Answer):
 class HealthDocument(Answer):
     """The daemon answers."""
 
-    model_config = _example(status="alive", software="handeyed 0.1.0", uptime_s=86400.0)
+    model_config = example(status="alive", software="handeyed 0.1.0", uptime_s=86400.0)
 
     status: Literal["alive"]
     software: str
@@ -388,7 +323,7 @@ class HealthDocument(Answer):
 class Readiness(Answer):
     """Could this be done now, else why not."""
 
-    model_config = _example(ready=False, reasons=["robot: motors are off"])
+    model_config = example(ready=False, reasons=["robot: motors are off"])
 
     ready: bool
     reasons: list[str]

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from daemon.api.access import App
-from daemon.api.documents import DriftDocument
+from daemon.api.drift_documents import DriftDocument
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.problems import documented
 from daemon.api.text import drift_in_words

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.api.documents import CalibrateStatus, CurrentCalibration, DriftDocument, ReadyDocument, RobotDocument
+from daemon.api.documents import CalibrateStatus, CurrentCalibration, ReadyDocument, RobotDocument
+from daemon.api.drift_documents import DriftDocument
 from daemon.cli.summary import summary
 from daemon.runs.log import predicted_in_words
 from daemon.store.records import RunRecord
