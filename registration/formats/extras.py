@@ -127,11 +127,14 @@ class E57Source:
 
     def blocks(self) -> Iterator[Records]:
         for index, header in enumerate(self._headers):
+            block = np.empty(BLOCK_POINTS, self.layout.dtype)
             with told(self._name, f"scan {index}", *self._errors):
-                block = np.empty(BLOCK_POINTS, self.layout.dtype)
                 reader = header.points.reader(self._straight_into(block))
-                while count := reader.read():
-                    yield block[:count]
+                count = reader.read()
+            while count:
+                yield block[:count]
+                with told(self._name, f"scan {index}", *self._errors):
+                    count = reader.read()
 
     def _straight_into(self, block: Records) -> Any:
         """libE57's buffers on the columns of `block`, as numbers of its kind."""
