@@ -1,6 +1,7 @@
 """What every robot driver does, against the RAPID that is shipped: over TCP, and over a pty."""
 
 import asyncio
+from itertools import product
 import dataclasses
 import time
 
@@ -131,11 +132,12 @@ async def test_a_bad_but_honest_link_loses_nothing_and_moves_once(cell, fault):
     assert (running.commanded_moves, running.controller.arm.departures) == (1, 1)
 
 
-@pytest.mark.parametrize("fault", ["link-reply-lost", "serial-half-frame", "serial-doubled-byte", "serial-break"])
+SPOILT = ["link-reply-lost", "serial-half-frame", "serial-doubled-byte", "serial-break"]
+
+
+@pytest.mark.parametrize(("cell", "fault"), [("tcp", "link-reply-lost"), *product(["pty"], SPOILT)], indirect=["cell"])
 async def test_a_lost_or_spoilt_answer_to_a_move_is_asked_for_again_and_the_arm_departs_once(cell, fault):
     robot, running = cell
-    if fault != "link-reply-lost" and running.announcement.serial_path is None:
-        pytest.skip("a fault of the serial line")
     await robot.set_armed(True)
     running.breaks(fault, only=Command.MOVE)
     await robot.move_to(GOAL)
