@@ -1,9 +1,9 @@
 """What every robot driver does, against the RAPID that is shipped: over TCP, and over a pty."""
 
 import asyncio
-from itertools import product
 import dataclasses
 import time
+from itertools import product
 
 import numpy as np
 import pytest
