@@ -144,7 +144,7 @@ def sign_lost(problem: Problem, rng: np.random.Generator) -> Fault:
     which = int(rng.choice(np.flatnonzero(np.abs(quaternion[1:]) > 0.05)) + 1)
     quaternion[which] *= -1
     poses[row, :3, :3] = rotation_from_quaternion(quaternion)
-    return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"view {row} ", NUMBERS[3 + which]))
+    return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"view {row}", NUMBERS[3 + which]))
 
 
 def turned(problem: Problem, rng: np.random.Generator) -> Fault:
@@ -194,7 +194,7 @@ def mistyped(problem: Problem, rng: np.random.Generator) -> Slip:
     def at(size: float) -> Fault:
         poses = poses_of(problem)
         poses[row, axis, 3] += sign * size
-        return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"view {row} ",))
+        return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"view {row}",))
 
     return Slip(at)
 

@@ -39,6 +39,11 @@ class Reach:
     """Deviations below which the fault does not matter, however plain it is."""
 
     @property
+    def told_apart(self) -> bool:
+        """Is there a size from which on it is right often enough?"""
+        return bool(self.right[-1] >= RIGHT)
+
+    @property
     def size(self) -> float:
         """In deviations: from here on it is right often enough, and matters."""
         return max(self._plain(), self.least)

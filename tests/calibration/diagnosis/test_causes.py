@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.diagnosis import GROSS, KINDS, Session
 from benchmarks.diagnosis_faults import (
     CONVENTIONS,
     SETUPS,
@@ -21,6 +20,7 @@ from benchmarks.diagnosis_faults import (
     simulated_session,
     with_poses,
 )
+from benchmarks.diagnosis_kinds import GROSS, KINDS, Session
 from calibration.problem import Problem, Setup
 from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
