@@ -129,8 +129,14 @@ CONVENTIONS = (
 )
 
 
-def convention_trials(evidence: Evidence, alternatives: int = len(CONVENTIONS)) -> Iterator[Trial]:
+def convention_trials(evidence: Evidence) -> Iterator[Trial]:
     """One trial a convention, and the target's size."""
+    yield from reading_trials(evidence)
+    yield _pitch(evidence)
+
+
+def reading_trials(evidence: Evidence, alternatives: int = len(CONVENTIONS)) -> Iterator[Trial]:
+    """One trial a convention."""
     for convention in CONVENTIONS:
         corrected = evidence.with_robot_poses(convention.undo(evidence.base_T_flange, evidence.camera_T_target))
         if np.median(np.linalg.norm(corrected.base_T_flange[:, :3, 3], axis=1)) > LARGEST_CELL_MM:
@@ -138,7 +144,6 @@ def convention_trials(evidence: Evidence, alternatives: int = len(CONVENTIONS)) 
         yield Trial(
             convention.code, (), corrected, evidence, convention.message, convention.fix, alternatives=alternatives
         )
-    yield _pitch(evidence)
 
 
 def off_by_one_trials(evidence: Evidence) -> Iterator[Trial]:

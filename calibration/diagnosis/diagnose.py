@@ -1,13 +1,14 @@
 """Try the known causes one at a time, and name the one that explains an inconsistent session."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.diagnosis.conventions import convention_trials, off_by_one_trials
+from calibration.diagnosis.conventions import convention_trials, off_by_one_trials, reading_trials
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import fit
+from calibration.diagnosis.fit import Fit, fit, likeliest_fit
 from calibration.diagnosis.mistyped import mistyped_outcomes
 from calibration.diagnosis.trial import Outcome, Trial, outcomes_of
 from calibration.diagnosis.views import (
@@ -19,6 +20,8 @@ from calibration.diagnosis.views import (
     swapped_trials,
     turned_trials,
 )
+from calibration.errors import UndeterminedError
+from calibration.observability import require_determined
 from calibration.transforms import Array
 
 FEWEST_VIEWS = 5
@@ -65,7 +68,18 @@ def diagnose(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
         return None
     # Wrong assumptions lead anywhere; what becomes of them is no number that could win.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        return _best_explanation(evidence, target_centre_mm)
+        if _determined(evidence.base_T_flange):
+            return _best_explanation(evidence, target_centre_mm)
+        return _another_reading(evidence)
+
+
+def _another_reading(evidence: Evidence) -> Diagnosis | None:
+    """Motions that determine nothing contradict nothing: what they can be is motions read in another convention."""
+    sample = evidence.take(evenly(len(evidence), MOST_VIEWS))
+    trials = [trial for trial in reading_trials(sample) if _determined(trial.evidence.base_T_flange)]
+    as_it_came = likeliest_fit(sample)
+    outcomes = _best_of_each(outcomes_of(trials, sample, as_it_came))
+    return _diagnosis(as_it_came, [outcome for outcome in outcomes if outcome.gain >= GAIN])
 
 
 def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
@@ -89,11 +103,25 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis 
     # The views that were left out are alternatives too.
     best_of_each = _best_of_each(outcomes)
     found = [outcome for outcome in best_of_each if _convinces(outcome, len(evidence), len(sample))]
+    if found and found[0].trial.code in CHANGE_CODES and len(sample) < len(evidence):
+        found[0] = _located(evidence, found[0])
+    return _diagnosis(as_it_came, found)
+
+
+def _determined(base_T_flange: Array) -> bool:
+    """Could X be found from the motions between these poses (n, 4, 4)?"""
+    try:
+        require_determined(base_T_flange)
+    except UndeterminedError:
+        return False
+    return True
+
+
+def _diagnosis(as_it_came: Fit, found: Sequence[Outcome]) -> Diagnosis | None:
+    """The first outcome explains, the second is the runner-up."""
     if not found:
         return None
     best, *others = found
-    if best.trial.code in CHANGE_CODES and len(sample) < len(evidence):
-        best = _located(evidence, best)
     return Diagnosis(
         best.trial,
         best.gain,

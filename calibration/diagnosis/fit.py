@@ -33,6 +33,9 @@ FIRST_VARIANCE = np.array([1e-4**2, 0.1**2])
 SMALLEST_INFORMATION = 1e-30
 """Under a wrong assumption rounding may leave nothing at all, or less."""
 
+STARTS = 16
+"""One in three ends elsewhere among motions without turns."""
+
 LONGEST_STEP = np.repeat([0.5, 2000.0], 3)
 """rad, mm"""
 
@@ -142,6 +145,19 @@ def fits(
         )
         for t in range(len(evidences))
     ]
+
+
+def likeliest_fit(evidence: Evidence) -> Fit:
+    """The best of several fits: where motions do not determine X, the closed form starts anywhere.
+
+    Frames turned at random change no likelihood, only that start; X and the target's pose are in turned frames.
+    """
+    turns = transform(rotation_from_vector(np.random.default_rng(0).uniform(-2, 2, (2 * STARTS, 3))), np.zeros(3))
+    turned = [
+        evidence.with_robot_poses(base @ evidence.base_T_flange @ flange)
+        for base, flange in zip(turns[:STARTS], turns[STARTS:], strict=True)
+    ]
+    return max(fits([evidence, *turned]), key=lambda fitted: fitted.log_likelihood)
 
 
 def predicted_base_T_flange(evidence: Evidence, fitted: Fit, view: int) -> Array:

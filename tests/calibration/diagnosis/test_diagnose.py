@@ -21,6 +21,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.findings import ExpectedMount, mount_findings, severity_of
 from calibration.diagnosis.fit import fit, fits
 from calibration.diagnosis.gate import suspicious
+from calibration.problem import Setup
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
 
@@ -166,6 +167,19 @@ def test_motions_that_determine_nothing_have_codes_of_their_own(poses, code: str
     solution = solve_hand_eye(type(problem)(problem.setup, BOARD, problem.camera, problem.image_size, views))
     assert solution.mount_T_camera is None
     assert solution.findings[0].code == code
+
+
+@pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
+def test_motions_that_determine_nothing_say_nothing_of_conventions(setup: Setup) -> None:
+    """However they are turned: where the closed form starts there, and where the fit ends, is rounding's choice."""
+    rng = np.random.default_rng(3)
+    for _ in range(6):
+        poses = transform(rotation_from_vector(rng.uniform(-2, 2, 3)), rng.uniform(-100, 100, (8, 3)))
+        seen = inverse(poses if setup == "eye-in-hand" else inverse(poses))
+        exact = np.tile(1e-12 * np.eye(6), (8, 1, 1))
+        turned = transform(rotation_from_vector(rng.uniform(-2, 2, 3)), rng.uniform(-50, 50, 3))
+        still = Evidence(setup, np.arange(8), poses, turned @ seen @ turned, exact, np.full(8, 100.0))
+        assert diagnose(still, CENTRE_MM) is None
 
 
 def test_a_camera_that_is_not_where_the_drawing_has_it_is_told() -> None:
