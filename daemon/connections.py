@@ -16,6 +16,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from daemon.api.phrases import phrase_of
 from daemon.api.problems import MEDIA_TYPE, Problem
 from daemon.handshakes import Handshake
+from daemon.inlet import Inlet, Room
 
 MALFORMED = (400, "request-malformed", "this is not an HTTP/1.1 request", "send one; for TLS use https://")
 TOO_SLOW = (408, "request-too-slow", "the request's head did not come in time", "send it in one go")
@@ -50,12 +51,13 @@ class Door:
     limits: Limits = field(default_factory=lambda: Limits(connections=_affordable(Limits.connections)))
     waiting: "dict[GuardedConnection | Handshake, None]" = field(default_factory=dict)
     handshakes: set[Handshake] = field(default_factory=set)
+    room: Room = field(default_factory=Room)
     _established: set[Any] = field(default_factory=set)
 
-    def protocol(self, handshake: Handshake | None = None, **arguments: Any) -> "GuardedConnection":
+    def protocol(self, handshake: Handshake | None = None, **arguments: Any) -> Inlet:
         """For `uvicorn.Config(http=...)`. `handshake`: the connection's own, which is done."""
         self._established = arguments["server_state"].connections
-        return GuardedConnection(self, handshake, **arguments)
+        return Inlet(GuardedConnection(self, handshake, **arguments), self.room)
 
     def has_room(self) -> bool:
         """For one more; the connection that has waited longest is closed for it. False when every one is at work."""
@@ -132,13 +134,13 @@ class GuardedConnection(HttpToolsProtocol):
         self._door.waiting.pop(self, None)
         super().connection_lost(exc)
 
-    def data_received(self, data: bytes) -> None:
+    def data_received(self, data: bytes | memoryview) -> None:
         if self._deaf or self.transport.is_closing():
             return
         self._moved_s = self.loop.time()
         if self._head_since_s is None and not self._in_progress:
             self._wait_for_a_head()
-        super().data_received(data)
+        super().data_received(data)  # type: ignore[arg-type] # httptools reads any buffer, and keeps copies
         if self._head_since_s is not None:
             self._head_bytes += len(data)
             if self._head_bytes > self._limits.head_bytes:

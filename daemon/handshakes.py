@@ -28,7 +28,11 @@ class Handshake:
         self._task: asyncio.Task[None] | None = None
 
     def begin(
-        self, follows: Callable[[], asyncio.Protocol], context: ssl.SSLContext, limit_s: float, over: Callable[[], None]
+        self,
+        follows: Callable[[], asyncio.BaseProtocol],
+        context: ssl.SSLContext,
+        limit_s: float,
+        over: Callable[[], None],
     ) -> None:
         """`over` is called when it is done, or has failed."""
         self._task = asyncio.create_task(self._shaken(follows, context, limit_s), name="TLS handshake")
@@ -44,7 +48,9 @@ class Handshake:
             self._connection.close()  # else its transport does
         over()
 
-    async def _shaken(self, follows: Callable[[], asyncio.Protocol], context: ssl.SSLContext, limit_s: float) -> None:
+    async def _shaken(
+        self, follows: Callable[[], asyncio.BaseProtocol], context: ssl.SSLContext, limit_s: float
+    ) -> None:
         """One that fails is not told: whoever scans the network would fill the log."""
         self._begun = True
         with suppress(OSError):  # ssl.SSLError is one
@@ -74,7 +80,7 @@ class SecuredListener:
         context: ssl.SSLContext,
         limit_s: float,
         crowd: Crowd,
-        follows: Callable[[Handshake], asyncio.Protocol],
+        follows: Callable[[Handshake], asyncio.BaseProtocol],
     ) -> None:
         self._listener, self._context, self._limit_s = listener, context, limit_s
         self._crowd, self._follows = crowd, follows

@@ -76,7 +76,7 @@ class Server(uvicorn.Server):
             self._application.systemd.notify("READY=1")
             self._announce(self.url())
 
-    def _secured_connection(self, handshake: Handshake) -> asyncio.Protocol:
+    def _secured_connection(self, handshake: Handshake) -> asyncio.BaseProtocol:
         return self._door.protocol(
             handshake, config=self.config, server_state=self.server_state, app_state=self.lifespan.state
         )

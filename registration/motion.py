@@ -93,9 +93,9 @@ def move_points(matrix: Array, points: NDArray[Any], out: NDArray[Any]) -> None:
 class BlockMover:
     """Moves blocks of one layout; owns its scratch memory.
 
-    `move` gives back records that stay valid until the next call: the block itself, changed in place where it must
-    be writable, or a block of its own. `points` and `non_finite` count what went through: a point with a NaN or
-    infinite coordinate is moved as it is (it comes out non-finite) and counted.
+    `move` gives back the block itself, changed in place where it must be writable, or else what it was given to move
+    it `into`, or a block of its own that stays valid until the next call. `points` and `non_finite` count what went
+    through: a point with a NaN or infinite coordinate is moved as it is (it comes out non-finite) and counted.
     """
 
     def __init__(self, motion: Motion, layout: Layout) -> None:
@@ -110,9 +110,9 @@ class BlockMover:
         """Does `move` write into the block it is given?"""
         return not self._xyz.whole_record
 
-    def move(self, block: Records) -> Records:
+    def move(self, block: Records, into: Records | None = None) -> Records:
         self.points += len(block)
-        moved = self._xyz.move(block)
+        moved = self._xyz.move(block, None if into is None or self.in_place else into)
         self.non_finite += _count_non_finite(moved)
         if self._xyz.whole_record:
             return moved.view(self._layout.dtype)[:, 0]
@@ -169,12 +169,13 @@ class _TripleMover:
         self._source, self._target = np.empty((count, 3), self._kind), np.empty((count, 3), self._kind)
         self._planes = np.empty((3, 1, 0 if self.whole_record else count), self._kind)
 
-    def move(self, block: Records) -> NDArray[Any]:
-        """The triple of every record, moved: (n, 3) of this mover's own."""
+    def move(self, block: Records, into: Records | None = None) -> NDArray[Any]:
+        """The triple of every record, moved: (n, 3), of this mover's own or `into` whole records."""
         count = len(block)
         if len(self._target) < count:
             self._resize(count)
-        source, target = self._source[:count], self._target[:count]
+        source = self._source[:count]
+        target = self._target[:count] if into is None else into.view(self._kind).reshape(count, 3)
         if self.whole_record and block.flags.aligned and block.flags.c_contiguous:
             source = block.view(self._kind).reshape(count, 3)
         elif self.whole_record:

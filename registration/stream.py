@@ -84,7 +84,7 @@ class CloudStream:
         return b"".join([bytes(part) for part in self.last_parts()])
 
     def parts(self, chunk: bytes | bytearray | memoryview) -> Iterator[bytes | memoryview]:
-        """As `feed`, without joining; each part is valid until the next is asked for.
+        """As `feed`, without joining; a part stays valid as long as nobody else writes into its chunk.
 
         A writable chunk may be overwritten, which saves a copy.
         """
@@ -153,7 +153,8 @@ class CloudStream:
 
     def _moved(self, block: Records) -> bytes | memoryview:
         assert self._mover is not None
-        if self._mover.in_place and not block.flags.writeable:
-            block = block.copy()
-        moved = self._mover.move(block)
+        if self._mover.in_place:
+            moved = self._mover.move(block if block.flags.writeable else block.copy())
+        else:
+            moved = self._mover.move(block, np.empty(len(block), block.dtype))
         return self._encoder.encode(moved) if self._encoder else moved.view(np.uint8).data

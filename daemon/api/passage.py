@@ -30,9 +30,6 @@ Done = Callable[[CloudStream, int], None]
 CHECKED_WHOLE_BYTES = 1_000_000
 """A body up to this is looked at to its end before the answer begins: what is wrong with it is told as a problem."""
 
-SMALL_BYTES = 4096
-"""What is smaller is not worth a message of its own."""
-
 REFUSALS = (RegistrationError, StorageError, BodyTooLarge)
 
 
@@ -63,20 +60,14 @@ class Passage:
 
     async def _put(self, parts: Iterator[bytes | memoryview]) -> int:
         """The moved parts, the header with the frame's name in it; answers how many bytes."""
-        size, held = 0, b""
+        size = 0
         for moved in parts:
             part = moved
             if self.stream.header is not None and not self._headed:
                 part, self._headed = self._head(), True
-            if len(part) < SMALL_BYTES:  # a point that two pieces shared travels with what follows it
-                held += part
-                continue
-            content, held = b"".join((held, part)), b""
-            await self.spool.put(content)
-            size += len(content)
-        if held:
-            await self.spool.put(held)
-        return size + len(held)
+            await self.spool.put(part)
+            size += len(part)
+        return size
 
     def _head(self) -> bytes:
         """The cloud's header as it is answered: a PLY's older comments may name another frame."""
@@ -134,7 +125,8 @@ class MovedCloud(Response):
             error = taking.exception() if taking.done() else None
             if error is None:
                 await self._start(passage, send)
-                await self._send(spool, taking, send)
+                # A task of its own: resumed through the whole chain of middlewares, each piece would cost more.
+                await asyncio.create_task(self._send(spool, taking, send))
             elif isinstance(error, REFUSALS):
                 await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
             elif not isinstance(error, ClientDisconnect):

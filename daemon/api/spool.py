@@ -25,15 +25,17 @@ class Spool:
     def __init__(self, folder: Path, memory_bytes: int = MEMORY_BYTES) -> None:
         """`folder`: where a temporary file may grow as large as the answer."""
         self._folder, self._memory_bytes = folder, memory_bytes
-        self._memory: deque[bytes] = deque()
+        self._memory: deque[bytes | memoryview] = deque()
         self._in_memory = 0
         self._file: IO[bytes] | None = None
         self._written = self._read = 0
         self._ended = False
         self._news = asyncio.Event()
 
-    async def put(self, content: bytes) -> None:
-        """Raises StorageError when the file cannot grow."""
+    async def put(self, content: bytes | memoryview) -> None:
+        """Nobody writes into `content` any more. Raises StorageError when the file cannot grow."""
+        if not content:
+            return  # an empty piece would look like the end
         if self._in_file or self._in_memory + len(content) > self._memory_bytes:
             await asyncio.to_thread(self._append, content)
         else:
@@ -46,7 +48,7 @@ class Spool:
         self._ended = True
         self._news.set()
 
-    async def get(self) -> bytes:
+    async def get(self) -> bytes | memoryview:
         """The next bytes; b"" when there are none left and none will come."""
         while True:
             if self._memory:
@@ -69,7 +71,7 @@ class Spool:
     def _in_file(self) -> bool:
         return self._read < self._written
 
-    def _append(self, content: bytes) -> None:
+    def _append(self, content: bytes | memoryview) -> None:
         with storage_errors(self._folder):
             if self._file is None:
                 self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115 - closed by `close`

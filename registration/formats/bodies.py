@@ -37,13 +37,13 @@ class BodyDecoder(Protocol):
 
 
 class BinaryDecoder:
-    """Fixed records. Blocks are views of the bytes given, but for the record that a boundary cuts."""
+    """Fixed records. Blocks are views of the bytes given; where a boundary cuts a record, of a copy that joins it."""
 
     def __init__(self, header: CloudHeader, file: str) -> None:
         self._file = file
         self._dtype = header.layout.dtype
         self._count = header.count
-        self._cut = bytearray()
+        self._cut = b""
         self.points = 0
         self.taken = 0
 
@@ -52,27 +52,16 @@ class BinaryDecoder:
         return self.points == self._count
 
     def take(self, data: memoryview) -> Iterator[Records]:
-        self.taken = 0
-        size = self._dtype.itemsize
-        if self._cut and not self.done:
-            self.taken = min(size - len(self._cut), len(data))
-            self._cut += data[: self.taken]
-            if len(self._cut) < size:
-                return
-            record, self._cut = np.frombuffer(self._cut, self._dtype), bytearray()
-            self.points += 1
-            yield record
-        whole = (len(data) - self.taken) // size
+        cut = len(self._cut)
+        content = _joined(self._cut, data) if cut else data
+        whole = len(content) // self._dtype.itemsize
         if self._count is not None:
             whole = min(whole, self._count - self.points)
-        start, self.taken = self.taken, self.taken + whole * size
-        rest = len(data) - self.taken
+        used = whole * self._dtype.itemsize
         self.points += whole
-        if not self.done and rest:
-            self._cut += data[self.taken :]
-            self.taken = len(data)
+        self._cut, self.taken = (b"", used - cut) if self.done else (bytes(content[used:]), len(data))
         if whole:
-            yield np.frombuffer(data[start : start + whole * size], self._dtype)
+            yield np.frombuffer(content[:used], self._dtype)
 
     def finish(self) -> Iterator[Records]:
         if self._cut:
@@ -82,6 +71,14 @@ class BinaryDecoder:
         if self._count is not None and not self.done:
             raise _truncated(self._file, self.points, self._count)
         return iter(())
+
+
+def _joined(first: bytes, second: memoryview) -> memoryview:
+    """Both in memory of their own, which nothing has filled before."""
+    joined = np.empty(len(first) + len(second), np.uint8)
+    joined[: len(first)] = np.frombuffer(first, np.uint8)
+    joined[len(first) :] = np.frombuffer(second, np.uint8)
+    return joined.data
 
 
 class TextDecoder:
