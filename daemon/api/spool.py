@@ -1,4 +1,4 @@
-"""A queue of bytes that never blocks its writer: what memory does not hold waits in a temporary file.
+"""A queue of bytes that does not wait long for its reader: what memory does not hold waits in a temporary file.
 
 Most HTTP clients send their whole body before they read the answer. If the answer could only be sent, not put aside,
 both ends would wait for each other as soon as the sockets' buffers are full.
@@ -8,6 +8,7 @@ import asyncio
 import os
 import tempfile
 from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -17,6 +18,9 @@ MEMORY_BYTES = 4_000_000
 """A client that reads while it sends never gets near this."""
 
 PIECE_BYTES = 1 << 18
+
+PATIENCE_S = 0.05
+"""So long a reader that fell behind is waited for, before a file is begun for it."""
 
 
 class Spool:
@@ -30,13 +34,13 @@ class Spool:
         self._file: IO[bytes] | None = None
         self._written = self._read = 0
         self._ended = False
-        self._news = asyncio.Event()
+        self._news, self._space = asyncio.Event(), asyncio.Event()
 
     async def put(self, content: bytes | memoryview) -> None:
         """Nobody writes into `content` any more. Raises StorageError when the file cannot grow."""
         if not content:
             return  # an empty piece would look like the end
-        if self._in_file or self._in_memory + len(content) > self._memory_bytes:
+        if self._in_file or not (self._fits(len(content)) or await self._fits_soon(len(content))):
             await asyncio.to_thread(self._append, content)
         else:
             self._memory.append(content)
@@ -54,6 +58,7 @@ class Spool:
             if self._memory:
                 content = self._memory.popleft()
                 self._in_memory -= len(content)
+                self._space.set()
                 return content
             if self._in_file:
                 return await asyncio.to_thread(self._next)
@@ -66,6 +71,18 @@ class Spool:
         """The temporary file is gone."""
         if self._file is not None:
             self._file.close()
+
+    def _fits(self, length: int) -> bool:
+        return self._in_memory + length <= self._memory_bytes
+
+    async def _fits_soon(self, length: int) -> bool:
+        """Once the reader has taken something out of memory, if it does."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(PATIENCE_S):
+                while length <= self._memory_bytes and not self._fits(length):
+                    self._space.clear()
+                    await self._space.wait()
+        return self._fits(length)
 
     @property
     def _in_file(self) -> bool:

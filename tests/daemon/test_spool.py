@@ -1,4 +1,4 @@
-"""A queue that never blocks its writer, and gives back every byte in order."""
+"""A queue that does not wait long for its reader, and gives back every byte in order."""
 
 import asyncio
 import hashlib
@@ -46,6 +46,15 @@ async def test_every_byte_in_order(tmp_path: Path, memory_bytes: int, reader_wai
 
 async def test_an_empty_queue_that_ends_is_over(tmp_path: Path) -> None:
     assert await passed(Spool(tmp_path), [], reader_waits=False) == b""
+
+
+async def test_an_empty_piece_is_not_the_end(tmp_path: Path) -> None:
+    assert await passed(Spool(tmp_path), [b"", b"one", b"", b"two"], reader_waits=True) == b"onetwo"
+
+
+async def test_a_reader_that_is_only_behind_costs_no_file(tmp_path: Path) -> None:
+    spool = Spool(tmp_path / "where no file can be made", memory_bytes=10)
+    assert await passed(spool, [b"123456"] * 100, reader_waits=False) == b"123456" * 100
 
 
 async def test_a_folder_that_is_not_there_is_a_storage_error(tmp_path: Path) -> None:
