@@ -164,7 +164,7 @@ def _ply_peers(source: Path, target: Path) -> None:
             cloud = open3d.t.io.read_point_cloud(str(source))
             open3d.t.io.write_point_cloud(str(target), cloud.transform(BASE_T_CAMERA))
 
-        beside(name, through_open3d, ours, "Open3D, tensor API", 3, before)
+        beside(name, through_open3d, ours, "Open3D, tensor API", 9, before)
     if find_spec("trimesh"):
         import trimesh
 

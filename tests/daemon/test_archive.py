@@ -18,6 +18,7 @@ from daemon.archive.manifest import NAME
 from daemon.archive.places import Place
 from daemon.archive.work import Task, register_one
 from tests.cli.running import handeyed
+from tests.cli.terminal import on_terminal
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
 
@@ -83,6 +84,14 @@ def test_one_process_and_any_number_of_workers_write_the_same_bytes(
         assert "4 scans (4 registered), 4,800 points" in ran.stdout
         assert bytes_of(out) == bytes_of(tmp_path / "here")
     assert len(bytes_of(tmp_path / "here")) == 4 * 3
+
+
+def test_whoever_sits_before_it_sees_how_far_it_is(tmp_path: Path, archive: Path, calibration: Path) -> None:
+    arguments = command(archive, calibration, tmp_path / "out", "--scheduler", "here")
+    seen = on_terminal([sys.executable, "-m", "daemon.cli", *arguments])
+    assert seen.status in (0, 3)
+    assert "4/4" in seen.shown
+    assert b"4 scans (4 registered)" in seen.out
 
 
 def test_killed_in_the_middle_it_goes_on_where_it_stopped(tmp_path: Path, archive: Path, calibration: Path) -> None:
