@@ -1,22 +1,23 @@
 """RMS errors of X beside OpenCV's methods and beside the bound that no estimator can beat, at 5, 10, 20 and 50 views.
 
-`python -m benchmarks.hand_eye_peers [--only poses|pixels] [--cells N] [--methods]`. One level of noise a row, so
-that none hides another. `poses`: sessions given as pairs of poses with isotropic errors, nothing told about them;
-`pixels`: whole sessions, intrinsics given. `--methods` prints every method's errors below each row.
+`python -m benchmarks.hand_eye_peers [--only mixed|poses|pixels] [--cells N] [--methods]`. `mixed`: whole sessions drawn
+as `benchmarks.hand_eye` draws them, of every noise, intrinsics given or not; ten times as many. The others have one
+level of noise a row, so that none hides another. `poses`: sessions given as pairs of poses with isotropic errors,
+nothing told about them; `pixels`: whole sessions, intrinsics given. `--methods` prints every method's errors.
 """
 
 import argparse
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import product
 
 import numpy as np
 
-from benchmarks.cells import bound_of, error_of
+from benchmarks.cells import bound_of, drawn_cell, error_of
 from benchmarks.closed_form_peers import Poses, opencv_methods, own, whose
 from benchmarks.pose_sessions import Motions, PoseNoise, PoseSession, drawn_session
 from benchmarks.simulation import Cell, CellNoise, random_cell
@@ -53,70 +54,79 @@ Squares = dict[str, Array]
 """By method: squared errors of X, [rotation rad², translation mm²]; infinite where there is none."""
 
 Session = Callable[[np.random.Generator, int], Squares]
+Found = Mapping[int, Sequence[Squares]]
+"""By number of views."""
 
 
 def main() -> None:
     """Both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cells", type=int, default=200, help="for each row and number of views")
-    parser.add_argument("--only", choices=("poses", "pixels"), help="one of the tables")
+    parser.add_argument("--only", choices=("mixed", "poses", "pixels"), help="one of the tables")
     parser.add_argument("--views", type=int, nargs="+", default=VIEWS)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--methods", action="store_true", help="print every method below each row")
     options = parser.parse_args()
-    poses = [
-        (f"{motions:>7}  {noise}", partial(pose_squares, noise, motions))
-        for motions, noise in product(MOTIONS, POSE_NOISES)
-    ]
-    pixels = [
-        (f"{setup}  {_words(noise)}", partial(cell_squares, noise, setup))
-        for setup, noise in product(SETUPS, CELL_NOISES)
-    ]
     print(f"RMS error of X over that of the best of OpenCV's methods; {whose()}")
-    print(
-        f"In brackets what the Cramér-Rao bound has; bars {BARS[0]} deg, {BARS[1]} mm;"
-        f" {options.cells} sessions a figure (each good to {100 / np.sqrt(3 * options.cells):.0f} %)"
-    )
+    print(f"In brackets what the Cramér-Rao bound has; bars {BARS[0]} deg, {BARS[1]} mm")
     with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for name, heading, rows in (
-            ("poses", "pairs of poses; motions, noise of the robot, of the camera", poses),
-            ("pixels", "images; setup, noise of pixels and robot", pixels),
-        ):
-            if options.only in (None, name):
-                _table(pool, heading, rows, options.views, options.cells, options.methods)
+        if options.only in (None, "mixed"):
+            table = Table("images; all cells together", options.views, 10 * options.cells, options.methods)
+            found = table.drawn(pool, mixed_squares, 0)
+            table.line("RMS", found)
+            own_bounds = {n: [in_bounds(one) for one in sessions] for n, sessions in found.items()}
+            table.line("RMS of each error over its cell's bound", own_bounds, below=False)
+        if options.only in (None, "poses"):
+            heading = "pairs of poses; motions, noise of the robot, of the camera"
+            table = Table(heading, options.views, options.cells, options.methods)
+            for row, (motions, noise) in enumerate(product(MOTIONS, POSE_NOISES)):
+                table.line(f"{motions:>7}  {noise}", table.drawn(pool, partial(pose_squares, noise, motions), row))
+            table.total()
+        if options.only in (None, "pixels"):
+            table = Table("images; setup, noise of pixels and robot", options.views, options.cells, options.methods)
+            for row, (setup, level) in enumerate(product(SETUPS, CELL_NOISES)):
+                table.line(f"{setup}  {_words(level)}", table.drawn(pool, partial(cell_squares, level, setup), row))
+            table.total()
 
 
-def _table(
-    pool: ProcessPoolExecutor,
-    heading: str,
-    rows: Sequence[tuple[str, Session]],
-    views: Sequence[int],
-    sessions: int,
-    methods: bool,
-) -> None:
-    print(f"\n{heading}\n{'':44}" + "".join(f"{f'{n} views: deg':>16}{'mm':>13}" for n in views))
-    within, possible, all_of = np.zeros(2, int), np.zeros(2, int), 0
-    for number, (name, session) in enumerate(rows):
-        line, below = f"{name:<44}", []
-        for n in views:
-            found = list(
-                pool.map(partial(_one, session, n), [(number, n, seed) for seed in range(sessions)], chunksize=5)
-            )
-            table = {method: np.sqrt(np.mean([one[method] for one in found], axis=0)) for method in found[0]}
-            rivals = [method for method in table if method not in (OURS, BOUND, KRONECKER)]
-            best = np.min([table[method] for method in rivals], axis=0)
-            ours, bound = table[OURS] / best, table[BOUND] / best
-            within, possible, all_of = within + (ours <= BARS), possible + (bound <= BARS), all_of + 1
+class Table:
+    """Prints its lines, and counts where the bars are met."""
+
+    def __init__(self, heading: str, views: Sequence[int], sessions: int, methods: bool) -> None:
+        self._views, self._sessions, self._methods = views, sessions, methods
+        self._within, self._possible, self._all = np.zeros(2, int), np.zeros(2, int), 0
+        print(f"\n{heading}; {sessions} sessions a figure (each good to {100 / np.sqrt(3 * sessions):.0f} %)")
+        print(f"{'':44}" + "".join(f"{f'{n} views: deg':>16}{'mm':>13}" for n in views))
+
+    def drawn(self, pool: ProcessPoolExecutor, session: Session, row: int) -> Found:
+        seeds = range(self._sessions)
+        return {
+            n: list(pool.map(partial(_one, session, n), [(row, n, seed) for seed in seeds], chunksize=5))
+            for n in self._views
+        }
+
+    def line(self, name: str, found: Found, *, below: bool = True) -> None:
+        line, methods = f"{name:<44}", []
+        for n in self._views:
+            rms = {method: np.sqrt(np.mean([one[method] for one in found[n]], axis=0)) for method in found[n][0]}
+            best = np.min([rms[method] for method in rms if method not in (OURS, BOUND, KRONECKER)], axis=0)
+            ours, bound = rms[OURS] / best, rms[BOUND] / best
+            self._within += ours <= BARS
+            self._possible += bound <= BARS
+            self._all += 1
             line += f"    {ours[0]:5.2f} ({bound[0]:.2f}) {ours[1]:5.2f} ({bound[1]:.2f})"
-            below += [
-                f"    {n} views {method:>20} {np.degrees(rms[0]):8.4f} deg {rms[1]:8.4f} mm"
-                for method, rms in table.items()
+            methods += [
+                f"    {n} views {method:>20} {np.degrees(each[0]):8.4f} deg {each[1]:8.4f} mm"
+                for method, each in rms.items()
             ]
-        print("\n".join([line, *(below if methods else [])]), flush=True)
-    print(
-        f"met: rotation {within[0]} of {all_of} ({possible[0]} where the bound is that low),"
-        f" translation {within[1]} of {all_of} ({possible[1]})"
-    )
+        print("\n".join([line, *(methods if below and self._methods else [])]), flush=True)
+
+    def total(self) -> None:
+        within, possible = self._within, self._possible
+        print(
+            f"met: rotation {within[0]} of {self._all} ({possible[0]} where the bound is that low),"
+            f" translation {within[1]} of {self._all} ({possible[1]})"
+        )
 
 
 def _one(session: Session, views: int, seed: tuple[int, ...]) -> Squares:
@@ -131,6 +141,18 @@ def pose_squares(noise: PoseNoise, motions: Motions, rng: np.random.Generator, v
     except UndeterminedError:
         ours = np.full((4, 4), np.nan)
     return _squares(session, session, ours, session.bound)
+
+
+def mixed_squares(rng: np.random.Generator, views: int) -> Squares:
+    """Of one session with pixels, of any noise and setup."""
+    cell, noise = drawn_cell(rng, views, SETUPS[rng.integers(len(SETUPS))])
+    ours = estimated(cell.problem)[2].best.chain.mount_T_camera
+    return _squares(cell, prepare(cell.problem), ours, bound_of(cell, noise).covariance)
+
+
+def in_bounds(squares: Squares) -> Squares:
+    """In units of what no estimator of this very session can beat: the noisiest sessions no longer decide alone."""
+    return {method: square / squares[BOUND] for method, square in squares.items()}
 
 
 def cell_squares(noise: CellNoise, setup: Setup, rng: np.random.Generator, views: int) -> Squares:
