@@ -21,6 +21,7 @@ from calibration.documents.validation import parse_document
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
+from daemon.whole_file import read_whole
 
 SESSION_FILE = "session.json"
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -66,7 +67,7 @@ def open_session(path: Path) -> SessionFolder:
 def read_bytes(file: Path) -> bytes:
     """The content of `file`; whatever the system refuses becomes a DocumentError."""
     try:
-        return file.read_bytes()
+        return read_whole(file)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise _broken(str(file), "file", reason, "check the path and its permissions") from None
@@ -107,7 +108,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
 def read_grey(file: Path) -> NDArray[np.uint8]:
     """The picture in `file` as uint8 (h, w). Raises ImageError."""
     try:
-        content = file.read_bytes()
+        content = read_whole(file)
     except FileNotFoundError:
         raise ImageError(f"'{file.name}' is not there", "restore the file, or remove the view") from None
     except OSError as error:

@@ -18,6 +18,7 @@ from calibration.errors import DocumentError, DocumentProblem, GeometryError
 from calibration.transforms import Array
 from daemon.plc.settings import InterlockSettings, PlcSettings
 from daemon.settings_server import ServerSettings, WebhookSettings
+from daemon.whole_file import read_whole
 from drivers.catalogue import check_camera_address, check_robot_address, check_scanner_address, check_stop_address
 from drivers.errors import AddressNotUnderstood
 
@@ -178,7 +179,7 @@ class Settings(Document):
 def load_settings(path: Path) -> Settings:
     """The settings of a TOML file. Raises DocumentError with file, place, what and fix."""
     try:
-        content = path.read_bytes()
+        content = read_whole(path)
     except OSError as error:
         raise _unreadable(path, "document", error.strerror or str(error), "give the path of a settings file") from None
     settings = parse_settings(content, str(path))

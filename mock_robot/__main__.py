@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,7 +29,7 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="start the cell; print one JSON line with every address when it is ready")
     run.add_argument("--seed", type=int, default=7)
     run.add_argument("--time-scale", type=_positive, default=1.0, help="how many times faster than real the arm moves")
-    run.add_argument("--host", default="127.0.0.1")
+    run.add_argument("--host", type=_own_address, default="127.0.0.1", help="an address of this machine")
     run.add_argument("--robot-port", type=_port, default=0, help="0: chosen by the system")
     run.add_argument("--devices-port", type=_port, default=0)
     run.add_argument("--control-port", type=_port, default=0)
@@ -77,6 +78,16 @@ def _port(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) <= 65535):
         raise argparse.ArgumentTypeError(f"{text} is not a port: 0 (chosen by the system) to 65535")
     return int(text)
+
+
+def _own_address(text: str) -> str:
+    try:
+        socket.create_server((text, 0)).close()
+    except (OSError, UnicodeError):
+        raise argparse.ArgumentTypeError(
+            f"{text} is no address of this machine: give one, or 0.0.0.0 for all"
+        ) from None
+    return text
 
 
 def _address(text: str) -> tuple[str, int]:

@@ -1,6 +1,7 @@
 """The CB link over a serial line, or whatever pyserial opens: /dev/tty*, socket://, rfc2217://, loop://."""
 
 import asyncio
+import termios
 import threading
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,8 @@ READ_LIMIT_S = 0.05
 """How long a blocking read waits before it looks whether it should end."""
 WRITE_LIMIT_S = 1.0
 CHUNK_BYTES = 4096
+BROKEN = (serial.SerialException, OSError, termios.error)
+"""What a port raises whose adapter was pulled out; pyserial lets some of the system's own errors through."""
 
 
 class SerialConnection:
@@ -32,7 +35,7 @@ class SerialConnection:
         """Raises LinkLost."""
         try:
             await asyncio.to_thread(self._write, data)
-        except (serial.SerialException, OSError) as error:
+        except BROKEN as error:
             raise self._lost(error) from error
 
     async def receive(self) -> bytes:
@@ -66,7 +69,7 @@ class SerialConnection:
                     data += self._port.read(waiting)
                 if data:
                     self._hand_over(data)
-        except (serial.SerialException, OSError) as error:
+        except BROKEN as error:
             lost = self._lost(error)
             lost.__cause__ = error
             self._hand_over(lost)
@@ -102,7 +105,7 @@ class SerialTransport:
         except asyncio.CancelledError:
             opening.add_done_callback(_close_what_opened)
             raise
-        except (serial.SerialException, OSError, ValueError) as error:
+        except (*BROKEN, ValueError) as error:
             fix = "check the port's name, that the adapter is plugged in, and the right to use it (group dialout)"
             raise DeviceUnreachable(self.address, f"the port cannot be opened ({error})", fix) from error
         return SerialConnection(self.address, port)

@@ -131,6 +131,11 @@ def test_a_missing_file_torn_toml_and_other_bytes_are_told(tmp_path: Path) -> No
         assert caught.value.problems[0].fix
 
 
+def test_a_file_without_end_is_told() -> None:
+    with pytest.raises(DocumentError, match="File too large"):
+        load_settings(Path("/dev/zero"))
+
+
 def test_a_relative_folder_is_taken_from_the_files_own(tmp_path: Path) -> None:
     file = tmp_path / "cell.toml"
     file.write_text(SMALLEST + '[storage]\nfolder = "state"\n')

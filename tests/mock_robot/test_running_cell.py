@@ -332,6 +332,13 @@ def test_what_cannot_be_scored_is_a_sentence(tmp_path: Path, capsys: pytest.Capt
     assert capsys.readouterr().err.startswith("mock_robot: ")
 
 
+@pytest.mark.parametrize("host", ["999.1.1.1", "192.0.2.7"])
+def test_a_foreign_host_on_the_command_line_is_a_sentence(host: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--host", host])
+    assert f"{host} is no address of this machine" in capsys.readouterr().err
+
+
 def test_a_wrong_fault_on_the_command_line_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--fault", "no-such", "--robot-only"]) == 1
     assert "no fault is named 'no-such'" in capsys.readouterr().err
