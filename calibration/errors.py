@@ -8,9 +8,24 @@ CalibrationError
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 
-class CalibrationError(Exception):
+class Portable(Exception):
+    """An error that may be told in another process than it happened in, whatever its constructor takes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), self.args, self.__dict__)
+
+
+def _again(kind: type[Portable], arguments: tuple[Any, ...], data: dict[str, Any]) -> Portable:
+    error = kind.__new__(kind)
+    error.args = arguments
+    error.__dict__.update(data)
+    return error
+
+
+class CalibrationError(Portable):
     """Root of the room's errors."""
 
 

@@ -13,8 +13,10 @@ RegistrationError
 └── SphereError            the points are not a sphere of the stated radius
 """
 
+from calibration.errors import Portable
 
-class RegistrationError(Exception):
+
+class RegistrationError(Portable):
     """Root of the room's errors. `code` is stable; `what` and `fix` are for people."""
 
     code = "registration-error"

@@ -1,0 +1,23 @@
+"""Errors, wherever they are told."""
+
+import pickle
+
+import pytest
+
+from calibration.errors import DetectionError, DocumentError, DocumentProblem, GeometryError, UndeterminedError
+from registration.errors import CloudTruncated, SphereError
+
+ERRORS = (
+    DocumentError("session.json", [DocumentProblem("views[2]", "missing", "add it")]),
+    DetectionError("target-not-found", "no target", "light it"),
+    GeometryError("not a rotation"),
+    UndeterminedError("parallel-axes", "all turns are about one axis", "turn about another"),
+    CloudTruncated("door.ply", "point 3", "the data end", "send it again"),
+    SphereError("not a sphere", "check the radius"),
+)
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_an_error_is_the_same_in_another_process(error: Exception) -> None:
+    told = pickle.loads(pickle.dumps(error))
+    assert (type(told), str(told), vars(told)) == (type(error), str(error), vars(error))
