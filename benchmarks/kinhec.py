@@ -69,8 +69,9 @@ def scores(folder: Path, tier: str, tracks: Sequence[str] | None) -> list[Scored
     from kinhec.cli import main as kinhec
     from kinhec.io import load_manifest, load_sequence
 
+    asked = ["--tier", tier, "--out", str(folder), "--work-dir", str(folder / "work"), "--no-card"]
     with contextlib.redirect_stdout(io.StringIO()):
-        kinhec(["generate", "--tier", tier, "--out", str(folder), "--work-dir", str(folder / "work"), "--no-card"])
+        kinhec(["generate", *asked, *(["--tracks", *tracks] if tracks else [])])
     file = folder / "references.pickle"
     known: dict[str, dict[str, Errors]] = pickle.loads(file.read_bytes()) if file.exists() else {}
     manifest = load_manifest(folder)

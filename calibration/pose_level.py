@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from calibration.consistency.consensus import agreeing_views
 from calibration.errors import UndeterminedError
 from calibration.observability import axis_in_words, motion_of, require_determined
+from calibration.pose_pairs.averaged_levels import MOST_VIEWS, averaged
 from calibration.pose_pairs.drift import FEWEST_VIEWS, fit_drift
 from calibration.pose_pairs.noise_models import CAMERAS
 from calibration.pose_pairs.residuals import PosePairs, closed_form
@@ -73,6 +74,8 @@ def solve_hand_eye_poses(
     if used.sum() >= FEWEST_VIEWS:
         drifting = fit_drift(pairs.take(used), likeliest.chain)
         likeliest = max(likeliest, drifting, key=lambda one: one.evidence(int(used.sum())))
+    if used.sum() <= MOST_VIEWS and likeliest.camera in CAMERAS and not np.isfinite(likeliest.tails):
+        likeliest = averaged(pairs.take(used), likeliest)
     _require_scale(pairs, likeliest)
     return PoseSolution(
         likeliest.chain.mount_T_camera,

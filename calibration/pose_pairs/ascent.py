@@ -26,6 +26,11 @@ LONGEST_STEP = np.repeat([0.3, 500.0, 0.3, 500.0, 0.2], [3, 3, 3, 3, 1])
 SMALLEST_EIGENVALUE = 1e-9
 
 
+def floor_variances(scale: float) -> Array:
+    """Variances (6,) of a residual that are always there; lengths in the camera's own unit."""
+    return np.asarray(FLOOR * np.repeat([1.0, scale**2], 3), np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class Moments:
     """Per source (g,): the weighted `squares` left, what was `spent` on the unknowns, and what is expected.

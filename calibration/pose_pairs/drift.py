@@ -13,11 +13,11 @@ from scipy import sparse
 
 from calibration.closed_forms.kronecker import as_rotation
 from calibration.pose_pairs.ascent import (
-    FLOOR,
     Moments,
     State,
     climbed,
     first_variances,
+    floor_variances,
     inverted,
     limited,
     spent_on,
@@ -71,13 +71,14 @@ def _state(pairs: PosePairs, chain: Chain, variances: Array, chosen: NDArray[np.
     residuals, by_shared = steps.residuals.reshape(-1), steps.by_shared.reshape(-1, len(chosen))
     shares = [share.sparse() for share in steps.shares.values()]
     total = sum(v * share for v, share in zip(variances, shares, strict=True)).toarray()
-    total[np.diag_indices_from(total)] += np.tile(FLOOR, len(steps.residuals))
+    floor = np.tile(floor_variances(chain.scale), len(steps.residuals))
+    total[np.diag_indices_from(total)] += floor
     information = np.asarray(np.linalg.inv(total), np.float64)
     weighted = information @ by_shared
     normal = by_shared.T @ weighted
     covariance = inverted(normal)
     step = limited(-covariance @ (weighted.T @ residuals))
-    moments = _moments(shares, information, weighted, residuals + by_shared @ step, covariance)
+    moments = _moments(shares, information, weighted, residuals + by_shared @ step, covariance, floor)
     square = float(np.linalg.slogdet(total)[1] + residuals @ information @ residuals)
     # The first view, of which no difference is taken, has lengths in the camera's unit too.
     value = -0.5 * square - 0.5 * len(residuals) * float(np.log(2 * np.pi)) - 3 * float(np.log(chain.scale))
@@ -130,12 +131,12 @@ def _moved(pairs: PosePairs, chain: Chain, chosen: NDArray[np.intp], step: Array
 
 
 def _moments(
-    shares: list[sparse.bsr_matrix], information: Array, weighted: Array, left: Array, covariance: Array
+    shares: list[sparse.bsr_matrix], information: Array, weighted: Array, left: Array, covariance: Array, floor: Array
 ) -> Moments:
     """As in `calibration.pose_pairs.white`, for a covariance that is not one block a view."""
     through = [np.asarray(share @ information) for share in shares]
     rows = np.array([t.reshape(-1) for t in through])
-    pulled, floor = information @ left, np.tile(FLOOR, len(left) // 6)
+    pulled = information @ left
     return Moments(
         squares=np.array([pulled @ (share @ pulled) for share in shares]),
         spent=np.array([np.sum(covariance * (weighted.T @ (share @ weighted))) for share in shares]),

@@ -31,8 +31,8 @@ def detected(at: Linearised) -> Sources:
     sight, across = _sight(at.predicted[:, :3, 3])
     return {
         "camera rotation": _turn(np.broadcast_to(np.eye(3), (len(sight), 3, 3))),
-        "camera lateral": _shift(across),
-        "camera depth": _shift(sight),
+        "camera lateral": _shift(across) * at.scale,
+        "camera depth": _shift(sight) * at.scale,
     }
 
 
@@ -47,8 +47,8 @@ def imaged(at: Linearised) -> Sources:
     return {
         "camera rotation": _turn(across) * ratio,
         "camera roll": _turn(sight) * ratio,
-        "camera lateral": _shift(across) * ratio,
-        "camera depth": _shift(sight) * ratio**2,
+        "camera lateral": _shift(across) * ratio * at.scale,
+        "camera depth": _shift(sight) * ratio**2 * at.scale,
     }
 
 

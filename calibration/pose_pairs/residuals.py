@@ -58,7 +58,7 @@ class Linearised:
     """Residuals (n, 6) and derivatives (n, 6, p); `predicted` (n, 4, 4) with the camera's own lengths.
 
     `by_camera`, `by_flange`, `by_base` (n, 6, 6): what a small motion [rotation, translation] of the camera, of the
-    flange and of the robot's base does to them.
+    flange and of the robot's base does to them. `scale` is the chain's.
     """
 
     residuals: Array
@@ -67,6 +67,7 @@ class Linearised:
     by_camera: Array
     by_flange: Array
     by_base: Array
+    scale: float
 
 
 def linearise(pairs: PosePairs, chain: Chain) -> Linearised:
@@ -93,6 +94,7 @@ def linearise(pairs: PosePairs, chain: Chain) -> Linearised:
         by_camera,
         by_flange,
         by_flange @ adjoint(inverse(pairs.base_T_flange)),
+        chain.scale,
     )
 
 

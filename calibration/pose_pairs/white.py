@@ -12,11 +12,11 @@ from scipy.special import gammaln
 from scipy.stats import f as f_distribution
 
 from calibration.pose_pairs.ascent import (
-    FLOOR,
     Moments,
     State,
     climbed,
     first_variances,
+    floor_variances,
     inverted,
     limited,
     spent_on,
@@ -63,7 +63,7 @@ def distances_of(pairs: PosePairs, fitted: PoseFit) -> Array:
     at = linearise(pairs, fitted.chain)
     sources = _sources(at, fitted.camera)
     variances = np.array([fitted.variances[name] for name in sources])
-    return _squared(at.residuals, _information(list(sources.values()), variances))
+    return _squared(at.residuals, _information(list(sources.values()), variances, at.scale))
 
 
 def outlying(tails: float, views: int) -> float:
@@ -80,21 +80,22 @@ def _sources(at: Linearised, camera: str) -> Sources:
 def _state(pairs: PosePairs, chain: Chain, variances: Array, camera: str, tails: float) -> State:
     at = linearise(pairs, chain)
     directions = list(_sources(at, camera).values())
-    information = _information(directions, variances)
+    information = _information(directions, variances, at.scale)
     distances = _squared(at.residuals, information)
     weights = (tails + 6) / (tails + distances) if np.isfinite(tails) else np.ones(len(pairs))
     weighted = ((information * weights[:, None, None]) @ at.by_shared).reshape(-1, at.by_shared.shape[2])
     normal = weighted.T @ at.by_shared.reshape(weighted.shape)
     covariance = inverted(normal)
     step = limited(-covariance @ (weighted.T @ at.residuals.reshape(-1)))
-    moments = _moments(directions, information, weights, at.residuals + at.by_shared @ step, at.by_shared, covariance)
+    left = at.residuals + at.by_shared @ step
+    moments = _moments(directions, information, weights, left, at, covariance)
     value = _log_likelihood(information, distances, tails) + spent_on(normal)
     return State(chain, variances, value, covariance, chain.moved(step), moments)
 
 
-def _information(directions: list[Array], variances: Array) -> Array:
+def _information(directions: list[Array], variances: Array, scale: float) -> Array:
     spread = np.concatenate([d * np.sqrt(v) for d, v in zip(directions, variances, strict=True)], axis=2)
-    return np.asarray(np.linalg.inv(spread @ np.swapaxes(spread, 1, 2) + np.diag(FLOOR)), np.float64)
+    return np.asarray(np.linalg.inv(spread @ np.swapaxes(spread, 1, 2) + np.diag(floor_variances(scale))), np.float64)
 
 
 def _squared(residuals: Array, information: Array) -> Array:
@@ -111,18 +112,18 @@ def _log_likelihood(information: Array, distances: Array, tails: float) -> float
 
 
 def _moments(
-    directions: list[Array], information: Array, weights: Array, left: Array, by_shared: Array, covariance: Array
+    directions: list[Array], information: Array, weights: Array, left: Array, at: Linearised, covariance: Array
 ) -> Moments:
     starts = np.cumsum([0, *(direction.shape[2] for direction in directions)])[:-1]
     spread = np.concatenate(directions, axis=2)  # (n, 6, K), every source's columns side by side
     across = information @ spread
     seen = (np.swapaxes(across, 1, 2) @ left[..., None])[..., 0]
-    used = np.swapaxes(across, 1, 2) @ by_shared
+    used = np.swapaxes(across, 1, 2) @ at.by_shared
     between = np.sum((np.swapaxes(spread, 1, 2) @ across) ** 2, axis=0)  # (K, K)
     return Moments(
         squares=np.add.reduceat((weights[:, None] * seen**2).sum(axis=0), starts),
         spent=np.add.reduceat(np.sum(weights[:, None, None] * (used @ covariance) * used, axis=(0, 2)), starts),
-        floor=np.add.reduceat(np.sum(across**2 * FLOOR[:, None], axis=(0, 1)), starts),
+        floor=np.add.reduceat(np.sum(across**2 * floor_variances(at.scale)[:, None], axis=(0, 1)), starts),
         trace=np.add.reduceat(np.sum(spread * across, axis=(0, 1)), starts),
         fisher=np.add.reduceat(np.add.reduceat(between, starts, axis=0), starts, axis=1),
     )

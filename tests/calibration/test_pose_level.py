@@ -39,6 +39,40 @@ def test_errors_have_the_size_that_the_covariance_tells(setup: Setup) -> None:
     assert 0.7 < np.std(normalised) < 1.4
 
 
+def test_five_views_do_not_claim_more_than_they_know() -> None:
+    """Levels learnt from so few numbers are mostly too small: taken at their likeliest, the mean here is six."""
+    squares = []
+    for seed in range(24):
+        session = drawn_session(np.random.default_rng(seed), 5, PoseNoise(0.02, 0.1, 0.02, 0.1), "random")
+        found = solve_hand_eye_poses("eye-in-hand", session.anchor_T_mount, session.camera_T_target)
+        off = inverse(session.mount_T_camera) @ found.mount_T_camera
+        error = np.concatenate([vector_from_rotation(off[:3, :3]), off[:3, 3]])
+        squares.append(error @ np.linalg.solve(found.covariance[:6, :6], error) / 6)
+    assert 0.6 < np.mean(squares) < 1.7
+
+
+def test_few_views_tell_the_same_in_any_unit_of_the_camera() -> None:
+    rng = np.random.default_rng(6)
+    robot, seen = poses(rng, 0.4 * rng.standard_normal((9, 3)), "eye-in-hand")
+    told = []
+    for unit in (1.0, 1e-3):
+        shrunk = seen.copy()
+        shrunk[:, :3, 3] *= unit
+        found = solve_hand_eye_poses("eye-in-hand", robot, shrunk, metric=False)
+        told.append((found.mount_T_camera[:3, 3], np.sqrt(np.diagonal(found.covariance))[:6]))
+    (place, sigma), (other_place, other_sigma) = told
+    assert place == pytest.approx(other_place, abs=0.05)
+    assert sigma == pytest.approx(other_sigma, rel=0.05)
+
+
+@pytest.mark.parametrize("views", [5, 10])
+def test_poses_without_error_are_no_trouble(views: int) -> None:
+    rng = np.random.default_rng(2)
+    robot, seen = poses(rng, 0.4 * rng.standard_normal((views, 3)), "eye-in-hand", deg=0.0, mm=0.0)
+    found = solve_hand_eye_poses("eye-in-hand", robot, seen)
+    assert found.mount_T_camera == pytest.approx(X, abs=1e-3)
+
+
 def test_views_that_disagree_are_left_out() -> None:
     rng = np.random.default_rng(3)
     robot, seen = poses(rng, 0.4 * rng.standard_normal((20, 3)), "eye-in-hand")
