@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import json
 import multiprocessing
+import os
 import shutil
 import socket
 import statistics
@@ -121,6 +122,12 @@ def peak_mb(pid: int) -> float:
     return int(Path(f"/proc/{pid}/status").read_text().split("VmHWM:")[1].split()[0]) / 1024
 
 
+def processor_s(pid: int) -> float:
+    """Processor time of a process so far."""
+    user, system = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
 def request(form: str, length: int) -> bytes:
     return (
         f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: {form}\r\n"
@@ -154,12 +161,12 @@ def main() -> int:
     folder = tempfile.mkdtemp(prefix="handeyed-bench-")
     rows: list[tuple[str, float, str]] = []
     try:
-        with process(echo_server) as (echo, _), process(daemon_process, folder) as (port, pid):
-            rows.append(("first byte of a small cloud", first_byte_ms(port), f"ms (bar: < {FIRST_BYTE_BAR_MS:g})"))
-            idle = peak_mb(pid)
+        with process(echo_server) as echo, process(daemon_process, folder) as daemon:
+            rows.append(("first byte of a small cloud", first_byte_ms(daemon[0]), f"ms (bar: < {FIRST_BYTE_BAR_MS:g})"))
+            idle = peak_mb(daemon[1])
             for form in ("application/octet-stream", "application/x-ply"):
-                rows += measured(form, options.points, options.rounds, port, echo)
-                rows.append(("  daemon's peak memory above idle", peak_mb(pid) - idle, "MB"))
+                rows += measured(form, options.points, options.rounds, daemon, echo)
+                rows.append(("  daemon's peak memory above idle", peak_mb(daemon[1]) - idle, "MB"))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     if options.json:
@@ -169,21 +176,27 @@ def main() -> int:
     return 0
 
 
-def measured(form: str, points: int, rounds: int, port: int, echo: int) -> list[tuple[str, float, str]]:
-    """Alternating rounds; the ratio of the best and of the median times."""
+def measured(
+    form: str, points: int, rounds: int, daemon: tuple[int, int], echo: tuple[int, int]
+) -> list[tuple[str, float, str]]:
+    """Alternating rounds; the ratio of the best and of the median times. `daemon`, `echo`: port and process id."""
     body = cloud(form, points)
     head = request(form, len(body))
     answer = bytearray(len(body) + (1 << 16))
     ours, raw = [], []
+    before_s = [processor_s(pid) for _, pid in (echo, daemon)]
     for _ in range(rounds):
-        raw.append(exchange(echo, b"", body, answer, len(body)))
-        ours.append(exchange(port, head, body, answer, None))
+        raw.append(exchange(echo[0], b"", body, answer, len(body)))
+        ours.append(exchange(daemon[0], head, body, answer, None))
+    spent_s = [processor_s(pid) - before for (_, pid), before in zip((echo, daemon), before_s, strict=True)]
     fastest = min(each.whole_s for each in raw) / min(each.whole_s for each in ours)
     middle = statistics.median(a.whole_s / b.whole_s for a, b in zip(raw, ours, strict=True))
     speed = len(body) / min(each.whole_s for each in ours) / 1e9
     return [
         (f"{form}, {points:.0e} points", fastest, f"x raw echo, best of each (bar: >= {RATIO_BAR:g})"),
         ("  median of the pairs", middle, "x raw echo"),
+        ("  the daemon's processor time for a cloud", 1000 * spent_s[1] / rounds, "ms"),
+        ("  the echo's", 1000 * spent_s[0] / rounds, "ms"),
         ("  throughput", speed, "GB/s in, and the same out"),
         ("  first byte, median", 1000 * statistics.median(each.first_s for each in ours), "ms"),
         ("  the echo's first byte, median", 1000 * statistics.median(each.first_s for each in raw), "ms"),
