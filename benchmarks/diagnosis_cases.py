@@ -7,17 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.diagnosis_faults import Fault
+from benchmarks.diagnosis_faults import Fault, clean_fit, poses_of, with_poses
 from benchmarks.diagnosis_kinds import GROSS, KINDS, Session
-from calibration.diagnosis.conventions import CONVENTIONS
+from calibration.diagnosis.conventions import CONVENTIONS, likeliest_scale
 from calibration.diagnosis.views import CHANGE_CODES
 from calibration.problem import Problem
 from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
+from calibration.transforms import transform
 
 CAUSES = CHANGE_CODES | {convention.code for convention in CONVENTIONS}
 CAUSES |= {"poses-off-by-one", "poses-swapped", "pose-mistyped", "board-turned", "intrinsics-do-not-fit"}
-CAUSES |= {"wrong-pitch", "target-scale"}
+SIZE = frozenset({"wrong-pitch", "target-scale"})
+CAUSES |= SIZE
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +68,16 @@ def results_of(case: Case) -> list[Result]:
 
 
 def with_what_is_said(session: Session) -> Session:
-    """What is said of a session that has no fault."""
-    return replace(session, before=frozenset(finding.code for finding in causes(session.problem)))
+    """What is said of a session that has no fault; where that is its target's size, it is taken out first.
+
+    A slip of the pitch that undid it would be none.
+    """
+    said = frozenset(finding.code for finding in causes(session.problem))
+    if not said & SIZE:
+        return replace(session, before=said)
+    poses, size = poses_of(session.problem), likeliest_scale(clean_fit(session.problem)[0])
+    problem = with_poses(session.problem, transform(poses[:, :3, :3], poses[:, :3, 3] / size))
+    return replace(session, problem=problem, before=frozenset(finding.code for finding in causes(problem)))
 
 
 def causes(problem: Problem) -> list[Finding]:
@@ -82,7 +92,7 @@ def _result(fault: Fault, before: Set[str]) -> Result:
 
 
 def named(found: list[Finding], fault: Fault, before: Set[str]) -> str:
-    """Right, when the cause is named with its views; either, when it is told to be nearly as likely as another.
+    """Right, when the cause is named with its views; either, when another is told to be nearly as likely.
 
     What is said of the clean session, the codes `before`, does not count against it.
     """
@@ -92,9 +102,17 @@ def named(found: list[Finding], fault: Fault, before: Set[str]) -> str:
     telling = [finding for finding in found if all(_says(finding, words) for words in fault.says)]
     if any(finding.code in fault.codes for finding in telling):
         return "right"
-    return "either" if fault.says and telling else "wrong"
+    either = telling if fault.says else []
+    either += [f for f in found if f.code in fault.codes and fault.after is not None and fault.after in _views(f)]
+    return "either" if either else "wrong"
 
 
 def _says(finding: Finding, words: str) -> bool:
-    """View 2 is not view 20."""
-    return re.search(re.escape(words) + r"(?!\d)", finding.message) is not None
+    """View 2 is not view 20, and not view 2 or 3."""
+    return re.search(re.escape(words) + r"(?!\d|, \d| or \d)", finding.message) is not None
+
+
+def _views(finding: Finding) -> set[int]:
+    """Those of a change that is before one of several views: 7 or 8; 6, 7 or 8."""
+    told = re.search(r"view (\d+(?:, \d+)*(?: or \d+)?)", finding.message)
+    return {int(view) for view in re.findall(r"\d+", told.group(1))} if told else set()

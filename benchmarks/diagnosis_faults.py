@@ -40,11 +40,13 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Fault:
-    """A session with one thing wrong, the codes that name it rightly, and what its finding must say."""
+    """A session with one thing wrong, the codes that name it rightly, and what its finding must say; `after`: the view
+    of a change."""
 
     problem: Problem
     codes: frozenset[str]
     says: tuple[str, ...] = ()
+    after: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +244,7 @@ def _changed(problem: Problem, after: int, spoil: Callable[[Array], Array], what
     poses[after:] = spoil(poses[after:])
     code = CHANGED_CODES[problem.setup, what]
     (change,) = (change for change in CHANGED[problem.setup] if change.code == code)
-    return Fault(with_poses(problem, poses), frozenset({code}), (change.message.format(after),))
+    return Fault(with_poses(problem, poses), frozenset({code}), (change.message.format(after),), after)
 
 
 def _seen(problem: Problem, rng: np.random.Generator, count: int) -> list[int]:

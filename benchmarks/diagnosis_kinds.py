@@ -28,6 +28,7 @@ from benchmarks.diagnosis_faults import (
 )
 from benchmarks.diagnosis_oracle import Reach, lens_reach, mistyped_reach, moved_reach, scale_reach
 from calibration.problem import Problem
+from calibration.target_scale import SMALLEST
 from calibration.transforms import Array
 
 Put = Callable[[Problem, np.random.Generator], Fault]
@@ -42,6 +43,9 @@ FOCAL, K1 = np.repeat([1.0, 0.0], [2, 7]), np.eye(9)[4]
 
 LEAST_MM = 0.1
 """Ten times what the best robots repeat: less is no fault, however exact a simulated robot is."""
+
+LEAST_SHARE = 2 * SMALLEST
+"""Of the target's size: less is paper that breathes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ KINDS = {
     "one number of a position mistyped": Kind(mistyped, _by(mistyped_reach, LEAST_MM)),
     "base side moved at view k": Kind(partial(moved, what="base"), _by(moved_reach, LEAST_MM)),
     "flange side moved at view k": Kind(partial(moved, what="tool"), _by(moved_reach, LEAST_MM)),
-    "pitch": Kind(scaled_target, _by(scale_reach)),
+    "pitch": Kind(scaled_target, _by(scale_reach, LEAST_SHARE)),
     "focal length": Kind(focal_wrong, partial(_lens, FOCAL), real=False),
     "distortion k1": Kind(distortion_wrong, partial(_lens, K1), real=False),
 }

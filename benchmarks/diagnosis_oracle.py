@@ -16,7 +16,6 @@ from calibration.diagnosis.diagnose import CHANCE
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, applied, residuals_of
 from calibration.diagnosis.lens import WORTH_SAYING
-from calibration.diagnosis.significance import Background
 from calibration.diagnosis.views import change_points
 from calibration.likelihood.pixels import INTRINSICS, pixel_statistics
 from calibration.prepare import prepare
@@ -26,6 +25,9 @@ from calibration.transforms import Array
 DRAWS = 400
 RIGHT = 0.99
 STEP = 1e-4
+LEVER_MM = 573.0 / 3, 573.0 * 3
+"""Translation noise over rotation noise, in mm per radian: 0.05 mm and 0.005 degrees, the usual levels, make 573."""
+
 SIZES = np.concatenate([np.arange(3.0, 20.0, 0.25), np.arange(20.0, 60.0, 1.0), np.geomspace(60, 1000, 40)])
 
 
@@ -88,9 +90,8 @@ class Linear:
     def degrees(self, slope: Array) -> float:
         """Of an estimate of the slip's size, with noise levels estimated from the same views."""
         raw = np.linalg.solve(self.root, slope.reshape(-1, 6, 1))
-        augmented = replace(self.fitted, by_shared=np.concatenate([self.fitted.by_shared, raw], axis=2))
-        background = Background.of(augmented)
-        return background.of_shared(np.ones(1), np.eye(len(background.shared))[-1:]).degrees
+        by_shared = np.concatenate([self.fitted.by_shared, raw], axis=2)
+        return degrees_of_freedom(replace(self.fitted, by_shared=by_shared))
 
     def _across(self, by_view: Array) -> Array:
         whitened: Array = self.projector @ (self.root @ by_view[..., None])[..., 0].ravel()
@@ -116,6 +117,34 @@ class Linear:
                 bases.append(np.linalg.qr(self.projector @ (self.root @ after).reshape(6 * n, 6))[0])
                 names.append((side, point))
         return bases, names
+
+
+def degrees_of_freedom(fitted: Fit) -> float:
+    """Of the variance of an estimate of the last shared unknown (Satterthwaite, Biometrics Bulletin 2(6), 1946).
+
+    It rests on two levels of robot noise, estimated from the same views, and on each view's few pixels.
+    """
+    rotation, translation = fitted.variances
+    levels = np.maximum(fitted.variances, [translation / LEVER_MM[1] ** 2, rotation * LEVER_MM[0] ** 2])
+    spread = fitted.by_robot * np.repeat(levels - fitted.variances, 3)
+    covariance = fitted.covariance + spread @ np.swapaxes(fitted.by_robot, 1, 2)
+    weights = np.linalg.inv(covariance)
+    n, _, p = fitted.by_shared.shape
+    normal = (np.swapaxes(fitted.by_shared, 1, 2) @ weights @ fitted.by_shared).sum(axis=0)
+    inner = np.swapaxes(fitted.by_robot, 1, 2) @ weights @ fitted.by_robot
+    told = 0.5 * np.sum((inner**2).reshape(n, 2, 3, 2, 3), axis=(0, 2, 4)) * max(1 - p / (6 * n), 1 / (6 * n))
+    size = 1 / np.sqrt(np.diagonal(told))
+    doubt_of_levels = size[:, None] * np.linalg.inv(size[:, None] * told * size + 1e-9 * np.eye(2)) * size
+    scale = 1 / np.sqrt(np.diagonal(normal))
+    lever = (scale[:, None] * np.linalg.inv(scale[:, None] * normal * scale + 1e-12 * np.eye(p)) * scale)[-1]
+    summed = weights @ fitted.by_shared @ lever
+    by_robot = (np.swapaxes(fitted.by_robot, 1, 2) @ summed[..., None])[..., 0]
+    by_level = (by_robot**2).reshape(-1, 2, 3).sum(axis=-1)
+    whole = np.einsum("ni,nij,nj->n", summed, covariance, summed)
+    by_pixels = np.maximum(whole - by_level @ levels, 0.0)
+    by_levels = by_level.sum(axis=0)
+    doubt = float(np.sum(2 * by_pixels**2 / fitted.redundancy)) + float(by_levels @ doubt_of_levels @ by_levels)
+    return float(np.clip(2 * float(lever[-1]) ** 2 / max(doubt, 1e-300), 1.0, 1e6))
 
 
 def _drawn(linear: Linear, degrees: float) -> tuple[Array, Array]:

@@ -8,9 +8,10 @@ import numpy as np
 
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit
-from calibration.diagnosis.significance import Background, Test
+from calibration.diagnosis.fit import Fit, fit
+from calibration.diagnosis.significance import Background
 from calibration.diagnosis.trial import Trial
+from calibration.target_scale import SMALLEST
 from calibration.transforms import (
     Array,
     inverse,
@@ -80,6 +81,9 @@ LARGEST_CELL_MM = 20_000.0
 PITCH_FACTORS = (0.2, 5.0)
 """Beyond these a unit is wrong, not the print."""
 
+SCALE_ROUNDS = 2
+"""The first weights its views by noise levels that are still too large."""
+
 FEWEST_NEIGHBOURS, MOST_NEIGHBOURS = 4, 40
 """Pairs of views, one right after the other, on which a shift of the poses by one is tried."""
 
@@ -130,9 +134,11 @@ CONVENTIONS = (
 
 
 def convention_trials(evidence: Evidence) -> Iterator[Trial]:
-    """One trial a convention, and the target's size."""
+    """One trial a convention, and the target's size if it is worth a word."""
     yield from reading_trials(evidence)
-    yield _pitch(evidence)
+    factor = likeliest_scale(evidence)
+    if abs(factor - 1) > SMALLEST:
+        yield _pitch(evidence, factor)
 
 
 def reading_trials(evidence: Evidence, alternatives: int = len(CONVENTIONS)) -> Iterator[Trial]:
@@ -168,8 +174,7 @@ def off_by_one_trials(evidence: Evidence) -> Iterator[Trial]:
         )
 
 
-def _pitch(evidence: Evidence) -> Trial:
-    factor = target_scale(evidence)
+def _pitch(evidence: Evidence, factor: float) -> Trial:
     return Trial(
         "wrong-pitch",
         (),
@@ -184,14 +189,30 @@ def _pitch(evidence: Evidence) -> Trial:
     )
 
 
-def _resized(scaled: Evidence, fitted: Fit, factor: float) -> Test:
-    """Is the target of another size? One more linear step makes the estimate the likeliest one."""
+def _resized(scaled: Evidence, fitted: Fit, factor: float) -> float:
+    """By chance, how often would the target seem as much larger or smaller?"""
+    background = Background.of(_with_size(scaled, fitted))
+    return background.chance_of(np.log([factor]), np.eye(background.steps.shape[1])[-1:])
+
+
+def _with_size(scaled: Evidence, fitted: Fit) -> Fit:
+    """The logarithm of the target's size becomes the last of the shared unknowns."""
     slope = np.zeros((len(scaled), 6, 1))
     slope[:, 3:, 0] = -scaled.camera_T_target[:, :3, 3]
-    background = Background.of(replace(fitted, by_shared=np.concatenate([fitted.by_shared, slope], axis=2)))
-    gradient = np.einsum("nij,ni->j", background.weighted, fitted.residuals)
-    size = np.log(factor) - float(background.shared[-1] @ gradient)
-    return background.of_shared(np.array([size]), np.eye(len(background.shared))[-1:])
+    return replace(fitted, by_shared=np.concatenate([fitted.by_shared, slope], axis=2))
+
+
+def likeliest_scale(evidence: Evidence) -> float:
+    """By how much the target must grow for the views to be likeliest.
+
+    Least squares knows no weights: where images tell directions well and distances badly, it may be off by tens of its
+    best deviations, and the noise levels take the blame.
+    """
+    size = np.log(target_scale(evidence))
+    for _ in range(SCALE_ROUNDS):
+        scaled = evidence.scaled(float(np.exp(size)))
+        size = np.clip(size + _with_size(scaled, fit(scaled)).step()[-1], *np.log(PITCH_FACTORS))
+    return float(np.exp(size))
 
 
 def target_scale(evidence: Evidence) -> float:

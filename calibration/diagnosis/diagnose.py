@@ -1,7 +1,7 @@
 """Try the known causes one at a time, and name the one that explains an inconsistent session."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,10 @@ from calibration.diagnosis.mistyped import mistyped_outcomes
 from calibration.diagnosis.trial import Outcome, Trial, outcomes_of
 from calibration.diagnosis.views import (
     CHANGE_CODES,
+    CHANGED,
     STRETCH,
     change_points,
+    moved_message,
     moved_trials,
     suspects_of,
     swapped_trials,
@@ -26,9 +28,6 @@ from calibration.transforms import Array
 
 FEWEST_VIEWS = 5
 """With fewer, any one view can be blamed on the others."""
-
-FEW_VIEWS = 8
-"""Fewer must bring the gain as well: they know their own noise too badly for a small chance to be trusted."""
 
 MOST_VIEWS = 50
 """More are thinned to this many, with the worst kept: what is wrong with all of them shows in these."""
@@ -42,6 +41,9 @@ GAIN = 8.0
 Under a clean session a likelihood ratio exceeds e^g with a chance below e^-g, whatever the alternative (Markov's
 inequality: its mean is 1). Between different readings the chance is far smaller still.
 """
+
+AS_LIKELY = 10.0
+"""A view of a change is told alone when it is so many times likelier than any other."""
 
 CHANCE = 5e-4
 """How often each of four kinds of fault (one pose, X changed, the target's pose changed, the target's size) may be
@@ -85,14 +87,14 @@ def _another_reading(evidence: Evidence) -> Diagnosis | None:
 def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
     few = evenly(len(evidence), MOST_VIEWS)
     suspects = suspects_of(evidence, few, fit(evidence.take(few)))
-    rows = few if len(few) == len(evidence) else np.union1d(few, suspects)
+    rows = few if len(few) == len(evidence) else np.union1d(few, suspects.rows)
     sample = evidence.take(rows)
     as_it_came = fit(sample)
-    among = np.searchsorted(rows, suspects).tolist()
+    among = np.searchsorted(rows, suspects.rows).tolist()
     trials = [
         *convention_trials(sample),
         *off_by_one_trials(evidence),
-        *swapped_trials(sample, among),
+        *swapped_trials(sample, among, suspects.half),
         *turned_trials(sample, among, target_centre_mm),
         *moved_trials(sample, change_points(len(sample))),
     ]
@@ -103,8 +105,8 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis 
     # The views that were left out are alternatives too.
     best_of_each = _best_of_each(outcomes)
     found = [outcome for outcome in best_of_each if _convinces(outcome, len(evidence), len(sample))]
-    if found and found[0].trial.code in CHANGE_CODES and len(sample) < len(evidence):
-        found[0] = _located(evidence, found[0])
+    if found and found[0].trial.code in CHANGE_CODES:
+        found[0] = _located(evidence, found[0]) if len(sample) < len(evidence) else _among(found[0], outcomes)
     return _diagnosis(as_it_came, found)
 
 
@@ -145,9 +147,8 @@ def _best_of_each(outcomes: list[Outcome]) -> list[Outcome]:
 def _convinces(outcome: Outcome, views: int, tried: int) -> bool:
     """Beyond chance, with as many more alternatives as there are `views` that were not `tried`."""
     left_out = views / tried
-    gains = outcome.gain >= GAIN + np.log(left_out)
-    if outcome.chance is None or (tried < FEW_VIEWS and not gains):
-        return bool(gains)
+    if outcome.chance is None:
+        return bool(outcome.gain >= GAIN + np.log(left_out))
     return outcome.chance() * left_out < CHANCE
 
 
@@ -164,10 +165,19 @@ def _located(evidence: Evidence, found: Outcome) -> Outcome:
         sample = evidence.take(rows)
         trials = moved_trials(sample, np.searchsorted(rows, near).tolist())
         outcomes = outcomes_of([trial for trial in trials if trial.code == found.trial.code], sample, fit(sample))
-        found = max(outcomes, key=lambda outcome: outcome.gain)
+        found = _among(max(outcomes, key=lambda outcome: outcome.gain), outcomes)
         row = int(np.flatnonzero(evidence.indices == found.trial.where[0])[0])
         gap = step if step > 1 else 0
     return found
+
+
+def _among(best: Outcome, outcomes: Sequence[Outcome]) -> Outcome:
+    """The same change, told with all the views before which it may have been nearly as well."""
+    trial = best.trial
+    alike = [o.trial for o in outcomes if o.trial.code == trial.code and o.gain > best.gain - np.log(AS_LIKELY)]
+    (change,) = (change for change in CHANGED[trial.evidence.setup] if change.code == trial.code)
+    message = moved_message(change, sorted(other.where[0] for other in alike))
+    return replace(best, trial=replace(trial, message=message))
 
 
 def evenly(n: int, most: int) -> NDArray[np.intp]:

@@ -46,8 +46,8 @@ Labels = NDArray[np.intp]
 class Fit:
     """`mount_T_camera` (g, 4, 4) and `anchor_T_target` (h, 4, 4), one a label; robot variances (2,) in rad² and mm².
 
-    Residuals (n, 6) with their covariance (n, 6, 6), derivatives by the shared unknowns (n, 6, p) and by the robot's
-    error (n, 6, 6). `redundancy` (n,): see `Evidence`.
+    Residuals (n, 6) with their covariance (n, 6, 6) and the images' part in it, derivatives by the shared unknowns
+    (n, 6, p) and by the robot's error (n, 6, 6). `redundancy` (n,): see `Evidence`.
     """
 
     mount_T_camera: Array
@@ -55,6 +55,7 @@ class Fit:
     variances: Array
     residuals: Array
     covariance: Array
+    image_covariance: Array
     by_shared: Array
     by_robot: Array
     redundancy: Array
@@ -69,6 +70,13 @@ class Fit:
     def robot_rotation_rad(self) -> float:
         """The robot's rotation noise that this assumption needs."""
         return float(np.sqrt(self.variances[0]))
+
+    def step(self) -> Array:
+        """What the shared unknowns (p,) still lack, to first order."""
+        information = inverted(self.covariance)[None]
+        step, _ = _step(_Linear(self.residuals[None], self.by_shared[None], self.by_robot[None]), information)
+        missing: Array = step[0]
+        return missing
 
     def distances(self) -> Array:
         """Squared Mahalanobis distance (n,) of every view."""
@@ -138,6 +146,7 @@ def fits(
             variances[t],
             linear.residuals[t],
             covariance[t],
+            stack.covariance[t],
             linear.by_shared[t],
             linear.by_robot[t],
             evidences[t].redundancy,
@@ -171,7 +180,7 @@ def applied(evidence: Evidence, fitted: Fit) -> Fit:
     stack = _stacked([evidence], [None], [None])
     linear = _linearised(stack, fitted.mount_T_camera[None, :1], fitted.anchor_T_target[None, :1])
     covariance = _covariance(stack.covariance, linear.by_robot, fitted.variances[None])[0]
-    seen = replace(fitted, residuals=linear.residuals[0], covariance=covariance)
+    seen = replace(fitted, residuals=linear.residuals[0], covariance=covariance, image_covariance=evidence.covariance)
     return replace(seen, by_shared=linear.by_shared[0], by_robot=linear.by_robot[0], redundancy=evidence.redundancy)
 
 
@@ -262,7 +271,7 @@ def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
     scaled = scale[:, :, None] * normal * scale[:, None, :] + 1e-12 * np.eye(p)
     step = -scale * _solved(scaled, (scale * gradient)[..., None])[..., 0]
     # A wrong assumption may have no sensible fit: keep the steps within what still is a cell.
-    longest = np.tile(LONGEST_STEP, p // 6)
+    longest = np.resize(LONGEST_STEP, p)
     step = np.clip(np.nan_to_num(step), -longest, longest)
     left: Array = linear.residuals + (linear.by_shared @ step[:, None, :, None])[..., 0]
     return step, left

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.stats import f as fisher
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, applied, fits, predicted_base_T_flange
-from calibration.diagnosis.significance import Background, Outsider, Test
+from calibration.diagnosis.significance import Background, Outsider
 from calibration.diagnosis.trial import Outcome, Trial, few_views_factor, price_of
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 
@@ -28,61 +27,70 @@ STEPS = np.array([1e-2] * 3 + [1e-5] * 4)
 """For differences in mm and in quaternion elements."""
 
 
+LIKELIEST = 4
+"""Suspects that are looked at closely: those without which the others agree best."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """What the other views say of one: their fit, and how far it is off against them; `views`: how many there are."""
+    """What the other views say of one: their fit, and where it lies against them; `views`: how many there are."""
 
     view: Evidence
     fitted: Fit
     outsider: Outsider
-    off: Test
     views: int
 
 
 @dataclass(frozen=True)
 class _Candidate:
-    """`misfit`: squared distance that this explanation leaves; `chance`: see `Outcome`."""
+    """`misfit`: squared distance that this explanation leaves, of which `plausible` is true or not; `slope`: see
+    `Outsider.chance_along`, None where the explanation is no small change of one number."""
 
     misfit: float
+    plausible: bool
     unknowns: int
     alternatives: int
     message: str
-    chance: float
+    slope: Array | None = None
 
 
 def mistyped_outcomes(evidence: Evidence, suspects: Sequence[int], baseline: float) -> Iterator[Outcome]:
-    """For each suspect the better of: its pose is wrong somehow, one of its numbers is wrong."""
+    """For the likeliest suspects the better of: its pose is wrong somehow, one of its numbers is wrong."""
     n = len(evidence)
-    others = [evidence.take(np.delete(np.arange(n), row)) for row in suspects]
-    for row, fitted in zip(suspects, fits(others), strict=True):
-        view = evidence.take(np.array([row]))
-        rest = _rest(view, fitted, n)
+    others = fits([evidence.take(np.delete(np.arange(n), row)) for row in suspects])
+    views = [evidence.take(np.array([row])) for row in suspects]
+    # The log-likelihood without a view's residual.
+    without = [fitted.log_likelihood - 0.5 * _own(view, fitted) for view, fitted in zip(views, others, strict=True)]
+    for suspect in np.argsort(without)[::-1][:LIKELIEST]:
+        view, fitted = views[suspect], others[suspect]
+        rest = Rest(view, fitted, Background.of(fitted).of_outsider(applied(view, fitted)), n)
         numbers = [*_numbers(rest), *_signs(rest)]
-        best = _best(rest, _whole_pose(rest), numbers)
-        own = float(np.linalg.slogdet(applied(view, fitted).covariance[0])[1])
-        raw = fitted.log_likelihood - 0.5 * (own + best.misfit) - baseline
+        best = _best(_whole_pose(rest), numbers)
+        raw = without[suspect] - 0.5 * best.misfit - baseline
         gain = few_views_factor(n, best.unknowns) * raw - price_of(n, best.unknowns, best.alternatives)
         trial = Trial("pose-mistyped", (int(view.indices[0]),), view, view, best.message, FIX)
-        # Two questions were asked of each view: is it off, and is one of its numbers.
-        chance = partial(min, *(2 * number.chance for number in numbers), 2 * n * rest.off.chance, 1.0)
+        slopes = np.array([number.slope for number in numbers if number.slope is not None])
+        chance = partial(_chance, rest, slopes)
         yield Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
 
 
 FIX = "read that pose on the controller again; if it is right, the arm had not settled, or the image is bad"
 
 
-def _rest(view: Evidence, fitted: Fit, n: int) -> Rest:
-    background = Background.of(fitted)
-    outsider = background.of_outsider(applied(view, background.fitted))
-    return Rest(view, fitted, outsider, outsider.off(), n)
+def _own(view: Evidence, fitted: Fit) -> float:
+    return float(np.linalg.slogdet(applied(view, fitted).covariance[0])[1])
 
 
-def _best(rest: Rest, whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
+def _chance(rest: Rest, slopes: Array) -> float:
+    """Two questions were asked of each view: is it off, and is one of its numbers."""
+    by_number = 7 * rest.views * float(rest.outsider.chance_along(slopes).min())
+    return min(2 * by_number, 2 * rest.views * rest.outsider.chance_off(), 1.0)
+
+
+def _best(whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
     """The one number that explains the view, if there is one and no other does as well; else the pose as a whole."""
     first, second = sorted(numbers, key=lambda candidate: candidate.misfit + 2 * price_of(1, candidate.unknowns, 1))[:2]
-    plausible = 6 * float(fisher.isf(IMPLAUSIBLE, 6, rest.off.degrees))
-    told = first.misfit < plausible and second.misfit > first.misfit + TOLD_APART
-    return first if told else whole
+    return first if first.plausible and second.misfit > first.misfit + TOLD_APART else whole
 
 
 def _whole_pose(rest: Rest) -> _Candidate:
@@ -93,7 +101,7 @@ def _whole_pose(rest: Rest) -> _Candidate:
         np.arccos(np.clip((np.trace(expected[:3, :3].T @ rest.view.base_T_flange[0, :3, :3]) - 1) / 2, -1, 1))
     )
     message = f"the pose of view {where} disagrees with all others by {np.linalg.norm(off):.2f} mm and {turn:.2f} deg"
-    return _Candidate(0.0, FREE_POSE, rest.views, message, 1.0)
+    return _Candidate(0.0, True, FREE_POSE, rest.views, message)
 
 
 def _numbers(rest: Rest) -> Iterator[_Candidate]:
@@ -101,23 +109,28 @@ def _numbers(rest: Rest) -> Iterator[_Candidate]:
     given = _printed(rest.view.base_T_flange[0])
     stepped = _residuals(rest, np.concatenate([given[None], given + np.diag(STEPS)]))
     slopes = (stepped[1:] - stepped[0]) / STEPS[:, None]
-    changes = np.array([rest.outsider.fitting(slope) for slope in slopes])
+    changes = rest.outsider.fitting(slopes)
     told = (np.arange(7) < 3) | (np.abs(changes) < LARGEST_SLIP)
     right = given + np.diag(np.where(told, changes, 0.0))
-    misfits = rest.outsider.left_by(_residuals(rest, right))
+    misfits, plausible = _left_by(rest, right)
     for index in np.flatnonzero(told).tolist():
-        alternatives = 7 * rest.views
-        chance = alternatives * rest.outsider.off_along(slopes[index]).chance
         message = _message(rest, given, right[index], index)
-        yield _Candidate(float(misfits[index]), 1, alternatives, message, chance)
+        yield _Candidate(misfits[index], plausible[index], 1, 7 * rest.views, message, slopes[index])
 
 
 def _signs(rest: Rest) -> Iterator[_Candidate]:
     """A sign lost in one of the quaternion's elements."""
     given = _printed(rest.view.base_T_flange[0])
     right = given * (1 - 2 * np.eye(7)[3:])
-    for index, misfit in enumerate(rest.outsider.left_by(_residuals(rest, right))):
-        yield _Candidate(float(misfit), 0, 7 * rest.views, _message(rest, given, right[index], 3 + index), 1.0)
+    for index, (misfit, plausible) in enumerate(zip(*_left_by(rest, right), strict=True)):
+        yield _Candidate(misfit, plausible, 0, 7 * rest.views, _message(rest, given, right[index], 3 + index))
+
+
+def _left_by(rest: Rest, numbers: Array) -> tuple[list[float], list[bool]]:
+    """Of poses that say these numbers (k, 7): the squared distances left, and whether chance would leave as much."""
+    residuals = _residuals(rest, numbers)
+    chances = [rest.outsider.chance_of(residual) for residual in residuals]
+    return rest.outsider.squares(residuals).tolist(), [chance > IMPLAUSIBLE for chance in chances]
 
 
 def _message(rest: Rest, given: Array, right: Array, index: int) -> str:

@@ -1,150 +1,162 @@
-"""By chance alone, how often would a session without a fault look as guilty? Wald's test with estimated noise.
+"""By chance alone, how often would a session without a fault look as guilty? Wald's test, averaged over noise levels.
 
-d, the estimate of what a fault would change, has the covariance V. With known noise d' V^-1 d is chi-squared; here V
-rests on two levels of robot noise estimated from the same views, and k F(k, nu) takes its place, with nu from the
-levels' own uncertainty (Satterthwaite, Biometrics Bulletin 2(6), 1946; for several numbers at once Fai & Cornelius,
-J. Statist. Comput. Simul. 54, 1996).
+d, the estimate of what a fault would change, has the covariance V, and with known noise d' V^-1 d is chi-squared. The
+robot's two levels are known only from the same views: the chance is averaged over them, each pair as likely as the
+residuals make it (restricted likelihood) times what robots are like. Of one level that is the F test; of two no closed
+form is right where few views tell little about one of them.
+Source: D. Harville, "Bayesian inference for variance components using only error contrasts", Biometrika 61, 1974.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
-from scipy.stats import f as fisher
+from scipy.stats import chi2
 
-from calibration.diagnosis.fit import SMALLEST_INFORMATION, Fit, inverted
+from calibration.diagnosis.fit import SMALLEST_INFORMATION, SMALLEST_VARIANCE, Fit, inverted
+from calibration.likelihood.noise_levels import STATED_DEVIATIONS, STATED_FACTOR
 from calibration.transforms import Array
 
-LEVER_MM = 573.0 / 3, 573.0 * 3
-"""Translation noise over rotation noise, in mm per radian: 0.05 mm and 0.005 degrees, the usual levels, make 573. Few
-views may blame one level alone for what both did; they are not believed to lie further apart than three times that."""
+GRIDS = (5, 5, 7)
+"""Nodes of each level, in grids that close in on the levels that are likely."""
 
-FEWEST_DEGREES, MOST_DEGREES = 1.0, 1e6
+FIRST_STEP = 1.0
+"""Between nodes of the first grid, in logarithms of a level's deviation."""
 
+REACH = np.array([-2.0, 4.0])
+"""Of the last grid, in deviations: high levels matter most to a small chance."""
 
-@dataclass(frozen=True, eq=False)
-class Test:
-    """`square`: d' V^-1 d with `numbers` = dim d and `degrees` = nu."""
-
-    square: float
-    numbers: int
-    degrees: float
-
-    @property
-    def chance(self) -> float:
-        """That a session without the fault exceeds it."""
-        return float(fisher.sf(self.square / self.numbers, self.numbers, self.degrees))
+FINER = 0.4
+"""A grid does not tell a deviation smaller than this share of its steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """What a fit leaves uncertain. `normal` (p, p) inverted; weighted derivatives (n, 6, p); the levels' (2, 2)."""
+    """What a fit leaves uncertain at k pairs of the robot's levels, `weights` (k,) of which each is the true one.
+
+    `variances` (k, 2); what the shared unknowns still lack (k, p), and its covariance (k, p, p).
+    """
 
     fitted: Fit
+    weights: Array
+    variances: Array
+    steps: Array
     shared: Array
-    weighted: Array
-    levels: Array
 
     @classmethod
     def of(cls, fitted: Fit) -> "Background":
-        """The levels of a few views are not believed when one of the two is all but missing."""
-        fitted = _with_both_levels(fitted)
-        weights = inverted(fitted.covariance)
-        weighted = weights @ fitted.by_shared
-        n, _, p = weighted.shape
-        normal = (np.swapaxes(fitted.by_shared, 1, 2) @ weighted).sum(axis=0)
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(normal), SMALLEST_INFORMATION))
-        shared = scale[:, None] * inverted(scale[:, None] * normal * scale + 1e-12 * np.eye(p)) * scale
-        inner = np.swapaxes(fitted.by_robot, 1, 2) @ weights @ fitted.by_robot
-        told = 0.5 * np.sum((inner**2).reshape(n, 2, 3, 2, 3), axis=(0, 2, 4)) * max(1 - p / (6 * n), 1 / (6 * n))
-        size = 1 / np.sqrt(np.maximum(np.diagonal(told), SMALLEST_INFORMATION))
-        levels = size[:, None] * inverted(size[:, None] * told * size + 1e-9 * np.eye(2)) * size
-        return cls(fitted, shared, weighted, levels)
+        """About the levels that the fit took for the likeliest."""
+        centre = 0.5 * np.log(np.maximum(fitted.variances, SMALLEST_VARIANCE))
+        reach = np.outer(np.array([-0.5, 0.5]) * (GRIDS[0] - 1) * FIRST_STEP, np.ones(2))
+        for nodes in GRIDS:
+            axes = np.linspace(centre + reach[0], centre + reach[1], nodes)
+            logs = np.array(list(product(*axes.T)))
+            found = cls._at(fitted, logs)
+            centre = found.weights @ logs
+            spread = np.sqrt(found.weights @ (logs - centre) ** 2)
+            reach = np.outer(REACH, np.maximum(spread, FINER * (axes[1] - axes[0])))
+        return found
 
-    def of_shared(self, value: Array, by_unknowns: Array) -> Test:
-        """`value` (k,) estimates `by_unknowns` (k, p) @ the shared unknowns; should it be zero?"""
-        lever = self.shared @ by_unknowns.T
-        return self._test(value, by_unknowns @ lever, lever, None)
+    @classmethod
+    def _at(cls, fitted: Fit, logs: Array) -> "Background":
+        """At deviations whose logarithms are `logs` (k, 2)."""
+        variances = np.maximum(np.exp(2 * logs), SMALLEST_VARIANCE)
+        spread = fitted.by_robot * np.sqrt(np.repeat(variances, 3, axis=1))[:, None, None]
+        covariance = fitted.image_covariance + spread @ np.swapaxes(spread, -1, -2)
+        by_shared = fitted.by_shared
+        n, _, p = by_shared.shape
+        # Views stacked: (k, p, 6 n) @ (6 n, p + 1)
+        information = inverted(covariance)
+        weighted = np.swapaxes((information @ by_shared).reshape(len(logs), 6 * n, p), 1, 2)
+        both = weighted @ np.concatenate([by_shared, fitted.residuals[..., None]], axis=2).reshape(6 * n, p + 1)
+        normal, gradient = both[:, :, :p], both[:, :, p]
+        scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), SMALLEST_INFORMATION))
+        scaled = scale[:, :, None] * normal * scale[:, None, :] + 1e-12 * np.eye(p)
+        shared = scale[:, :, None] * inverted(scaled) * scale[:, None, :]
+        steps = -(shared @ gradient[..., None])[..., 0]
+        weighted_residuals = (information @ fitted.residuals[..., None])[..., 0]
+        square = np.sum(weighted_residuals * fitted.residuals, axis=(1, 2)) + np.sum(steps * gradient, axis=1)
+        determinants = np.linalg.slogdet(covariance)[1].sum(axis=1) + np.linalg.slogdet(scaled)[1]
+        determinants -= 2 * np.log(scale).sum(axis=1)
+        stated = np.sum(((logs - np.log(STATED_DEVIATIONS)) / np.log(STATED_FACTOR)) ** 2, axis=1)
+        likely = -0.5 * (determinants + square + stated)
+        weights = np.exp(likely - likely.max())
+        return cls(fitted, weights / weights.sum(), variances, steps, shared)
+
+    def chance_of(self, value: Array, by_unknowns: Array) -> float:
+        """`value` (d,) is the fit's `by_unknowns` (d, p) @ the shared unknowns: is the truth zero, by chance as far?"""
+        off = value + self.steps @ by_unknowns.T
+        return self._chance(off, by_unknowns @ self.shared @ by_unknowns.T)
+
+    def _chance(self, off: Array, covariance: Array) -> float:
+        """Of values (k, d) with covariances (k, d, d)."""
+        return float(self.weights @ chi2.sf(_squares(off, covariance), off.shape[1]))
 
     def of_outsider(self, seen: Fit) -> "Outsider":
         """A view that took no part in the fit, as `fit.applied` sees it."""
-        lever = self.shared @ seen.by_shared[0].T
-        return Outsider(self, seen, seen.covariance[0] + seen.by_shared[0] @ lever, lever)
-
-    def _test(self, value: Array, variance: Array, lever: Array, outsider: Fit | None) -> Test:
-        direction = _solved(variance, value)
-        square = max(float(value @ direction), 0.0)
-        return Test(square, len(value), self.degrees(direction, square, lever, outsider))
-
-    def degrees(self, direction: Array, square: float, lever: Array, outsider: Fit | None) -> float:
-        """nu of `square`, the variance of direction' d; by how much it follows each level, and each view's pixels."""
-        by_level, doubt = _doubt(self.fitted, self.weighted @ (lever @ direction))
-        if outsider is not None:
-            its_own, its_doubt = _doubt(outsider, direction[None])
-            by_level, doubt = by_level + its_own, doubt + its_doubt
-        doubt += float(by_level @ self.levels @ by_level)
-        return float(np.clip(2 * square**2 / max(doubt, 1e-300), FEWEST_DEGREES, MOST_DEGREES))
+        by_shared, spread = seen.by_shared[0], seen.by_robot[0] * np.sqrt(np.repeat(self.variances, 3, axis=1))[:, None]
+        own = seen.image_covariance[0] + spread @ np.swapaxes(spread, 1, 2)
+        return Outsider(self, seen.residuals[0], self.steps @ by_shared.T, own + by_shared @ self.shared @ by_shared.T)
 
 
 @dataclass(frozen=True, eq=False)
 class Outsider:
-    """A view against all others: is it off at all, or along one direction?"""
+    """A view against all others: its residual (6,) under their fit; at each pair of the background's levels what is to
+    be added (k, 6), for they would be fitted otherwise, and the covariance (k, 6, 6)."""
 
     background: Background
-    seen: Fit
-    variance: Array
-    lever: Array
+    residual: Array
+    steps: Array
+    covariances: Array
 
-    def off(self) -> Test:
-        """In any way."""
-        return self.background._test(self._residual, self.variance, self.lever, self.seen)
+    def chance_off(self) -> float:
+        """That it is off so far in any way."""
+        return self.chance_of(self.residual)
 
-    def off_along(self, slope: Array) -> Test:
-        """By some multiple of `slope` (6,)."""
-        direction = _solved(self.variance, slope)
-        own = max(float(slope @ direction), SMALLEST_INFORMATION)
-        square = float(direction @ self._residual) ** 2 / own
-        return Test(square, 1, self.background.degrees(direction, own, self.lever, self.seen))
+    def chance_of(self, residual: Array) -> float:
+        """That another residual (6,), if it had that, were so far off."""
+        return self.background._chance(residual + self.steps, self.covariances)
 
-    @property
-    def _residual(self) -> Array:
-        residual: Array = self.seen.residuals[0]
-        return residual
+    def chance_along(self, slopes: Array) -> Array:
+        """That it is off so far by some multiple of each of the `slopes` (m, 6)."""
+        directions = np.linalg.solve(self.covariances, slopes.T)  # (k, 6, m)
+        own = np.maximum(np.sum(slopes.T * directions, axis=1), SMALLEST_INFORMATION)
+        squares = np.sum((self.residual + self.steps)[:, :, None] * directions, axis=1) ** 2 / own
+        chances: Array = self.background.weights @ chi2.sf(squares, 1)
+        return chances
 
-    def fitting(self, slope: Array) -> float:
-        """The multiple of `slope` (6,) that, added, leaves least."""
-        direction = _solved(self.variance, slope)
-        return -float(direction @ self._residual) / max(float(slope @ direction), SMALLEST_INFORMATION)
+    def fitting(self, slopes: Array) -> Array:
+        """Multiples (m,) of each of the `slopes` (m, 6) that, added, leave least."""
+        step, covariance = self._averaged()
+        directions = _solved(covariance, slopes.T)  # (6, m)
+        own = np.maximum(np.sum(slopes.T * directions, axis=0), SMALLEST_INFORMATION)
+        multiples: Array = -((self.residual + step) @ directions) / own
+        return multiples
 
-    def left_by(self, residuals: Array) -> Array:
-        """Squared distance (k,) of other residuals (k, 6) that the view could have."""
-        squares: Array = np.einsum("ki,ik->k", residuals, _solved(self.variance, residuals.T))
+    def squares(self, residuals: Array) -> Array:
+        """Squared distance (m,) of other residuals (m, 6) that the view could have."""
+        step, covariance = self._averaged()
+        off = residuals + step
+        squares: Array = np.sum(off.T * _solved(covariance, off.T), axis=0)
         return squares
 
-
-def _with_both_levels(fitted: Fit) -> Fit:
-    """The fit under levels that lie within what robots show of each other."""
-    rotation, translation = fitted.variances
-    nearest, furthest = np.square(LEVER_MM)
-    levels = np.maximum(fitted.variances, [translation / furthest, rotation * nearest])
-    added = np.repeat(levels - fitted.variances, 3)
-    if not np.any(added):
-        return fitted
-    spread = fitted.by_robot * added
-    return replace(fitted, covariance=fitted.covariance + spread @ np.swapaxes(fitted.by_robot, 1, 2), variances=levels)
+    def _averaged(self) -> tuple[Array, Array]:
+        """Over all levels: (6,), (6, 6)."""
+        weights = self.background.weights
+        mean = weights @ self.steps
+        off = self.steps - mean
+        return mean, np.tensordot(weights, self.covariances, 1) + (weights[:, None] * off).T @ off
 
 
-def _doubt(fitted: Fit, spread: Array) -> tuple[Array, float]:
-    """Of the variance of sum spread' residuals, `spread` (n, 6): its derivatives (2,) by the robot's levels, and how
-    uncertain it is because each view's pixel noise is known from that view's few pixels only."""
-    by_robot = (np.swapaxes(fitted.by_robot, 1, 2) @ spread[..., None])[..., 0]
-    by_level = (by_robot**2).reshape(-1, 2, 3).sum(axis=-1)
-    whole = np.einsum("ni,nij,nj->n", spread, fitted.covariance, spread)
-    by_pixels: Array = np.maximum(whole - by_level @ fitted.variances, 0.0)
-    return by_level.sum(axis=0), float(np.sum(2 * by_pixels**2 / fitted.redundancy))
+def _squares(off: Array, covariance: Array) -> Array:
+    """off' covariance^-1 off (k,), of values (k, d)."""
+    squares: Array = np.sum(off[..., None] * _solved(covariance, off[..., None]), axis=(-2, -1))
+    return squares
 
 
 def _solved(matrix: Array, right_hand: Array) -> Array:
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(matrix), SMALLEST_INFORMATION))
-    scaled = inverted(scale[:, None] * matrix * scale + 1e-12 * np.eye(len(matrix)))
-    solved: Array = (scale[:, None] * scaled * scale) @ right_hand
+    """(..., d, d) of numbers as different as radians and millimetres, and (..., d, m)."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), SMALLEST_INFORMATION))[..., None]
+    scaled = scale * matrix * np.swapaxes(scale, -1, -2) + 1e-12 * np.eye(matrix.shape[-1])
+    solved: Array = scale * (inverted(scaled) @ (scale * right_hand))
     return solved

@@ -8,7 +8,6 @@ import numpy as np
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, Labels, fit, fits
-from calibration.diagnosis.significance import Test
 
 TOGETHER = 2000
 """Views fitted at once: enough to make numpy's overhead small, few enough for the cache."""
@@ -25,7 +24,7 @@ class Trial:
     unknowns : free numbers the cause brings; alternatives : how many such trials there are. Both cost likelihood.
     bonus : log-likelihood the cause brings beside the fit (a change of measure).
     size : how large the target is under this cause, against what was said.
-    test : from the evidence as it would be and the fit to it, whether chance could do the same; None where the cause is
+    test : from the evidence as it would be and the fit to it, how often chance does the same; None where the cause is
     another reading of the same numbers, which no chance turns into the other.
     """
 
@@ -41,7 +40,7 @@ class Trial:
     alternatives: int = 1
     bonus: float = 0.0
     size: float = 1.0
-    test: Callable[[Evidence, Fit], Test] | None = None
+    test: Callable[[Evidence, Fit], float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +90,8 @@ def _outcome(trial: Trial, fitted: Fit, before: float) -> Outcome:
     return Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
 
 
-def _chance(test: Callable[[Evidence, Fit], Test], trial: Trial, fitted: Fit) -> float:
-    return min(trial.alternatives * test(trial.evidence, fitted).chance, 1.0)
+def _chance(test: Callable[[Evidence, Fit], float], trial: Trial, fitted: Fit) -> float:
+    return min(trial.alternatives * test(trial.evidence, fitted), 1.0)
 
 
 def price_of(n: int, unknowns: int, alternatives: int) -> float:

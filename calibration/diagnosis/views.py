@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
-from calibration.diagnosis.significance import Background, Test
+from calibration.diagnosis.significance import Background
 from calibration.diagnosis.trial import Trial
 from calibration.transforms import Array, inverse, transform, vector_from_rotation
 
 SUSPECTS = 10
 """Views that fit worst, among which mistyped and swapped ones are sought."""
+
+SWAPS = 6
+"""Pairs of suspects of which it is tried whether their poses were exchanged."""
 
 STARTS = 8
 CONCENTRATING = 4
@@ -27,8 +30,16 @@ FEWEST_TO_CHANGE = 6
 """Fewer views cannot carry the 18 unknowns of a change."""
 
 
-def suspects_of(evidence: Evidence, few: NDArray[np.intp], fitted: Fit) -> list[int]:
-    """Rows of the views that fit worst: under a fit to the `few` rows, and under one to the half that agrees best.
+@dataclass(frozen=True, eq=False)
+class Suspects:
+    """Rows of the views that fit worst, and the fit to the half that agrees best."""
+
+    rows: list[int]
+    half: Fit
+
+
+def suspects_of(evidence: Evidence, few: NDArray[np.intp], fitted: Fit) -> Suspects:
+    """Under a fit to the `few` rows, and under one to the half of them that agrees best.
 
     The half is found by concentration from several starts (Rousseeuw & Van Driessen, Technometrics 41(3), 1999),
     for a gross error spoils the fit to all.
@@ -37,7 +48,7 @@ def suspects_of(evidence: Evidence, few: NDArray[np.intp], fitted: Fit) -> list[
     n = len(sample)
     half = max(4, (n + 7) // 2)
     if n < half + 1:
-        return list(range(n))
+        return Suspects(list(range(n)), fitted)
     rng = np.random.default_rng(0)
     fours = [sample.take(rng.choice(n, 4, replace=False)) for _ in range(STARTS)]
     candidates = [fitted, *fits(fours, iterations=CONCENTRATING)]
@@ -45,9 +56,10 @@ def suspects_of(evidence: Evidence, few: NDArray[np.intp], fitted: Fit) -> list[
         off = [np.argsort(_distances(sample, candidate))[:half] for candidate in candidates]
         candidates = fits([sample.take(np.sort(rows)) for rows in off], iterations=CONCENTRATING)
     spread = [np.sort(_distances(sample, candidate))[:half].sum() for candidate in candidates]
-    robust = _distances(evidence, candidates[int(np.argmin(spread))])
+    best = candidates[int(np.argmin(spread))]
+    robust = _distances(evidence, best)
     worst = np.concatenate([np.argsort(-robust)[:SUSPECTS], few[np.argsort(-fitted.distances())[:SUSPECTS]]])
-    return [int(row) for row in dict.fromkeys(worst.tolist())][: SUSPECTS + 4]
+    return Suspects([int(row) for row in dict.fromkeys(worst.tolist())][: SUSPECTS + 4], best)
 
 
 def _distances(evidence: Evidence, fitted: Fit) -> Array:
@@ -61,10 +73,14 @@ def _distances(evidence: Evidence, fitted: Fit) -> Array:
     return result
 
 
-def swapped_trials(evidence: Evidence, suspects: Sequence[int]) -> Iterator[Trial]:
-    """Two views whose poses were exchanged."""
-    pairs = list(combinations(sorted(suspects), 2))
-    for i, j in pairs:
+def swapped_trials(evidence: Evidence, suspects: Sequence[int], half: Fit) -> Iterator[Trial]:
+    """Two views whose poses were exchanged: the pairs that would fit best to the `half` that agrees."""
+    pairs = np.array(list(combinations(sorted(suspects), 2)))
+    if not len(pairs):
+        return
+    exchanged = evidence.take(pairs.ravel()).with_robot_poses(evidence.base_T_flange[pairs[:, ::-1].ravel()])
+    left = _distances(exchanged, half).reshape(-1, 2).sum(axis=1)
+    for i, j in pairs[np.argsort(left)[:SWAPS]].tolist():
         poses = evidence.base_T_flange.copy()
         poses[[i, j]] = poses[[j, i]]
         where = int(evidence.indices[i]), int(evidence.indices[j])
@@ -148,7 +164,7 @@ def moved_trials(evidence: Evidence, points: Sequence[int]) -> Iterator[Trial]:
                 (where,),
                 evidence,
                 evidence,
-                change.message.format(where) + ": the views before and after it agree among themselves",
+                moved_message(change, [where]),
                 change.fix + ", or keep only the views on one side",
                 x_labels=labels if change.of_x else None,
                 y_labels=None if change.of_x else labels,
@@ -158,21 +174,27 @@ def moved_trials(evidence: Evidence, points: Sequence[int]) -> Iterator[Trial]:
             )
 
 
-def x_changed(_: Evidence, fitted: Fit) -> Test:
-    """Is X another one from some view on?"""
+def moved_message(change: Change, views: Sequence[int]) -> str:
+    """`views`: where it may have happened, one of them."""
+    told = " or ".join(filter(None, (", ".join(map(str, views[:-1])), str(views[-1]))))
+    return change.message.format(told) + ": the views before and after it agree among themselves"
+
+
+def x_changed(_: Evidence, fitted: Fit) -> float:
+    """By chance, how often would X seem as different from some view on?"""
     return _changed(fitted, fitted.mount_T_camera, 0)
 
 
-def y_changed(_: Evidence, fitted: Fit) -> Test:
-    """Is the target's pose another one from some view on?"""
+def y_changed(_: Evidence, fitted: Fit) -> float:
+    """By chance, how often would the target's pose seem as different from some view on?"""
     return _changed(fitted, fitted.anchor_T_target, 6)
 
 
-def _changed(fitted: Fit, poses: Array, first: int) -> Test:
+def _changed(fitted: Fit, poses: Array, first: int) -> float:
     """`poses` (2, 4, 4) before and after; `first`: where among the shared unknowns theirs begin."""
     before, after = poses
     between = inverse(before) @ after
     step = np.concatenate([vector_from_rotation(between[None, :3, :3])[0], between[:3, 3]])
     by_unknowns = np.zeros((6, fitted.by_shared.shape[2]))
     by_unknowns[:, first : first + 6], by_unknowns[:, first + 6 : first + 12] = -np.eye(6), np.eye(6)
-    return Background.of(fitted).of_shared(step, by_unknowns)
+    return Background.of(fitted).chance_of(step, by_unknowns)

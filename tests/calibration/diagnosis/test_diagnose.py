@@ -1,5 +1,7 @@
 """The diagnosis itself: what must not change it, how it grows, what it leaves to others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,12 +17,13 @@ from benchmarks.diagnosis_faults import (
     simulated_session,
     swapped,
 )
-from calibration.diagnosis.conventions import target_scale
+from calibration.diagnosis.conventions import likeliest_scale, target_scale
 from calibration.diagnosis.diagnose import Diagnosis, diagnose
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.findings import ExpectedMount, mount_findings, severity_of
 from calibration.diagnosis.fit import fit, fits
 from calibration.diagnosis.gate import suspicious
+from calibration.diagnosis.views import y_changed
 from calibration.problem import Setup
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
@@ -196,3 +199,38 @@ def test_a_slip_within_the_noise_is_not_blamed_on_anyone() -> None:
     problem = simulated_session(np.random.default_rng(11), 12, Noise(), "eye-in-hand")
     slip = mistyped(problem, np.random.default_rng(0))
     assert [f.code for f in solve_hand_eye(slip.at(0.05).problem).findings if f.severity != "info"] == []
+
+
+def test_the_size_of_the_target_is_the_likeliest_where_images_tell_distances_badly() -> None:
+    """Least squares, without weights, errs there by more than what is to be found."""
+    off = []
+    for seed in range(4):
+        seen = evidence(seed, 15, Noise(0.5, 0, 0)).scaled(1 / 1.002)
+        off.append((likeliest_scale(seen) - 1.002, target_scale(seen) - 1.002))
+    likeliest, least_squares = np.sqrt(np.mean(np.square(off), axis=0))
+    assert likeliest < 2e-4 < least_squares
+
+
+def test_a_target_that_is_only_warm_is_nobody_s_fault() -> None:
+    exact = evidence(5, 20, Noise(0.002, 0, 0))
+    assert diagnose(exact.scaled(1 / 1.00015), CENTRE_MM) is None
+    assert named(exact.scaled(1 / 1.0008)).cause.code == "wrong-pitch"
+
+
+def test_two_views_between_which_a_change_cannot_be_told_are_both_named() -> None:
+    clean = evidence(30, 12, ORDINARY)
+    poses = clean.base_T_flange.copy()
+    poses[6:] = transform(np.eye(3), [0.0, 4.0, 0.0]) @ poses[6:]
+    vague = clean.covariance.copy()
+    vague[6] *= 1e6  # the picture at which it happened tells nothing
+    moved = replace(clean.with_robot_poses(poses), covariance=vague)
+    assert "moved before view 6 or 7:" in named(moved).cause.message
+
+
+def test_chances_in_clean_sessions_are_evenly_spread() -> None:
+    """Among few views too, whose noise is known from themselves only."""
+    after = np.arange(6) >= 3
+    changed = [fit(evidence(seed, 6, ORDINARY), None, after.astype(np.intp)) for seed in range(100, 160)]
+    chances = np.array([y_changed(evidence(0, 6), fitted) for fitted in changed])
+    assert 0.3 < np.mean(chances < 0.5) < 0.7
+    assert np.mean(chances < 0.05) < 0.12
