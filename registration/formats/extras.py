@@ -20,6 +20,8 @@ from registration.formats.laz import require_sound_chunks
 from registration.layout import Layout, Records
 
 BLOCK_POINTS = 1 << 16
+E57_BLOCK_POINTS = 1 << 14
+"""libE57 fills a block column by column: it has to stay in the cache."""
 
 DAMAGE = (
     ValueError,
@@ -127,7 +129,7 @@ class E57Source:
 
     def blocks(self) -> Iterator[Records]:
         for index, header in enumerate(self._headers):
-            block = np.empty(BLOCK_POINTS, self.layout.dtype)
+            block = np.empty(E57_BLOCK_POINTS, self.layout.dtype)
             with told(self._name, f"scan {index}", *self._errors):
                 reader = header.points.reader(self._straight_into(block))
                 count = reader.read()
