@@ -1,8 +1,9 @@
 """KinHEC's tracks: pose pairs with known X, its reference solvers beside ours, under its own protocol.
 
-`python -m benchmarks.kinhec [--tier smoke|small|medium] [--keep DIR]`; needs `pip install kinhec`. Ours gets the very
-keyframes that the reference solvers get; the clock offset is the true one ("oracle"). Camera poses in the frame of the
-first one (KinHEC's `vo_origin`, odometry of one camera) have no known scale: ours is told so, and finds it.
+`python -m benchmarks.kinhec [--tier smoke|small|medium] [--keep DIR] [--tracks NAME ...] [--solvers NAME ...]`; needs
+`pip install kinhec`. Ours gets the very keyframes that the reference solvers get; the clock offset is the true one
+("oracle"). Camera poses in the frame of the first one (KinHEC's `vo_origin`, odometry of one camera) have no known
+scale: ours is told so, and finds it.
 KinHEC scores a track by the medians of X's rotation and translation error; here over the sequences that ours answers,
 for every solver alike. What the others say where ours refuses stands below.
 """
@@ -47,23 +48,24 @@ def main() -> None:
     parser.add_argument("--tier", default="smoke", help="smoke (46 sequences), small (562) or medium (about 10,000)")
     parser.add_argument("--keep", type=Path, help="folder that keeps the sequences and the reference solvers' errors")
     parser.add_argument("--tracks", nargs="+", help="only these tracks")
+    parser.add_argument("--solvers", nargs="+", help="only these reference solvers; the slow ones refine (+lm) or draw")
     parser.add_argument("--chance", action="store_true", help="say how much of each ratio chance may be")
     options = parser.parse_args()
     if importlib.util.find_spec("kinhec") is None:
         print("kinhec is not installed: pip install kinhec")
         return
     if options.keep:
-        scored = scores(options.keep, options.tier, options.tracks)
+        scored = scores(options.keep, options.tier, options.tracks, options.solvers)
     else:
         with tempfile.TemporaryDirectory() as folder:
-            scored = scores(Path(folder), options.tier, options.tracks)
+            scored = scores(Path(folder), options.tier, options.tracks, options.solvers)
     print(f"KinHEC, tier {options.tier}: median error of X over the sequences that ours answers")
     print(f"{'track':>12} {'answered':>8} {'':>4} {'ours':>9} {'best reference':>14} {'ratio':>6}")
     for track in dict.fromkeys(one.track for one in scored):
         _print(track, [one for one in scored if one.track == track], options.chance)
 
 
-def scores(folder: Path, tier: str, tracks: Sequence[str] | None) -> list[Scored]:
+def scores(folder: Path, tier: str, tracks: Sequence[str] | None, solvers: Sequence[str] | None) -> list[Scored]:
     """Every sequence of a tier, or of some of its tracks, generated into the folder unless it is there."""
     import kinhec.benchmark as reference
     from kinhec.cli import main as kinhec
@@ -75,22 +77,25 @@ def scores(folder: Path, tier: str, tracks: Sequence[str] | None) -> list[Scored
     file = folder / "references.pickle"
     known: dict[str, dict[str, Errors]] = pickle.loads(file.read_bytes()) if file.exists() else {}
     manifest = load_manifest(folder)
-    scored = []
+    names, scored = list(solvers or reference.SOLVERS), []
+    if unknown := set(names) - set(reference.SOLVERS):
+        raise SystemExit(f"no reference solvers of KinHEC: {sorted(unknown)}; it has {sorted(reference.SOLVERS)}")
     for row in manifest.to_dict("records"):
         if tracks and row["track"] not in tracks:
             continue
         sequence = load_sequence(folder, row["sequence_id"], manifest)
-        if sequence.id not in known:
-            known[sequence.id] = _references(reference, sequence)
+        errors = known.setdefault(sequence.id, {})
+        if missing := [name for name in names if name not in errors]:
+            errors.update(_references(reference, sequence, missing))
             file.write_bytes(pickle.dumps(known))
-        scored.append(Scored(row["track"], _ours(reference, sequence), known[sequence.id]))
+        scored.append(Scored(row["track"], _ours(reference, sequence), {name: errors[name] for name in names}))
     return scored
 
 
-def _references(reference, sequence) -> dict[str, Errors]:  # type: ignore[no-untyped-def]
+def _references(reference, sequence, names: list[str]) -> dict[str, Errors]:  # type: ignore[no-untyped-def]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        rows = reference.evaluate_sequence(sequence, list(reference.SOLVERS))
+        rows = reference.evaluate_sequence(sequence, names)
     return {row["solver"]: (row["X_rot_err_deg"], row["X_trans_err_mm"]) if row["ok"] else NOT_GIVEN for row in rows}
 
 
