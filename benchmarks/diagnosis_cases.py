@@ -92,7 +92,7 @@ def _result(fault: Fault, before: Set[str]) -> Result:
 
 
 def named(found: list[Finding], fault: Fault, before: Set[str]) -> str:
-    """Right, when the cause is named with its views; either, when another is told to be nearly as likely.
+    """Right, when the cause is named with its views; either, when they are told to be nearly as likely as what is.
 
     What is said of the clean session, the codes `before`, does not count against it.
     """
@@ -108,11 +108,11 @@ def named(found: list[Finding], fault: Fault, before: Set[str]) -> str:
 
 
 def _says(finding: Finding, words: str) -> bool:
-    """View 2 is not view 20, and not view 2 or 3."""
-    return re.search(re.escape(words) + r"(?!\d|, \d| or \d)", finding.message) is not None
+    """View 2 is not view 20."""
+    return re.search(re.escape(words) + r"(?!\d)", finding.message) is not None
 
 
 def _views(finding: Finding) -> set[int]:
-    """Those of a change that is before one of several views: 7 or 8; 6, 7 or 8."""
-    told = re.search(r"view (\d+(?:, \d+)*(?: or \d+)?)", finding.message)
+    """Those before which a change may have been: 7 (or 8); 7 (or 6, 8)."""
+    told = re.search(r"view (\d+(?: \(or [\d, ]+\))?)", finding.message)
     return {int(view) for view in re.findall(r"\d+", told.group(1))} if told else set()

@@ -145,11 +145,12 @@ def _best_of_each(outcomes: list[Outcome]) -> list[Outcome]:
 
 
 def _convinces(outcome: Outcome, views: int, tried: int) -> bool:
-    """Beyond chance, with as many more alternatives as there are `views` that were not `tried`."""
+    """Likelier than not, and beyond chance, with as many more alternatives as there are `views` not `tried`."""
     left_out = views / tried
+    gain = outcome.gain - np.log(left_out)
     if outcome.chance is None:
-        return bool(outcome.gain >= GAIN + np.log(left_out))
-    return outcome.chance() * left_out < CHANCE
+        return bool(gain >= GAIN)
+    return bool(gain > 0) and outcome.chance() * left_out < CHANCE
 
 
 def _located(evidence: Evidence, found: Outcome) -> Outcome:
@@ -173,11 +174,10 @@ def _located(evidence: Evidence, found: Outcome) -> Outcome:
 
 def _among(best: Outcome, outcomes: Sequence[Outcome]) -> Outcome:
     """The same change, told with all the views before which it may have been nearly as well."""
-    trial = best.trial
-    alike = [o.trial for o in outcomes if o.trial.code == trial.code and o.gain > best.gain - np.log(AS_LIKELY)]
+    trial, limit = best.trial, best.gain - np.log(AS_LIKELY)
+    alike = {o.trial.where[0] for o in outcomes if o.trial.code == trial.code and o.gain > limit} - {trial.where[0]}
     (change,) = (change for change in CHANGED[trial.evidence.setup] if change.code == trial.code)
-    message = moved_message(change, sorted(other.where[0] for other in alike))
-    return replace(best, trial=replace(trial, message=message))
+    return replace(best, trial=replace(trial, message=moved_message(change, [trial.where[0], *alike])))
 
 
 def evenly(n: int, most: int) -> NDArray[np.intp]:

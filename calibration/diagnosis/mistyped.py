@@ -62,6 +62,8 @@ def mistyped_outcomes(evidence: Evidence, suspects: Sequence[int], baseline: flo
     # The log-likelihood without a view's residual.
     without = [fitted.log_likelihood - 0.5 * _own(view, fitted) for view, fitted in zip(views, others, strict=True)]
     for suspect in np.argsort(without)[::-1][:LIKELIEST]:
+        if few_views_factor(n, 0) * (without[suspect] - baseline) < price_of(n, 0, 7 * n):
+            return  # Nothing that is wrong with it could be worth its price, nor with the next.
         view, fitted = views[suspect], others[suspect]
         rest = Rest(view, fitted, Background.of(fitted).of_outsider(applied(view, fitted)), n)
         numbers = [*_numbers(rest), *_signs(rest)]

@@ -175,9 +175,9 @@ def moved_trials(evidence: Evidence, points: Sequence[int]) -> Iterator[Trial]:
 
 
 def moved_message(change: Change, views: Sequence[int]) -> str:
-    """`views`: where it may have happened, one of them."""
-    told = " or ".join(filter(None, (", ".join(map(str, views[:-1])), str(views[-1]))))
-    return change.message.format(told) + ": the views before and after it agree among themselves"
+    """`views`: where it may have happened, the likeliest first."""
+    others = f" (or {', '.join(map(str, sorted(views[1:])))})" if len(views) > 1 else ""
+    return change.message.format(f"{views[0]}{others}") + ": the views before and after it agree among themselves"
 
 
 def x_changed(_: Evidence, fitted: Fit) -> float:
