@@ -27,11 +27,14 @@ class Layout:
 
     @classmethod
     def of(cls, dtype: np.dtype[Any]) -> "Layout":
-        """The layout of a record type whose coordinates are named x, y, z. Raises KeyError when one is missing."""
+        """The layout of a record type whose coordinates are named x, y, z. Raises KeyError for one that is missing, or
+        is no single number.
+        """
+        numbers = {name for name in dtype.names or () if dtype[name].kind in "iuf"}
         for name in ("x", "y", "z"):
-            if name not in (dtype.names or ()):
+            if name not in numbers:
                 raise KeyError(name)
-        normals = next((names for names in NORMALS if set(names) <= set(dtype.names or ())), None)
+        normals = next((names for names in NORMALS if set(names) <= numbers), None)
         return cls(dtype, ("x", "y", "z"), normals)
 
     @property

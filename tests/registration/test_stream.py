@@ -267,6 +267,17 @@ def test_a_broken_pcd_header_is_told(old: bytes, new: bytes, says: str) -> None:
         through(PCD_HEADER.replace(old, new) + bytes(12), PCD)
 
 
+def test_normals_of_several_numbers_are_no_normals_and_pass_by() -> None:
+    names = ("x", "y", "z", "normal_x", "normal_y", "normal_z")
+    layout = Layout.of(np.dtype([(name, "<f4", (2,)) if name == "normal_x" else (name, "<f4") for name in names]))
+    assert layout.normals is None
+    records = np.frombuffer(np.arange(70, dtype="<f4").tobytes(), layout.dtype)
+    answer, _ = through(pcd.format_header(layout, 10) + records.tobytes(), PCD)
+    out = np.frombuffer(answer[-records.nbytes :], layout.dtype)
+    np.testing.assert_array_equal(out["normal_x"], records["normal_x"])
+    np.testing.assert_array_equal(out["normal_z"], records["normal_z"])
+
+
 def test_something_else_is_told_at_the_first_byte() -> None:
     for media_type in (PLY, PCD):
         with pytest.raises(CloudFormatError, match="byte 0"):
