@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
@@ -64,15 +65,44 @@ def _degrees_read_as_radians(base_T_flange: Array, camera_T_target: Array) -> Ar
     degrees = np.concatenate([wrapped[:, None] + turns, wrapped[:, None] - turns[1:]], axis=1)  # (n, 57)
     rotations = rotation_from_vector((np.radians(degrees)[..., None] * axes[:, None]).reshape(-1, 3))
     rotations = rotations.reshape(len(vectors), -1, 3, 3)
-    seen = rotation_angle_rad(camera_T_target[:1, :3, :3] @ np.swapaxes(camera_T_target[1:, :3, :3], 1, 2))
-    best_cost, best = np.inf, np.zeros(len(vectors), np.intp)
-    for first in range(rotations.shape[1]):
-        relative = np.swapaxes(rotations[0, first], 0, 1) @ rotations[1:]
-        cosine = np.clip((np.trace(relative, axis1=2, axis2=3) - 1) / 2, -1, 1)
-        off = np.abs(np.arccos(cosine) - seen[:, None])
-        if (cost := float(off.min(axis=1).sum())) < best_cost:
-            best_cost, best = cost, np.concatenate([[first], off.argmin(axis=1)])
-    return transform(rotations[np.arange(len(vectors)), best], base_T_flange[:, :3, 3])
+    seen = rotation_angle_rad(camera_T_target[:, None, :3, :3] @ np.swapaxes(camera_T_target[None, :, :3, :3], 2, 3))
+    chosen = _turns_that_agree(rotations, seen)
+    return transform(rotations[np.arange(len(vectors)), chosen], base_T_flange[:, :3, 3])
+
+
+def _turns_that_agree(rotations: Array, seen: Array) -> NDArray[np.intp]:
+    """Of each view's readings (n, c, 3, 3) the one (n,) with which views turn by what is `seen` (n, n) between them.
+
+    Several may agree with one view, few with all: from each reading of the first view, by steps.
+    """
+    from_first = np.array([_misses(rotations, first, seen[:, 0]) for first in rotations[0]])  # (c, n, c)
+    starts = from_first.argmin(axis=2)
+    starts[:, 0] = np.arange(len(starts))
+    best_total, best = np.inf, starts[0]
+    for start in starts[np.argsort(from_first[:, 1:].min(axis=2).sum(axis=1))[:UNWRAPPING_STARTS]]:
+        total, chosen = _agreed(rotations, seen, start)
+        if total < best_total:
+            best_total, best = total, chosen
+        if best_total < seen.size * AGREEING_RAD:
+            break
+    return np.asarray(best, np.intp)
+
+
+def _agreed(rotations: Array, seen: Array, chosen: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
+    """Each view's reading (n,) that misses all others' present ones least, again and again; and by how much in all."""
+    total = np.inf
+    for _ in range(UNWRAPPING_ROUNDS):
+        present = rotations[np.arange(len(chosen)), chosen]
+        misses = np.sum([_misses(rotations, one, seen[:, row]) for row, one in enumerate(present)], axis=0)
+        chosen, total = misses.argmin(axis=1), float(misses.min(axis=1).sum())
+    return total, chosen
+
+
+def _misses(rotations: Array, other: Array, seen: Array) -> Array:
+    """By how much each view's readings (n, c, 3, 3) turn more or less from another view (3, 3) than is seen (n,)."""
+    traces = rotations.reshape(*rotations.shape[:2], 9) @ other.ravel()
+    misses: Array = np.abs(np.arccos(np.clip((traces - 1) / 2, -1, 1)) - seen[:, None])
+    return misses
 
 
 LARGEST_CELL_MM = 20_000.0
@@ -83,6 +113,10 @@ PITCH_FACTORS = (0.2, 5.0)
 
 SCALE_ROUNDS = 2
 """The first weights its views by noise levels that are still too large."""
+
+UNWRAPPING_STARTS, UNWRAPPING_ROUNDS = 8, 3
+AGREEING_RAD = float(np.radians(0.5))
+"""In the mean: no other reading will agree better."""
 
 FEWEST_NEIGHBOURS, MOST_NEIGHBOURS = 4, 40
 """Pairs of views, one right after the other, on which a shift of the poses by one is tried."""

@@ -19,6 +19,9 @@ SUSPECTS = 10
 SWAPS = 6
 """Pairs of suspects of which it is tried whether their poses were exchanged."""
 
+FEWEST_TO_RANK = 10
+"""Views of which `suspects_of` leaves out two or more."""
+
 STARTS = 8
 CONCENTRATING = 4
 """Iterations while the half that agrees is sought: it need not be exact."""
@@ -80,7 +83,9 @@ def swapped_trials(evidence: Evidence, suspects: Sequence[int], half: Fit) -> It
         return
     exchanged = evidence.take(pairs.ravel()).with_robot_poses(evidence.base_T_flange[pairs[:, ::-1].ravel()])
     left = _distances(exchanged, half).reshape(-1, 2).sum(axis=1)
-    for i, j in pairs[np.argsort(left)[:SWAPS]].tolist():
+    # In fewer views there is no half without the two.
+    tried = SWAPS if len(evidence) >= FEWEST_TO_RANK else len(pairs)
+    for i, j in pairs[np.argsort(left)[:tried]].tolist():
         poses = evidence.base_T_flange.copy()
         poses[[i, j]] = poses[[j, i]]
         where = int(evidence.indices[i]), int(evidence.indices[j])

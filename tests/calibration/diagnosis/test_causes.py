@@ -21,6 +21,7 @@ from benchmarks.diagnosis_faults import (
     with_poses,
 )
 from benchmarks.diagnosis_kinds import GROSS, KINDS, Session
+from benchmarks.diagnosis_sessions import simulated
 from calibration.problem import Problem, Setup
 from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
@@ -46,6 +47,15 @@ def test_a_gross_fault_is_named_with_its_views(kind: str, setup: Setup) -> None:
     found = finding(fault.problem, fault.codes)
     assert all(word in found.message for word in fault.says), found.message
     assert found.fix
+
+
+@pytest.mark.parametrize("kind", ["degrees-read-as-radians", "two poses swapped"])
+@pytest.mark.parametrize("number", [24, 29])
+def test_a_gross_fault_is_named_in_few_views_and_between_poor_robots(kind: str, number: int) -> None:
+    """Of 6 and of 28 views: several unwrapped angles agree with one view, and no half of six is without two."""
+    clean = simulated(np.random.default_rng([5, 0, number])).problem
+    fault = GROSS[kind](clean, np.random.default_rng(2))
+    assert all(word in finding(fault.problem, fault.codes).message for word in fault.says)
 
 
 @pytest.mark.parametrize("code", CONVENTIONS)
