@@ -44,13 +44,14 @@ class Rest:
 @dataclass(frozen=True)
 class _Candidate:
     """`misfit`: squared distance that this explanation leaves, of which `plausible` is true or not; `slope`: see
-    `Outsider.chance_along`, None where the explanation is no small change of one number."""
+    `Outsider.chance_along`, None where the explanation is no small change of one `number`."""
 
     misfit: float
     plausible: bool
     unknowns: int
     alternatives: int
     message: str
+    number: int | None = None
     slope: Array | None = None
 
 
@@ -91,7 +92,10 @@ def _chance(rest: Rest, slopes: Array) -> float:
 
 def _best(whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
     """The one number that explains the view, if there is one and no other does as well; else the pose as a whole."""
-    first, second = sorted(numbers, key=lambda candidate: candidate.misfit + 2 * price_of(1, candidate.unknowns, 1))[:2]
+    by_price = sorted(numbers, key=lambda candidate: candidate.misfit + 2 * price_of(1, candidate.unknowns, 1))
+    first = by_price[0]
+    # A lost sign and a slip of the same element are one number.
+    second = next(candidate for candidate in by_price if candidate.number != first.number)
     return first if first.plausible and second.misfit > first.misfit + TOLD_APART else whole
 
 
@@ -117,7 +121,7 @@ def _numbers(rest: Rest) -> Iterator[_Candidate]:
     misfits, plausible = _left_by(rest, right)
     for index in np.flatnonzero(told).tolist():
         message = _message(rest, given, right[index], index)
-        yield _Candidate(misfits[index], plausible[index], 1, 7 * rest.views, message, slopes[index])
+        yield _Candidate(misfits[index], plausible[index], 1, 7 * rest.views, message, index, slopes[index])
 
 
 def _signs(rest: Rest) -> Iterator[_Candidate]:
@@ -125,7 +129,8 @@ def _signs(rest: Rest) -> Iterator[_Candidate]:
     given = _printed(rest.view.base_T_flange[0])
     right = given * (1 - 2 * np.eye(7)[3:])
     for index, (misfit, plausible) in enumerate(zip(*_left_by(rest, right), strict=True)):
-        yield _Candidate(misfit, plausible, 0, 7 * rest.views, _message(rest, given, right[index], 3 + index))
+        message = _message(rest, given, right[index], 3 + index)
+        yield _Candidate(misfit, plausible, 0, 7 * rest.views, message, 3 + index)
 
 
 def _left_by(rest: Rest, numbers: Array) -> tuple[list[float], list[bool]]:
