@@ -41,6 +41,9 @@ $(VENV)/developing: $(VENV)/installed
 	@$(PIP) install --group dev
 	@touch $@
 
+# A test on each core: their small matrices get one thread each, as from the command line.
+test test-opencv4: export OPENBLAS_NUM_THREADS ?= 1
+
 test: $(VENV)/developing
 	$(BIN)/pytest -n auto
 
