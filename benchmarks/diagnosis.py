@@ -35,13 +35,13 @@ class Sizes:
     real: int
 
 
-QUICK = Sizes(4, 40, 2)
+QUICK = Sizes(20, 500, 10)
 
 
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(prog="benchmarks.diagnosis", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="few sessions, for a look")
+    parser.add_argument("--quick", action="store_true", help="half as many sessions")
     parser.add_argument("--sessions", type=int, default=40, help="simulated sessions in each row")
     parser.add_argument("--real", type=int, default=20, help="parts of each real session in each row")
     parser.add_argument("--clean", type=int, default=1000, help="clean sessions")
