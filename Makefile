@@ -15,7 +15,7 @@ help:
 	@echo "make test     every test that needs nothing but the repository"
 	@echo "make test-opencv4  the calibration tests, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
 	@echo "make check    formatting, lint, types, import contracts"
-	@echo "make bench    measure in some twenty minutes, and write docs/benchmarks.md"
+	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
 	@echo "make deb      build the Debian package into dist/; deploy/deb/try.sh installs and removes it in a chroot"
 	@echo "make torture  kill -9 at random and at every failpoint, 1000 times (ROUNDS=200 for fewer)"
 	@echo "make sbom     what the daemon is made of: CycloneDX, in build/sbom.cdx.json"
