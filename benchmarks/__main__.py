@@ -1,6 +1,6 @@
 """`python -m benchmarks [NAME...] [--full] [--out FILE]`: run the benchmarks and write what they print.
 
-Each has a quick tier, `QUICK`, so that all of them together take some twenty minutes; `--full` runs them at the size of
+Each has a quick tier, `QUICK`, so that all of them together take half an hour; `--full` runs them at the size of
 their own defaults or larger, which takes hours. A benchmark that fails or takes longer than its limit is named at the
 end and in its section.
 """
