@@ -112,7 +112,7 @@ class BlockMover:
 
     def move(self, block: Records, into: Records | None = None) -> Records:
         self.points += len(block)
-        moved = self._xyz.move(block, None if into is None or self.in_place else into)
+        moved = self._xyz.move(block, None if self.in_place else into)
         self.non_finite += _count_non_finite(moved)
         if self._xyz.whole_record:
             return moved.view(self._layout.dtype)[:, 0]

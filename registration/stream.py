@@ -153,8 +153,7 @@ class CloudStream:
 
     def _moved(self, block: Records) -> bytes | memoryview:
         assert self._mover is not None
-        if self._mover.in_place:
-            moved = self._mover.move(block if block.flags.writeable else block.copy())
-        else:
-            moved = self._mover.move(block, np.empty(len(block), block.dtype))
+        if self._mover.in_place and not block.flags.writeable:
+            block = block.copy()
+        moved = self._mover.move(block, into=np.empty_like(block))  # nobody overwrites what waits to be sent
         return self._encoder.encode(moved) if self._encoder else moved.view(np.uint8).data

@@ -15,7 +15,7 @@ from typing import IO
 from daemon.store.database import storage_errors
 
 MEMORY_BYTES = 4_000_000
-"""A client that reads while it sends never gets near this."""
+"""So far a client that reads while it sends may fall behind."""
 
 PIECE_BYTES = 1 << 18
 
