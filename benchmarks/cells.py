@@ -8,7 +8,14 @@ import numpy as np
 
 from benchmarks.pose_sessions import PoseSession
 from benchmarks.simulation import Cell, CellNoise, random_cell
-from calibration.prediction import ExpectedNoise, Prediction, Scene, point_weights, predict, working_points_mm
+from calibration.likelihood.predicted_uncertainty import (
+    ExpectedNoise,
+    Prediction,
+    Scene,
+    point_weights,
+    predict,
+    working_points_mm,
+)
 from calibration.problem import Setup
 from calibration.transforms import Array, inverse, vector_from_rotation
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.diagnosis_faults import Fault, clean_fit, poses_of, with_poses
 from benchmarks.diagnosis_kinds import GROSS, KINDS, Session
-from calibration.diagnosis.conventions import CONVENTIONS, likeliest_scale
-from calibration.diagnosis.views import CHANGE_CODES
+from calibration.diagnosis.convention_hypotheses import CONVENTIONS, likeliest_scale
+from calibration.diagnosis.view_hypotheses import CHANGE_CODES
 from calibration.problem import Problem
 from calibration.solution import Finding
 from calibration.solve import solve_hand_eye

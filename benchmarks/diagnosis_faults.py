@@ -8,8 +8,8 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import Evidence, evidence_of
 from calibration.diagnosis.fit import Fit, fit
-from calibration.diagnosis.views import CHANGED
-from calibration.prepare import prepare
+from calibration.diagnosis.view_hypotheses import CHANGED
+from calibration.preprocessing.prepare import prepare
 from calibration.problem import Detection, Problem, Setup, View
 from calibration.targets import Charuco
 from calibration.transforms import (

@@ -28,7 +28,7 @@ from benchmarks.diagnosis_faults import (
 )
 from benchmarks.diagnosis_oracle import Reach, lens_reach, mistyped_reach, moved_reach, scale_reach
 from calibration.problem import Problem
-from calibration.target_scale import SMALLEST
+from calibration.solver.target_scale_check import SMALLEST
 from calibration.transforms import Array
 
 Put = Callable[[Problem, np.random.Generator], Fault]

@@ -15,10 +15,10 @@ from benchmarks.diagnosis_faults import Noise, Slip, clean_fit, poses_of
 from calibration.diagnosis.diagnose import CHANCE
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, applied, residuals_of
-from calibration.diagnosis.lens import WORTH_SAYING
-from calibration.diagnosis.views import change_points
-from calibration.likelihood.pixels import INTRINSICS, pixel_statistics
-from calibration.prepare import prepare
+from calibration.diagnosis.intrinsics_check import WORTH_SAYING
+from calibration.diagnosis.view_hypotheses import change_points
+from calibration.observations.reprojection import INTRINSICS, pixel_statistics
+from calibration.preprocessing.prepare import prepare
 from calibration.problem import Problem
 from calibration.transforms import Array
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.drift import DriftRules, DriftStanding, Sample, chart
+from calibration.monitoring.control_chart import DriftRules, DriftStanding, Sample, chart
 from calibration.transforms import Array
 
 POSITIONS = 3

@@ -20,10 +20,10 @@ import numpy as np
 from benchmarks.cells import drawn_cell, error_of, point_bound_mm, point_error_mm, scene_of
 from benchmarks.closed_form_peers import OPENCV_HAS_THEM, opencv_methods, own, whose
 from benchmarks.simulation import BOARD, CAMERA, Cell, CellNoise, observed, random_cell
+from calibration.likelihood.predicted_uncertainty import point_weights, predict, working_points_mm
 from calibration.planning.plan import plan_poses
 from calibration.planning.viewpoints import Limits
-from calibration.prediction import point_weights, predict, working_points_mm
-from calibration.prepare import prepare
+from calibration.preprocessing.prepare import prepare
 from calibration.solution import Solution
 from calibration.solve import estimated, solve_hand_eye
 from calibration.transforms import (

@@ -22,8 +22,8 @@ from benchmarks.closed_form_peers import Poses, opencv_methods, own, whose
 from benchmarks.pose_sessions import Motions, PoseNoise, PoseSession, drawn_session
 from benchmarks.simulation import Cell, CellNoise, random_cell
 from calibration.errors import UndeterminedError
-from calibration.pose_level import solve_hand_eye_poses
-from calibration.prepare import prepare
+from calibration.pose_pairs.solve import solve_hand_eye_poses
+from calibration.preprocessing.prepare import prepare
 from calibration.problem import Setup
 from calibration.solve import estimated
 from calibration.transforms import Array

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.errors import UndeterminedError
-from calibration.pose_level import solve_hand_eye_poses
+from calibration.pose_pairs.solve import solve_hand_eye_poses
 from calibration.transforms import inverse
 
 MM = np.array([[1, 1, 1, 1e3]] * 3 + [[1, 1, 1, 1]])

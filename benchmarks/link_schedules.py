@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arms import arm_named
+from calibration.kinematics.abb_arms import arm_named
 from drivers.errors import DeviceError
 from drivers.interfaces import Configuration, MoveGoal
 from drivers.robots.cb_robot import CbRobot

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.closed_forms.registry import CLOSED_FORMS
-from calibration.consistency.outliers import Selection, agreeing_rows, select
 from calibration.diagnosis.explain import explained
 from calibration.errors import UndeterminedError
-from calibration.likelihood.widened import widened
+from calibration.likelihood.augmented_model import widened
 from calibration.observability import require_determined
-from calibration.prepare import Prepared, prepare, with_real_target
+from calibration.preprocessing.prepare import Prepared, prepare, with_real_target
 from calibration.problem import Problem
-from calibration.results import refused_solution, solution_of
-from calibration.shared_errors import assumptions, doubted, doubting_the_centre, shared_errors
 from calibration.solution import Solution
-from calibration.starts import Start, best_start
-from calibration.target_scale import scale_error, with_scale
+from calibration.solver.initial_guess import Start, best_start
+from calibration.solver.solution_builder import refused_solution, solution_of
+from calibration.solver.systematic_error_check import assumptions, doubted, doubting_the_centre, shared_errors
+from calibration.solver.target_scale_check import scale_error, with_scale
+from calibration.solver.view_outliers import Selection, agreeing_rows, select
 
 METHODS = ("auto", *CLOSED_FORMS)
 

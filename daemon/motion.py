@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.arm import Arm
-from calibration.arm import PoseRefused as OutOfJoint
-from calibration.arms import arm_named
-from calibration.planning.reach import reachable_by
-from calibration.planning.selection import Reachable
+from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm import PoseRefused as OutOfJoint
+from calibration.planning.reachability import reachable_by
+from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
 from daemon.errors import PoseRefused
 from daemon.settings import RobotSettings, TaughtPose

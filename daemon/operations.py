@@ -8,8 +8,8 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
-from calibration.planning.alternative import Alternative
 from calibration.planning.next_view import Wish
+from calibration.planning.what_if import Alternative
 from daemon.cell import Cell
 from daemon.clock import Clock
 from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses

@@ -8,13 +8,13 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from calibration.arms import arm_named
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
+from calibration.kinematics.abb_arms import arm_named
 from calibration.transforms import Array
 from daemon.plc.settings import InterlockSettings, PlcSettings
 from daemon.settings_server import ServerSettings, WebhookSettings

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.errors import CalibrationError
-from calibration.observations import observe
+from calibration.observations.observations import observe
+from calibration.observations.view_poses import candidate_poses
 from calibration.problem import Problem
 from calibration.transforms import Array, map_points
-from calibration.view_poses import candidate_poses
 
 
 class VerificationError(CalibrationError):

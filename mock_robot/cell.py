@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from calibration.arms import arm_named
+from calibration.kinematics.abb_arms import arm_named
 from calibration.transforms import Array
 from mock_robot.announcement import Announcement
 from mock_robot.cabinet import Box

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arm import OtherConfiguration, PoseRefused
 from calibration.errors import GeometryError
+from calibration.kinematics.arm import OtherConfiguration, PoseRefused
 from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
 from mock_robot.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
 from mock_robot.motion import IN_POSITION_S

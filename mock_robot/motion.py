@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.arm import Arm
+from calibration.kinematics.arm import Arm
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
 from mock_robot.paths import JointPath, LinePath, Path
 from mock_robot.profile import Braked, Profile, Trapezoid

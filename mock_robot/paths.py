@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from calibration.arm import Arm, PoseRefused
+from calibration.kinematics.arm import Arm, PoseRefused
 from calibration.transforms import Array, rotation_from_vector, transform, vector_from_rotation
 
 LINE_STEPS = 24

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calibration.arm import Arm, PoseRefused
+from calibration.kinematics.arm import Arm, PoseRefused
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from mock_robot.printed_target import printed
 from mock_robot.truth import CellTruth

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calibration.detection.crossings import find_crossings
 from calibration.detection.image import Grey, at_full_size, reduced
 from calibration.detection.lattice import Lattice, grow_lattices
-from calibration.detection.order import canonical
+from calibration.detection.origin_corner import canonical
 from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.detection.saddle import refine_saddles
 from calibration.detection.squares import corner_contrast, narrowest_side, window_px

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import correlate2d
 
 from calibration.detection.circle_bias import circle_centre_bias
-from calibration.detection.dot_centre import refine_dots
+from calibration.detection.dot_centroid import refine_dots
 from calibration.detection.dot_lattice import grow_dot_lattices
 from calibration.detection.dots import Dots, find_dots
 from calibration.detection.image import Grey, at_full_size, reduced

@@ -10,9 +10,9 @@ from calibration.detection.apriltags import detect_apriltags
 from calibration.detection.charuco import detect_charuco
 from calibration.detection.chessboard import detect_chessboard
 from calibration.detection.circles import detect_circles
-from calibration.detection.gate import gate
 from calibration.detection.image import Grey, grey_image
-from calibration.detection.quiet import quiet_opencv
+from calibration.detection.opencv_logging import quiet_opencv
+from calibration.detection.validation import gate
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.diagnosis.conventions import convention_trials, off_by_one_trials, reading_trials
+from calibration.diagnosis.convention_hypotheses import convention_trials, off_by_one_trials, reading_trials
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit, likeliest_fit
-from calibration.diagnosis.mistyped import mistyped_outcomes
-from calibration.diagnosis.trial import Outcome, Trial, outcomes_of
-from calibration.diagnosis.views import (
+from calibration.diagnosis.hypothesis import Outcome, Trial, outcomes_of
+from calibration.diagnosis.pose_entry_hypotheses import mistyped_outcomes
+from calibration.diagnosis.view_hypotheses import (
     CHANGE_CODES,
     CHANGED,
     STRETCH,

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.likelihood.pixels import PixelStatistics, pixel_statistics
-from calibration.observations import Observations
+from calibration.observations.observations import Observations
+from calibration.observations.reprojection import PixelStatistics, pixel_statistics
 from calibration.problem import Problem, Setup
 from calibration.transforms import Array, inverse
 

@@ -9,18 +9,18 @@ from calibration.diagnosis.diagnose import CHANCE, FEWEST_VIEWS, MOST_VIEWS, dia
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
 from calibration.diagnosis.findings import compared, findings_of, lens_findings
 from calibration.diagnosis.fit import fit
-from calibration.diagnosis.gate import suspicious
-from calibration.diagnosis.lens import LensMisfit, lens_misfit
-from calibration.diagnosis.target import target_findings
+from calibration.diagnosis.intrinsics_check import LensMisfit, lens_misfit
+from calibration.diagnosis.screening import suspicious
+from calibration.diagnosis.target_check import target_findings
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.estimate import estimate_camera
-from calibration.likelihood.pixels import pixel_statistics
-from calibration.observations import observe
-from calibration.prepare import Prepared
+from calibration.observations.observations import observe
+from calibration.observations.reprojection import pixel_statistics
+from calibration.observations.view_poses import candidate_poses, refined_poses
+from calibration.preprocessing.prepare import Prepared
 from calibration.problem import Problem
 from calibration.solution import Finding, Solution
 from calibration.transforms import Array
-from calibration.view_poses import candidate_poses, refined_poses
 
 LARGEST_NUMBER = 1e9
 """mm: a pose further away is no pose, and says nothing about the others."""

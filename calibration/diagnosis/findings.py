@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.diagnosis.conventions import CONVENTIONS
+from calibration.diagnosis.convention_hypotheses import CONVENTIONS
 from calibration.diagnosis.diagnose import GAIN, Diagnosis
-from calibration.diagnosis.lens import LensMisfit
-from calibration.diagnosis.views import CHANGE_CODES
+from calibration.diagnosis.intrinsics_check import LensMisfit
+from calibration.diagnosis.view_hypotheses import CHANGE_CODES
 from calibration.solution import Finding, Severity
 from calibration.transforms import Array, difference
 

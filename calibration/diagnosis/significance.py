@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.diagnosis.fit import SMALLEST_INFORMATION, SMALLEST_VARIANCE, Fit, inverted
-from calibration.likelihood.noise_levels import STATED_DEVIATIONS, STATED_FACTOR
+from calibration.likelihood.noise_marginalisation import STATED_DEVIATIONS, STATED_FACTOR
 from calibration.transforms import Array
 
 GRIDS = (5, 5, 7)

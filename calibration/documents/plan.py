@@ -9,9 +9,9 @@ from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Prediction, Scene
 from calibration.planning.plan import Plan
 from calibration.planning.viewpoints import Limits
-from calibration.prediction import ExpectedNoise, Prediction, Scene
 
 
 class NoiseExpectedDocument(Document):

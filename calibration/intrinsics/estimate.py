@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.errors import UndeterminedError
-from calibration.intrinsics.adjustment import Adjusted, adjust
-from calibration.intrinsics.first_camera import first_camera, plane_views
-from calibration.likelihood.pixels import INTRINSICS, pixel_residuals
-from calibration.observations import Observations, observe
+from calibration.intrinsics.bundle_adjustment import Adjusted, adjust
+from calibration.intrinsics.zhang_init import first_camera, plane_views
+from calibration.observations.observations import Observations, observe
+from calibration.observations.reprojection import INTRINSICS, pixel_residuals
+from calibration.observations.view_poses import candidate_poses
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
 from calibration.transforms import Array
-from calibration.view_poses import candidate_poses
 
 FEWEST_VIEWS = 3
 LARGEST_FOCAL_SIGMA = 0.05

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.doubt import NO_DOUBT, Doubt
 from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearised, solve
-from calibration.likelihood.noise_levels import MOST_STATED_VIEWS, averaged
-from calibration.likelihood.pixels import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
+from calibration.likelihood.noise_marginalisation import MOST_STATED_VIEWS, averaged
+from calibration.likelihood.systematic_errors import NO_DOUBT, Doubt
 from calibration.likelihood.variance_components import estimate_variances
-from calibration.observations import Observations, scaled
+from calibration.observations.observations import Observations, scaled
+from calibration.observations.reprojection import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
 from calibration.transforms import Array, inverse, vector_from_rotation
 
 MOST_ITERATIONS = 25

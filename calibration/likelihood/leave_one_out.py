@@ -10,8 +10,8 @@ import numpy as np
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.mixed_model import covariance_of, of_views
-from calibration.likelihood.pixels import pixel_statistics
-from calibration.observations import Observations
+from calibration.observations.observations import Observations
+from calibration.observations.reprojection import pixel_statistics
 from calibration.transforms import Array, inverse, vector_from_rotation
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.pixels import PixelStatistics
+from calibration.observations.reprojection import PixelStatistics
 from calibration.transforms import Array
 
 SMALLEST_TREND = np.array([1e-7, 1e-4]) ** 2

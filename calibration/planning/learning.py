@@ -12,15 +12,15 @@ from scipy.optimize import least_squares
 from calibration.camera import CameraModel
 from calibration.closed_forms.kronecker import kronecker
 from calibration.errors import DetectionError, UndeterminedError
-from calibration.intrinsics.first_camera import USUAL_FOCAL_OF_WIDTH
+from calibration.intrinsics.zhang_init import USUAL_FOCAL_OF_WIDTH
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, covariance_of, predict, view_information
 from calibration.observability import motion_of
-from calibration.observations import observe
-from calibration.planning.doubt import alternatives
-from calibration.prediction import ExpectedNoise, Scene, covariance_of, predict, view_information
+from calibration.observations.observations import observe
+from calibration.observations.target_pose import target_pose
+from calibration.planning.scene_belief import alternatives
 from calibration.problem import Problem, Setup, View
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
-from calibration.target_pose import target_pose
 from calibration.targets import Target
 from calibration.transforms import Array, inverse, rotation_from_vector, transform, vector_from_rotation
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.learning import Belief, Guess, learnt
 from calibration.planning.plan import Plan, PlanningError, plan_poses
-from calibration.planning.selection import Reachable
+from calibration.planning.viewpoint_selection import Reachable
 from calibration.planning.viewpoints import Limits, allowed, in_sight
-from calibration.prediction import predict
 from calibration.problem import Problem
 from calibration.transforms import Array
 

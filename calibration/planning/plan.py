@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.errors import CalibrationError
+from calibration.likelihood.predicted_uncertainty import Prediction, Scene, predict, view_information
 from calibration.planning.route import ordered
-from calibration.planning.selection import RESTARTS, Reachable, Search, best_set
+from calibration.planning.viewpoint_selection import RESTARTS, Reachable, Search, best_set
 from calibration.planning.viewpoints import Limits, target_in_view
-from calibration.prediction import Prediction, Scene, predict, view_information
 from calibration.transforms import Array
 
 

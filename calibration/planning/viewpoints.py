@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.prediction import Scene
+from calibration.likelihood.predicted_uncertainty import Scene
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 
 

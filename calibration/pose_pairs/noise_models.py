@@ -59,7 +59,7 @@ def tracked(at: Linearised) -> Sources:
 
 CAMERAS: dict[str, Callable[[Linearised], Sources]] = {"detected": detected, "imaged": imaged, "tracked": tracked}
 DRIFTING = "drifting"
-"""As `tracked`, with errors that add up from view to view: `calibration.pose_pairs.drift`."""
+"""As `tracked`, with errors that add up from view to view: `calibration.pose_pairs.random_walk_noise`."""
 
 
 def _sight(translation: Array) -> tuple[Array, Array]:

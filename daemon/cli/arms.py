@@ -9,7 +9,7 @@ def arms(json: Json = False) -> None:
     """List the arms whose reach and joint limits are known: names for [robot] model and plan.json."""
     import numpy as np
 
-    from calibration.arms import ARMS
+    from calibration.kinematics.abb_arms import ARMS
 
     if json:
         from json import dumps

@@ -22,7 +22,7 @@ def assess(
 
     from calibration.documents.plan import AssessedDocument, PredictedDocument
     from calibration.errors import DocumentError, DocumentProblem
-    from calibration.prediction import predict
+    from calibration.likelihood.predicted_uncertainty import predict
 
     question = read_question(file)
     if not question.views:

@@ -8,8 +8,8 @@ import typer
 from daemon.cli.output import Json
 
 if TYPE_CHECKING:
-    from calibration.arm import Arm
     from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedDocument
+    from calibration.kinematics.arm import Arm
 
 
 def plan(
@@ -19,7 +19,7 @@ def plan(
     """Choose the robot poses that determine the calibration best, within limits and reach."""
     from calibration.documents.plan import PlannedDocument
     from calibration.planning.plan import plan_poses
-    from calibration.planning.reach import reachable_by
+    from calibration.planning.reachability import reachable_by
 
     question = read_question(file)
     reachable = None if question.robot is None else reachable_by(_arm(question.robot, file))
@@ -38,8 +38,8 @@ def read_question(file: Path) -> "PlanDocument":
 
 
 def _arm(name: str, file: Path) -> "Arm":
-    from calibration.arms import arm_named
     from calibration.errors import DocumentError, DocumentProblem, GeometryError
+    from calibration.kinematics.abb_arms import arm_named
 
     try:
         return arm_named(name)

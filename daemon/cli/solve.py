@@ -66,8 +66,8 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     from dataclasses import replace
 
     from calibration.documents.plan import NoiseExpectedDocument
-    from calibration.planning.alternative import Alternative
-    from calibration.report import calibration_document
+    from calibration.documents.report import calibration_document
+    from calibration.planning.what_if import Alternative
     from calibration.solve import solve_hand_eye
     from calibration.verdict import judge
     from daemon.clock import Clock, time_ordered_id

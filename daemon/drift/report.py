@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.drift import DriftRules, DriftStanding, Entry, chart, scatter_limit_mm
+from calibration.monitoring.control_chart import DriftRules, DriftStanding, Entry, chart, scatter_limit_mm
 from calibration.transforms import Array
 from daemon.drift.samples import Verified, robot_noise_mm
 from daemon.settings import DriftSettings, Settings

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.drift import Sample, sample_of
+from calibration.monitoring.control_chart import Sample, sample_of
 from calibration.transforms import Array
 from daemon.runs.states import RunState
 from daemon.settings import CalibrationSettings

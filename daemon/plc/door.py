@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from calibration.documents.validation import validate_document
-from calibration.drift import DriftStanding
 from calibration.errors import CalibrationError, DocumentError
+from calibration.monitoring.control_chart import DriftStanding
 from daemon.clock import Clock
 from daemon.drift.watch import DriftWatch
 from daemon.errors import DaemonError, NoCalibration, RunOver

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 from calibration.diagnosis.findings import ExpectedMount, mount_findings
 from calibration.documents.calibration import CalibrationDocument
-from calibration.planning.alternative import Alternative
+from calibration.documents.report import calibration_document
+from calibration.planning.what_if import Alternative
 from calibration.problem import Problem
-from calibration.report import calibration_document
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
 from daemon.cell import Cell

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from calibration.documents.pose import PoseDocument
 from calibration.observability import SAME_POSE_MM, SAME_POSE_RAD
-from calibration.planning.advice import Advice, advise
+from calibration.planning.jog_advice import Advice, advise
 from calibration.problem import Problem, View
 from calibration.transforms import difference
 from daemon.cell import Cell

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.arm import Arm
+from calibration.kinematics.arm import Arm
 from calibration.transforms import Array
 from mock_robot.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
 from mock_robot.panel import Mode

@@ -7,8 +7,8 @@ import numpy as np
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.errors import UndeterminedError
+from calibration.likelihood.predicted_uncertainty import point_weights
 from calibration.observability import motion_of
-from calibration.prediction import point_weights
 from calibration.solution import Finding, Noise, Observability, Solution, Uncertainty, Verdict, ViewResult
 from calibration.transforms import Array
 from calibration.verdict import CONTRADICTIONS, DEFAULT_LIMITS, Limits

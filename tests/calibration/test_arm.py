@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from calibration.arm import (
+from calibration.errors import GeometryError
+from calibration.kinematics.abb_arms import ARMS, arm_named
+from calibration.kinematics.arm import (
     SINGULAR_ON_THE_WIRE,
     Arm,
     Configuration,
@@ -16,8 +18,6 @@ from calibration.arm import (
     OutOfReach,
     OutsideJointLimits,
 )
-from calibration.arms import ARMS, arm_named
-from calibration.errors import GeometryError
 from calibration.transforms import Array, inverse, transform, transform_from_quaternion
 
 LARGE = arm_named("IRB 1600-6/1.45")

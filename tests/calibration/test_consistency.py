@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.simulation import BOARD, Cell, CellNoise, observed
 from calibration.problem import Detection, Problem
-from calibration.results import solution_of
 from calibration.solution import Solution
 from calibration.solve import estimated, solve_hand_eye
+from calibration.solver.solution_builder import solution_of
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, transform
 from calibration.verdict import judge

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.pose_sessions import PoseNoise, drawn_session
 from calibration.errors import UndeterminedError
-from calibration.pose_level import solve_hand_eye_poses
+from calibration.pose_pairs.solve import solve_hand_eye_poses
 from calibration.problem import Setup
 from calibration.transforms import Array, inverse, rotation_from_vector, transform, vector_from_rotation
 

@@ -7,17 +7,17 @@ import pytest
 
 from benchmarks.simulation import CellNoise, random_cell
 from calibration.closed_forms.registry import CLOSED_FORMS
-from calibration.hold_out import base_errors
+from calibration.documents.report import calibration_document
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.pixels import pixel_residuals, pixel_rows, with_intrinsics
-from calibration.observations import observe
-from calibration.prediction import ExpectedNoise, Scene, predict
+from calibration.likelihood.cross_validation import base_errors
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
+from calibration.observations.observations import observe
+from calibration.observations.reprojection import pixel_residuals, pixel_rows, with_intrinsics
+from calibration.observations.view_poses import moved
 from calibration.problem import Setup
-from calibration.report import calibration_document
 from calibration.solve import METHODS, estimated, solve_hand_eye
 from calibration.transforms import inverse, vector_from_rotation
 from calibration.verdict import judge
-from calibration.view_poses import moved
 from tests.calibration.cells import QUIET, cell, error_of
 
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")

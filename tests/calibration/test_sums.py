@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from calibration.consistency.outliers import Selection
-from calibration.likelihood.doubt import CENTRE, trend_basis
+from calibration.likelihood.augmented_model import widened
 from calibration.likelihood.estimate import linearise, measured
 from calibration.likelihood.mixed_model import MixedModel, Variances, of_views, solve, with_trend
-from calibration.likelihood.pixels import INTRINSICS
-from calibration.likelihood.widened import widened
-from calibration.prepare import Prepared
+from calibration.likelihood.systematic_errors import CENTRE, trend_basis
+from calibration.observations.reprojection import INTRINSICS
+from calibration.preprocessing.prepare import Prepared
 from calibration.solve import estimated
+from calibration.solver.view_outliers import Selection
 from tests.calibration.cells import cell
 
 LEVELS = Variances(0.01, 1e-7, 0.01, 1e-8, 1e-3)

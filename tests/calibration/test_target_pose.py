@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from benchmarks.detection_views import industrial_camera
 from calibration.errors import DetectionError
+from calibration.observations.target_pose import target_pose
 from calibration.problem import Detection
-from calibration.target_pose import target_pose
 from calibration.targets import Chessboard
 from calibration.transforms import difference, map_points, rotation_from_vector, transform
 

@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calibration.arms import arm_named
 from calibration.camera import CameraModel
+from calibration.kinematics.abb_arms import arm_named
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, LinkLost

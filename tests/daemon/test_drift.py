@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.drift import DriftStanding
+from calibration.monitoring.control_chart import DriftStanding
 from calibration.transforms import Array, transform
 from daemon.clock import Clock
 from daemon.drift.samples import belongs

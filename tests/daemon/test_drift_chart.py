@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.drift import NOISE_MM, OF_A_VERIFICATION_MM, Cell, delays, first_alarm, ramp, steady, step
-from calibration.drift import DriftRules, DriftStanding, Sample, chart, sample_of, scatter_limit_mm
+from calibration.monitoring.control_chart import DriftRules, DriftStanding, Sample, chart, sample_of, scatter_limit_mm
 from calibration.transforms import map_points, rotation_from_vector, transform
 from tests.daemon.fakes import BASE_T_TARGET, BOARD
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import pytest_asyncio
 
-from calibration.arms import arm_named
+from calibration.kinematics.abb_arms import arm_named
 from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRefused
 from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, Robot
 from drivers.robots.cb_robot import CbRobot

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.arms import arm_named
+from calibration.kinematics.abb_arms import arm_named
 from calibration.transforms import Array, quaternion_from_rotation
 from mock_robot.cabinet import Box
 from mock_robot.controller import Controller

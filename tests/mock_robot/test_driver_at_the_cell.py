@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
-from calibration.arm import PoseRefused
+from calibration.kinematics.arm import PoseRefused
 from calibration.transforms import difference, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost, MoveFailed, MoveRefused
 from drivers.interfaces import Configuration, MoveGoal

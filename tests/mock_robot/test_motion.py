@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.arm import OutsideJointLimits
+from calibration.kinematics.arm import OutsideJointLimits
 from calibration.transforms import inverse, vector_from_rotation
 from mock_robot.motion import IN_POSITION_S, RobotNoise, SimulatedArm, plan_motion
 from mock_robot.paths import LinePath

@@ -11,9 +11,9 @@ import httpx
 import numpy as np
 import pytest
 
-from calibration.arms import arm_named
 from calibration.detection.detect import detect
 from calibration.documents.pose import PoseDocument
+from calibration.kinematics.abb_arms import arm_named
 from calibration.transforms import Array, inverse, map_points, transform
 from mock_robot.__main__ import main
 from mock_robot.cell import MockCell, RobotProgram

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.arms import arm_named
 from calibration.detection.detect import detect
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import CharucoDocument
+from calibration.kinematics.abb_arms import arm_named
 from calibration.targets import AprilTagGrid, Chessboard, CircleGrid
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
 from mock_robot.camera_view import render

@@ -11,10 +11,10 @@ from typing import Any
 
 import httpx
 
-from calibration.arms import arm_named
 from calibration.camera import CameraModel
 from calibration.documents.plan import PlanDocument
 from calibration.documents.validation import validate_document
+from calibration.kinematics.abb_arms import arm_named
 from calibration.planning.plan import plan_poses
 from daemon.application import Application
 from daemon.composition import build

@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Any
 
-from calibration.arm import OtherConfiguration, PoseRefused
+from calibration.kinematics.arm import OtherConfiguration, PoseRefused
 from mock_robot.rapid.errors import ProgramStopped, RapidError
 from mock_robot.rapid.postures import flange_of, joints_rad
 from mock_robot.rapid.scope import Slot

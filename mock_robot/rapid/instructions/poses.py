@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Any
 
-from calibration.arm import OutOfReach, PoseRefused
+from calibration.kinematics.arm import OutOfReach, PoseRefused
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.postures import flange_of, joints_rad, robax, singles, target_at
 from mock_robot.rapid.scope import Slot

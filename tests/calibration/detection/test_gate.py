@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.detection.gate import gate
+from calibration.detection.validation import gate
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import Chessboard

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.detection.order import canonical
+from calibration.detection.origin_corner import canonical
 from calibration.targets import Chessboard
 from calibration.transforms import map_points, rotation_from_vector, transform
 from tests.calibration.detection.sights import CAMERA

@@ -17,13 +17,13 @@ from benchmarks.diagnosis_faults import (
     simulated_session,
     swapped,
 )
-from calibration.diagnosis.conventions import likeliest_scale, target_scale
+from calibration.diagnosis.convention_hypotheses import likeliest_scale, target_scale
 from calibration.diagnosis.diagnose import Diagnosis, diagnose
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.findings import ExpectedMount, mount_findings, severity_of
 from calibration.diagnosis.fit import fit, fits
-from calibration.diagnosis.gate import suspicious
-from calibration.diagnosis.views import y_changed
+from calibration.diagnosis.screening import suspicious
+from calibration.diagnosis.view_hypotheses import y_changed
 from calibration.problem import Setup
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, rotation_from_vector, transform

@@ -3,8 +3,8 @@
 import numpy as np
 
 from calibration.camera import CameraModel
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.planning.viewpoints import Limits
-from calibration.prediction import ExpectedNoise, Scene
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, nearest_rotation, transform, transform_from_quaternion
 

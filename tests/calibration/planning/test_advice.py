@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.planning.advice import Advice, advise
+from calibration.planning.jog_advice import Advice, advise
 from calibration.planning.learning import Guess, learnt
 from calibration.planning.next_view import Wish
 from calibration.planning.plan import plan_poses

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.plan import PlanningError, plan_poses
 from calibration.planning.route import ordered
 from calibration.planning.viewpoints import (
@@ -16,7 +17,6 @@ from calibration.planning.viewpoints import (
     random_viewpoints,
     target_in_view,
 )
-from calibration.prediction import predict
 from calibration.transforms import map_points
 from tests.calibration.planning.scenes import WIDE, seed_poses, seed_scene
 

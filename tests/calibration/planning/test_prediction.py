@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibration.likelihood.predicted_uncertainty import Scene, predict
 from calibration.planning.viewpoints import flange_poses, random_viewpoints
-from calibration.prediction import Scene, predict
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from tests.calibration.planning.scenes import GOOD_NOISE, WIDE, seed_poses, seed_scene
 

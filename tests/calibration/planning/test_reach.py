@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from calibration.arm import PoseRefused
-from calibration.arms import arm_named
-from calibration.planning.reach import CLEARANCE, reachable_by
+from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.arm import PoseRefused
+from calibration.planning.reachability import CLEARANCE, reachable_by
 
 ARM = arm_named("IRB 1600-6/1.45")
 

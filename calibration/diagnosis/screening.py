@@ -1,0 +1,80 @@
+"""Is a session worth a diagnosis? Every cause's gain is estimated from one fit, by score tests.
+
+A score test says by how much a quadratic falls when an unknown is freed, without freeing it (C. R. Rao, Proc.
+Cambridge Phil. Soc. 44, 1948). With D residuals whose noise is estimated from themselves, a fall of s is a gain of
+-D/2 log(1 - s/D).
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.fit import Fit, inverted
+from calibration.diagnosis.hypothesis import few_views_factor, price_of
+from calibration.diagnosis.view_hypotheses import STRETCH
+from calibration.transforms import Array
+
+USUAL_MM, USUAL_RAD = 1.0, float(np.radians(0.1))
+"""A robot with larger errors than these is a poor one, or its poses are in another convention."""
+
+FEW_VIEWS = 20
+"""So few are diagnosed at once: it takes less than a tenth of a second, and estimates of gains are poor."""
+
+ONE_VIEW, CHANGED, SIZE = 3.0, -3.0, 0.0
+"""Estimated gains from which a diagnosis is worth its time. Those of a change are low, by up to a factor of four:
+where the pixels' noise hides the robot's, fewer residuals take the blame than is reckoned here."""
+
+
+def suspicious(evidence: Evidence, fitted: Fit) -> bool:
+    """Might a diagnosis find something that is wrong with these views?"""
+    if len(evidence) <= FEW_VIEWS or fitted.robot_translation_mm > USUAL_MM or fitted.robot_rotation_rad > USUAL_RAD:
+        return True
+    return any(gain > limit for gain, limit in _gains(evidence, fitted))
+
+
+def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:
+    """Each kind's estimated gain, and the limit that it must pass."""
+    n = len(evidence)
+    weights = inverted(fitted.covariance)
+    by_shared, residuals = fitted.by_shared, fitted.residuals[..., None]
+    weighted = weights @ by_shared
+    normal = np.swapaxes(by_shared, 1, 2) @ weighted
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal.sum(axis=0)), 1e-30))
+    shared = scale[:, None] * inverted(scale[:, None] * normal.sum(axis=0) * scale + 1e-12 * np.eye(12)) * scale
+
+    # One view is off: its distance from the others, in their own uncertainty and its own.
+    outside = fitted.covariance - by_shared @ shared @ np.swapaxes(by_shared, 1, 2)
+    ridge = 1e-9 * np.einsum("nii->ni", fitted.covariance)[:, :, None] * np.eye(6)
+    distances = np.einsum("nik,nij,njl->nkl", residuals, inverted(outside + ridge), residuals)[:, 0, 0]
+    yield _gain(float(distances.max()), n, 1, 7 * n), ONE_VIEW
+
+    # X, or the target's pose, is another from some view on.
+    gradients = (np.swapaxes(weighted, 1, 2) @ residuals)[..., 0]
+    for block in (slice(0, 6), slice(6, 12)):
+        score = np.cumsum(gradients[::-1], axis=0)[::-1][STRETCH : n - STRETCH + 1, block]
+        after = np.cumsum(normal[::-1], axis=0)[::-1][STRETCH : n - STRETCH + 1]
+        information = after[:, block, block] - after[:, block] @ shared @ after[:, :, block]
+        yield _gain(_largest_fall(score, information), n, 6, 2 * n), CHANGED
+
+    # The target's size.
+    slope = np.zeros((n, 6, 1))
+    slope[:, 3:, 0] = -evidence.camera_T_target[:, :3, 3]
+    cross = (np.swapaxes(slope, 1, 2) @ weighted).sum(axis=0)
+    fisher = float((np.swapaxes(slope, 1, 2) @ weights @ slope).sum()) - float((cross @ shared @ cross.T).sum())
+    gradient = float((np.swapaxes(slope, 1, 2) @ weights @ residuals).sum())
+    yield _gain(gradient**2 / max(fisher, 1e-300), n, 1, 1), SIZE
+
+
+def _largest_fall(score: Array, information: Array) -> float:
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-30))
+    scaled = scale[:, :, None] * information * scale[:, None, :] + 1e-9 * np.eye(6)
+    falls = np.einsum("ni,nij,nj->n", scale * score, inverted(scaled), scale * score)
+    return float(falls.max(initial=0.0))
+
+
+def _gain(fall: float, n: int, unknowns: int, alternatives: int) -> float:
+    # One of the two noise levels takes the blame: half of the residuals.
+    redundancy = max(3 * n - 6, 3)
+    raw = -0.5 * redundancy * np.log1p(-min(fall / redundancy, 1 - 1e-9))
+    return float(few_views_factor(n, unknowns) * raw - price_of(n, unknowns, alternatives))

@@ -1,0 +1,120 @@
+"""Least squares over a camera's intrinsics and one target pose a view, by Levenberg and Marquardt.
+
+The poses are eliminated view by view (Schur complement), so the cost is linear in the number of views.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.observations.observations import Observations
+from calibration.observations.reprojection import INTRINSICS, pixel_statistics, with_intrinsics
+from calibration.observations.view_poses import moved
+from calibration.transforms import Array
+
+CENTRE_SIGMA_OF_SIZE = 0.05
+"""Lenses are mounted this well; it is all that frontal views tell about the principal point."""
+LENS_SIGMA = (1.0, 3.0, 0.05, 0.05, 10.0)
+"""Larger k1, k2, p1, p2, k3 belong to no lens that the model describes."""
+ITERATIONS, SETTLED = 60, 1e-10
+LARGEST_DAMPING = 1e8
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """`poses` (n, 4, 4) camera_T_target; `covariance` (9, 9) of the intrinsics; `variance` of a pixel coordinate."""
+
+    camera: CameraModel
+    poses: Array
+    covariance: Array
+    variance: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Normal:
+    """The normal equations at a point: pose blocks (n, 6, 6), coupling (n, 6, k), intrinsics (k, k), and gradients."""
+
+    cost: float
+    poses: Array
+    coupling: Array
+    intrinsics: Array
+    poses_gradient: Array
+    gradient: Array
+    variance: float
+
+
+def adjust(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_]) -> Adjusted:
+    """The camera and poses that fit best when only the `free` (9,) intrinsics change."""
+    damping = 1e-3
+    normal = _normal(seen, camera, poses, free, 1.0)
+    for _ in range(ITERATIONS):
+        step, pose_steps = _solve(normal, damping)
+        change = np.zeros(INTRINSICS)
+        change[free] = step
+        trial, trial_poses = with_intrinsics(camera, change), moved(poses, pose_steps)
+        sane = np.all(np.isfinite(change)) and min(trial.matrix[0, 0], trial.matrix[1, 1]) > 0
+        there = _normal(seen, trial, trial_poses, free, normal.variance) if sane else None
+        if there is not None and there.cost <= normal.cost:
+            settled = normal.cost - there.cost <= SETTLED * normal.cost
+            camera, poses, damping = trial, trial_poses, max(damping * 0.1, 1e-12)
+            normal = _normal(seen, camera, poses, free, there.variance)
+            if settled:
+                break
+        elif damping > LARGEST_DAMPING:
+            break
+        else:
+            damping *= 10.0
+    covariance = np.zeros((INTRINSICS, INTRINSICS))
+    covariance[np.ix_(free, free)] = normal.variance * np.linalg.pinv(_schur(normal, 0.0)[0], hermitian=True)
+    return Adjusted(camera, poses, covariance, normal.variance)
+
+
+def _normal(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_], variance: float) -> _Normal:
+    """`variance` weighs what is known of lenses against the pixels."""
+    sums = pixel_statistics(seen, camera, poses, free_intrinsics=True)
+    every = np.concatenate([np.ones(6, bool), free])
+    matrix = sums.normal[:, every][:, :, every]
+    gradient = sums.gradient[:, every]
+    weight, off = _prior(camera)
+    weight, off = variance * weight[free], off[free]
+    square = float(sums.square.sum())
+    redundancy = max(float(sums.count.sum()) - 6 * len(poses) - int(free.sum()), 1.0)
+    return _Normal(
+        square + float(weight @ off**2),
+        matrix[:, :6, :6],
+        matrix[:, :6, 6:],
+        matrix[:, 6:, 6:].sum(axis=0) + np.diag(weight),
+        gradient[:, :6],
+        gradient[:, 6:].sum(axis=0) + weight * off,
+        square / redundancy,
+    )
+
+
+def _prior(camera: CameraModel) -> tuple[Array, Array]:
+    """Inverse variances (9,) of what is known of any lens, and how far (9,) the camera is from it."""
+    width, height = camera.image_size
+    sigma = np.array([CENTRE_SIGMA_OF_SIZE * width, CENTRE_SIGMA_OF_SIZE * height, *LENS_SIGMA])
+    centre = camera.matrix[:2, 2] - (np.array([width, height]) - 1) / 2
+    return np.concatenate([[0, 0], 1 / sigma**2]), np.concatenate([[0, 0], centre, camera.distortion])
+
+
+def _schur(normal: _Normal, damping: float) -> tuple[Array, Array, Array]:
+    """The intrinsics' own equations, and the inverse pose blocks (n, 6, 6) times gradient and coupling."""
+    index = np.arange(6)
+    blocks = normal.poses.copy()
+    blocks[:, index, index] *= 1 + damping + 1e-12
+    solved = np.linalg.solve(blocks, np.concatenate([normal.poses_gradient[..., None], normal.coupling], axis=2))
+    own = normal.intrinsics + damping * np.diag(np.diag(normal.intrinsics))
+    own = own - np.einsum("nij,nik->jk", normal.coupling, solved[:, :, 1:])
+    return own, solved[:, :, 0], solved[:, :, 1:]
+
+
+def _solve(normal: _Normal, damping: float) -> tuple[Array, Array]:
+    """Steps of the intrinsics (k,) and of the poses (n, 6)."""
+    own, by_gradient, by_coupling = _schur(normal, damping)
+    right = normal.gradient - np.einsum("nij,ni->j", normal.coupling, by_gradient)
+    scale = 1 / np.sqrt(np.maximum(np.diag(own), 1e-300))
+    step = -scale * np.linalg.lstsq(own * scale[:, None] * scale, scale * right, rcond=1e-13)[0]
+    return step, -(by_gradient + by_coupling @ step)

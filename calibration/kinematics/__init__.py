@@ -1,0 +1,1 @@
+"""The arm: joint angles to flange poses and back, and the dimensions of ABB's arms."""

@@ -1,0 +1,141 @@
+"""Published arms by name: ABB's arms of six axes in a row with a spherical wrist.
+
+Lengths and limits as RobotComponents' presets (ABB.Presets) list them; a test holds each against the reach in its name.
+Where ros-industrial's abb and abb_experimental (abb_*_support/urdf; the speeds are theirs) describe the same arm, they
+agree, but for the IRB 1600: the presets give the limits of the long one to the short one and the other way round. Here
+they are as in ABB's product specification 3HAC023604-001.
+Not here: arms with a parallel rod, whose axis 3 is limited together with axis 2 (IRB 2400, 4400), with an offset wrist
+(CRB 15000), and any whose published lengths do not give its reach (IRB 6700-245).
+"""
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from calibration.errors import GeometryError
+from calibration.kinematics.arm import Arm
+
+_SHEET = """
+name                | forward height  lower  elbow forearm flange | axes 1 to 6
+IRB 1010-1.5/0.37   |      0    190    185      0    185     45 | 170  -75/125  -180/50      170      125 242
+IRB 1100-4/0.475    |      0    327    225     10    250     64 | 230 -115/113  -205/55      230 -125/120 400
+IRB 1100-4/0.58     |      0    327    280     10    300     64 | 230 -115/113  -205/55      230 -125/120 400
+IRB 120-3/0.6       |      0    290    270     70    302     72 | 165      110  -110/70      160      120 400
+IRB 1200-5/0.9      |      0  399.1    448     42    451     82 | 170 -100/130  -200/70      270      130 400
+IRB 1200-7/0.7      |      0  399.1    350     42    351     82 | 170 -100/135  -200/70      270      130 360
+IRB 1300-11/0.9     |     50    544    425     40    425     90 | 180 -100/130  -210/65      230      130 400
+IRB 1300-10/1.15    |    150    544    575     40    425     90 | 180  -95/155  -210/65      230      130 400
+IRB 1300-7/1.4      |    150    544    575     40    675     90 | 180  -95/155  -210/69      230      130 400
+IRB 140-6/0.8       |     70    352    360      0    380     65 | 180  -90/110  -230/50      200      115 400
+IRB 1520ID-4/1.5    |    160    453    590    200    723    200 | 170  -90/150  -100/80      155      135 200
+IRB 1600-6/1.2      |    150  486.5    475      0    600     65 | 180  -63/110  -235/55      200      115 400
+IRB 1600-10/1.2     |    150  486.5    475      0    600     65 | 180  -63/110  -235/55      200      115 400
+IRB 1600-6/1.45     |    150  486.5    700      0    600     65 | 180  -90/120  -245/65      200      115 400
+IRB 1600-10/1.45    |    150  486.5    700      0    600     65 | 180  -90/120  -245/65      200      115 400
+IRB 1660ID-4/1.55   |    150  486.5    700    110    678    135 | 180  -90/150  -238/79      175      120 400
+IRB 1660ID-6/1.55   |    150  486.5    700    110    678    135 | 180  -90/150  -238/79      175      120 400
+IRB 2600-12/1.65    |    150    445    700    115    795     85 | 180  -95/155  -180/75      400      120 400
+IRB 2600-20/1.65    |    150    445    700    115    795     85 | 180  -95/155  -180/75      400      120 400
+IRB 2600-12/1.85    |    150    445    900    115    795     85 | 180  -95/155  -180/75      400      120 400
+IRB 2600ID-15/1.85  |    150    445    900    150    786    135 | 180  -95/155  -180/75      175      120 400
+IRB 2600ID-8/2.0    |    150    445    900    150    938    200 | 180  -95/155  -180/75      175      120 400
+IRB 4600-20/2.5     |    175    495   1095    175 1230.5     85 | 180  -90/150  -180/75      400      120 400
+IRB 4600-40/2.55    |    175    495   1095    175   1270    135 | 180  -90/150  -180/75      400 -120/125 400
+IRB 4600-45/2.05    |    175    495    900    175    960    135 | 180  -90/150  -180/75      400 -125/120 400
+IRB 4600-60/2.05    |    175    495    900    175    960    135 | 180  -90/150  -180/75      400 -125/120 400
+IRB 5710-110/2.3    |    280    670    950    180   1055    167 | 170  -75/145  -180/70      300      130 360
+IRB 5710-90/2.3 LID |    280    670    950    180   1055    333 | 170  -75/145  -160/70      300      120 200
+IRB 5710-90/2.7     |    280    670    950    180   1460    160 | 170  -75/145  -180/70      300      130 360
+IRB 5710-70/2.7 LID |    280    670    950    180   1460    290 | 170  -75/145  -160/70      300      120 200
+IRB 5720-180/2.6    |    320    670   1120    200 1142.5    180 | 170  -75/145  -180/70      300      130 360
+IRB 5720-155/2.6 LID|    320    670   1120    200 1142.5    346 | 170  -75/145  -160/70      300      120 200
+IRB 5720-125/3.0    |    320    670   1120    200 1547.5    167 | 170  -75/145  -180/70      300      130 360
+IRB 5720-90/3.0 LID |    320    670   1120    200 1547.5    333 | 170  -75/145  -160/70      300      120 200
+IRB 6620-150/2.2    |    320    680    975    200    887    200 | 170  -65/140  -180/70      300      130 300
+IRB 6640-235/2.55   |    320    780   1075    200 1142.5    200 | 170   -65/85  -180/70      300      120 360
+IRB 6640-185/2.8    |    320    780   1075    200 1392.5    200 | 170   -65/85  -180/70      300      120 360
+IRB 6650-200/2.75   |    320    780   1280    200   1142    200 | 170   -65/85  -180/70      300      120 360
+IRB 6650-125/3.2    |    320    780   1280    200   1592    200 | 180   -65/85  -180/70      300      120 360
+IRB 6650S-200/3.0   |    600    630   1280    200   1142    200 | 180  -40/160  -180/70      300      120 360
+IRB 6650S-125/3.5   |    600    630   1280    200   1592    200 | 180  -40/160  -180/70      300      120 360
+IRB 6650S-90/3.9    |    600    630   1280    200   2042    200 | 180  -40/160  -180/70      300      120 360
+IRB 6700-200/2.60   |    320    780   1125    200 1142.5    200 | 170   -65/85  -180/70      300      130 360
+IRB 6700-235/2.65   |    320    780   1135    200 1182.5    200 | 170   -65/85  -180/70      300      130 360
+IRB 6700-300/2.70   |    320    780   1145    200 1212.5    250 | 170   -65/85  -180/70      300      130 360
+IRB 6700-205/2.80   |    320    780   1280    200 1182.5    200 | 170   -65/85  -180/70      300      130 360
+IRB 6700-155/2.85   |    320    780   1125    200 1392.5    200 | 170   -65/85  -180/70      300      130 360
+IRB 6700-175/3.05   |    320    780   1135    200 1592.5    200 | 170   -65/85  -180/70      300      130 360
+IRB 6700-150/3.20   |    320    780   1280    200 1592.5    200 | 170   -65/85  -180/70      300      130 360
+IRB 6790-235/2.65   |    320    780   1135    200 1182.5    200 | 170   -65/85  -180/70      300      130 360
+IRB 6790-205/2.80   |    320    780   1280    200 1182.5    200 | 170   -65/85  -180/70      300      130 360
+IRB 7600-400/2.55   |    410    780   1075    165   1056    250 | 180   -60/85  -180/60      300      100 360
+IRB 7600-500/2.55   |    410    780   1075    165   1056    250 | 180   -60/85  -180/60      300      100 360
+IRB 7600-340/2.8    |    410    780   1075    165   1306    250 | 180   -60/85  -180/60      300      100 360
+IRB 7600-325/3.1    |    410    780   1075    165   1556    250 | 180   -60/85  -180/60      300      100 360
+IRB 7600-150/3.5    |    410    780   1075    165   2012    250 | 180   -60/85  -180/60      300      100 360
+"""
+"""From the base to axis 2 forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange, mm; limits, deg."""
+
+_SPEEDS = {
+    "IRB 120-3/0.6": "250 250 250 320 320 420",
+    "IRB 1600-6/1.2": "150 160 170 320 400 450",
+    "IRB 1600-6/1.45": "150 160 170 320 400 450",
+    "IRB 2600-12/1.65": "175 175 175 360 360 500",
+    "IRB 6650S-125/3.5": "110 90 90 150 120 235",
+    "IRB 6650S-90/3.9": "100 90 90 150 120 235",
+    "IRB 6700-200/2.60": "110 110 110 190 150 210",
+    "IRB 6700-235/2.65": "100 90 90 170 120 190",
+    "IRB 7600-150/3.5": "100 60 60 100 100 190",
+}
+"""Of the axes, deg/s, where the sources have them; the others get the slowest. Only the mock moves by them."""
+_SLOWEST = "90 60 60 100 100 190"
+
+
+def _arm(line: str) -> Arm:
+    name, lengths, limits = (part.strip() for part in line.split("|"))
+    forward, height, lower_arm, elbow_up, forearm, flange = map(float, lengths.split())
+    lower, upper = zip(*(_range(limit) for limit in limits.split()), strict=True)
+    return Arm(
+        name=name,
+        shoulder_forward_mm=forward,
+        shoulder_height_mm=height,
+        lower_arm_mm=lower_arm,
+        elbow_up_mm=elbow_up,
+        forearm_mm=forearm,
+        flange_mm=flange,
+        lower_rad=_radians(lower),
+        upper_rad=_radians(upper),
+        speed_rad_s=_radians(map(float, _SPEEDS.get(name, _SLOWEST).split())),
+    )
+
+
+def _range(limit: str) -> tuple[float, float]:
+    """`170` is as far either way, `-75/125` from the one to the other."""
+    lower, _, upper = limit.partition("/")
+    return (float(lower), float(upper)) if upper else (-float(lower), float(lower))
+
+
+def _radians(degrees: Iterable[float]) -> tuple[float, ...]:
+    return tuple(float(np.radians(angle)) for angle in degrees)
+
+
+ARMS: Mapping[str, Arm] = MappingProxyType({arm.name: arm for arm in map(_arm, _SHEET.splitlines()[2:])})
+
+
+def arm_named(name: str) -> Arm:
+    """The arm of that name, however its letters and spaces are written; raises GeometryError naming the nearest."""
+    known = {_plain(each): arm for each, arm in ARMS.items()}
+    try:
+        return known[_plain(name)]
+    except KeyError:
+        nearest = difflib.get_close_matches(_plain(name), known, n=3, cutoff=0.5)
+        like = f"; near are {', '.join(known[each].name for each in nearest)}" if nearest else ""
+        raise GeometryError(f"no arm is named {name!r}{like} (`handeyed arms` lists all)") from None
+
+
+def _plain(name: str) -> str:
+    """IRB 2600ID-8/2.00 and irb2600id-8/2.0 are the same."""
+    return re.sub(r"(\.\d*?)0+(?=\D|$)", r"\1", re.sub(r"\s", "", name.upper()))

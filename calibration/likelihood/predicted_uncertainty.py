@@ -1,0 +1,153 @@
+"""How well given poses will determine X, before anything has moved.
+
+The maximum-likelihood estimate has the covariance of the Cramér-Rao bound, the inverse of the information
+
+    F = sum_i A_i' V_i^-1 A_i        V_i = s_px² I + U_i D U_i'        A by (X, target's pose[, intrinsics])
+
+where U_i D U_i' is the robot's error in view i: the very sums that the estimator makes (calibration.likelihood), at
+the poses that are planned. Sources: Strobl & Hirzinger, IROS 2006 (the model); Nahvi & Hollerbach, ICRA 1996 (the
+idea of choosing poses by it).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.camera import CameraModel
+from calibration.likelihood.chain import Chain
+from calibration.likelihood.mixed_model import Variances, linearised, of_views, solve
+from calibration.observations.observations import Observations
+from calibration.observations.reprojection import pixel_statistics
+from calibration.problem import Setup
+from calibration.targets import Target
+from calibration.transforms import Array, inverse, map_points, skew
+
+
+@dataclass(frozen=True)
+class ExpectedNoise:
+    """One standard deviation per axis: pixels, robot rotation, robot translation."""
+
+    image_px: float
+    robot_rotation_rad: float
+    robot_translation_mm: float
+
+    def variances(self) -> Variances:
+        """px², rad², mm²"""
+        return Variances(self.image_px**2, self.robot_rotation_rad**2, self.robot_translation_mm**2)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is known, or guessed, before looking. Frames as in `calibration.problem`."""
+
+    setup: Setup
+    target: Target
+    camera: CameraModel
+    mount_T_camera: Array
+    anchor_T_target: Array
+    noise: ExpectedNoise
+    intrinsics_free: bool = False
+
+    @property
+    def unknowns(self) -> int:
+        """X, the target's pose, and the intrinsics when they are free."""
+        return 21 if self.intrinsics_free else 12
+
+    def camera_T_target(self, base_T_flange: Array) -> Array:
+        """(n, 4, 4) from robot poses (n, 4, 4)."""
+        anchor_T_mount = base_T_flange if self.setup == "eye-in-hand" else inverse(base_T_flange)
+        return inverse(anchor_T_mount @ self.mount_T_camera) @ self.anchor_T_target
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """One standard deviation of X, (3,) each, and of a registered point.
+
+    `rotation_rad` is about the camera's axes, `translation_mm` along the mount's; `covariance` (6, 6) of [rad, mm], of
+    mount_T_camera @ exp(.), in the camera frame.
+    """
+
+    covariance: Array
+    rotation_rad: Array
+    translation_mm: Array
+    point_mm: float
+
+
+def predict(scene: Scene, base_T_flange: Array) -> Prediction:
+    """What views from the poses (n, 4, 4) will tell of X. Infinite where they do not determine it."""
+    information = view_information(scene, base_T_flange).sum(axis=0)
+    return prediction_of(scene, information, median_distance_mm(scene, base_T_flange))
+
+
+def prediction_of(scene: Scene, information: Array, distance_mm: float) -> Prediction:
+    """The prediction of a summed information matrix."""
+    covariance = covariance_of(information)
+    weights = point_weights(working_points_mm(scene.camera, distance_mm))
+    mount_R_camera = scene.mount_T_camera[:3, :3]
+    known = bool(np.all(np.isfinite(covariance)))
+    along_mount = mount_R_camera @ covariance[3:, 3:] @ mount_R_camera.T if known else covariance[3:, 3:]
+    rotation_rad, translation_mm = (np.sqrt(np.diagonal(block)) for block in (covariance[:3, :3], along_mount))
+    return Prediction(
+        covariance, rotation_rad, translation_mm, float(np.sqrt(np.einsum("ij,ji->", weights, covariance)))
+    )
+
+
+def covariance_of(information: Array) -> Array:
+    """Covariance (..., 6, 6) of X from information (..., k, k) on (X, rest); infinite where it is singular."""
+    # Radians and millimetres differ by orders of magnitude: scale to unit diagonal before judging singularity.
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-300))
+    scaled = information * scale[..., :, None] * scale[..., None, :]
+    values, vectors = np.linalg.eigh(scaled)
+    determined = values[..., 0] > 1e-13
+    values = np.where(determined[..., None], values, 1.0)
+    x_rows = vectors[..., :6, :] * scale[..., :6, None]
+    covariance: Array = (x_rows / values[..., None, :]) @ np.swapaxes(x_rows, -1, -2)
+    return np.where(determined[..., None, None], covariance, np.diag(np.full(6, np.inf)))
+
+
+def view_information(scene: Scene, base_T_flange: Array) -> Array:
+    """Information (n, k, k) that each view carries on (X, target's pose[, intrinsics]); k = 12 or 21."""
+    if not len(base_T_flange):
+        return np.zeros((0, scene.unknowns, scene.unknowns))
+    nothing_corrected = np.zeros((len(base_T_flange), 6))
+    chain = Chain(scene.setup, base_T_flange, scene.mount_T_camera, scene.anchor_T_target, nothing_corrected)
+    camera_T_target = chain.camera_T_target()
+    statistics = pixel_statistics(
+        _whole_target(scene, base_T_flange), scene.camera, camera_T_target, free_intrinsics=scene.intrinsics_free
+    )
+    model, variances = linearised(statistics, chain, camera_T_target), scene.noise.variances()
+    return of_views(model, variances, solve(model, variances))[0]
+
+
+def _whole_target(scene: Scene, base_T_flange: Array) -> Observations:
+    """Every point of the target, in every view; where in the image does not matter here."""
+    n, m = len(base_T_flange), len(scene.target.points_mm)
+    points = np.broadcast_to(scene.target.points_mm, (n, m, 3))
+    ids = np.broadcast_to(np.arange(m), (n, m))
+    ones = np.ones((n, m))
+    return Observations(np.arange(n), base_T_flange, ids, points, np.zeros((n, m, 2)), ones, ones)
+
+
+def median_distance_mm(scene: Scene, base_T_flange: Array) -> float:
+    """Median distance from the camera to the middle of the target."""
+    centre = scene.target.points_mm.mean(axis=0, keepdims=True)
+    return float(np.median(np.linalg.norm(map_points(scene.camera_T_target(base_T_flange), centre), axis=-1)))
+
+
+def working_points_mm(camera: CameraModel, distance_mm: float) -> Array:
+    """The 27 points (27, 3) in the camera frame at which `point_mm` is taken.
+
+    3×3 over the central 80 % of the image, at 0.9, 1.0 and 1.1 times the distance (along the optical axis).
+    """
+    width, height = camera.image_size
+    u, v = np.meshgrid(np.array([0.1, 0.5, 0.9]) * (width - 1), np.array([0.1, 0.5, 0.9]) * (height - 1))
+    rays = np.column_stack([camera.normalise(np.column_stack([u.ravel(), v.ravel()])), np.ones(9)])
+    points: Array = (np.array([0.9, 1.0, 1.1])[:, None, None] * distance_mm * rays).reshape(-1, 3)
+    return points
+
+
+def point_weights(points_mm: Array) -> Array:
+    """W (6, 6) with trace(W cov) = the mean variance of points (n, 3) mapped through X (covariance [rad, mm])."""
+    by_x = np.concatenate([-skew(points_mm), np.eye(3)[None].repeat(len(points_mm), axis=0)], axis=-1)
+    weights: Array = np.mean(np.swapaxes(by_x, -1, -2) @ by_x, axis=0)
+    return weights

@@ -1,0 +1,1 @@
+"""After calibration: scatter of the target over verification views, and the control chart of verifications."""

@@ -1,0 +1,1 @@
+"""Image points of the target: what was seen in each view, its reprojection residuals, the target pose it implies."""

@@ -1,0 +1,143 @@
+"""What the pixels of every view say, condensed to one small matrix a view.
+
+Residuals are predicted minus measured pixels; their derivatives are by the view's pose (6: exp(.) @ camera_T_target,
+[rotation rad, translation mm]) and, when they are free, by the intrinsics (9: fx fy cx cy k1 k2 p1 p2 k3) and by the
+target's relative scale (1). `free_intrinsics` says which: all, none, or some of them (9,).
+All views are one padded batch, so the cost is a few array operations however many views there are.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.observations.observations import Observations
+from calibration.transforms import Array, map_points
+
+INTRINSICS = 9
+NEAREST_MM = 1e-3
+"""A point at or behind the camera is treated as this near: its enormous residual drives it back."""
+
+
+@dataclass(frozen=True, eq=False)
+class PixelStatistics:
+    """[J, r]' [J, r] (n, k + 1, k + 1) and the number of residuals (n,) of each view; k is 6 to 16."""
+
+    sums: Array
+    count: Array
+
+    @property
+    def normal(self) -> Array:
+        """J' J (n, k, k)"""
+        return self.sums[:, :-1, :-1]
+
+    @property
+    def gradient(self) -> Array:
+        """J' r (n, k)"""
+        return self.sums[:, :-1, -1]
+
+    @property
+    def square(self) -> Array:
+        """r' r (n,)"""
+        return self.sums[:, -1, -1]
+
+
+def pixel_residuals(seen: Observations, camera: CameraModel, camera_T_target: Array) -> Array:
+    """Predicted minus measured (n, m, 2), in px."""
+    points = _in_front(map_points(camera_T_target, seen.points_mm))
+    return camera.project(points.reshape(-1, 3)).reshape(seen.pixels.shape) - seen.pixels
+
+
+def pixel_statistics(
+    seen: Observations,
+    camera: CameraModel,
+    camera_T_target: Array,
+    *,
+    free_intrinsics: bool | NDArray[np.bool_] = False,
+    free_scale: bool = False,
+) -> PixelStatistics:
+    """The sums of every view at the given poses (n, 4, 4)."""
+    columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, free_scale=free_scale)
+    columns = columns.reshape(*columns.shape[:2], 2 * columns.shape[3])
+    count = 2 * np.count_nonzero(seen.weights, axis=1).astype(float)
+    return PixelStatistics(columns @ np.swapaxes(columns, 1, 2), count)
+
+
+def pixel_rows(
+    seen: Observations,
+    camera: CameraModel,
+    camera_T_target: Array,
+    *,
+    free_intrinsics: bool | NDArray[np.bool_] = False,
+    free_scale: bool = False,
+) -> Array:
+    """Derivatives and, last, residual of every pixel coordinate, times the root of its weight: (n, m, 2, k + 1)."""
+    columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, free_scale=free_scale)
+    return np.ascontiguousarray(columns.transpose(0, 3, 2, 1))
+
+
+def _columns(
+    seen: Observations,
+    camera: CameraModel,
+    camera_T_target: Array,
+    *,
+    free_intrinsics: bool | NDArray[np.bool_],
+    free_scale: bool,
+) -> Array:
+    """The same as (n, k + 1, 2, m): every derivative lies in one piece, which is what makes it quick."""
+    arms = camera_T_target[:, :3, :3] @ np.swapaxes(seen.points_mm, 1, 2)
+    x, y, z = np.moveaxis(arms + camera_T_target[:, :3, 3:], 1, 0)
+    z = np.maximum(z, NEAREST_MM)
+    u, v = x / z, y / z
+    chosen = np.flatnonzero(np.broadcast_to(free_intrinsics, INTRINSICS))
+    columns = np.empty((len(x), 6 + len(chosen) + free_scale + 1, 2, x.shape[1]))
+    (fx, skew, cx), (_, fy, cy), _ = camera.matrix
+    xx, xy, yy = camera.distortion_slopes(u, v)
+    # With (a, b, c) = d pixel / d point, the derivative by a rotation of the point p is p × (a, b, c), by a shift it.
+    for row, (along_u, along_v) in enumerate(((fx * xx + skew * xy, fx * xy + skew * yy), (fy * xy, fy * yy))):
+        a, b = along_u / z, along_v / z
+        c = -(a * u + b * v)
+        columns[:, 0, row] = y * c - z * b
+        columns[:, 1, row] = z * a - x * c
+        columns[:, 2, row] = x * b - y * a
+        columns[:, 3, row], columns[:, 4, row], columns[:, 5, row] = a, b, c
+    along, across = camera.distorted(u, v)
+    for column, slopes in enumerate(_by_intrinsics(chosen, (fx, fy), u, v, along, across), start=6):
+        columns[:, column, 0], columns[:, column, 1] = slopes
+    if free_scale:
+        columns[:, -2] = (columns[:, 3:6] * arms[:, :, None]).sum(axis=1)
+    columns[:, -1, 0] = fx * along + skew * across + cx - seen.pixels[..., 0]
+    columns[:, -1, 1] = fy * across + cy - seen.pixels[..., 1]
+    if not np.all(seen.weights == 1.0):
+        columns *= np.sqrt(seen.weights)[:, None, None]
+    return columns
+
+
+def _in_front(points: Array) -> Array:
+    points[..., 2] = np.maximum(points[..., 2], NEAREST_MM)
+    return points
+
+
+def _by_intrinsics(
+    chosen: NDArray[np.intp], focal: tuple[float, float], x: Array, y: Array, along: Array, across: Array
+) -> Iterator[tuple[Array | float, Array | float]]:
+    """Of both pixel coordinates, at ideal coordinates x, y and distorted ones along, across."""
+    fx, fy = focal
+    by_focal_and_centre = ((along, 0.0), (0.0, across), (1.0, 0.0), (0.0, 1.0))
+    yield from (by_focal_and_centre[which] for which in chosen if which < len(by_focal_and_centre))
+    if not np.any(chosen >= len(by_focal_and_centre)):
+        return
+    r2, xy2 = x * x + y * y, 2 * x * y
+    radial = {4: r2, 5: r2 * r2, 8: r2 * r2 * r2}
+    tangential = {6: (fx * xy2, fy * (r2 + 2 * y * y)), 7: (fx * (r2 + 2 * x * x), fy * xy2)}
+    for which in chosen[chosen >= len(by_focal_and_centre)].tolist():
+        yield tangential[which] if which in tangential else (fx * x * radial[which], fy * y * radial[which])
+
+
+def with_intrinsics(camera: CameraModel, change: Array) -> CameraModel:
+    """The camera with its nine intrinsics changed by (9,)."""
+    matrix = camera.matrix.copy()
+    matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += change[:4]
+    return CameraModel(matrix, camera.distortion + change[4:], camera.image_size)

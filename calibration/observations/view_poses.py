@@ -1,0 +1,89 @@
+"""Where the target stood before the camera in every view, from that view's pixels alone."""
+
+import cv2
+import numpy as np
+
+from calibration.camera import CameraModel
+from calibration.observations.observations import FEWEST_CORNERS, Observations
+from calibration.observations.reprojection import pixel_residuals, pixel_statistics
+from calibration.transforms import Array, rotation_from_vector, transform
+
+
+def moved(a_T_b: Array, step: Array) -> Array:
+    """exp(step) @ a_T_b for steps (n, 6) of [rotation rad, translation mm]."""
+    return transform(rotation_from_vector(step[:, :3]), step[:, 3:]) @ a_T_b
+
+
+def candidate_poses(seen: Observations, camera: CameraModel) -> tuple[Array, Array]:
+    """The two poses (n, 2, 4, 4) of camera_T_target that a plane allows, and their RMS errors (n, 2) in px.
+
+    A pose that is out of the question is not refined.
+    """
+    n = len(seen)
+    poses = _both(seen, camera.normalise(seen.pixels.reshape(-1, 2)).reshape(seen.pixels.shape))
+    errors = _rms(seen.take(np.repeat(np.arange(n), 2)), camera, poses.reshape(-1, 4, 4)).reshape(n, 2)
+    possible = errors <= POSSIBLE * errors.min(axis=1, keepdims=True) + POSSIBLE_PX
+    rows, which = np.nonzero(possible)
+    views = seen if np.array_equal(rows, np.arange(n)) else seen.take(rows)
+    refined = refined_poses(views, camera, poses[rows, which])
+    poses[rows, which], errors[rows, which] = refined, _rms(views, camera, refined)
+    order = np.argsort(errors, axis=1)
+    return np.take_along_axis(poses, order[:, :, None, None], axis=1), np.take_along_axis(errors, order, axis=1)
+
+
+POSSIBLE, POSSIBLE_PX = 5.0, 3.0
+"""A pose whose error before refinement is larger than this by the better one's stays the worse one."""
+
+
+def _rms(seen: Observations, camera: CameraModel, poses: Array) -> Array:
+    squares = np.sum(pixel_residuals(seen, camera, poses) ** 2, axis=-1)
+    rms: Array = np.sqrt(np.sum(seen.weights * squares, axis=1) / np.count_nonzero(seen.weights, axis=1))
+    return rms
+
+
+NOWHERE = transform(np.eye(3), [0.0, 0.0, 1000.0])
+"""Where a target stands whose corners no pose explains; its errors tell."""
+
+
+def _both(seen: Observations, xy: Array) -> Array:
+    """The two poses (n, 2, 4, 4) by Collins & Bartoli's IPPE, from ideal coordinates xy (n, m, 2)."""
+    used = (seen.weights > 0) & np.all(np.isfinite(xy), axis=2)
+    turns, places, found = np.zeros((len(seen), 2, 3)), np.zeros((len(seen), 2, 3)), np.zeros(len(seen), bool)
+    for row in np.flatnonzero(np.count_nonzero(used, axis=1) >= FEWEST_CORNERS):
+        chosen = used[row]
+        _, rotations, translations, _ = cv2.solvePnPGeneric(
+            seen.points_mm[row, chosen], xy[row, chosen], IDEAL, None, flags=cv2.SOLVEPNP_IPPE
+        )
+        if len(rotations):
+            found[row] = True
+            turns[row] = rotations[0][:, 0], rotations[-1][:, 0]
+            places[row] = translations[0][:, 0], translations[-1][:, 0]
+    sane = found & np.all(np.isfinite(turns) & np.isfinite(places), axis=(1, 2))
+    poses = np.broadcast_to(NOWHERE, (len(seen), 2, 4, 4)).copy()
+    poses[sane] = transform(rotation_from_vector(turns[sane].reshape(-1, 3)).reshape(-1, 2, 3, 3), places[sane])
+    return poses
+
+
+IDEAL = np.eye(3)
+"""The camera matrix of ideal coordinates."""
+
+
+SETTLED = 1e-7
+"""rad, mm: a step that changes nothing."""
+
+
+def refined_poses(seen: Observations, camera: CameraModel, camera_T_target: Array, iterations: int = 6) -> Array:
+    """The poses (n, 4, 4) that minimise each view's reprojection error, by Gauss-Newton from the given ones."""
+    before = 0.0
+    for _ in range(iterations):
+        statistics = pixel_statistics(seen, camera, camera_T_target)
+        scale = 1 / np.sqrt(np.maximum(np.diagonal(statistics.normal, axis1=1, axis2=2), 1e-12))
+        scaled = statistics.normal * scale[:, :, None] * scale[:, None, :] + 1e-10 * np.eye(6)
+        step = -scale * np.linalg.solve(scaled, (scale * statistics.gradient)[..., None])[..., 0]
+        camera_T_target = moved(camera_T_target, step)
+        longest = float(np.max(np.abs(step), initial=0.0))
+        # Gauss-Newton converges linearly: the next step would be shorter by as much as this one was.
+        if longest < SETTLED or (longest < before and longest**2 < SETTLED * before):
+            break
+        before = longest
+    return camera_T_target

@@ -1,0 +1,147 @@
+"""The set of viewpoints that determines X best: exchange among random candidates, then local search.
+
+The value of a set is the predicted variance of a registered point, trace(W cov): A-optimal design for the
+quantity the user wants (Yang, Rebello & Waslander, arXiv:2303.06766 choose views by information as well).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.likelihood.predicted_uncertainty import (
+    Scene,
+    covariance_of,
+    point_weights,
+    view_information,
+    working_points_mm,
+)
+from calibration.planning.viewpoints import (
+    Limits,
+    allowed,
+    clipped,
+    flange_poses,
+    in_sight,
+    random_viewpoints,
+)
+from calibration.transforms import Array
+
+Indices = NDArray[np.intp]
+
+Reachable = Callable[[Array], NDArray[np.bool_]]
+"""Which of base_T_flange (n, 4, 4) can the arm take?"""
+
+LOCAL_STEPS = np.array([0.15, 0.15, 0.3, 40.0, 0.1, 0.1])
+"""First step of the local search, in the units of a viewpoint."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Viewpoints (n, 6), where they bring the flange (n, 4, 4), and what each view would tell (n, k, k)."""
+
+    viewpoints: Array
+    base_T_flange: Array
+    information: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Everything the search keeps asking. From each pose the target is in view in all `alternatives` as well."""
+
+    scene: Scene
+    limits: Limits
+    reachable: Reachable | None
+    rng: np.random.Generator
+    alternatives: tuple[Scene, ...] = ()
+
+    def candidates(self, viewpoints: Array) -> Candidates:
+        """Those of the viewpoints (n, 6) that are allowed and reachable."""
+        poses = flange_poses(self.scene, viewpoints)
+        keep = allowed(self.scene, self.limits, poses)
+        if self.reachable is not None:
+            keep[keep] = self.reachable(poses[keep])
+        for other in self.alternatives:
+            if not keep.any():
+                break
+            keep[keep] = in_sight(other, self.limits, poses[keep])
+        return Candidates(viewpoints[keep], poses[keep], view_information(self.scene, poses[keep]))
+
+    def variance(self, information: Array) -> Array:
+        """Predicted variance (n,) of a registered point, in mm², of information (n, k, k)."""
+        distance = float(np.mean(self.limits.distance_mm))
+        weights = point_weights(working_points_mm(self.scene.camera, distance))
+        with np.errstate(invalid="ignore"):
+            variance = np.einsum("ij,nji->n", weights, covariance_of(information))
+        return np.where(np.isfinite(variance), variance, np.inf)
+
+
+POOL = 500
+"""Candidates to choose among; more improve a planned set by less than the local search does."""
+
+RESTARTS = 8
+"""Exchanges from so many random sets; the best goes on to the local search."""
+
+DRAWS = 40
+"""Batches of `POOL` random viewpoints drawn at most: tight limits leave few of them."""
+
+
+def best_set(search: Search, count: int, known: Array, restarts: int) -> Candidates:
+    """`count` candidates that, with the information (k, k) `known` already, leave the least variance.
+
+    Returns fewer than `count` when the limits leave fewer candidates.
+    """
+    candidates = _pool(search)
+    if len(candidates.viewpoints) <= count:
+        return candidates
+    sets = [_exchange(search, candidates, count, known) for _ in range(restarts)]
+    values = search.variance(np.array([known + candidates.information[chosen].sum(axis=0) for chosen in sets]))
+    return _improve(search, _take(candidates, sets[int(np.argmin(values))]), known)
+
+
+def _pool(search: Search) -> Candidates:
+    batches: list[Candidates] = []
+    for _ in range(DRAWS):
+        batches.append(search.candidates(random_viewpoints(search.limits, POOL, search.rng)))
+        if sum(len(batch.viewpoints) for batch in batches) >= POOL:
+            break
+    return Candidates(
+        np.concatenate([batch.viewpoints for batch in batches]),
+        np.concatenate([batch.base_T_flange for batch in batches]),
+        np.concatenate([batch.information for batch in batches]),
+    )
+
+
+def _take(candidates: Candidates, chosen: Indices) -> Candidates:
+    return Candidates(candidates.viewpoints[chosen], candidates.base_T_flange[chosen], candidates.information[chosen])
+
+
+def _exchange(search: Search, candidates: Candidates, count: int, known: Array) -> Indices:
+    """Indices of a set that no single exchange improves (Fedorov)."""
+    chosen = search.rng.choice(len(candidates.viewpoints), count, replace=False)
+    best = np.inf
+    while True:
+        before = best
+        for slot in range(count):
+            others = known + candidates.information[np.delete(chosen, slot)].sum(axis=0)
+            values = search.variance(others + candidates.information)
+            values[np.delete(chosen, slot)] = np.inf
+            chosen[slot] = int(np.argmin(values))
+            best = float(values[chosen[slot]])
+        if not best < 0.99 * before:
+            return chosen
+
+
+def _improve(search: Search, chosen: Candidates, known: Array, rounds: int = 8, tries: int = 24) -> Candidates:
+    """Local search around every viewpoint in turn, with shrinking steps."""
+    viewpoints, poses, information = chosen.viewpoints.copy(), chosen.base_T_flange.copy(), chosen.information.copy()
+    for step in LOCAL_STEPS * 0.7 ** np.arange(rounds)[:, None]:
+        for slot in range(len(viewpoints)):
+            around = viewpoints[slot] + step * search.rng.standard_normal((tries, 6))
+            near = search.candidates(clipped(search.limits, around))
+            others = known + np.delete(information, slot, axis=0).sum(axis=0)
+            values = search.variance(others + np.concatenate([information[slot][None], near.information]))
+            if (best := int(np.argmin(values)) - 1) >= 0:
+                viewpoints[slot], poses[slot] = near.viewpoints[best], near.base_T_flange[best]
+                information[slot] = near.information[best]
+    return Candidates(viewpoints, poses, information)

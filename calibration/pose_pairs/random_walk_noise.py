@@ -1,0 +1,153 @@
+"""The likeliest X where the camera's errors add up from view to view, as in odometry.
+
+Seen from the target's frame such an error is a sum of steps, so that the differences of successive views hold one step
+each, and the target's pose drops out. What robot and camera have for every view alone is shared by two differences: the
+covariance has blocks beside its diagonal, and is handled whole (at most a few hundred views).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from calibration.closed_forms.kronecker import as_rotation
+from calibration.pose_pairs.independent_noise import PoseFit
+from calibration.pose_pairs.noise_models import DRIFTING
+from calibration.pose_pairs.reml_optimizer import (
+    Moments,
+    State,
+    climbed,
+    first_variances,
+    floor_variances,
+    inverted,
+    limited,
+    spent_on,
+)
+from calibration.pose_pairs.residuals import Chain, PosePairs, linearise
+from calibration.transforms import Array, transform
+
+FEWEST_VIEWS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """A symmetric matrix of 6×6 blocks: `diagonal` (m, 6, 6), and `beside` (m - 1, 6, 6) right of it."""
+
+    diagonal: Array
+    beside: Array
+
+    def sparse(self) -> sparse.bsr_matrix:
+        m = len(self.diagonal)
+        below = np.concatenate([np.zeros((1, 6, 6)), np.swapaxes(self.beside, 1, 2)])
+        above = np.concatenate([self.beside, np.zeros((1, 6, 6))])
+        blocks = np.stack([below, self.diagonal, above], axis=1).reshape(-1, 6, 6)
+        columns = np.clip(np.arange(m)[:, None] + [-1, 0, 1], 0, m - 1).reshape(-1)
+        return sparse.bsr_matrix((blocks, columns, np.arange(0, 3 * m + 1, 3)), shape=(6 * m, 6 * m))
+
+
+@dataclass(frozen=True, eq=False)
+class _Differences:
+    """Residuals (m, 6), derivatives (m, 6, p), and the covariance that one unit of every source causes."""
+
+    residuals: Array
+    by_shared: Array
+    directions: dict[str, Array]
+    shares: dict[str, _Blocks]
+
+
+def fit_drift(pairs: PosePairs, start: Chain) -> PoseFit:
+    """White errors of robot and camera, and a walk of the camera; the target's pose is the first view's."""
+    chosen = np.r_[0:6] if pairs.metric else np.r_[0:6, 12:13]
+    steps = _differences(pairs, start, chosen)
+    first = first_variances(steps.residuals, list(steps.directions.values()))
+    best = climbed(lambda chain, variances: _state(pairs, chain, variances, chosen), start, first)
+    named = dict(zip(steps.shares, best.variances.tolist(), strict=True))
+    return PoseFit(best.chain, _with_target(best.covariance, chosen), named, best.log_likelihood, np.inf, DRIFTING)
+
+
+def _state(pairs: PosePairs, chain: Chain, variances: Array, chosen: NDArray[np.intp]) -> State:
+    steps = _differences(pairs, chain, chosen)
+    residuals, by_shared = steps.residuals.reshape(-1), steps.by_shared.reshape(-1, len(chosen))
+    shares = [share.sparse() for share in steps.shares.values()]
+    total = sum(v * share for v, share in zip(variances, shares, strict=True)).toarray()
+    floor = np.tile(floor_variances(chain.scale), len(steps.residuals))
+    total[np.diag_indices_from(total)] += floor
+    information = np.asarray(np.linalg.inv(total), np.float64)
+    weighted = information @ by_shared
+    normal = by_shared.T @ weighted
+    covariance = inverted(normal)
+    step = limited(-covariance @ (weighted.T @ residuals))
+    moments = _moments(shares, information, weighted, residuals + by_shared @ step, covariance, floor)
+    square = float(np.linalg.slogdet(total)[1] + residuals @ information @ residuals)
+    # The first view, of which no difference is taken, has lengths in the camera's unit too.
+    value = -0.5 * square - 0.5 * len(residuals) * float(np.log(2 * np.pi)) - 3 * float(np.log(chain.scale))
+    return State(chain, variances, value + spent_on(normal), covariance, _moved(pairs, chain, chosen, step), moments)
+
+
+def _differences(pairs: PosePairs, chain: Chain, chosen: NDArray[np.intp]) -> _Differences:
+    at = linearise(pairs, chain)
+    # What moves the target's pose moves all residuals, seen from the target, alike.
+    by_target = at.by_shared[:, :, 6:12]
+    to_target = np.asarray(np.linalg.inv(by_target), np.float64)
+    back = by_target[1:]
+    residuals = back @ _steps(to_target @ at.residuals[:, :, None])
+    by_shared = back @ _steps(to_target @ at.by_shared[:, :, chosen])
+    alone = {
+        "robot rotation": at.by_flange[:, :, :3],
+        "robot translation": at.by_flange[:, :, 3:],
+        "camera rotation": at.by_camera[:, :, :3],
+        "camera lateral": at.by_camera[:, :, 3:],
+    }
+    walk = {"drift rotation": at.by_camera[1:, :, :3], "drift translation": at.by_camera[1:, :, 3:]}
+    shares = {name: _of_neighbours(back, to_target @ direction) for name, direction in alone.items()}
+    shares |= {name: _of_steps(direction) for name, direction in walk.items()}
+    return _Differences(residuals[..., 0], by_shared, alone | walk, shares)
+
+
+def _steps(values: Array) -> Array:
+    return values[1:] - values[:-1]
+
+
+def _of_neighbours(back: Array, directions: Array) -> _Blocks:
+    later, earlier = back @ directions[1:], back @ directions[:-1]
+    own = later @ np.swapaxes(later, 1, 2) + earlier @ np.swapaxes(earlier, 1, 2)
+    return _Blocks(own, -later[:-1] @ np.swapaxes(earlier[1:], 1, 2))
+
+
+def _of_steps(directions: Array) -> _Blocks:
+    return _Blocks(directions @ np.swapaxes(directions, 1, 2), np.zeros((len(directions) - 1, 6, 6)))
+
+
+def _moved(pairs: PosePairs, chain: Chain, chosen: NDArray[np.intp], step: Array) -> Chain:
+    """X and the scale by a step, and the target where the first view then has it."""
+    whole = np.zeros(12 if pairs.metric else 13)
+    whole[chosen] = step
+    moved = chain.moved(whole)
+    seen = pairs.camera_T_target[0].copy()
+    seen[:3, 3] /= moved.scale
+    first = pairs.anchor_T_mount()[0] @ moved.mount_T_camera @ seen
+    return Chain(moved.mount_T_camera, transform(as_rotation(first[:3, :3]), first[:3, 3]), moved.scale)
+
+
+def _moments(
+    shares: list[sparse.bsr_matrix], information: Array, weighted: Array, left: Array, covariance: Array, floor: Array
+) -> Moments:
+    """As in `calibration.pose_pairs.independent_noise`, for a covariance that is not one block a view."""
+    through = [np.asarray(share @ information) for share in shares]
+    rows = np.array([t.reshape(-1) for t in through])
+    pulled = information @ left
+    return Moments(
+        squares=np.array([pulled @ (share @ pulled) for share in shares]),
+        spent=np.array([np.sum(covariance * (weighted.T @ (share @ weighted))) for share in shares]),
+        floor=np.array([np.sum(information * t.T, axis=1) @ floor for t in through]),
+        trace=np.array([np.trace(t) for t in through]),
+        fisher=rows @ np.array([t.T.reshape(-1) for t in through]).T,
+    )
+
+
+def _with_target(covariance: Array, chosen: NDArray[np.intp]) -> Array:
+    """Rows and columns for the target's pose, which differences do not tell."""
+    whole = np.zeros((len(chosen) + 6, len(chosen) + 6))
+    whole[np.ix_(chosen, chosen)] = covariance
+    return whole

@@ -1,0 +1,1 @@
+"""Before the estimate: outlying corners, planar pose ambiguity, image weights, target shape."""

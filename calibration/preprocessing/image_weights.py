@@ -1,0 +1,58 @@
+"""Sharp pictures count for more: every view's own pixel noise, as far as it can be told from chance.
+
+A view's residuals about its own pose estimate its noise from 2 m - 6 numbers. How far the views really differ is
+estimated from how far these estimates scatter beyond chi-square, and each is drawn towards the common level by as much.
+Source: G. Smyth, "Linear models and empirical Bayes methods", Stat. Appl. Genet. Mol. Biol. 3(1) 2004, section 6.
+"""
+
+import numpy as np
+from scipy.special import polygamma
+
+from calibration.camera import CameraModel
+from calibration.observations.observations import Observations
+from calibration.observations.reprojection import pixel_residuals
+from calibration.transforms import Array
+
+FEWEST_VIEWS = 6
+"""Fewer do not tell how far views differ."""
+
+LARGEST_RATIO = 30.0
+"""A single view's variance counts as at least this much smaller or larger than the common one."""
+
+BIAS_PX = 0.02
+"""What a detector is off by in a whole view at once, which no scatter within the view shows."""
+
+
+def weighted_by_view(seen: Observations, camera: CameraModel, camera_T_target: Array) -> Observations:
+    """The observations with each view's corners weighted by its own noise; unchanged when the views are alike."""
+    redundancy = 2.0 * np.count_nonzero(seen.weights, axis=1) - 6
+    if len(seen) < FEWEST_VIEWS or np.any(redundancy < 2):
+        return seen
+    square = np.sum(seen.weights[..., None] * pixel_residuals(seen, camera, camera_T_target) ** 2, axis=(1, 2))
+    if np.any(square <= 0):
+        return seen
+    variances = square / redundancy
+    common = float(square.sum() / redundancy.sum())
+    known = _prior_redundancy(np.log(variances), redundancy)
+    if not np.isfinite(known):
+        return seen
+    drawn = BIAS_PX**2 + (redundancy * variances + known * float(np.exp(np.mean(np.log(variances))))) / (
+        redundancy + known
+    )
+    ratio = np.clip((BIAS_PX**2 + common) / drawn, 1 / LARGEST_RATIO, LARGEST_RATIO)
+    # Kept so that the weighted residuals have the common variance.
+    ratio *= common * redundancy.sum() / float(ratio @ square)
+    return seen.weighted(seen.weights * ratio[:, None])
+
+
+def _prior_redundancy(logs: Array, redundancy: Array) -> float:
+    """d0 with trigamma(d0 / 2) = var(log s²) - mean trigamma(d / 2); infinite when the views differ by chance only."""
+    chance = polygamma(1, redundancy / 2)
+    excess = float(np.var(logs, ddof=1) - np.mean(chance))
+    # The scatter of n estimates is itself uncertain by sqrt(2 / (n - 1)).
+    if excess < 3 * float(np.mean(chance)) * np.sqrt(2 / (len(logs) - 1)):
+        return np.inf
+    half = 0.5 + 1 / excess
+    for _ in range(20):
+        half += float(polygamma(1, half) * (1 - polygamma(1, half) / excess) / polygamma(2, half))
+    return 2 * half

@@ -1,0 +1,176 @@
+"""The target as it is, not as it was drawn: printed a little off, glued on a little bowed.
+
+When the same points miss in the same direction in view after view, the target and not the noise is the cause. Then
+every point gets an offset of its own, with two unknown levels (in the plane and out of it) estimated as variance
+components, together with the views' poses and, when they are free, the intrinsics: a self-calibrating bundle
+adjustment from the pixels alone (D. Brown, "The bundle adjustment - progress and prospects", 1976). The levels also
+fix what pixels cannot see: where the target is, how it lies and how large it is stay as drawn, in the mean.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import CameraModel
+from calibration.likelihood.mixed_model import covariance_of
+from calibration.observations.observations import Observations
+from calibration.observations.reprojection import INTRINSICS, pixel_rows, with_intrinsics
+from calibration.observations.view_poses import moved
+from calibration.transforms import Array
+
+FEWEST_VIEWS = 6
+MOST_POINTS = 600
+"""Beyond, the dense system over all points takes seconds."""
+
+MOST_TEST_VIEWS = 30
+CONVINCING = 8.0
+"""Deviations of the test under a perfect target: never by chance."""
+
+ITERATIONS = 12
+SETTLED = 3e-3
+
+
+@dataclass(frozen=True, eq=False)
+class TargetShape:
+    """How far the target's points are from the drawing: RMS of a coordinate in its plane, and out of it."""
+
+    in_plane_mm: float
+    out_of_plane_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Shaped:
+    """The observations of the target as it is, with poses and camera that fit them."""
+
+    seen: Observations
+    camera: CameraModel
+    camera_T_target: Array
+    shape: TargetShape
+
+
+def deviates(seen: Observations, camera: CameraModel, camera_T_target: Array, free: NDArray[np.bool_]) -> bool:
+    """Do the points miss in common, beyond what noise can do? A score test at the drawn shape.
+
+    With g the gradient by the offsets and S its information once poses and intrinsics are free, g' diag(S)^-1 g has
+    the mean s² tr(...) and variance 2 s⁴ |...|² under a perfect target.
+    """
+    if len(seen) < FEWEST_VIEWS or seen.ids.max(initial=0) >= MOST_POINTS:
+        return False
+    few = np.unique(np.linspace(0, len(seen) - 1, MOST_TEST_VIEWS).astype(np.intp))
+    system = _system(seen.take(few), camera, camera_T_target[few], free)
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(system.information), 1e-300))
+    scale[np.diagonal(system.information) < 1e-9 * np.diagonal(system.information).max()] = 0.0
+    correlation = scale[:, None] * system.information * scale
+    statistic = np.sum((scale * system.gradient) ** 2) / system.variance
+    return bool(statistic - np.trace(correlation) > CONVINCING * np.sqrt(2 * np.sum(correlation**2)))
+
+
+def shaped(
+    seen: Observations, camera: CameraModel, camera_T_target: Array, free: NDArray[np.bool_], drawn_mm: Array
+) -> Shaped:
+    """The target's points (k, 3) from all views, near the drawing `drawn_mm` (k, 3)."""
+    offsets = np.zeros(drawn_mm.shape)
+    levels = np.array([0.1, 0.1]) ** 2
+    poses, now = camera_T_target, seen
+    for _ in range(ITERATIONS):
+        system = _system(now, camera, poses, free)
+        weight = np.tile(system.variance / levels[[0, 0, 1]], len(drawn_mm))
+        covariance = np.linalg.inv(system.information + np.diag(weight))
+        step = -covariance @ (system.gradient + weight * offsets.ravel())
+        offsets = offsets + step.reshape(-1, 3)
+        levels = _levels(offsets, levels, system.variance * np.diagonal(covariance).reshape(-1, 3))
+        pose_steps, camera_step = system.back_substituted(step)
+        poses = moved(poses, pose_steps)
+        change = np.zeros(INTRINSICS)
+        change[free] = camera_step
+        camera = with_intrinsics(camera, change)
+        now = replace(seen, points_mm=seen.points_mm + offsets[seen.ids])
+        if np.sqrt(np.mean(step**2)) < SETTLED * np.sqrt(np.mean(offsets**2)):
+            break
+    in_plane, out_of_plane = np.sqrt(np.mean(offsets[:, :2] ** 2)), np.sqrt(np.mean(offsets[:, 2] ** 2))
+    return Shaped(now, camera, poses, TargetShape(float(in_plane), float(out_of_plane)))
+
+
+def _levels(offsets: Array, levels: Array, variances: Array) -> Array:
+    """Foerstner's update: squared offsets over their redundancy, in the plane and out of it (mm²)."""
+    squares = np.array([np.sum(offsets[:, :2] ** 2), np.sum(offsets[:, 2] ** 2)])
+    counts = np.array([2.0, 1.0]) * len(offsets)
+    spent = np.array([np.sum(variances[:, :2]), np.sum(variances[:, 2])]) / levels
+    updated: Array = np.maximum(squares / np.maximum(counts - spent, 1e-3 * counts), 1e-8)
+    return updated
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """Normal equations by the offsets (3k, 3k), once poses and intrinsics are eliminated; `variance` of a pixel."""
+
+    information: Array
+    gradient: Array
+    variance: float
+    pose_gradient: Array
+    pose_offsets: Array
+    pose_camera: Array
+    camera_gradient: Array
+    camera_offsets: Array
+
+    def back_substituted(self, offsets: Array) -> tuple[Array, Array]:
+        """Steps of the poses (n, 6) and of the free intrinsics that go with a step of the offsets (3k,)."""
+        camera = -(self.camera_gradient + self.camera_offsets @ offsets)
+        return -(self.pose_gradient + self.pose_offsets @ offsets + self.pose_camera @ camera), camera
+
+
+def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_]) -> _System:
+    n, m = seen.ids.shape
+    k = int(seen.ids.max()) + 1
+    any_free = bool(np.any(free))
+    rows = pixel_rows(seen, camera, poses, free_intrinsics=any_free)  # (n, m, 2, 6 [+ 9] + 1), weighted
+    turned = poses[:, None, None, :3, :3]
+    by_point = (rows[:, :, :, None, 3:6] @ turned)[:, :, :, 0]  # d pixel / d point of the target (n, m, 2, 3)
+    residual = rows[..., -1]
+    shared = rows[..., 6:-1][..., free[: rows.shape[-1] - 7]]
+    c = shared.shape[-1]
+    # Dense blocks by view: pose × pose, pose × offsets, pose × intrinsics.
+    pose_rows = rows[..., :6].reshape(n, 2 * m, 6)
+    HH = np.linalg.inv(np.swapaxes(pose_rows, 1, 2) @ pose_rows + 1e-12 * np.eye(6))
+    HS = _by_id(seen, np.swapaxes(rows[..., :6], 2, 3) @ by_point, k).transpose(0, 2, 1, 3).reshape(n, 6, 3 * k)
+    HC = np.swapaxes(pose_rows, 1, 2) @ shared.reshape(n, 2 * m, c)
+    hg = (np.swapaxes(pose_rows, 1, 2) @ residual.reshape(n, 2 * m, 1))[..., 0]
+    back = np.swapaxes(by_point, 2, 3)
+    SS = _by_id(seen, back @ by_point, k).sum(axis=0)
+    SC = _by_id(seen, back @ shared, k).sum(axis=0)
+    sg = _by_id(seen, back @ residual[..., None], k).sum(axis=0)
+    flat = shared.reshape(2 * n * m, c)
+    CC, cg = flat.T @ flat, flat.T @ residual.reshape(-1)
+    # Eliminate the poses, then the intrinsics.
+    zS, zC, zg = HH @ HS, HH @ HC, (HH @ hg[..., None])[..., 0]
+    half = (np.swapaxes(np.linalg.cholesky(HH), 1, 2) @ HS).reshape(6 * n, -1)
+    S = -(half.T @ half)
+    S.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k), :] += SS
+    SC_ = SC.reshape(3 * k, c) - HS.reshape(6 * n, -1).T @ zC.reshape(6 * n, c)
+    gS = sg.ravel() - HS.reshape(6 * n, -1).T @ zg.ravel()
+    CC = CC - HC.reshape(6 * n, c).T @ zC.reshape(6 * n, c)
+    gC = cg - HC.reshape(6 * n, c).T @ zg.ravel()
+    inverse_CC = covariance_of(CC)
+    square = float(np.sum(residual**2)) - float(np.sum(zg * hg))
+    redundancy = max(2.0 * float(np.count_nonzero(seen.weights)) - 6 * n - c, 1.0)
+    return _System(
+        information=S - SC_ @ inverse_CC @ SC_.T if any_free else S,
+        gradient=gS - SC_ @ inverse_CC @ gC,
+        variance=max(square / redundancy, 1e-12),
+        pose_gradient=zg,
+        pose_offsets=zS,
+        pose_camera=zC,
+        camera_gradient=inverse_CC @ gC,
+        camera_offsets=inverse_CC @ SC_.T,
+    )
+
+
+def _by_id(seen: Observations, values: Array, k: int) -> Array:
+    """Values (n, m, ...) of corners sorted by the points' ids (n, k, ...); an id stands at most once in a view."""
+    if seen.ids.shape[1] == k and np.array_equal(seen.ids, np.broadcast_to(np.arange(k), seen.ids.shape)):
+        return values
+    result = np.zeros((len(seen), k, *values.shape[2:]))
+    view, corner = np.nonzero(seen.weights)
+    result[view, seen.ids[view, corner]] = values[view, corner]
+    return result

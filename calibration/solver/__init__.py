@@ -1,0 +1,1 @@
+"""The steps of the estimate: initial guess, outlying views, systematic errors, target scale, the assembled solution."""

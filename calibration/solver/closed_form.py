@@ -1,0 +1,105 @@
+"""A closed form asked for by name, in the place of the maximum-likelihood estimate, with its own uncertainty."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.closed_forms.registry import CLOSED_FORMS
+from calibration.errors import GeometryError, UndeterminedError
+from calibration.likelihood.chain import Chain, correction_transforms
+from calibration.likelihood.cross_validation import base_errors
+from calibration.likelihood.estimate import Estimate
+from calibration.likelihood.mixed_model import covariance_of
+from calibration.observability import require_determined
+from calibration.observations.observations import scaled
+from calibration.observations.reprojection import pixel_residuals, pixel_statistics
+from calibration.observations.view_poses import moved, refined_poses
+from calibration.preprocessing.prepare import Prepared
+from calibration.solution import HoldOut
+from calibration.solver.initial_guess import closed_form_chain
+from calibration.solver.view_outliers import Selection
+from calibration.transforms import Array, inverse, vector_from_rotation
+
+THREE_POSE = "three-pose"
+DRAWS_TIMES_VIEWS, FEWEST_DRAWS, MOST_DRAWS = 3000, 16, 100
+"""The covariance's own error is 1 / sqrt(2 draws); methods over all pairs are slow for many views."""
+
+MOST_HELD_OUT = 30
+SEED = 1
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedForm:
+    """`selection.best` holds the closed form's chain; `covariance` (6, 6) of X by drawing from the estimated noise."""
+
+    selection: Selection
+    covariance: Array
+    hold_out: HoldOut | None
+
+
+def closed_form_solution(prepared: Prepared, selection: Selection, method: str) -> ClosedForm:
+    """The method on the views that agree; the seed's on the first three of them. Raises UndeterminedError."""
+    used = selection.used.copy()
+    if method == THREE_POSE:
+        used[np.flatnonzero(used)[3:]] = False
+        require_determined(prepared.seen.base_T_flange[used])
+    best = selection.best
+    rows = _at(prepared.take(used), best)
+    chain = _solved(rows, method)
+    covariance = _covariance(rows, best, chain, method)
+    held_out = _hold_out(rows, best, method) if len(rows.seen) > 3 else None
+    return ClosedForm(Selection(used, replace(best, chain=chain)), covariance, held_out)
+
+
+def _at(rows: Prepared, best: Estimate) -> Prepared:
+    """With the estimated camera and target scale."""
+    seen = scaled(rows.seen, best.scale)
+    return replace(
+        rows, seen=seen, camera=best.camera, camera_T_target=refined_poses(seen, best.camera, rows.camera_T_target)
+    )
+
+
+def _solved(rows: Prepared, method: str) -> Chain:
+    try:
+        mount_T_camera = CLOSED_FORMS[method](rows.anchor_T_mount, rows.camera_T_target)
+    except GeometryError as error:
+        raise UndeterminedError(f"{method}-failed", str(error), "use the method auto, or other poses") from None
+    return closed_form_chain(rows, mount_T_camera)
+
+
+def _covariance(rows: Prepared, best: Estimate, chain: Chain, method: str) -> Array:
+    """Scatter of the method's X when the views' own poses and the robot's are drawn anew from the estimated noise."""
+    rng = np.random.default_rng(SEED)
+    n = len(rows.seen)
+    by_pixels = covariance_of(pixel_statistics(rows.seen, rows.camera, rows.camera_T_target).normal)
+    image = np.linalg.cholesky(best.variances.pixel * by_pixels)
+    robot = best.variances.deviations()
+    exact = chain.as_reported().camera_T_target()
+    draws = int(np.clip(DRAWS_TIMES_VIEWS // n, FEWEST_DRAWS, MOST_DRAWS))
+    steps = []
+    for _ in range(draws):
+        poses = moved(exact, (image @ rng.standard_normal((n, 6, 1)))[..., 0])
+        base_T_flange = rows.seen.base_T_flange @ correction_transforms(robot * rng.standard_normal((n, 6)))
+        anchor_T_mount = base_T_flange if rows.setup == "eye-in-hand" else inverse(base_T_flange)
+        step = inverse(chain.mount_T_camera) @ CLOSED_FORMS[method](anchor_T_mount, poses)
+        steps.append(np.concatenate([vector_from_rotation(step[:3, :3]), step[:3, 3]]))
+    return np.cov(np.array(steps).T)
+
+
+def _hold_out(rows: Prepared, best: Estimate, method: str) -> HoldOut:
+    """Cross-validation as in `likelihood`: at most thirty views are left out, the rest solved by the method."""
+    n = len(rows.seen)
+    distances: list[Array] = []
+    pixels: list[Array] = []
+    for row in np.unique(np.linspace(0, n - 1, min(n, MOST_HELD_OUT)).astype(np.intp)):
+        chain = _solved(rows.take(np.delete(np.arange(n), row)), method)
+        view = rows.take(np.array([row]))
+        there = Chain(
+            chain.setup, view.seen.base_T_flange, chain.mount_T_camera, chain.anchor_T_target, np.zeros((1, 6))
+        )
+        used: NDArray[np.bool_] = view.seen.weights[0] > 0
+        distances.append(np.sum(base_errors(view.seen, there, view.camera_T_target)[0][used] ** 2, axis=-1))
+        residuals = pixel_residuals(view.seen, best.camera, there.camera_T_target())[0][used]
+        pixels.append(np.sum(residuals**2, axis=-1))
+    return HoldOut(*(float(np.sqrt(np.mean(np.concatenate(squares)))) for squares in (distances, pixels)))

@@ -1,0 +1,171 @@
+"""What the solver did to the input and assumed on the way, as findings for people. Whether it matters: `verdict`."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calibration.closed_forms.three_pose import solve_three_pose
+from calibration.likelihood.noise_marginalisation import MOST_STATED_VIEWS, STATED_DEVIATIONS
+from calibration.observability import distinct_stations
+from calibration.preprocessing.prepare import IMAGE_DISAGREES, Prepared
+from calibration.problem import Problem
+from calibration.solution import Finding
+from calibration.solver.closed_form import THREE_POSE
+from calibration.solver.initial_guess import Start
+from calibration.solver.view_outliers import Selection
+
+LARGEST_SCALE_ERROR = 0.01
+"""Up to a hundredth is a printer; more is a wrong number."""
+
+
+def findings_of(problem: Problem, prepared: Prepared, start: Start, selection: Selection) -> tuple[Finding, ...]:
+    """In the order in which the solver met them."""
+    return (
+        *_images(problem, prepared),
+        *_target(prepared, selection),
+        *_shared_errors(prepared, selection),
+        *_poses(problem, prepared, selection),
+        *_estimate(prepared, start, selection),
+    )
+
+
+def _images(problem: Problem, prepared: Prepared) -> Iterator[Finding]:
+    by_reason: dict[tuple[str, str], list[int]] = {}
+    for position, why in sorted(prepared.refused.items()):
+        by_reason.setdefault((why.code, why.what), []).append(problem.views[position].index)
+    for (code, what), indices in by_reason.items():
+        fix = "check lighting, focus and that the whole target is in view, or leave these views out"
+        if code == IMAGE_DISAGREES.code:
+            fix = "compare the target's description with the target, and look at these images"
+        yield Finding(code, "info", f"{_views(indices)} not used: {what}", fix)
+    if left_out := int(np.count_nonzero((prepared.seen.weights == 0) & (prepared.seen.present > 0))):
+        yield Finding(
+            "corners-left-out", "info", f"{left_out} corners lie too far from where their view's others put them",
+            "nothing, unless they are many: then look at the images for glare and blur",
+        )  # fmt: skip
+    if np.any(prepared.turned):
+        indices = [problem.views[position].index for position in prepared.seen.positions[prepared.turned]]
+        yield Finding(
+            "board-turned",
+            "warning",
+            f"{_views(indices)}: the board was read the wrong way round; the corners were renumbered",
+            "use a target whose orientation can be told, a ChArUco board or a grid with a large dot",
+        )
+
+
+def _target(prepared: Prepared, selection: Selection) -> Iterator[Finding]:
+    if prepared.shape is not None:
+        yield Finding(
+            "target-not-as-drawn",
+            "info",
+            f"the target's points are {prepared.shape.in_plane_mm:.2f} mm from the drawing in its plane and"
+            f" {prepared.shape.out_of_plane_mm:.2f} mm out of it (RMS); their true places were estimated and used",
+            "print the target on a flat, stiff plate for the best accuracy",
+        )
+    if (share := selection.best.scale - 1) != 0.0:
+        size = "larger" if share > 0 else "smaller"
+        yield Finding(
+            "target-scale",
+            "error" if abs(share) > LARGEST_SCALE_ERROR else "warning",
+            f"measured by the robot's travel, the target is {100 * abs(share):.2f} % {size} than described;"
+            " the solution uses the measured size",
+            "measure the target's pitch over its whole length with a ruler and correct the description",
+        )
+
+
+def _shared_errors(prepared: Prepared, selection: Selection) -> Iterator[Finding]:
+    best, doubt = selection.best, prepared.doubt
+    if doubt.given is not None:
+        right, down = best.camera.matrix[:2, 2] - doubt.given.matrix[:2, 2]
+        yield Finding(
+            "principal-point-off",
+            "info",
+            f"views and robot agree better with the given principal point moved by ({right:+.2f}, {down:+.2f}) px;"
+            " the solution uses the moved one",
+            "calibrate the camera anew; half a pixel in both says that its program counts from the first pixel's"
+            " corner, where (0, 0) is the middle of it here",
+        )
+    if doubt.trend:
+        follows = np.sqrt(best.trend_variances())
+        yield Finding(
+            "robot-trend",
+            "info",
+            "the robot's errors are alike in neighbouring poses: about"
+            f" {follows[1]:.2g} mm and {np.degrees(follows[0]):.2g} degrees follow the pose; what this adds to the"
+            " uncertainty is counted",
+            "take the views near where the robot works, or have its geometry calibrated (absolute accuracy)",
+        )
+
+
+def _poses(problem: Problem, prepared: Prepared, selection: Selection) -> Iterator[Finding]:
+    positions = prepared.seen.positions
+    if not np.all(selection.used):
+        indices = [problem.views[position].index for position in positions[~selection.used]]
+        yield Finding(
+            "pose-disagrees",
+            "warning",
+            f"{_views(indices)} not used: the robot's pose and the image contradict all other views",
+            "check these poses for a typing error, an arm still moving, or a target that was moved",
+        )
+    distinct = distinct_stations(prepared.seen.base_T_flange)
+    if repeated := sorted(set(range(len(positions))) - set(distinct)):
+        indices = [problem.views[position].index for position in positions[repeated]]
+        yield Finding(
+            "duplicate-poses",
+            "warning",
+            f"{_views(indices)} repeat the robot pose of an earlier view: they add little",
+            "use each pose once; if the arm had moved, the pose is stale: read it anew for every image",
+        )
+
+
+def _estimate(prepared: Prepared, start: Start, selection: Selection) -> Iterator[Finding]:
+    if start.elsewhere:
+        yield Finding(
+            "starts-disagree",
+            "error" if start.as_likely else "warning",
+            f"started from {', '.join(start.elsewhere)} the solution ends elsewhere; "
+            + (
+                "both are about as likely, and which is right is not certain"
+                if start.as_likely
+                else "the likelier one is given"
+            ),
+            "add views with larger turns about different axes",
+        )
+    if not selection.best.converged:
+        yield Finding(
+            "not-converged",
+            "error",
+            "the estimate did not settle",
+            "look at the views' errors for one that does not belong, or add views",
+        )
+    if np.count_nonzero(selection.used) <= MOST_STATED_VIEWS:
+        rotation, translation = STATED_DEVIATIONS
+        yield Finding(
+            "noise-assumed",
+            "info",
+            f"{np.count_nonzero(selection.used)} views cannot tell the robot's noise well: levels around"
+            f" {translation:g} mm and {np.degrees(rotation):g} degrees were assumed as likely",
+            "take eight or more views to have it measured",
+        )
+
+
+def method_findings(method: str, rows: Prepared) -> tuple[Finding, ...]:
+    """What the seed's method says of itself."""
+    if method != THREE_POSE:
+        return ()
+    seed = solve_three_pose(rows.anchor_T_mount, rows.camera_T_target)
+    return (
+        Finding(
+            "three-pose",
+            "info",
+            f"Eq. 7 gave a matrix {seed.distance:.2g} from a rotation (Frobenius norm), which was projected to one;"
+            f" the axes of the two motions are {np.degrees(seed.axis_angle_rad):.1f} degrees apart;"
+            " the paper's X is camera_T_flange, the inverse of the transform given here",
+            "use the method auto, which is more accurate from the same views",
+        ),
+    )
+
+
+def _views(indices: list[int]) -> str:
+    listed = ", ".join(map(str, indices[:12])) + (f" and {len(indices) - 12} more" if len(indices) > 12 else "")
+    return f"view {listed}" if len(indices) == 1 else f"views {listed}"

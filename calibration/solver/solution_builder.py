@@ -1,0 +1,151 @@
+"""What the estimator found, put into a Solution."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.errors import UndeterminedError
+from calibration.likelihood.cross_validation import base_errors, hold_out
+from calibration.likelihood.estimate import Estimate
+from calibration.likelihood.uncertainty import uncertainty_of
+from calibration.observability import axis_in_words, motion_of
+from calibration.observations.observations import Observations, Unusable, observe, scaled
+from calibration.observations.reprojection import pixel_residuals
+from calibration.observations.view_poses import refined_poses
+from calibration.preprocessing.prepare import Prepared
+from calibration.problem import Problem
+from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
+from calibration.solver.closed_form import closed_form_solution
+from calibration.solver.findings import findings_of, method_findings
+from calibration.solver.initial_guess import Start
+from calibration.solver.view_outliers import Selection
+from calibration.transforms import Array, map_points
+
+
+def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start, selection: Selection) -> Solution:
+    """The whole answer of a session that determines X. Raises UndeterminedError when a closed form cannot."""
+    findings = findings_of(problem, prepared, start, selection)
+    agreeing = selection.used
+    closed_form = None if method == "auto" else closed_form_solution(prepared, selection, method)
+    if closed_form is not None:
+        selection = closed_form.selection
+        findings += method_findings(method, prepared.take(selection.used))
+    best, rows = selection.best, prepared.take(selection.used)
+    real = scaled(rows.seen, best.scale)
+    own_poses = rows.camera_T_target
+    if np.any(best.free):
+        own_poses = refined_poses(real, best.camera, own_poses)
+    centre = problem.target.points_mm.mean(axis=0, keepdims=True)
+    distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
+    covariance = best.step.covariance[:6, :6] if closed_form is None else closed_form.covariance
+    return Solution(
+        setup=problem.setup,
+        method=method,
+        mount_T_camera=best.chain.mount_T_camera,
+        anchor_T_target=best.chain.anchor_T_target,
+        camera=best.camera,
+        camera_source="given" if best.camera is problem.camera else "estimated",
+        uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, best.camera, distance_mm),
+        noise=_noise(best),
+        views=_views(problem, prepared, selection, agreeing, own_poses),
+        observability=_observability(problem, rows, best, covariance),
+        hold_out=hold_out(rows.seen, best, own_poses) if closed_form is None else closed_form.hold_out,
+        findings=findings,
+    )
+
+
+def refused_solution(problem: Problem, method: str, why: UndeterminedError) -> Solution:
+    """No transform, and the reason."""
+    seen, refused = observe(problem)
+    motion = motion_of(seen.base_T_flange)
+    return Solution(
+        setup=problem.setup,
+        method=method,
+        mount_T_camera=None,
+        anchor_T_target=None,
+        camera=problem.camera,
+        camera_source="given" if problem.camera else "estimated",
+        uncertainty=None,
+        noise=Noise(None, None, None),
+        views=tuple(
+            _without_numbers(problem, position, refused.get(position)) for position in range(len(problem.views))
+        ),
+        observability=Observability(len(seen), motion.max_rotation_rad, motion.axis_spread, why.what),
+        hold_out=None,
+        findings=(Finding(why.code, "error", why.what, why.fix),),
+    )
+
+
+def _noise(best: Estimate) -> Noise:
+    levels = best.variances
+    return Noise(*(float(np.sqrt(level)) for level in (levels.pixel, levels.rotation, levels.translation)))
+
+
+def _observability(problem: Problem, rows: Prepared, best: Estimate, covariance: Array) -> Observability:
+    motion = motion_of(rows.seen.base_T_flange)
+    weakest = np.linalg.eigh(covariance[3:, 3:])[1][:, -1]
+    direction = best.chain.mount_T_camera[:3, :3] @ weakest
+    words = (
+        axis_in_words(direction, rows.seen.base_T_flange)
+        if problem.setup == "eye-in-hand"
+        else axis_in_words(np.linalg.inv(rows.seen.base_T_flange[0, :3, :3]) @ direction, rows.seen.base_T_flange)
+    )
+    return Observability(len(rows.seen), motion.max_rotation_rad, motion.axis_spread, f"translation along {words}")
+
+
+def _views(
+    problem: Problem, prepared: Prepared, selection: Selection, agreeing: NDArray[np.bool_], own_poses: Array
+) -> tuple[ViewResult, ...]:
+    best, rows = selection.best, prepared.take(selection.used)
+    residuals = pixel_residuals(scaled(rows.seen, best.scale), best.camera, best.chain.camera_T_target())
+    errors = base_errors(scaled(rows.seen, best.scale), best.chain.as_reported(), own_poses)
+    results = [_without_numbers(problem, position, why) for position, why in prepared.refused.items()]
+    for row in np.flatnonzero(~selection.used):
+        reason = "beyond-the-first-three" if agreeing[row] else "pose-disagrees"
+        results.append(_rejected(problem, prepared, int(row), best, reason))
+    reprojection_px, base_error_mm = _rms(rows.seen, residuals), _rms(rows.seen, errors)
+    for kept, position in enumerate(rows.seen.positions):
+        view = problem.views[position]
+        results.append(
+            ViewResult(
+                index=view.index,
+                image=view.image,
+                status="corrected" if rows.turned[kept] else "used",
+                reason="board-turned" if rows.turned[kept] else None,
+                reprojection_px=float(reprojection_px[kept]),
+                base_error_mm=float(base_error_mm[kept]),
+                robot_correction=(best.chain.corrections[kept, 3:], best.chain.corrections[kept, :3]),
+            )
+        )
+    return tuple(sorted(results, key=lambda result: result.index))
+
+
+def _rejected(problem: Problem, prepared: Prepared, row: int, best: Estimate, reason: str) -> ViewResult:
+    only = prepared.take(np.array([row]))
+    chain = best.chain.of_views(only.seen.base_T_flange)
+    errors = base_errors(only.seen, chain, only.camera_T_target)
+    residuals = pixel_residuals(only.seen, best.camera, chain.camera_T_target())
+    correction = chain.with_corrections_from(only.camera_T_target).corrections[0]
+    view = problem.views[only.seen.positions[0]]
+    return ViewResult(
+        index=view.index,
+        image=view.image,
+        status="rejected",
+        reason=reason,
+        reprojection_px=float(_rms(only.seen, residuals)[0]),
+        base_error_mm=float(_rms(only.seen, errors)[0]),
+        robot_correction=(correction[3:], correction[:3]),
+    )
+
+
+def _rms(seen: Observations, errors: Array) -> Array:
+    """Over each view's used corners (n,), of errors (n, m, 2 or 3)."""
+    used = seen.weights > 0
+    squares = np.where(used, np.sum(errors * errors, axis=-1), 0.0)
+    rms: Array = np.sqrt(squares.sum(axis=1) / np.count_nonzero(used, axis=1))
+    return rms
+
+
+def _without_numbers(problem: Problem, position: int, why: Unusable | None) -> ViewResult:
+    view = problem.views[position]
+    status, reason = ("used", None) if why is None else ("rejected", why.code)
+    return ViewResult(view.index, view.image, status, reason, None, None, None)  # type: ignore[arg-type]
