@@ -20,8 +20,8 @@ from benchmarks.registration_rows import Cost, cost
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
 from daemon.archive.engines import engine, in_this_process
 from daemon.archive.work import Task
-from registration.formats import ply
-from registration.layout import XYZ_FLOAT32
+from registration.io.formats import ply
+from registration.points.layout import XYZ_FLOAT32
 
 BEYOND = (4, 8, 16, 32)
 

@@ -24,7 +24,7 @@ from drivers.robots.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cell import MockCell, Ports
 from mock_robot.truth import CellTruth
-from registration.stream import CloudStream
+from registration.io.stream import CloudStream
 
 READS_A_SECOND = 250
 POINTS = 10_000_000

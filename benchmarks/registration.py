@@ -19,17 +19,17 @@ from calibration.solution import Solution
 from calibration.transforms import difference
 from registration.calibrate.outcome import judge_scan
 from registration.calibrate.sphere import solve_sphere_scan
+from registration.calibrate.sphere_solver import SphereView, solve_from_sphere
 from registration.calibrate.surfaces import solve_surface_scan
-from registration.layout import XYZ_FLOAT32
-from registration.motion import move_points
-from registration.overlap import agreement
-from registration.refine.adjust import refine_poses
+from registration.fusion.overlap import agreement
+from registration.fusion.pose_adjustment import refine_poses
+from registration.io.stream import CloudStream
+from registration.points.layout import XYZ_FLOAT32
+from registration.points.rigid_motion import move_points
+from registration.points.sphere_fit import find_artefact
+from registration.points.surface import Surface
+from registration.points.voxel_grid import VoxelGrid
 from registration.scan import Hand, read_scan, register_views, sample_views
-from registration.sphere import find_artefact
-from registration.sphere_calibration import SphereView, solve_from_sphere
-from registration.stream import CloudStream
-from registration.surface import Surface
-from registration.voxel import VoxelGrid
 
 
 def kernel(points: int) -> None:

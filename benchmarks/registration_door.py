@@ -9,10 +9,10 @@ from mock_robot.part import DOOR
 from mock_robot.part_views import DISTANCE_MM
 from mock_robot.scanner_view import ScannerModel, scan
 from mock_robot.truth import CellTruth
-from registration.layout import XYZ_FLOAT32
-from registration.overlap import agreement
-from registration.refine.adjust import RobotNoise, correction_of, refine_poses
-from registration.surface import Surface, sample_points
+from registration.fusion.overlap import agreement
+from registration.fusion.pose_adjustment import RobotNoise, correction_of, refine_poses
+from registration.points.layout import XYZ_FLOAT32
+from registration.points.surface import Surface, sample_points
 
 NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
 COLUMNS_MM = (-500.0, -300.0, -100.0, 100.0, 300.0, 500.0)

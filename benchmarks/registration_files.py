@@ -12,11 +12,11 @@ import numpy as np
 
 from benchmarks.registration_rows import Work, beside, heading, note, open3d_here
 from calibration.transforms import rotation_from_vector, transform
-from registration.files import move_file
-from registration.formats import pcd, ply
-from registration.layout import XYZ_FLOAT32, Layout
-from registration.motion import Motion
-from registration.reading import open_cloud
+from registration.io.convert import move_file
+from registration.io.formats import pcd, ply
+from registration.io.reading import open_cloud
+from registration.points.layout import XYZ_FLOAT32, Layout
+from registration.points.rigid_motion import Motion
 
 BASE_T_CAMERA = transform(rotation_from_vector([0.1, 0.5, -0.3]), [100.0, -200.0, 300.0])
 MOTION = Motion.of(BASE_T_CAMERA, "mm")
@@ -31,8 +31,8 @@ MEMORY_PROBE = """
 import sys
 from pathlib import Path
 import numpy as np
-from registration.files import move_file
-from registration.motion import Motion
+from registration.io.convert import move_file
+from registration.points.rigid_motion import Motion
 if sys.argv[1]:
     move_file(Path(sys.argv[1]), Path(sys.argv[2]), Motion.of(np.eye(4), "mm"))
 peak = Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]

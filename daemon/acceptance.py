@@ -6,10 +6,10 @@ from typing import Literal
 from calibration.documents.validation import Document
 from daemon.requests import ArtefactRequest
 from daemon.store.records import ScanView
-from registration.acceptance import BASED_ON, Acceptance, Position, accept
-from registration.motion import scale_to_mm
-from registration.reading import open_cloud
-from registration.surface import sample_points
+from registration.io.reading import open_cloud
+from registration.points.rigid_motion import scale_to_mm
+from registration.points.surface import sample_points
+from registration.scanner_acceptance import BASED_ON, Acceptance, Position, accept
 
 POINT_LIMIT = 200_000
 """Points of one position: more do not change a 95 % width."""

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from calibration.transforms import Array
-from registration.columns import Conversion, shared_layout
-from registration.disk import new_file
-from registration.files import moved_blocks
-from registration.formats.las_out import las_out
-from registration.layout import XYZ_FLOAT32, Layout, Records
-from registration.merging import EVERY_POINT, Merge, Merger
-from registration.motion import Motion
-from registration.reading import open_cloud
-from registration.writing import CloudWriter, form_of
+from registration.fusion.merging import EVERY_POINT, Merge, Merger
+from registration.io.columns import Conversion, shared_layout
+from registration.io.convert import moved_blocks
+from registration.io.durable_file import new_file
+from registration.io.formats.las_out import las_out
+from registration.io.reading import open_cloud
+from registration.io.writing import CloudWriter, form_of
+from registration.points.layout import XYZ_FLOAT32, Layout, Records
+from registration.points.rigid_motion import Motion
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from daemon.software import VERSION
-from registration.stream import CloudStream
+from registration.io.stream import CloudStream
 
 Labels = tuple[tuple[str, str], ...]
 

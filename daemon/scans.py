@@ -26,9 +26,9 @@ from daemon.uploads import received
 from daemon.workers import Workers
 from drivers.interfaces import ScannedCloud
 from registration.documents import RegistrationReportDocument
-from registration.files import move_file
-from registration.merging import EVERY_POINT, Merge
-from registration.motion import Motion
+from registration.fusion.merging import EVERY_POINT, Merge
+from registration.io.convert import move_file
+from registration.points.rigid_motion import Motion
 from registration.scan import ScanView as SeenView
 
 PASSING = "passing"

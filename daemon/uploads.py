@@ -10,8 +10,8 @@ import numpy as np
 from daemon.store.database import storage_errors
 from daemon.store.files import make_folder
 from daemon.workers import Workers
-from registration.reading import open_cloud
-from registration.stream import CloudStream
+from registration.io.reading import open_cloud
+from registration.io.stream import CloudStream
 
 LAZ = "application/vnd.laszip"
 SUFFIXES = {

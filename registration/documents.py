@@ -7,7 +7,7 @@ from typing_extensions import TypedDict
 from calibration.documents.calibration import CorrectionDocument, VerdictDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
-from registration.motion import Unit
+from registration.points.rigid_motion import Unit
 
 
 class ScanViewDocument(Document):

@@ -8,15 +8,16 @@ import numpy as np
 from calibration.documents.calibration import CorrectionDocument, FindingDocument, VerdictDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
-from registration.columns import Conversion
 from registration.documents import (
     DeviationDocument,
     RegisteredViewDocument,
     RegistrationReportDocument,
     Seconds,
 )
-from registration.merging import EVERY_POINT, Merge, Merger
-from registration.refine.adjust import ViewCorrection
+from registration.fusion.merging import EVERY_POINT, Merge, Merger
+from registration.fusion.pose_adjustment import ViewCorrection
+from registration.io.columns import Conversion
+from registration.io.writing import form_of, new_cloud
 from registration.scan import (
     Hand,
     Registration,
@@ -27,7 +28,6 @@ from registration.scan import (
     sample_views,
     write_views,
 )
-from registration.writing import form_of, new_cloud
 
 
 def register_scan(

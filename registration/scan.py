@@ -13,18 +13,18 @@ import numpy as np
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.validation import parse_document
 from calibration.transforms import Array
-from registration.columns import shared_layout
-from registration.disk import GuardedFile
 from registration.documents import ScanDocument
 from registration.errors import ScanError
-from registration.files import move_file, moved_blocks
-from registration.layout import Layout, Records
-from registration.merging import Merger
-from registration.motion import Motion, scale_to_mm
-from registration.overlap import Agreement, agreement
-from registration.reading import open_cloud
-from registration.refine.adjust import DEFAULT_NOISE, Refinement, RobotNoise, refine_poses
-from registration.surface import Surface, sample_points
+from registration.fusion.merging import Merger
+from registration.fusion.overlap import Agreement, agreement
+from registration.fusion.pose_adjustment import DEFAULT_NOISE, Refinement, RobotNoise, refine_poses
+from registration.io.columns import shared_layout
+from registration.io.convert import move_file, moved_blocks
+from registration.io.durable_file import GuardedFile
+from registration.io.reading import open_cloud
+from registration.points.layout import Layout, Records
+from registration.points.rigid_motion import Motion, scale_to_mm
+from registration.points.surface import Surface, sample_points
 
 DOCUMENT_LIMIT = 1 << 26
 

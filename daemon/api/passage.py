@@ -20,7 +20,7 @@ from daemon.api.spool import Spool
 from daemon.errors import BodyTooLarge, StorageError
 from daemon.merging import with_frame
 from registration.errors import CloudTooLong, CloudTruncated, RegistrationError
-from registration.stream import CloudStream
+from registration.io.stream import CloudStream
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from daemon.api.clouds import CLOUD_CONTENT, TAKES_A_CLOUD, PoseQuery, UnitQuery
 from daemon.api.passage import MovedCloud
 from daemon.api.problems import documented
 from daemon.uploads import LAZ
-from registration.stream import CloudStream
+from registration.io.stream import CloudStream
 
 router = APIRouter(tags=["register"])
 

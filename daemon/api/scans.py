@@ -32,7 +32,7 @@ from daemon.requests import ScanRequest
 from daemon.scans import Report
 from daemon.store.records import RunRecord, ScanView
 from registration.documents import RegistrationReportDocument
-from registration.merging import Merge, Outliers
+from registration.fusion.merging import Merge, Outliers
 
 router = APIRouter(prefix="/scans", tags=["scans"])
 

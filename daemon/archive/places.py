@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from daemon.archive.errors import ArchiveError
-from registration.disk import new_file
+from registration.io.durable_file import new_file
 
 INSTALL = "install handeyed[archive]"
 

@@ -13,7 +13,7 @@ from daemon.archive.manifest import NAME, ManifestDocument, hash_of_inputs, writ
 from daemon.archive.places import Place
 from registration.documents import ScanDocument
 from registration.errors import RegistrationError
-from registration.merging import Merge
+from registration.fusion.merging import Merge
 from registration.report import register_scan
 from registration.scan import Hand, ScanView, hand_of, read_scan
 

@@ -11,7 +11,7 @@ from daemon.cli.output import Json, error_line
 
 if TYPE_CHECKING:
     from registration.documents import RegisteredViewDocument, RegistrationReportDocument
-    from registration.merging import Outliers
+    from registration.fusion.merging import Outliers
 
 
 def register(
@@ -41,7 +41,7 @@ def register(
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from daemon.session_folder import read_bytes
-    from registration.merging import Merge
+    from registration.fusion.merging import Merge
     from registration.report import register_scan
     from registration.scan import hand_of, read_scan
 

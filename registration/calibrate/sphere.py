@@ -9,10 +9,10 @@ from calibration.observability import require_determined
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, map_points
 from registration.calibrate.outcome import determined, undetermined
+from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
 from registration.errors import SphereError
+from registration.points.sphere_fit import find_artefact
 from registration.scan import ScanView, sample_views
-from registration.sphere import find_artefact
-from registration.sphere_calibration import SphereSolution, SphereView, solve_from_sphere
 
 METHOD = "sphere of known radius"
 

@@ -1,8 +1,8 @@
 """X without any target: overlapping views of one rigid part, X among the unknowns of their registration.
 
 Let view i stand at motion_i @ base_T_flange_i @ X @ exp(d). A change d of X moves view i by Ad(base_T_camera_i) d in
-base, so what every pair says about two views (`registration.refine.pairs`) it says about X, too; the robot's accuracy
-is the prior on each motion_i as in `registration.refine.adjust`. X itself has no prior: where neither surfaces nor
+base, so what every pair says about two views (`fusion.pair_information`) it says about X, too; the robot's accuracy
+is the prior on each motion_i as in `fusion.pose_adjustment`. X itself has no prior: where neither surfaces nor
 motions fix it, its covariance says so and it is refused.
 
 The robot's noise is estimated with it (expectation maximisation; Dempster, Laird, Rubin 1977): the mean square of the
@@ -20,8 +20,9 @@ from calibration.observability import require_determined
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, adjoint, difference, rotation_from_vector, skew, transform
 from registration.calibrate.outcome import determined, undetermined
-from registration.overlap import agreement, reach_of
-from registration.refine.adjust import (
+from registration.fusion.overlap import agreement, reach_of
+from registration.fusion.pair_information import PairEvidence
+from registration.fusion.pose_adjustment import (
     DEFAULT_NOISE,
     RobotNoise,
     all_pairs,
@@ -32,9 +33,8 @@ from registration.refine.adjust import (
     radius_of,
     twist_motion,
 )
-from registration.refine.pairs import PairEvidence
+from registration.points.surface import Surface
 from registration.scan import ScanView, ViewSample, sample_views
-from registration.surface import Surface
 
 METHOD = "overlapping surfaces"
 ROUGH_MM = 40.0

@@ -8,7 +8,7 @@ import pytest
 
 from calibration.transforms import map_points, transform_from_quaternion
 from drivers.errors import DeviceTimeout
-from registration.formats.ply import parse_header
+from registration.io.formats.ply import parse_header
 from registration.scan import read_scan
 from tests.daemon.cells import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, ply_of, points_of, poses_around_the_target

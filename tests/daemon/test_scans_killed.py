@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from registration.reading import open_cloud
+from registration.io.reading import open_cloud
 from registration.scan import read_scan
 from tests.daemon.fakes import ply_of
 from tests.daemon.test_register import PLY, cloud

@@ -10,7 +10,7 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
-from registration.formats.ply import parse_header
+from registration.io.formats.ply import parse_header
 from tests.daemon.cells import Bench, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.daemon.test_register import LAZ, OCTETS, PLY, cloud, laz_of, with_a_calibration

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
-from registration.layout import Layout, Records
+from registration.points.layout import Layout, Records
 
 BASE_T_CAMERA = transform(rotation_from_vector([0.1, 0.5, -0.3]), [100.0, -200.0, 300.0])
 

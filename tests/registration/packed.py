@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from registration.formats import pcd
-from registration.layout import Layout, Records
+from registration.io.formats import pcd
+from registration.points.layout import Layout, Records
 
 
 def lzf(data: bytes) -> bytes:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calibration.transforms import Array
-from registration.acceptance import accept
 from registration.errors import SphereError
+from registration.scanner_acceptance import accept
 
 RADIUS_MM, SPACING_MM = 20.0, 150.0
 

@@ -11,7 +11,7 @@ from calibration.transforms import Array, difference, inverse, map_points, rotat
 from registration.calibrate.outcome import judge_scan, scan_calibration_document
 from registration.calibrate.sphere import solve_sphere_scan
 from registration.calibrate.surfaces import solve_surface_scan
-from registration.refine.adjust import RobotNoise
+from registration.fusion.pose_adjustment import RobotNoise
 from registration.scan import hand_of, read_scan
 from tests.registration.parts import FLANGE_T_CAMERA, bumpy, flat, poses, view_of, write_scan, wrong
 from tests.registration.test_sphere import CENTRE_IN_BASE, cap, looks

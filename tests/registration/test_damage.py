@@ -15,10 +15,10 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from registration.errors import CloudError
-from registration.formats import npy, pcd, ply
-from registration.formats.bodies import TextEncoder
-from registration.layout import XYZ_FLOAT32, Layout
-from registration.reading import open_cloud
+from registration.io.formats import npy, pcd, ply
+from registration.io.formats.bodies import TextEncoder
+from registration.io.reading import open_cloud
+from registration.points.layout import XYZ_FLOAT32, Layout
 from tests.cases import cases
 from tests.registration.clouds import RICH, cloud
 from tests.registration.packed import compressed

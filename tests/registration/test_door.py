@@ -7,10 +7,10 @@ from mock_robot.part import DOOR
 from mock_robot.part_views import suggested_scan_poses
 from mock_robot.scanner_view import ScannerModel, scan
 from mock_robot.truth import CellTruth
-from registration.layout import XYZ_FLOAT32
-from registration.overlap import agreement
-from registration.refine.adjust import RobotNoise, refine_poses
-from registration.surface import Surface, sample_points
+from registration.fusion.overlap import agreement
+from registration.fusion.pose_adjustment import RobotNoise, refine_poses
+from registration.points.layout import XYZ_FLOAT32
+from registration.points.surface import Surface, sample_points
 
 NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
 

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from registration.errors import CloudError, CloudUnsupported
-from registration.files import move_file
-from registration.formats import extras
-from registration.formats.las import SCALES
-from registration.layout import XYZ_FLOAT32, Records
-from registration.motion import Motion
-from registration.reading import open_cloud
-from registration.writing import new_cloud
+from registration.io.convert import move_file
+from registration.io.formats import extras
+from registration.io.formats.las import SCALES
+from registration.io.reading import open_cloud
+from registration.io.writing import new_cloud
+from registration.points.layout import XYZ_FLOAT32, Records
+from registration.points.rigid_motion import Motion
 from tests.cases import cases
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 

@@ -16,16 +16,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from registration import disk, files, spans
-from registration.columns import Conversion, shared_layout
 from registration.errors import CloudError, CloudIOError, CloudTooLong, CloudTruncated, CloudUnsupported
-from registration.files import move_file
-from registration.formats import npy, pcd, ply
-from registration.formats.lzf import LzfDamaged, decompress
-from registration.layout import XYZ_FLOAT32, Layout, Records
-from registration.motion import Motion
-from registration.reading import open_cloud
-from registration.writing import new_cloud
+from registration.io import convert, durable_file, parallel_copy
+from registration.io.columns import Conversion, shared_layout
+from registration.io.convert import move_file
+from registration.io.formats import npy, pcd, ply
+from registration.io.formats.lzf import LzfDamaged, decompress
+from registration.io.reading import open_cloud
+from registration.io.writing import new_cloud
+from registration.points.layout import XYZ_FLOAT32, Layout, Records
+from registration.points.rigid_motion import Motion
 from tests.cases import cases
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 from tests.registration.packed import compressed, lzf
@@ -290,7 +290,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file_and_no_other(
     write(tmp_path / "in.ply", RICH, cloud(RICH, 3000))
     (tmp_path / target).write_text("what was there")
     if not reserves:
-        monkeypatch.setattr(disk.GuardedFile, "reserve", lambda self, length: None)
+        monkeypatch.setattr(durable_file.GuardedFile, "reserve", lambda self, length: None)
     with (
         room_for(50_000),
         pytest.raises(CloudIOError, match=rf"{target}: byte \d+: it cannot be written .File too large"),
@@ -315,8 +315,8 @@ def test_a_file_system_that_cannot_reserve_is_written_without(tmp_path: Path, mo
 def test_two_threads_write_the_bytes_of_one(tmp_path: Path, layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
     write(tmp_path / "in.ply", layout, cloud(layout, 300_000))
     counted = move_file(tmp_path / "in.ply", tmp_path / "two.ply", MOTION)
-    monkeypatch.setattr(files, "THREADS", 1)
-    monkeypatch.setattr(spans, "SPAN_BYTES", 50_000)
+    monkeypatch.setattr(convert, "THREADS", 1)
+    monkeypatch.setattr(parallel_copy, "SPAN_BYTES", 50_000)
     assert move_file(tmp_path / "in.ply", tmp_path / "one.ply", MOTION, durable=False) == counted
     assert counted.points == 300_000
     assert (tmp_path / "two.ply").read_bytes() == (tmp_path / "one.ply").read_bytes()
@@ -324,13 +324,13 @@ def test_two_threads_write_the_bytes_of_one(tmp_path: Path, layout: Layout, monk
 
 def test_a_file_that_shrinks_while_it_is_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write(tmp_path / "in.ply", RICH, cloud(RICH, 50_000))
-    reserve = disk.GuardedFile.reserve
+    reserve = durable_file.GuardedFile.reserve
 
-    def shrink(self: disk.GuardedFile, length: int) -> None:
+    def shrink(self: durable_file.GuardedFile, length: int) -> None:
         os.truncate(tmp_path / "in.ply", 1_000_000)
         reserve(self, length)
 
-    monkeypatch.setattr(disk.GuardedFile, "reserve", shrink)
+    monkeypatch.setattr(durable_file.GuardedFile, "reserve", shrink)
     with pytest.raises(CloudTruncated, match=r"in\.ply: point \d+: the file ends after \d+ of 50000 points"):
         move_file(tmp_path / "in.ply", tmp_path / "out.ply", MOTION)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.ply"]
@@ -355,8 +355,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def test_moving_a_file_needs_neither_scipy_nor_pydantic() -> None:
     """They would double the memory of a process that only passes clouds on."""
-    code = (
-        "import sys, registration.files, registration.stream; print('scipy' in sys.modules, 'pydantic' in sys.modules)"
-    )
+    imports = "import sys, registration.io.convert, registration.io.stream"
+    code = f"{imports}; print('scipy' in sys.modules, 'pydantic' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert said.stdout.split() == ["False", "False"]

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from registration.formats import npy, pcd, ply
-from registration.formats.bodies import TextEncoder
-from registration.layout import XYZ_FLOAT32
+from registration.io.formats import npy, pcd, ply
+from registration.io.formats.bodies import TextEncoder
+from registration.points.layout import XYZ_FLOAT32
 from tests.registration.clouds import cloud
 from tests.registration.packed import literals
 
@@ -23,8 +23,8 @@ PROBE = """
 import sys
 from pathlib import Path
 import numpy as np
-from registration.files import move_file
-from registration.motion import Motion
+from registration.io.convert import move_file
+from registration.points.rigid_motion import Motion
 for name in sys.argv[1:]:
     source = Path(name)
     move_file(source, source.with_name("out" + (".ply" if source.suffix == ".stl" else source.suffix)),

@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.transforms import Array
-from registration.cells import CellIndex
 from registration.errors import ScanError
-from registration.layout import XYZ_FLOAT32, Layout, Records
-from registration.merging import NORMALS, Merge, Merger
-from registration.reading import open_cloud
+from registration.fusion.merging import NORMALS, Merge, Merger
+from registration.io.reading import open_cloud
+from registration.points.hash_index import CellIndex
+from registration.points.layout import XYZ_FLOAT32, Layout, Records
+from registration.points.voxel_grid import VoxelGrid
 from registration.report import register_scan
 from registration.scan import read_scan
-from registration.voxel import VoxelGrid
 from tests.cases import cases
 from tests.registration.clouds import RICH, cloud, xyz
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, poses, view_of, write_scan

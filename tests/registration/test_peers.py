@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from registration.files import move_file
-from registration.layout import Records
-from registration.motion import Motion
+from registration.io.convert import move_file
+from registration.points.layout import Records
+from registration.points.rigid_motion import Motion
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 from tests.registration.test_files import read, write
 

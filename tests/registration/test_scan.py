@@ -11,15 +11,15 @@ from calibration.errors import DocumentError
 from calibration.transforms import Array, inverse, map_points, rotation_angle_rad
 from registration.documents import RegistrationReportDocument
 from registration.errors import CloudIOError, CloudUnsupported, ScanError
-from registration.layout import XYZ_FLOAT32
-from registration.merging import Merge
-from registration.overlap import agreement
-from registration.reading import open_cloud
-from registration.refine.adjust import RobotNoise, refine_poses
+from registration.fusion.merging import Merge
+from registration.fusion.overlap import agreement
+from registration.fusion.pose_adjustment import RobotNoise, refine_poses
+from registration.io.reading import open_cloud
+from registration.points.layout import XYZ_FLOAT32
+from registration.points.surface import PointSample, Surface, sample_points
+from registration.points.voxel_grid import VoxelGrid
 from registration.report import register_scan
 from registration.scan import Hand, read_scan, register_views, sample_views, write_views
-from registration.surface import PointSample, Surface, sample_points
-from registration.voxel import VoxelGrid
 from tests.registration.clouds import RICH, cloud, xyz
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, flat, poses, view_of, write_scan, wrong
 

@@ -7,10 +7,10 @@ import pytest
 
 from calibration.errors import UndeterminedError
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
+from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
 from registration.errors import SphereError
+from registration.points.sphere_fit import find_artefact, fit_sphere
 from registration.scan import Hand, read_scan, register_views, sample_views
-from registration.sphere import find_artefact, fit_sphere
-from registration.sphere_calibration import SphereSolution, SphereView, solve_from_sphere
 from tests.registration.parts import FLANGE_T_CAMERA
 
 CENTRE_IN_BASE = np.array([120.0, -630.0, 70.0])

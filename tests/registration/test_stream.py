@@ -16,10 +16,10 @@ from registration.errors import (
     MotionError,
     UnitUnknown,
 )
-from registration.formats import pcd, ply
-from registration.formats.bodies import TextEncoder
-from registration.layout import XYZ_FLOAT32, XYZ_FLOAT64, Layout
-from registration.stream import CloudStream
+from registration.io.formats import pcd, ply
+from registration.io.formats.bodies import TextEncoder
+from registration.io.stream import CloudStream
+from registration.points.layout import XYZ_FLOAT32, XYZ_FLOAT64, Layout
 from tests.cases import cases
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 

@@ -1,0 +1,161 @@
+"""Views as one cloud: every point, or one for each cube, without strays, with normals.
+
+What several views saw of one place blends into the average of all their points. Strays and normals are judged on
+these averages: a tree over them fits into memory, one over every point would not.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from registration.errors import ScanError
+from registration.points.layout import Array, Layout, Records
+from registration.points.surface import NEIGHBOURS, planes_of
+from registration.points.voxel_grid import VoxelGrid
+
+Outliers = Literal["keep", "statistical", "radius"]
+
+SPREADS = 2.0
+"""Statistical (Rusu, Semantic 3D Object Maps, 2009, 4.1): mean distance to the neighbours beyond so many deviations."""
+
+RADIUS_EDGES, LEAST_COMPANY = 3.0, 4
+"""Radius: a point with fewer others within so many voxel edges; a surface has about 28 there."""
+
+QUERY_POINTS = 1 << 16
+BLOCK_POINTS = 1 << 15
+
+CAMERA = ("camera x", "camera y", "camera z")
+"""Averaged with a cube's points: where it was seen from, so that its normal can be turned there."""
+
+NORMALS = ("nx", "ny", "nz")
+
+
+@dataclass(frozen=True)
+class Merge:
+    """How views become one cloud. `voxel_mm` None: every point stays. Raises ScanError."""
+
+    voxel_mm: float | None = None
+    normals: bool = False
+    outliers: Outliers = "keep"
+
+    def __post_init__(self) -> None:
+        if self.outliers not in get_args(Outliers):
+            raise ScanError(f"outliers cannot be {self.outliers!r}", f"say one of {', '.join(get_args(Outliers))}")
+        if self.voxel_mm is None and (self.normals or self.outliers != "keep"):
+            what = "normals and outliers are judged on averaged points, but no voxel is stated"
+            raise ScanError(what, "state its edge, about the points' spacing, such as 0.5 mm")
+
+    def layout(self, shared: Layout) -> Layout:
+        """What comes out of blocks of `shared`: measured normals stay, otherwise fitted ones are added."""
+        if not self.normals or shared.normals is not None:
+            return shared
+        return _with_columns(shared, NORMALS, "<f4")
+
+
+EVERY_POINT = Merge()
+
+
+@dataclass(eq=False)
+class Merger:
+    """Takes the views' blocks of `shared` columns, and gives the merged cloud; `left_out` counts the strays."""
+
+    merge: Merge
+    shared: Layout
+    left_out: int = field(default=0, init=False)
+    averaged: int = field(default=0, init=False)
+
+    @property
+    def layout(self) -> Layout:
+        return self.merge.layout(self.shared)
+
+    def merged(self, views: Iterable[tuple[Iterable[Records], Array]]) -> Iterator[Records]:
+        """`views`: moved blocks, and where the camera stood (3,) in mm. Raises ScanError."""
+        if self.merge.voxel_mm is None:
+            for blocks, _ in views:
+                yield from blocks
+            return
+        grid = self._averages(views, self.merge.voxel_mm)
+        if self.layout == self.shared and self.merge.outliers == "keep":
+            yield from grid.blocks()
+            return
+        yield from self._finished(np.concatenate([*grid.blocks(), np.empty(0, grid.layout.dtype)]))
+
+    def _averages(self, views: Iterable[tuple[Iterable[Records], Array]], voxel_mm: float) -> VoxelGrid:
+        fitted = self.layout != self.shared
+        grid = VoxelGrid(voxel_mm, _with_columns(self.shared, CAMERA, "f8") if fitted else self.shared)
+        for blocks, camera_mm in views:
+            for block in blocks:
+                grid.add(_seen_from(camera_mm, block, grid.layout) if fitted else block)
+        return grid
+
+    def _finished(self, cloud: Records) -> Iterator[Records]:
+        points = np.stack([cloud[name].astype(float) for name in self.shared.xyz], axis=1)
+        kept = self._company(points)
+        self.averaged, self.left_out = len(points), int(len(points) - np.count_nonzero(kept))
+        cloud, points = cloud[kept], points[kept]
+        tree = cKDTree(points)
+        for start in range(0, len(points), BLOCK_POINTS):
+            piece = slice(start, start + BLOCK_POINTS)
+            block = np.empty(len(cloud[piece]), self.layout.dtype)
+            for name in self.shared.dtype.names or ():
+                block[name] = cloud[name][piece]
+            if self.layout != self.shared:
+                camera = np.stack([cloud[name][piece] for name in CAMERA], axis=1)
+                for name, column in zip(NORMALS, _normals(tree, points[piece], camera).T, strict=True):
+                    block[name] = column
+            yield block
+
+    def _company(self, points: Array) -> NDArray[np.bool_]:
+        """Which points have others around them."""
+        least = 1 if self.merge.outliers == "radius" else 2
+        if self.merge.outliers == "keep" or len(points) < least:
+            return np.ones(len(points), bool)
+        tree = cKDTree(points)
+        if self.merge.outliers == "radius":
+            assert self.merge.voxel_mm is not None
+            within = RADIUS_EDGES * self.merge.voxel_mm
+            distances = _distances(tree, points, LEAST_COMPANY, within)
+            return np.isfinite(distances[:, -1])
+        distances = _distances(tree, points, min(NEIGHBOURS, len(points) - 1)).mean(axis=1)
+        return np.asarray(distances <= distances.mean() + SPREADS * distances.std(), bool)
+
+
+def _with_columns(layout: Layout, names: Iterable[str], kind: str) -> Layout:
+    columns: list[tuple[str, Any]] = [(name, layout.dtype[name]) for name in layout.dtype.names or ()]
+    return Layout.of(np.dtype([*columns, *((name, kind) for name in names)]))
+
+
+def _seen_from(camera_mm: Array, block: Records, layout: Layout) -> Records:
+    seen = np.empty(len(block), layout.dtype)
+    for name in block.dtype.names or ():
+        seen[name] = block[name]
+    for name, value in zip(CAMERA, camera_mm, strict=True):
+        seen[name] = value
+    return seen
+
+
+def _distances(tree: cKDTree, points: Array, count: int, within: float = np.inf) -> Array:
+    """(n, count) to the nearest others, infinite where there are none."""
+    found = [
+        tree.query(points[start : start + QUERY_POINTS], count + 1, distance_upper_bound=within)[0][:, 1:]
+        for start in range(0, len(points), QUERY_POINTS)
+    ]
+    return np.concatenate(found)
+
+
+def _normals(tree: cKDTree, points: Array, camera: Array) -> Array:
+    """(n, 3) of the planes through each point's neighbours, towards the camera; without neighbours, to the camera."""
+    sight = camera - points
+    lengths = np.linalg.norm(sight, axis=1, keepdims=True)
+    sight /= np.where(lengths > 0, lengths, 1.0)
+    count = min(NEIGHBOURS, tree.n)
+    if count < 3:
+        return sight
+    _, neighbours = tree.query(points, count)
+    normals, _ = planes_of(tree.data[neighbours])
+    turned: Array = np.where(np.sum(normals * sight, axis=1, keepdims=True) < 0, -normals, normals)
+    return turned

@@ -1,0 +1,1 @@
+"""Cloud files and streams: read, moved, converted and written in blocks."""

@@ -1,0 +1,82 @@
+"""Columns under common names, so that clouds of different formats become one.
+
+The common names are PLY's: x y z, nx ny nz, red green blue, intensity, and whatever else a cloud has.
+PCL's packed `rgb` is taken apart; padding is left out; 64-bit integers become doubles, which PLY has.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from registration.io.formats import pcl
+from registration.io.formats.pcd import PADDING
+from registration.points.layout import Layout, Records
+
+Getter = Callable[[Records], NDArray[Any]]
+
+RENAMED = {theirs: common for common, theirs in pcl.NAMES.items()}
+
+
+def _plain(name: str, block: Records) -> NDArray[Any]:
+    return block[name]
+
+
+def _element(name: str, index: int, block: Records) -> NDArray[Any]:
+    column: NDArray[Any] = block[name].reshape(len(block), -1)[:, index]
+    return column
+
+
+def _colour(name: str, colour: str, block: Records) -> NDArray[Any]:
+    return pcl.unpacked(block[name], colour)
+
+
+def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
+    """Each column under its common name: its native type, and how to take it from a block."""
+    columns: dict[str, tuple[np.dtype[Any], Getter]] = {}
+    for name in layout.dtype.names or ():
+        base, shape = layout.dtype[name].subdtype or (layout.dtype[name], ())
+        kind = np.dtype(float) if base.kind in "iu" and base.itemsize == 8 else base.newbyteorder("=")
+        kind = np.dtype(np.uint8) if kind.kind == "b" else kind
+        if PADDING.fullmatch(name):
+            continue
+        if name in ("rgb", "rgba") and base.itemsize == 4 and base.isnative and not shape:
+            columns |= {colour: (np.dtype(np.uint8), partial(_colour, name, colour)) for colour in pcl.SHIFTS}
+        elif shape:
+            count = int(np.prod(shape, dtype=int))
+            columns |= {f"{name}_{index}": (kind, partial(_element, name, index)) for index in range(count)}
+        else:
+            columns[RENAMED.get(name, name)] = (kind, partial(_plain, name))
+    return columns
+
+
+def shared_layout(layouts: Iterable[Layout]) -> tuple[Layout, tuple[str, ...]]:
+    """The columns all layouts have, each of its widest type, and the names of those that only some have."""
+    tables = [common_columns(layout) for layout in layouts]
+    shared = [name for name in tables[0] if all(name in table for table in tables)]
+    dtype = np.dtype([(name, np.result_type(*(table[name][0] for table in tables))) for name in shared])
+    lost = sorted({name for table in tables for name in table} - set(shared))
+    return Layout.of(dtype), tuple(lost)
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """Blocks of one layout as blocks of another, by common names."""
+
+    layout: Layout
+    getters: tuple[tuple[str, Getter], ...]
+
+    @classmethod
+    def between(cls, source: Layout, target: Layout) -> "Conversion":
+        """`target` holds common names that `source` has."""
+        columns = common_columns(source)
+        return cls(target, tuple((name, columns[name][1]) for name in target.dtype.names or ()))
+
+    def convert(self, block: Records) -> Records:
+        out = np.empty(len(block), self.layout.dtype)
+        for name, getter in self.getters:
+            out[name] = getter(block)
+        return out

@@ -1,0 +1,206 @@
+"""Bodies: bytes in pieces of any size to blocks of records, and back to bytes."""
+
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+import numpy as np
+
+from registration.errors import CloudFormatError, CloudTooLong, CloudTruncated
+from registration.io.formats.header import CloudHeader, shorten
+from registration.points.layout import Layout, Records, scalar_columns
+
+LINE_LIMIT = 1 << 16
+"""Bytes of one line of text; more is damage, or another format."""
+
+RECORD_TEXT = {"f4": "%.9g", "f8": "%.17g"}
+"""Digits that bring the same bits back."""
+
+
+class BodyDecoder(Protocol):
+    """Takes the bytes of the points; `take` makes blocks, `taken` says how many of the bytes given it used."""
+
+    taken: int
+
+    @property
+    def done(self) -> bool: ...
+
+    @property
+    def points(self) -> int:
+        """Points given so far."""
+        ...
+
+    def take(self, data: memoryview) -> Iterator[Records]: ...
+
+    def finish(self) -> Iterator[Records]:
+        """The bytes have ended. Raises CloudTruncated when points are missing."""
+        ...
+
+
+class BinaryDecoder:
+    """Fixed records. Blocks are views of the bytes given; where a boundary cuts a record, of a copy that joins it."""
+
+    def __init__(self, header: CloudHeader, file: str) -> None:
+        self._file = file
+        self._dtype = header.layout.dtype
+        self._count = header.count
+        self._cut = b""
+        self.points = 0
+        self.taken = 0
+
+    @property
+    def done(self) -> bool:
+        return self.points == self._count
+
+    def take(self, data: memoryview) -> Iterator[Records]:
+        cut = len(self._cut)
+        content = _joined(self._cut, data) if cut else data
+        whole = len(content) // self._dtype.itemsize
+        if self._count is not None:
+            whole = min(whole, self._count - self.points)
+        used = whole * self._dtype.itemsize
+        self.points += whole
+        self._cut, self.taken = (b"", used - cut) if self.done else (bytes(content[used:]), len(data))
+        if whole:
+            yield np.frombuffer(content[:used], self._dtype)
+
+    def finish(self) -> Iterator[Records]:
+        if self._cut:
+            raise _truncated(
+                self._file, self.points, self._count, f"{len(self._cut)} bytes of a {self._dtype.itemsize}-byte point"
+            )
+        if self._count is not None and not self.done:
+            raise _truncated(self._file, self.points, self._count)
+        return iter(())
+
+
+def _joined(first: bytes, second: memoryview) -> memoryview:
+    """Both in memory of their own, which nothing has filled before."""
+    joined = np.empty(len(first) + len(second), np.uint8)
+    joined[: len(first)] = np.frombuffer(first, np.uint8)
+    joined[len(first) :] = np.frombuffer(second, np.uint8)
+    return joined.data
+
+
+class TextDecoder:
+    """One line of numbers for each record; blank lines do not count."""
+
+    def __init__(self, header: CloudHeader, file: str) -> None:
+        self._file = file
+        self._dtype = header.layout.dtype
+        self._columns = scalar_columns(header.layout.dtype)
+        self._width = len(self._columns.names or ())
+        self._separator = header.separator
+        self._count = header.count
+        self._cut = b""
+        self.points = 0
+        self.taken = 0
+
+    @property
+    def done(self) -> bool:
+        return self.points == self._count
+
+    def take(self, data: memoryview) -> Iterator[Records]:
+        self.taken = 0
+        if self.done:
+            return
+        content = self._cut + data
+        end = content.rfind(b"\n") + 1
+        if len(content) - end > LINE_LIMIT:
+            raise CloudFormatError(
+                self._file, f"point {self.points}", f"a line is longer than {LINE_LIMIT} bytes", "check the file's type"
+            )
+        lines = content[:end].split(b"\n")[:-1]
+        rows = [line for line in lines if line.strip()]
+        if self._count is not None and self.points + len(rows) >= self._count:
+            rows = rows[: self._count - self.points]
+            used = _through_row(lines, len(rows))
+            self.taken, self._cut = sum(len(line) + 1 for line in lines[:used]) - len(self._cut), b""
+        else:
+            self.taken, self._cut = len(data), content[end:]
+        yield from self._parse(rows)
+
+    def finish(self) -> Iterator[Records]:
+        rest, self._cut = self._cut, b""
+        if not self.done:
+            yield from self._parse([rest] if rest.strip() else [])
+        if self._count is not None and not self.done:
+            raise _truncated(self._file, self.points, self._count)
+
+    def _parse(self, rows: list[bytes]) -> Iterator[Records]:
+        if not rows:
+            return
+        try:
+            block = self._numbers(rows)
+        except ValueError:
+            index, what = self._culprit(rows)
+            fix = f"every line needs {self._width} numbers"
+            raise CloudFormatError(self._file, f"point {self.points + index}", what, fix) from None
+        self.points += len(block)
+        yield block.view(self._dtype)
+
+    def _numbers(self, rows: list[bytes]) -> Records:
+        text = [row.decode("ascii") for row in rows]
+        with np.errstate(over="ignore"):
+            return np.loadtxt(text, self._columns, comments=None, delimiter=self._separator, ndmin=1)
+
+    def _culprit(self, rows: list[bytes]) -> tuple[int, str]:
+        for index, row in enumerate(rows):
+            try:
+                self._numbers([row])
+            except ValueError:
+                return (
+                    index,
+                    f"{shorten(row.decode('ascii', 'replace').strip())} is not {self._width} fitting numbers",
+                )
+        return 0, "the lines have different numbers of columns"
+
+
+def _through_row(lines: list[bytes], rows: int) -> int:
+    """How many lines there are up to and with the last of `rows` lines that are not blank."""
+    for index, line in enumerate(lines):
+        rows -= bool(line.strip())
+        if not rows:
+            return index + 1
+    return len(lines)
+
+
+def _truncated(file: str, points: int, count: int | None, cut: str = "") -> CloudTruncated:
+    promised = "" if count is None else f" of {count} promised"
+    rest = f" and {cut}" if cut else ""
+    return CloudTruncated(
+        file,
+        f"point {points}",
+        f"the data end after {points} points{promised}{rest}",
+        "send or copy the whole cloud again",
+    )
+
+
+def require_end(header: CloudHeader, file: str, points: int, extra: bytes | memoryview) -> None:
+    """What follows after everything the header promised says nothing. Raises CloudTooLong."""
+    if bytes(extra).strip(header.filler):
+        what = f"at least {len(extra)} bytes follow after everything the header promises"
+        raise CloudTooLong(file, f"after point {points}", what, "check the header's count, or send the cloud again")
+
+
+def decoder_of(header: CloudHeader, file: str) -> BodyDecoder:
+    """The decoder for a header's encoding ('compressed' has no streaming form)."""
+    return TextDecoder(header, file) if header.encoding == "text" else BinaryDecoder(header, file)
+
+
+class TextEncoder:
+    """Records to lines of numbers."""
+
+    def __init__(self, layout: Layout, separator: str = " ") -> None:
+        columns = scalar_columns(layout.dtype)
+        self._names = columns.names or ()
+        self._columns = columns
+        self._row = separator.join(_text_of(columns[name]) for name in self._names) + "\n"
+
+    def encode(self, block: Records) -> bytes:
+        numbers = np.ascontiguousarray(block).view(self._columns)
+        rows = zip(*(numbers[name].tolist() for name in self._names), strict=True)
+        return "".join(map(self._row.__mod__, rows)).encode("ascii")
+
+
+def _text_of(column: np.dtype[Any]) -> str:
+    return RECORD_TEXT.get(column.str[1:], "%d")

@@ -1,0 +1,80 @@
+"""PCD `binary_compressed`: LZF over whole columns. The columns go to a temporary file, so memory stays bounded."""
+
+import tempfile
+from collections.abc import Iterator
+from typing import BinaryIO
+
+import numpy as np
+
+from registration.errors import CloudFormatError, CloudTruncated
+from registration.io.durable_file import GuardedFile
+from registration.io.formats.bodies import require_end
+from registration.io.formats.header import CloudHeader
+from registration.io.formats.lzf import LzfDamaged, decompress
+from registration.points.layout import Layout, Records
+
+BLOCK_POINTS = 1 << 14
+
+
+class CompressedSource:
+    """A compressed PCD that is being read."""
+
+    def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
+        self._file = file
+        self._header = header
+        self._name = name
+
+    @property
+    def layout(self) -> Layout:
+        return self._header.layout
+
+    @property
+    def count(self) -> int | None:
+        return self._header.count
+
+    def blocks(self) -> Iterator[Records]:
+        count, dtype = self._header.count or 0, self._header.layout.dtype
+        with tempfile.TemporaryFile() as columns:
+            self._expand_to(columns)
+            for start in range(0, count, BLOCK_POINTS):
+                points = min(BLOCK_POINTS, count - start)
+                block = np.empty(points, dtype)
+                column = 0
+                for field in dtype.names or ():
+                    kind = dtype[field]
+                    columns.seek(column + start * kind.itemsize)
+                    raw = columns.read(points * kind.itemsize)
+                    base, shape = kind.subdtype or (kind, ())
+                    block[field] = np.frombuffer(raw, base).reshape(points, *shape)
+                    column += count * kind.itemsize
+                yield block
+
+    def _expand_to(self, columns: BinaryIO) -> None:
+        expected = (self._header.count or 0) * self._header.layout.itemsize
+        self._file.seek(self._header.length)
+        sizes = self._file.read(8)
+        if len(sizes) < 8:
+            raise CloudTruncated(self._name, "compressed sizes", "the file ends here", "copy the whole file again")
+        packed, unpacked = (int(size) for size in np.frombuffer(sizes, "<u4"))
+        if unpacked != expected:
+            what = f"the header promises {expected} bytes of points, the compressed part {unpacked}"
+            raise CloudFormatError(self._name, "compressed sizes", what, "write the file again")
+        written = 0
+        try:
+            for piece in decompress(self._file.read, packed):
+                written += len(piece)
+                if written > expected:
+                    break
+                columns.write(piece)
+        except LzfDamaged as error:
+            raise CloudTruncated(
+                self._name,
+                f"compressed byte {error.position}",
+                "the compressed points are cut or damaged",
+                "copy the file again",
+            ) from None
+        if written != expected:
+            what = f"the compressed part holds {written} bytes where {expected} belong"
+            raise CloudFormatError(self._name, "compressed points", what, "write the file again")
+        while rest := self._file.read(1 << 16):
+            require_end(self._header, self._name, self._header.count or 0, rest)

@@ -1,0 +1,35 @@
+"""Which format a cloud has: by media type, by the file's suffix."""
+
+from collections.abc import Callable
+
+from registration.errors import CloudUnsupported
+from registration.io.formats import pcd, ply
+from registration.io.formats.header import CloudHeader
+from registration.points.layout import XYZ_FLOAT32
+
+HeaderParser = Callable[[bytes, str], CloudHeader | None]
+
+
+def octets(prefix: bytes, file: str) -> CloudHeader | None:
+    """Raw float32 x, y, z, little endian, no header, until the bytes end."""
+    return CloudHeader("octets", "binary", XYZ_FLOAT32, None, 0, b"")
+
+
+MEDIA_TYPES: dict[str, HeaderParser] = {
+    "application/x-ply": ply.parse_header,
+    "application/ply": ply.parse_header,
+    "model/ply": ply.parse_header,
+    "application/x-pcd": pcd.parse_header,
+    "application/pcd": pcd.parse_header,
+    "application/octet-stream": octets,
+}
+
+
+def parser_of(media_type: str, file: str) -> HeaderParser:
+    """The header parser of a media type (parameters after ';' are ignored). Raises CloudUnsupported."""
+    name = media_type.split(";")[0].strip().lower()
+    if name not in MEDIA_TYPES:
+        raise CloudUnsupported(
+            file, "media type", f"clouds of type {name!r} are not streamed", f"send one of {', '.join(MEDIA_TYPES)}"
+        )
+    return MEDIA_TYPES[name]

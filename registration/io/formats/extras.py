@@ -1,0 +1,163 @@
+"""LAS, LAZ and E57 through the libraries of the extras `handeyed[las]` and `handeyed[e57]`, in blocks.
+
+LAS coordinates are integers with a scale and an offset; read here as float64 metres or millimetres, as the file has
+them. Whatever the libraries raise on damaged files becomes a CloudFormatError.
+"""
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from registration.errors import CloudError, CloudFormatError, CloudTruncated, CloudUnsupported
+from registration.io.durable_file import GuardedFile
+from registration.io.formats import las
+from registration.io.formats.laz import require_sound_chunks
+from registration.points.layout import Layout, Records
+
+BLOCK_POINTS = 1 << 16
+E57_BLOCK_POINTS = 1 << 14
+"""libE57 fills a block column by column: it has to stay in the cache."""
+
+DAMAGE = (
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    EOFError,
+    OverflowError,
+    MemoryError,
+    RuntimeError,
+    AttributeError,
+    struct.error,
+)
+"""What parsers written in Python and C raise on bytes they do not expect."""
+
+PANIC = "PanicException"
+"""What parsers written in Rust raise then: no module gives its class."""
+
+
+def library(name: str, extra: str, file: str) -> Any:
+    """An optional library. Raises CloudUnsupported when it is not installed."""
+    try:
+        return import_module(name)
+    except ImportError:
+        fix = f"install handeyed[{extra}], or convert the cloud to PLY"
+        raise CloudUnsupported(file, "format", f"{name} is not installed", fix) from None
+
+
+@contextmanager
+def told(file: str, place: str, *further: type[Exception]) -> Iterator[None]:
+    """A library's exceptions as CloudFormatError; what it overflows on is not told on stderr."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except CloudError:
+        raise
+    except BaseException as error:
+        if not isinstance(error, (*DAMAGE, *further)) and type(error).__name__ != PANIC:
+            raise
+        what = f"it is damaged ({str(error)[:120] or type(error).__name__})"
+        raise CloudFormatError(file, place, what, "copy the whole file again") from None
+
+
+class LasSource:
+    """A LAS or LAZ file: x, y, z and its dimensions, extra ones too."""
+
+    def __init__(self, file: GuardedFile, name: str, *, compressed: bool) -> None:
+        self._name = name
+        header = las.read_whole_header(file)
+        laspy = library("laspy", "las", name)
+        self._errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
+        if compressed or header.compressed:
+            self._errors += (library("lazrs", "las", name).LazrsError,)
+        with told(name, "header", *self._errors):
+            if header.compressed:
+                require_sound_chunks(file, header, library("lazrs", "las", name))
+                file.seek(0)
+            self._reader = laspy.open(file.raw, closefd=False)
+            header = self._reader.header
+            self.count: int | None = int(header.point_count)
+            names = [each for each in header.point_format.dimension_names if each not in ("X", "Y", "Z")]
+            record = self._reader.read_points(0)
+            kinds = [(each, np.asarray(record[each]).dtype) for each in names]
+            shapes = {each: np.asarray(record[each]).shape[1:] for each in names}
+            columns = [(each, kind.newbyteorder("="), shapes[each]) for each, kind in kinds]
+            self.layout = Layout.of(np.dtype([("x", "f8"), ("y", "f8"), ("z", "f8"), *columns]))
+
+    def blocks(self) -> Iterator[Records]:
+        seen, expected = 0, self.count or 0
+        while seen < expected:
+            with told(self._name, f"point {seen}", *self._errors):
+                chunk = self._reader.read_points(min(BLOCK_POINTS, expected - seen))
+                block = np.zeros(len(chunk), self.layout.dtype)
+                for name in self.layout.dtype.names or ():
+                    block[name] = np.asarray(chunk[name])
+            if not len(block):
+                what = f"the header promises {expected} points, the file has {seen}"
+                raise CloudTruncated(self._name, f"point {seen}", what, "copy the whole file again")
+            seen += len(block)
+            yield block
+
+
+class E57Source:
+    """The scans of an E57 file one after another: x, y, z and the columns every scan has."""
+
+    count: int | None
+
+    def __init__(self, path: Path, name: str) -> None:
+        pye57 = library("pye57", "e57", name)
+        self._name = name
+        self._errors: tuple[type[Exception], ...] = (pye57.libe57.E57Exception,)
+        with told(name, "header", *self._errors):
+            self._file = pye57.E57(str(path))
+            headers = [self._file.get_header(index) for index in range(self._file.scan_count)]
+            self.count = sum(int(header.point_count) for header in headers)
+            if any(header.has_pose() and not _is_identity(header) for header in headers):
+                what = "a scan carries a pose of its own, so its points stand in no camera's frame"
+                raise CloudUnsupported(name, "pose", what, "export the scan in the scanner's frame")
+            shared = [field for field in (headers[0].point_fields if headers else []) if field in COLUMNS]
+            self._fields = [field for field in shared if all(field in header.point_fields for header in headers)]
+            if not {"cartesianX", "cartesianY", "cartesianZ"} <= set(self._fields):
+                raise CloudUnsupported(name, "points", "there are no Cartesian coordinates", "export x, y, z")
+            self._headers = headers
+        self.layout = Layout.of(np.dtype([(COLUMNS[field], "f8") for field in self._fields]))
+
+    def blocks(self) -> Iterator[Records]:
+        for index, header in enumerate(self._headers):
+            block = np.empty(E57_BLOCK_POINTS, self.layout.dtype)
+            with told(self._name, f"scan {index}", *self._errors):
+                reader = header.points.reader(self._straight_into(block))
+                count = reader.read()
+            while count:
+                yield block[:count]
+                with told(self._name, f"scan {index}", *self._errors):
+                    count = reader.read()
+
+    def _straight_into(self, block: Records) -> Any:
+        """libE57's buffers on the columns of `block`, as numbers of its kind."""
+        libe57 = library("pye57", "e57", self._name).libe57
+        buffers = libe57.VectorSourceDestBuffer()
+        for field in self._fields:
+            column = block[COLUMNS[field]]
+            buffers.append(
+                libe57.SourceDestBuffer(self._file.image_file, field, column, len(block), True, True, column.strides[0])
+            )
+        return buffers
+
+
+COLUMNS = {
+    **{f"cartesian{axis}": axis.lower() for axis in "XYZ"},
+    **{f"color{name}": name.lower() for name in ("Red", "Green", "Blue")},
+    **{f"nor:normal{axis}": f"n{axis.lower()}" for axis in "XYZ"},
+    "intensity": "intensity",
+    "timeStamp": "time",
+}
+
+
+def _is_identity(header: Any) -> bool:
+    return bool(np.allclose(header.rotation_matrix, np.eye(3)) and np.allclose(header.translation, 0))

@@ -1,0 +1,77 @@
+"""What every format's header comes to, and reading numbers out of header lines."""
+
+from dataclasses import dataclass
+from typing import Literal, NoReturn
+
+from registration.errors import CloudFormatError, CloudUnsupported
+from registration.io.formats.tail import Element
+from registration.points.layout import Layout
+
+Encoding = Literal["text", "binary", "compressed"]
+
+HEADER_LIMIT = 1 << 16
+"""Bytes within which a header must end; the longest in the wild are a few thousand."""
+
+COUNT_LIMIT = 1 << 63
+
+
+@dataclass(frozen=True)
+class CloudHeader:
+    """`length` bytes of header, then `count` records (None: until the bytes end) and the elements of `tail`.
+
+    `rewritten` is the header to put before the same cloud after it was moved.
+    """
+
+    format: str
+    encoding: Encoding
+    layout: Layout
+    count: int | None
+    length: int
+    rewritten: bytes
+    lead: tuple[Element, ...] = ()
+    tail: tuple[Element, ...] = ()
+    separator: str | None = None
+    """Between the numbers of a line, where the encoding is text; None: white space."""
+
+    @property
+    def filler(self) -> bytes:
+        """Bytes that may stand behind everything and say nothing: PCL fills a file's last page with zeros."""
+        if self.encoding == "text":
+            return b" \t\r\n\v\f"
+        return b"\0" if self.format == "pcd" else b""
+
+    @property
+    def body_length(self) -> int | None:
+        """Bytes after the header, where the header tells."""
+        if (
+            self.count is None
+            or self.encoding != "binary"
+            or any(element.lists for element in (*self.lead, *self.tail))
+        ):
+            return None
+        others = sum(element.count * element.itemsize for element in (*self.lead, *self.tail))
+        return self.count * self.layout.itemsize + others
+
+
+class HeaderLines:
+    """Header lines with their numbers, for errors that name them."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.number = 0
+
+    def malformed(self, what: str, fix: str = "write the file again") -> NoReturn:
+        raise CloudFormatError(self.file, f"header line {self.number}", what, fix)
+
+    def unsupported(self, what: str, fix: str) -> NoReturn:
+        raise CloudUnsupported(self.file, f"header line {self.number}", what, fix)
+
+    def whole_number(self, word: str, name: str, least: int = 0) -> int:
+        """A count as it stands in a header; no sign, no exponent, below 2^63."""
+        if not word.isascii() or not word.isdigit() or len(word) > 19 or not least <= int(word) < COUNT_LIMIT:
+            self.malformed(f"{name} is {shorten(word)}, not a whole number from {least} to 2^63")
+        return int(word)
+
+
+def shorten(text: str) -> str:
+    return repr(text if len(text) <= 40 else text[:37] + "...")

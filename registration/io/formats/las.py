@@ -1,0 +1,130 @@
+"""The header of an uncompressed LAS file (ASPRS, LAS 1.4-R15): just what moving its integer coordinates needs.
+
+All record formats begin with X, Y, Z as 32-bit integers; everything else in the file may pass as it is.
+"""
+
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from registration.errors import CloudFormatError, CloudTruncated, CloudUnsupported
+from registration.io.durable_file import GuardedFile
+from registration.points.layout import Array
+from registration.points.rigid_motion import Motion
+
+HEADER_BYTES = 375
+"""Of version 1.4, the longest."""
+LEAST_BYTES = 227
+SIGNATURE, VERSION, SIZES, LEGACY_COUNT, SCALES, BOUNDS, LONG_RECORDS, LONG_COUNT = 0, 24, 94, 107, 131, 179, 235, 247
+"""Where the fields stand."""
+RECORD_HEAD, LONG_RECORD_HEAD = 54, 60
+"""The least that a variable length record takes, before and behind the points."""
+
+COMPRESSED = 0xC0
+"""Bits of the record format that LAZ sets."""
+LEAST_RECORD = 20
+INT32_LIMIT = 2**31 - 1
+LENGTH_LIMIT = 1e12
+"""No length in a LAS file is larger, no scale smaller than its inverse; NaN is neither."""
+FIX = "copy or write the file again"
+
+
+@dataclass(frozen=True, eq=False)
+class LasFrame:
+    """How integers are lengths: `scales` and `offsets` (3,); `least` and `most` (3,) bound the points."""
+
+    scales: Array
+    offsets: Array
+    least: Array
+    most: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LasHeader:
+    """Points begin at byte `begin`, each of `record_bytes`; `compressed` is LAZ under another name."""
+
+    frame: LasFrame
+    begin: int
+    record_bytes: int
+    count: int
+    compressed: bool
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """X, Y, Z and the rest unread."""
+        rest = self.record_bytes - 12
+        return np.dtype([("X", "<i4"), ("Y", "<i4"), ("Z", "<i4"), ("rest", f"V{rest}")])
+
+
+def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
+    """From a file's first HEADER_BYTES and its size. Raises CloudFormatError, CloudTruncated."""
+    if len(prefix) < LEAST_BYTES:
+        raise CloudTruncated(file, "header", f"the file ends after {len(prefix)} bytes", FIX)
+    if prefix[:4] != b"LASF":
+        raise CloudFormatError(file, "byte 0", "this is no LAS file", "check the file's type")
+    header_bytes, begin, records, kind, record_bytes, count = struct.unpack_from("<HIIBHI", prefix, SIZES)
+    if prefix[VERSION + 1] >= 4 and header_bytes >= LONG_COUNT + 8 <= len(prefix):
+        at, long_records, count = struct.unpack_from("<QIQ", prefix, LONG_RECORDS)
+        _require_room("extended records", long_records, LONG_RECORD_HEAD, size - at, file)
+    if record_bytes < LEAST_RECORD or not LEAST_BYTES <= header_bytes <= begin:
+        what = f"records of {record_bytes} bytes after a header of {header_bytes} at byte {begin} are none"
+        raise CloudFormatError(file, "header", what, FIX)
+    if begin > size:
+        raise CloudTruncated(file, f"byte {size}", f"the points begin at byte {begin}, but the file ends here", FIX)
+    _require_room("variable length records", records, RECORD_HEAD, min(begin, size) - header_bytes, file)
+    compressed = bool(kind & COMPRESSED)
+    if not compressed and begin + count * record_bytes > size:
+        what = f"the header promises {count} points in {count * record_bytes} bytes, but {size - begin} follow"
+        raise CloudTruncated(file, f"byte {size}", what, FIX)
+    numbers = np.frombuffer(prefix, "<f8", 12, SCALES)
+    bounds = numbers[6:].reshape(3, 2)  # max x, min x, max y, ...
+    frame = LasFrame(numbers[:3].copy(), numbers[3:6].copy(), bounds[:, 1].copy(), bounds[:, 0].copy())
+    return LasHeader(frame, begin, record_bytes, count, compressed)
+
+
+def _require_room(what: str, number: int, least_bytes: int, room: int, file: str) -> None:
+    """A library that believes the header would make as many records as it promises."""
+    if number * least_bytes > max(0, room):
+        raise CloudFormatError(file, "header", f"it promises {number} {what} in {max(0, room)} bytes", FIX)
+
+
+def read_whole_header(file: GuardedFile) -> LasHeader:
+    """The header at a file's beginning; the file stands there again. Raises CloudFormatError, CloudTruncated."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    header = parse_header(file.read(HEADER_BYTES), size, file.name)
+    file.seek(0)
+    return header
+
+
+def moved_frame(frame: LasFrame, motion: Motion, file: str) -> tuple[LasFrame, Array]:
+    """The frame for moved points, its bounds still open, and (3, 4) from old integers to new ones.
+
+    Raises CloudFormatError.
+    """
+    fields = (frame.scales, frame.offsets, frame.least, frame.most)
+    if not all((np.abs(field) < LENGTH_LIMIT).all() for field in fields) or not (frame.scales > 1 / LENGTH_LIMIT).all():
+        raise CloudFormatError(file, "header", "scales, offsets or bounds are no lengths", FIX)
+    centre = frame.least / 2 + frame.most / 2
+    scale = float(frame.scales.max()) * float(np.linalg.norm(motion.matrix[:, 0]))
+    offset = np.rint(motion.matrix[:, :3] @ centre + motion.matrix[:, 3])
+    linear = motion.matrix[:, :3] * frame.scales / scale
+    shift = (motion.matrix[:, :3] @ frame.offsets + motion.matrix[:, 3] - offset) / scale
+    matrix: Array = np.column_stack([linear, shift])
+    return LasFrame(np.full(3, scale), offset, frame.least, frame.most), matrix
+
+
+def require_fit(least: Array, most: Array, file: str) -> None:
+    """OpenCV answers an integer that does not fit as one of the ends. Raises CloudUnsupported."""
+    if (least <= -INT32_LIMIT - 1).any() or (most >= INT32_LIMIT).any():
+        what = "the moved points do not fit LAS's 32-bit integers at this scale"
+        raise CloudUnsupported(file, "points", what, "write a PLY instead")
+
+
+def rewritten(prefix: bytes, frame: LasFrame) -> bytes:
+    """The header with another frame."""
+    bounds = np.stack([frame.most, frame.least], axis=1).ravel()
+    numbers = np.concatenate([frame.scales, frame.offsets, bounds])
+    return prefix[:SCALES] + numbers.astype("<f8").tobytes() + prefix[SCALES + numbers.nbytes :]

@@ -1,0 +1,109 @@
+"""LAS and LAZ from file to file: the coordinates stay integers, scale and offset are folded into the matrix.
+
+LAS needs no library: everything but X, Y, Z and seven fields of the header passes as it is.
+"""
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from registration.errors import CloudIOError, CloudTruncated
+from registration.io.durable_file import GuardedFile
+from registration.io.formats.extras import library, told
+from registration.io.formats.las import (
+    HEADER_BYTES,
+    LasFrame,
+    LasHeader,
+    moved_frame,
+    read_whole_header,
+    require_fit,
+    rewritten,
+)
+from registration.io.formats.laz import require_sound_chunks
+from registration.io.parallel_copy import THREADS, Span, copy_span, move_span
+from registration.points.layout import Array, Layout
+from registration.points.rigid_motion import IntegerMover, Motion
+
+XYZ = ("X", "Y", "Z")
+
+BLOCK_POINTS = 200_000
+"""Four chunks as writers of LAZ make them: lazrs packs and unpacks each by a thread of its own."""
+
+
+def move_las(source: GuardedFile, target: GuardedFile, motion: Motion, *, compress: bool) -> int:
+    """Every dimension but X, Y, Z as it was. Gives the number of points. Raises CloudError's leaves."""
+    header = read_whole_header(source)
+    prefix, size = source.read(HEADER_BYTES), source.seek(0, 2)
+    frame, matrix = moved_frame(header.frame, motion, source.name)
+    if header.compressed or compress:
+        return _through_laspy(source, target, header, frame, matrix, compress=compress)
+    _records(source, target, prefix, header, frame, matrix, size)
+    return header.count
+
+
+def _records(
+    source: GuardedFile,
+    target: GuardedFile,
+    prefix: bytes,
+    header: LasHeader,
+    frame: LasFrame,
+    matrix: Array,
+    size: int,
+) -> None:
+    movers = [IntegerMover(matrix, Layout(header.dtype, XYZ)) for _ in range(THREADS)]
+    end = header.begin + header.count * header.record_bytes
+    target.reserve(size)
+    copy_span(source, target, 0, header.begin)
+    move_span(source, target, Span(header.dtype, header.count, header.begin, header.begin), movers)
+    copy_span(source, target, end, size)
+    least = np.min([mover.least for mover in movers], axis=0)
+    most = np.max([mover.most for mover in movers], axis=0)
+    require_fit(least, most, source.name)
+    bounds = (least * frame.scales + frame.offsets, most * frame.scales + frame.offsets)
+    if not header.count:
+        bounds = (np.zeros(3), np.zeros(3))
+    target.write_at(rewritten(prefix, replace(frame, least=bounds[0], most=bounds[1]))[: header.begin], 0)
+
+
+def _through_laspy(
+    source: GuardedFile, target: GuardedFile, sound: LasHeader, frame: LasFrame, matrix: Array, *, compress: bool
+) -> int:
+    """LAZ, on one side or on both."""
+    name = source.name
+    laspy = library("laspy", "las", name)
+    lazrs = library("lazrs", "las", name)
+    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException, lazrs.LazrsError)
+    with told(name, "header", *errors):
+        if sound.compressed:
+            require_sound_chunks(source, sound, lazrs)
+        source.seek(0)
+        reader = laspy.open(source.raw, closefd=False)
+        header = copy.deepcopy(reader.header)
+    header.scales, header.offsets = frame.scales, frame.offsets
+    try:
+        with laspy.open(target.raw, mode="w", header=header, do_compress=compress, closefd=False) as writer:
+            return _pass(reader, writer, matrix, errors, name)
+    except OSError as error:
+        what = f"it cannot be written ({error.strerror})"
+        raise CloudIOError(target.name, "file", what, "check path, rights and free space") from None
+
+
+def _pass(reader: Any, writer: Any, matrix: Array, errors: tuple[type[Exception], ...], name: str) -> int:
+    with told(name, "point 0", *errors):
+        empty = reader.read_points(0)
+    mover = IntegerMover(matrix, Layout(empty.array.dtype, XYZ))
+    seen, expected = 0, int(reader.header.point_count)
+    while seen < expected:
+        with told(name, f"point {seen}", *errors):
+            chunk = reader.read_points(min(BLOCK_POINTS, expected - seen))
+        if not len(chunk):
+            what = f"the header promises {expected} points, the file has {seen}"
+            raise CloudTruncated(name, f"point {seen}", what, "copy the whole file again")
+        array = mover.move(chunk.array)
+        require_fit(mover.least, mover.most, name)
+        header = writer.header
+        writer.write_points(type(empty)(array, header.point_format, header.scales, header.offsets))
+        seen += len(chunk)
+    return seen

@@ -1,0 +1,53 @@
+"""New LAS and LAZ files in blocks, through laspy: any columns, coordinates in mm as integers."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from registration.errors import CloudUnsupported
+from registration.io.durable_file import GuardedFile
+from registration.io.formats.extras import library
+from registration.points.layout import Layout, Records
+
+STEP_MM = 0.005
+"""LAS holds integers: this step reaches 10 m and is far below any scanner's noise."""
+
+COLOURS = ("red", "green", "blue")
+
+
+class LasOut:
+    """Colours and intensity by LAS's own names, every other column as an extra dimension."""
+
+    def __init__(self, writer: Any, header: Any, layout: Layout, laspy: Any, file: str) -> None:
+        self._writer, self._header, self._laspy, self._file = writer, header, laspy, file
+        self._layout = layout
+
+    def write(self, block: Records) -> None:
+        """Raises CloudUnsupported for a point that its integers do not reach, or that is none."""
+        reach = STEP_MM * (2**31 - 1)
+        if len(block) and not all(np.abs(block[name]).max() <= reach for name in self._layout.xyz):
+            what = f"a point lies further than {reach:.0f} mm from the base, or nowhere"
+            raise CloudUnsupported(self._file, "points", what, "ask for PLY, which has no limit")
+        record = self._laspy.ScaleAwarePointRecord.zeros(len(block), header=self._header)
+        for name in self._layout.dtype.names or ():
+            eight_bits = name in COLOURS and self._layout.dtype[name] == np.uint8
+            record[name] = block[name] * np.uint16(257) if eight_bits else block[name]
+        self._writer.write_points(record)
+
+
+@contextmanager
+def las_out(file: GuardedFile, layout: Layout, *, compress: bool, software: str = "handeyed") -> Iterator[LasOut]:
+    """Raises CloudUnsupported when laspy is not installed."""
+    laspy = library("laspy", "las", file.name)
+    if compress:
+        library("lazrs", "las", file.name)
+    header = laspy.LasHeader(version="1.4", point_format=7)
+    header.scales, header.offsets = np.full(3, STEP_MM), np.zeros(3)
+    header.system_identifier, header.generating_software = "frame base, lengths mm", software[:32]
+    own = {*layout.xyz, *COLOURS, "intensity"}
+    names = [name for name in layout.dtype.names or () if name not in own]
+    header.add_extra_dims([laspy.ExtraBytesParams(name, layout.dtype[name]) for name in names])
+    with laspy.open(file.raw, mode="w", header=header, do_compress=compress, closefd=False) as writer:
+        yield LasOut(writer, header, layout, laspy, file.name)

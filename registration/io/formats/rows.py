@@ -1,0 +1,50 @@
+"""XYZ and CSV: one point a line. A first line of words names the columns; without it they are x, y, z, c3, c4, ..."""
+
+import re
+
+import numpy as np
+
+from registration.errors import CloudFormatError
+from registration.io.formats.header import HEADER_LIMIT, CloudHeader, shorten
+from registration.points.layout import Layout
+
+COLUMN_LIMIT = 256
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?nan|[+-]?inf(inity)?", re.IGNORECASE)
+SYNONYMS = {"r": "red", "g": "green", "b": "blue", "i": "intensity"}
+
+
+def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
+    """The column names; None while the first line has not ended. Raises CloudFormatError."""
+    end = prefix.find(b"\n")
+    if end < 0:
+        if len(prefix) > HEADER_LIMIT:
+            raise CloudFormatError(file, "line 1", f"it is longer than {HEADER_LIMIT} bytes", "check the file's type")
+        return None
+    try:
+        line = prefix[:end].decode("utf-8-sig").strip()
+    except UnicodeDecodeError:
+        raise CloudFormatError(file, "line 1", "it is not text", "check the file's type") from None
+    separator = next((mark for mark in (",", ";", "\t") if mark in line), None)
+    words = line.lstrip("#/ ").split(separator)
+    named = not all(NUMBER.fullmatch(word.strip()) for word in words)
+    names = [_column(word) for word in words] if named else _unnamed(len(words))
+    if not {"x", "y", "z"} <= set(names) or len(set(names)) != len(names) or len(names) > COLUMN_LIMIT:
+        what = f"{shorten(line)} names no columns x, y, z (once each), nor is it numbers"
+        raise CloudFormatError(file, "line 1", what, "write a first line such as 'x,y,z' or numbers only")
+    length = end + 1 if named else 0
+    layout = Layout.of(np.dtype([(name, "<f8") for name in names]))
+    return CloudHeader("rows", "text", layout, None, length, prefix[:length], separator=separator)
+
+
+def _column(word: str) -> str:
+    name = word.strip().strip('"').strip().lower()
+    return SYNONYMS.get(name, name)
+
+
+def _unnamed(count: int) -> list[str]:
+    return ["x", "y", "z", *(f"c{index}" for index in range(3, count))][:count]
+
+
+def format_header(layout: Layout, separator: str) -> bytes:
+    """The line of column names."""
+    return (separator.join(layout.dtype.names or ()) + "\n").encode("ascii")

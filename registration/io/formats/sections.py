@@ -1,0 +1,94 @@
+"""Passing on what stands before or after the points, and noticing when it is cut."""
+
+from registration.errors import CloudFormatError, CloudTruncated
+from registration.io.formats.header import Encoding
+from registration.io.formats.tail import BinaryWalker, Element, RecordTooLong
+
+
+class SectionPassage:
+    """`take` says how many of the bytes given belong to the elements; they are passed on as they are."""
+
+    def __init__(self, elements: tuple[Element, ...], encoding: Encoding, file: str) -> None:
+        self._file = file
+        self._walk = _Lines(elements) if encoding == "text" else _Bytes(elements)
+
+    @property
+    def done(self) -> bool:
+        return self._walk.done
+
+    def take(self, data: memoryview) -> int:
+        try:
+            return self._walk.take(data)
+        except RecordTooLong as error:
+            raise CloudFormatError(self._file, self._walk.place, str(error), "write the file again") from None
+
+    def finish(self) -> None:
+        """Raises CloudTruncated when records are missing."""
+        self._walk.finish()
+        if not self.done:
+            raise CloudTruncated(
+                self._file, self._walk.place, "the data end here", "send or copy the whole cloud again"
+            )
+
+
+class _Bytes:
+    """Binary elements; a record that a boundary cuts is held until it is whole, in bounded memory."""
+
+    def __init__(self, elements: tuple[Element, ...]) -> None:
+        self._walker = BinaryWalker(elements)
+        self._cut = b""
+
+    @property
+    def done(self) -> bool:
+        return self._walker.done
+
+    @property
+    def place(self) -> str:
+        return self._walker.place
+
+    def take(self, data: memoryview) -> int:
+        content = self._cut + data
+        whole = self._walker.take(memoryview(content))
+        if self.done:
+            used = whole - len(self._cut)
+            self._cut = b""
+            return used
+        self._cut = content[whole:]
+        return len(data)
+
+    def finish(self) -> None:
+        """Nothing is held back: bytes are passed on before their record is whole."""
+
+
+class _Lines:
+    """Text elements: one line each; blank lines do not count."""
+
+    def __init__(self, elements: tuple[Element, ...]) -> None:
+        self._left = self._all = sum(element.count for element in elements)
+        self._begun = False
+
+    @property
+    def done(self) -> bool:
+        return self._left == 0
+
+    @property
+    def place(self) -> str:
+        return f"line {self._all - self._left} beside the points"
+
+    def take(self, data: memoryview) -> int:
+        content = bytes(data)
+        position = 0
+        while self._left:
+            end = content.find(b"\n", position)
+            piece = content[position : end if end >= 0 else None]
+            self._begun = self._begun or bool(piece.strip())
+            if end < 0:
+                return len(content)
+            self._left -= self._begun
+            self._begun = False
+            position = end + 1
+        return position
+
+    def finish(self) -> None:
+        self._left -= self._begun
+        self._begun = False

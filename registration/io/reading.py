@@ -1,0 +1,148 @@
+"""Clouds from files, in blocks of bounded size: `open_cloud(path)` whatever the format.
+
+Every source has a `layout`, a `count` where the file tells, and `blocks()`, which may be asked for once. A block is
+valid until the next one; its owner may overwrite it.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from registration.errors import CloudTruncated, CloudUnsupported
+from registration.io.durable_file import GuardedFile
+from registration.io.formats import npy, pcd, ply, rows
+from registration.io.formats.bodies import decoder_of, require_end
+from registration.io.formats.compressed import CompressedSource
+from registration.io.formats.detect import HeaderParser, octets
+from registration.io.formats.extras import E57Source, LasSource
+from registration.io.formats.header import HEADER_LIMIT, CloudHeader
+from registration.io.formats.sections import SectionPassage
+from registration.io.formats.stl import open_stl
+from registration.io.stream import BLOCK_BYTES
+from registration.points.layout import Layout, Records
+
+PARSERS: dict[str, HeaderParser] = {
+    ".ply": ply.parse_header,
+    ".pcd": pcd.parse_header,
+    ".xyz": rows.parse_header,
+    ".txt": rows.parse_header,
+    ".csv": rows.parse_header,
+    ".npy": npy.parse_header,
+    ".bin": octets,
+    ".f32": octets,
+}
+"""Formats whose header is parsed from the first bytes, by suffix."""
+
+
+class CloudSource(Protocol):
+    """A cloud that is being read."""
+
+    @property
+    def layout(self) -> Layout: ...
+
+    @property
+    def count(self) -> int | None: ...
+
+    def blocks(self) -> Iterator[Records]: ...
+
+
+class StreamedSource:
+    """Any format that is a header and records one after another."""
+
+    def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
+        self._file = file
+        self._name = name
+        self.header = header
+
+    @property
+    def layout(self) -> Layout:
+        return self.header.layout
+
+    @property
+    def count(self) -> int | None:
+        return self.header.count
+
+    def blocks(self) -> Iterator[Records]:
+        """The points; what stands beside them is checked and left out. Raises CloudError's leaves."""
+        header, name = self.header, self._name
+        lead, tail = (SectionPassage(elements, header.encoding, name) for elements in (header.lead, header.tail))
+        decoder = decoder_of(header, name)
+        self._file.seek(header.length)
+        for piece in _pieces(self._file, header):
+            rest = piece
+            if not lead.done:
+                rest = rest[lead.take(rest) :]
+            if lead.done and not decoder.done and rest:
+                yield from map(_writable, decoder.take(rest))
+                rest = rest[decoder.taken :]
+            if decoder.done and not tail.done and rest:
+                rest = rest[tail.take(rest) :]
+            require_end(header, name, decoder.points, rest)
+        lead.finish()
+        yield from decoder.finish()
+        tail.finish()
+
+
+def _writable(block: Records) -> Records:
+    return block if block.flags.writeable else block.copy()
+
+
+def _pieces(file: GuardedFile, header: CloudHeader) -> Iterator[memoryview]:
+    """The file from here on, through one buffer that holds whole records."""
+    size = max(1, BLOCK_BYTES // header.layout.itemsize) * header.layout.itemsize
+    buffer = memoryview(bytearray(size))
+    while length := file.readinto(buffer):
+        yield buffer[:length]
+
+
+def read_header(file: GuardedFile, parser: HeaderParser, name: str) -> CloudHeader:
+    """The header at the file's beginning, compared with the file's size. Raises CloudError's leaves."""
+    prefix = file.read(4096)
+    header = parser(prefix, name)
+    while header is None:
+        more = file.read(HEADER_LIMIT)
+        if not more:
+            header = parser(prefix + b"\n", name) if parser is rows.parse_header and prefix else None
+            if header is None:
+                what = f"the file ends after {len(prefix)} bytes, inside the header"
+                raise CloudTruncated(name, "header", what, "copy the whole file again")
+            break
+        prefix += more
+        header = parser(prefix, name)
+    size = file.seek(0, 2)
+    if header.body_length is not None and size - header.length < header.body_length:
+        promised = f"{header.count} points in {header.body_length} bytes"
+        what = f"the header promises {promised}, but {size - header.length} bytes follow"
+        raise CloudTruncated(name, f"byte {size}", what, "copy the whole file again")
+    return header
+
+
+@contextmanager
+def open_cloud(path: Path, name: str | None = None) -> Iterator[CloudSource]:
+    """A cloud file of any format known by its suffix. Raises CloudError's leaves, naming `name` (the path's own)."""
+    name = name or path.name
+    with GuardedFile.reading(path, name) as file:
+        yield _source(path, file, name)
+
+
+def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
+    suffix = path.suffix.lower()
+    if suffix in SPECIAL:
+        return SPECIAL[suffix](path, file, name)
+    if suffix not in PARSERS:
+        known = ", ".join(sorted([*PARSERS, *SPECIAL]))
+        raise CloudUnsupported(name, "suffix", f"clouds of type {suffix!r} are not read", f"use one of {known}")
+    header = read_header(file, PARSERS[suffix], name)
+    if header.encoding == "compressed":
+        return CompressedSource(file, header, name)
+    return StreamedSource(file, header, name)
+
+
+SPECIAL: dict[str, Callable[[Path, GuardedFile, str], CloudSource]] = {
+    ".stl": lambda path, file, name: open_stl(file, name),
+    ".las": lambda path, file, name: LasSource(file, name, compressed=False),
+    ".laz": lambda path, file, name: LasSource(file, name, compressed=True),
+    ".e57": lambda path, file, name: E57Source(path, name),
+}
+"""Formats that are not a header and records."""

@@ -1,0 +1,159 @@
+"""A cloud moved while it passes by: bytes in, bytes out, the same format, flat memory, no input or output of its own.
+
+    stream = CloudStream("application/x-ply", base_T_camera, "m")
+    for chunk in body:
+        send(stream.feed(chunk))
+    send(stream.finish())
+
+The header comes out as soon as it has come in; every point follows as soon as it is whole. Output is as long as the
+input for binary clouds, so a Content-Length may be promised. Points with NaN or infinite coordinates are passed
+through (they stay non-finite) and counted in `non_finite`. All other columns, and the faces of a PLY file, come out
+bit for bit; normals are rotated.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from registration.errors import CloudTruncated, CloudUnsupported
+from registration.io.formats.bodies import BodyDecoder, TextEncoder, decoder_of, require_end
+from registration.io.formats.detect import HeaderParser, parser_of
+from registration.io.formats.header import CloudHeader
+from registration.io.formats.sections import SectionPassage
+from registration.points.layout import Records
+from registration.points.rigid_motion import BlockMover, Motion
+
+BLOCK_BYTES = 1 << 18
+"""Pieces that stay in the second-level cache through read, move and write."""
+
+
+class CloudStream:
+    """See the module. `file` names the cloud in errors. Raises RegistrationError's leaves, at construction or later.
+
+    After an error, or after `finish`, the stream is used up.
+    """
+
+    def __init__(
+        self,
+        media_type: str,
+        base_T_camera: ArrayLike,
+        unit: str | None,
+        *,
+        out_unit: str = "mm",
+        file: str = "request body",
+    ) -> None:
+        self._start(parser_of(media_type, file), Motion.of(base_T_camera, unit, out_unit), file)
+
+    @classmethod
+    def with_parser(cls, parser: HeaderParser, motion: Motion, file: str) -> "CloudStream":
+        """For formats that have no media type."""
+        stream = cls.__new__(cls)
+        stream._start(parser, motion, file)
+        return stream
+
+    def _start(self, parser: HeaderParser, motion: Motion, file: str) -> None:
+        self._file = file
+        self._parser = parser
+        self._motion = motion
+        self._prefix = b""
+        self._header: CloudHeader | None = None
+        self._mover: BlockMover | None = None
+
+    @property
+    def header(self) -> CloudHeader | None:
+        """What the header said, once it has come in."""
+        return self._header
+
+    @property
+    def points(self) -> int:
+        """Points moved so far."""
+        return self._mover.points if self._mover else 0
+
+    @property
+    def non_finite(self) -> int:
+        """Points with a coordinate that is NaN or infinite so far."""
+        return self._mover.non_finite if self._mover else 0
+
+    def feed(self, chunk: bytes | bytearray | memoryview) -> bytes:
+        """Everything that is ready after `chunk`."""
+        return b"".join([bytes(part) for part in self.parts(chunk)])
+
+    def finish(self) -> bytes:
+        """The bytes have ended: what was still held back. Raises CloudTruncated when something is missing."""
+        return b"".join([bytes(part) for part in self.last_parts()])
+
+    def parts(self, chunk: bytes | bytearray | memoryview) -> Iterator[bytes | memoryview]:
+        """As `feed`, without joining; a part stays valid as long as nobody else writes into its chunk.
+
+        A writable chunk may be overwritten, which saves a copy.
+        """
+        data = memoryview(chunk).cast("B")
+        if self._header is None:
+            content = self._prefix + data
+            header = self._parser(content, self._file)
+            if header is None:
+                self._prefix = content
+                return
+            self._prefix = b""
+            yield self._begin(header)
+            data = memoryview(content)[header.length :]
+        for start in range(0, len(data), BLOCK_BYTES):
+            yield from self._body(data[start : start + BLOCK_BYTES])
+
+    def last_parts(self) -> Iterator[bytes | memoryview]:
+        """As `finish`, without joining."""
+        if self._header is None:
+            header = self._parser(b"", self._file) if not self._prefix else None
+            if header is None:
+                raise CloudTruncated(
+                    self._file,
+                    "header",
+                    f"the data end after {len(self._prefix)} bytes, inside the header",
+                    "send or copy the whole cloud again",
+                )
+            yield self._begin(header)
+        self._lead.finish()
+        for block in self._points.finish():
+            yield self._moved(block)
+        self._tail.finish()
+
+    def _begin(self, header: CloudHeader) -> bytes:
+        if header.encoding == "compressed":
+            raise CloudUnsupported(
+                self._file,
+                "DATA",
+                "a compressed PCD cannot be moved while it passes by",
+                "send it as 'DATA binary', or register the file from disk",
+            )
+        self._header = header
+        self._mover = BlockMover(self._motion, header.layout)
+        self._lead = SectionPassage(header.lead, header.encoding, self._file)
+        self._points: BodyDecoder = decoder_of(header, self._file)
+        self._tail = SectionPassage(header.tail, header.encoding, self._file)
+        self._encoder = TextEncoder(header.layout, header.separator or " ") if header.encoding == "text" else None
+        return header.rewritten
+
+    def _body(self, data: memoryview) -> Iterator[bytes | memoryview]:
+        if not self._lead.done:
+            used = self._lead.take(data)
+            yield data[:used]
+            data = data[used:]
+        if self._lead.done and not self._points.done and data:
+            for block in self._points.take(data):
+                yield self._moved(block)
+            data = data[self._points.taken :]
+        if self._points.done and not self._tail.done and data:
+            used = self._tail.take(data)
+            yield data[:used]
+            data = data[used:]
+        if data:
+            assert self._header is not None
+            require_end(self._header, self._file, self._points.points, data)
+
+    def _moved(self, block: Records) -> bytes | memoryview:
+        assert self._mover is not None
+        if self._mover.in_place and not block.flags.writeable:
+            block = block.copy()
+        moved = self._mover.move(block, into=np.empty_like(block))  # nobody overwrites what waits to be sent
+        return self._encoder.encode(moved) if self._encoder else moved.view(np.uint8).data

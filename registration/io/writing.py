@@ -1,0 +1,123 @@
+"""Writing clouds in blocks; the number of points may be unknown until the end."""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from registration.errors import CloudUnsupported
+from registration.io.durable_file import GuardedFile, new_file
+from registration.io.formats import npy, pcd, ply, rows
+from registration.io.formats.bodies import TextEncoder
+from registration.io.formats.e57_out import E57Out, e57_out, held
+from registration.io.formats.las_out import LasOut, las_out
+from registration.io.formats.pcl import PclRecords
+from registration.points.layout import XYZ_FLOAT32, Layout, Records
+
+
+def _raw(block: Records) -> bytes | memoryview:
+    return np.ascontiguousarray(block).view(np.uint8).data
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a format is written: its header for a number of points (of constant length), and its blocks."""
+
+    layout: Layout
+    header: Callable[[int], bytes]
+    encode: Callable[[Records], bytes | memoryview]
+
+
+def _pcd(layout: Layout, file: str) -> Form:
+    records = PclRecords.of(layout, file)
+    return Form(layout, lambda count: pcd.format_header(records.layout, count), records.encode)
+
+
+def _text(layout: Layout, separator: str) -> Form:
+    return Form(layout, lambda count: rows.format_header(layout, separator), TextEncoder(layout, separator).encode)
+
+
+FORMS: dict[str, Callable[[Layout, str], Form]] = {
+    ".ply": lambda layout, _: Form(layout, lambda count: ply.format_header(layout, count), _raw),
+    ".pcd": _pcd,
+    ".npy": lambda layout, _: Form(layout, lambda count: npy.format_header(layout, count), _raw),
+    ".xyz": lambda layout, _: _text(layout, " "),
+    ".csv": lambda layout, _: _text(layout, ","),
+    ".bin": lambda layout, _: Form(XYZ_FLOAT32, lambda count: b"", _raw),
+}
+"""By suffix; `.bin` is raw float32 x, y, z and holds no other column."""
+
+
+LIBRARIES: dict[str, Callable[[GuardedFile, Layout], AbstractContextManager[LasOut | E57Out]]] = {
+    ".las": lambda file, layout: las_out(file, layout, compress=False),
+    ".laz": lambda file, layout: las_out(file, layout, compress=True),
+    ".e57": e57_out,
+}
+"""Formats that the extras' libraries write."""
+
+
+def form_of(path: Path, layout: Layout) -> Form:
+    """How a cloud of common columns is written to `path`. Raises CloudUnsupported."""
+    suffix = path.suffix.lower()
+    if suffix in LIBRARIES:
+        return Form(held(layout) if suffix == ".e57" else layout, lambda count: b"", _raw)
+    if suffix not in FORMS:
+        fix = f"use one of {', '.join([*FORMS, *LIBRARIES])}"
+        raise CloudUnsupported(path.name, "suffix", f"clouds of type {suffix!r} are not written", fix)
+    return FORMS[suffix](layout, path.name)
+
+
+class Writer(Protocol):
+    """Takes blocks of `form.layout`, and counts."""
+
+    form: Form
+    points: int
+
+    def write(self, block: Records) -> None: ...
+
+
+class LibraryWriter:
+    """Passes blocks on to a library."""
+
+    def __init__(self, out: LasOut | E57Out, form: Form) -> None:
+        self._out, self.form, self.points = out, form, 0
+
+    def write(self, block: Records) -> None:
+        self.points += len(block)
+        self._out.write(block)
+
+
+class CloudWriter:
+    """Takes blocks of `form.layout`."""
+
+    def __init__(self, file: GuardedFile, form: Form) -> None:
+        self._file = file
+        self.form = form
+        self.points = 0
+        file.write(form.header(0))
+
+    def write(self, block: Records) -> None:
+        self.points += len(block)
+        self._file.write(self.form.encode(block))
+
+    def finish(self) -> None:
+        """Put the number of points into the header."""
+        self._file.seek(0)
+        self._file.write(self.form.header(self.points))
+
+
+@contextmanager
+def new_cloud(path: Path, layout: Layout, *, durable: bool = True) -> Iterator[Writer]:
+    """A cloud file that is whole under its name, or not there. Raises CloudUnsupported, CloudIOError."""
+    form, library = form_of(path, layout), LIBRARIES.get(path.suffix.lower())
+    with new_file(path, durable=durable) as file:
+        if library is not None:
+            with library(file, layout) as out:
+                yield LibraryWriter(out, form)
+            return
+        writer = CloudWriter(file, form)
+        yield writer
+        writer.finish()

@@ -1,0 +1,1 @@
+"""Points in arrays: layout, rigid motion, hash index, voxels, surfaces, sphere fit."""

@@ -1,0 +1,203 @@
+"""Moving blocks of points: P_base = base_T_camera @ P_camera at memory speed.
+
+A unit's scale lies in the matrix, so metres become millimetres in the same pass. `cv2.transform` runs at the speed
+of memcpy when it is given a destination that exists already and fits the cache; in place it would allocate.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from registration.errors import MotionError, UnitUnknown
+from registration.points.layout import Array, Layout, Records, Triple
+
+Unit = Literal["m", "mm"]
+
+MILLIMETRES: dict[str, float] = {"mm": 1.0, "m": 1000.0}
+
+RIGID_TOLERANCE = 1e-5
+"""How far R^T R may be from the identity: quaternions printed with six decimals stay within 4e-6."""
+
+FLOAT32_REACH_MM = 20_000.0
+"""Within a translation this long, float32 arithmetic loses less than the float32 storage does (1 µm at 16 m)."""
+
+
+LANES = 16
+"""Points that the widest vector instructions move at once (AVX-512, float32)."""
+
+
+def scale_to_mm(unit: str | None) -> float:
+    """Millimetres of one `unit`. Raises UnitUnknown when nobody said which it is."""
+    if unit not in MILLIMETRES:
+        said = "no unit is stated" if unit is None else f"unit {unit!r} is not known"
+        raise UnitUnknown(f"{said} for the cloud's coordinates", "say 'm' or 'mm'; it is never guessed")
+    return MILLIMETRES[unit]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A rigid motion with a change of unit: `matrix` (3, 4) maps stored coordinates to coordinates to store."""
+
+    matrix: Array
+    rotation: Array
+
+    @classmethod
+    def of(cls, base_T_camera: ArrayLike, unit: str | None, out_unit: str | None = "mm") -> "Motion":
+        """From a transform in mm, the unit of the cloud, and the unit wanted. Raises MotionError, UnitUnknown."""
+        a_T_b = np.asarray(base_T_camera, float)
+        _require_rigid(a_T_b)
+        scale, out_scale = scale_to_mm(unit), scale_to_mm(out_unit)
+        matrix = np.hstack([a_T_b[:3, :3] * (scale / out_scale), a_T_b[:3, 3:] / out_scale])
+        return cls(matrix, a_T_b[:3, :3].copy())
+
+    @property
+    def fits_float32(self) -> bool:
+        """May float32 coordinates be moved in float32 arithmetic?"""
+        return bool(np.linalg.norm(self.matrix[:, 3]) <= FLOAT32_REACH_MM)
+
+
+def _require_rigid(a_T_b: Array) -> None:
+    fix = "give a 4×4 rigid transform in mm with the last row 0 0 0 1"
+    if a_T_b.shape != (4, 4):
+        raise MotionError(f"the transform has the shape {a_T_b.shape}", fix)
+    if not np.all(np.isfinite(a_T_b)):
+        raise MotionError("the transform has elements that are not finite", fix)
+    if not np.array_equal(a_T_b[3], [0, 0, 0, 1]):
+        raise MotionError(f"the transform's last row is {a_T_b[3].tolist()}", fix)
+    rotation = a_T_b[:3, :3]
+    off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if off > RIGID_TOLERANCE:
+        raise MotionError(f"the transform scales or shears (R^T R is off by {off:.2g})", fix)
+    if np.linalg.det(rotation) < 0:
+        raise MotionError("the transform mirrors (determinant -1)", "check for a swapped axis or a left-handed frame")
+
+
+def move_points(matrix: Array, points: NDArray[Any], out: NDArray[Any]) -> None:
+    """`out` (n, 3) = matrix (3, 4 or 3, 3) @ points (n, 3): C-contiguous, the same float type, not the same memory.
+
+    A point comes out with the same bits wherever it stands in a block of any length: OpenCV rounds the last few
+    points of a call differently, so these are moved again in front of `LANES` idle points.
+    """
+    if not len(points):
+        return
+    cv2.transform(points[None], matrix, out[None])
+    last = max(0, len(points) - LANES)
+    row = np.zeros((1, 2 * LANES, 3), points.dtype)
+    row[0, : len(points) - last] = points[last:]
+    out[last:] = cv2.transform(row, matrix)[0, : len(points) - last]
+
+
+class BlockMover:
+    """Moves blocks of one layout; owns its scratch memory.
+
+    `move` gives back the block itself, changed in place where it must be writable, or else what it was given to move
+    it `into`, or a block of its own that stays valid until the next call. `points` and `non_finite` count what went
+    through: a point with a NaN or infinite coordinate is moved as it is (it comes out non-finite) and counted.
+    """
+
+    def __init__(self, motion: Motion, layout: Layout) -> None:
+        self.points = 0
+        self.non_finite = 0
+        self._layout = layout
+        self._xyz = _TripleMover(motion.matrix, layout, layout.xyz, motion.fits_float32)
+        self._normals = layout.normals and _TripleMover(motion.rotation, layout, layout.normals, True)
+
+    @property
+    def in_place(self) -> bool:
+        """Does `move` write into the block it is given?"""
+        return not self._xyz.whole_record
+
+    def move(self, block: Records, into: Records | None = None) -> Records:
+        self.points += len(block)
+        moved = self._xyz.move(block, None if self.in_place else into)
+        self.non_finite += _count_non_finite(moved)
+        if self._xyz.whole_record:
+            return moved.view(self._layout.dtype)[:, 0]
+        self._xyz.store(moved, block)
+        if self._normals:
+            self._normals.store(self._normals.move(block), block)
+        return block
+
+
+def _count_non_finite(points: NDArray[Any]) -> int:
+    """One cheap sum tells whether there is anything to count; cv2's runs at memory speed and warns of nothing."""
+    if np.isfinite(sum(cv2.sumElems(points[None]))):
+        return 0
+    return int(len(points) - np.count_nonzero(np.isfinite(points).all(axis=1)))
+
+
+class IntegerMover:
+    """Moves records whose X, Y, Z are 32-bit integers, in place; what does not fit comes out as one of the ends.
+
+    `least` and `most` (3,): the integers that were stored.
+    """
+
+    def __init__(self, matrix: Array, layout: Layout) -> None:
+        self.least, self.most = np.full(3, np.iinfo(np.int32).max), np.full(3, np.iinfo(np.int32).min)
+        self._mover = _TripleMover(matrix, layout, layout.xyz, fits_float32=False)
+
+    def move(self, block: Records) -> Records:
+        """The block itself."""
+        self._mover.store(self._mover.move(block), block)
+        for axis, plane in enumerate(self._mover.planes(len(block))):
+            self.least[axis] = min(self.least[axis], plane.min(initial=self.least[axis]))
+            self.most[axis] = max(self.most[axis], plane.max(initial=self.most[axis]))
+        return block
+
+
+class _TripleMover:
+    """Moves one triple of columns: side by side they are moved as they lie, else plane by plane through scratch.
+
+    Gathering three columns one by one and merging them takes half as long as copying items of 12 bytes: NumPy copies
+    4 bytes with one instruction, and 12 by a call of memmove.
+    """
+
+    def __init__(self, matrix: Array, layout: Layout, names: Triple, fits_float32: bool) -> None:
+        self._matrix = matrix
+        self._names = names
+        kind = layout.kind(names).newbyteorder("=")
+        single = kind.itemsize <= 4 and kind.kind == "f" and fits_float32
+        self._kind = kind if kind == np.int32 else np.dtype(np.float32 if single else float)
+        packed = layout.is_packed(names) and layout.dtype[names[0]] == self._kind
+        self.whole_record = packed and layout.itemsize == 3 * self._kind.itemsize
+        self._resize(0)
+
+    def _resize(self, count: int) -> None:
+        self._source, self._target = np.empty((count, 3), self._kind), np.empty((count, 3), self._kind)
+        self._planes = np.empty((3, 1, 0 if self.whole_record else count), self._kind)
+
+    def move(self, block: Records, into: Records | None = None) -> NDArray[Any]:
+        """The triple of every record, moved: (n, 3), of this mover's own or `into` whole records."""
+        count = len(block)
+        if len(self._target) < count:
+            self._resize(count)
+        source = self._source[:count]
+        target = self._target[:count] if into is None else into.view(self._kind).reshape(count, 3)
+        if self.whole_record and block.flags.aligned and block.flags.c_contiguous:
+            source = block.view(self._kind).reshape(count, 3)
+        elif self.whole_record:
+            source[:] = np.ascontiguousarray(block).view(self._kind).reshape(count, 3)
+        elif count:
+            planes = self.planes(count)
+            for plane, name in zip(planes, self._names, strict=True):
+                plane[0] = block[name]
+            cv2.merge(planes, source[None])
+        move_points(self._matrix, source, target)
+        return target
+
+    def planes(self, count: int) -> list[NDArray[Any]]:
+        """Three rows (1, count) of scratch; after `store` the columns that were stored."""
+        return [plane[:, :count] for plane in self._planes]
+
+    def store(self, moved: NDArray[Any], block: Records) -> None:
+        """Write (n, 3) back into the records."""
+        count = len(block)
+        if not count:
+            return
+        planes = cv2.split(moved[None], self.planes(count))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for plane, name in zip(planes, self._names, strict=True):
+                block[name] = plane[0]

@@ -1,0 +1,110 @@
+"""A view as a surface: a bounded number of points with normals, and a search tree."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from calibration.transforms import Array
+from registration.points.layout import Layout, Records
+
+POINT_LIMIT = 30_000
+"""Points of one view that are kept; more say nothing new about six numbers."""
+
+NEIGHBOURS = 14
+"""Points a normal is fitted to."""
+
+
+LINE_LIKE = 0.02
+"""Share of the longest spread (variances) below which a neighbourhood is a line and has no normal of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """`points` (n, 3) in mm and unit `normals` (n, 3), both in the camera's frame; `spacing_mm` between neighbours."""
+
+    points: Array
+    normals: Array
+    spacing_mm: float
+    tree: cKDTree
+
+    @classmethod
+    def of(cls, points: Array) -> "Surface":
+        """Normals by the plane through each point's neighbours, turned towards the camera.
+
+        Points whose neighbours lie along a line have no normal and are left out. `spacing_mm` is that of a square
+        lattice as dense as the surface, whatever the order of the points.
+        """
+        count = min(NEIGHBOURS, len(points))
+        if count < 3:
+            return cls(points, np.zeros_like(points), 1.0, cKDTree(points))
+        distances, neighbours = cKDTree(points).query(points, k=count)
+        normals, spreads = planes_of(points[neighbours])
+        normals = np.where(np.sum(normals * points, axis=1, keepdims=True) > 0, -normals, normals)
+        kept = spreads[:, 1] > LINE_LIKE * spreads[:, 2]
+        spacing_mm = float(np.median(distances[:, -1]) * np.sqrt(np.pi / (count - 1)))
+        return cls(points[kept], normals[kept], spacing_mm or 1.0, cKDTree(points[kept]))
+
+
+def planes_of(patches: Array) -> tuple[Array, Array]:
+    """Normals (n, 3) of the planes through patches (n, k, 3), either way round, and the spreads (n, 3), ascending."""
+    patches = patches - patches.mean(axis=1, keepdims=True)
+    spreads, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
+    return vectors[:, :, 0], spreads
+
+
+class PointSample:
+    """A sample of the finite points that pass by, at most `limit`, in the order they come.
+
+    Chosen by a hash of their number: every n-th point of a scanner's raster would stand in stripes, and the normals
+    fitted to a stripe are those of anything.
+    """
+
+    def __init__(self, scale_to_mm: float, limit: int = POINT_LIMIT) -> None:
+        self._scale = scale_to_mm
+        self._limit = limit
+        self._below = 1 << 32
+        self._seen = 0
+        self._kept: list[Array] = []
+        self._hashes: list[NDArray[np.uint32]] = []
+
+    def add(self, block: Records, layout: Layout) -> None:
+        """Take the points with a small hash; the bound halves whenever twice the limit is held."""
+        hashes = _hashes(self._seen, len(block))
+        self._seen += len(block)
+        chosen = np.flatnonzero(hashes < self._below)
+        points = np.stack([block[name][chosen].astype(float) for name in layout.xyz], axis=1) * self._scale
+        finite = np.isfinite(points).all(axis=1)
+        self._kept.append(points[finite])
+        self._hashes.append(hashes[chosen[finite]])
+        while sum(map(len, self._kept)) > 2 * self._limit:
+            self._below >>= 1
+            hashes = np.concatenate(self._hashes)
+            small = hashes < self._below
+            self._kept, self._hashes = [np.concatenate(self._kept)[small]], [hashes[small]]
+
+    def points(self) -> Array:
+        """(n, 3) in mm."""
+        if not self._kept:
+            return np.empty((0, 3))
+        points, hashes = np.concatenate(self._kept), np.concatenate(self._hashes)
+        return points[np.sort(np.argsort(hashes, kind="stable")[: self._limit])]
+
+
+def _hashes(start: int, count: int) -> NDArray[np.uint32]:
+    """A number for each index that looks random: the finaliser of MurmurHash3 (Appleby)."""
+    mixed = np.arange(start, start + count, dtype=np.uint64).astype(np.uint32)
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35), (16, 1)):
+        mixed ^= mixed >> np.uint32(shift)
+        mixed *= np.uint32(factor)
+    return mixed
+
+
+def sample_points(blocks: Iterable[Records], layout: Layout, scale_to_mm: float, limit: int = POINT_LIMIT) -> Array:
+    """(n, 3) in mm of at most `limit` points, spread over the whole cloud."""
+    sample = PointSample(scale_to_mm, limit)
+    for block in blocks:
+        sample.add(block, layout)
+    return sample.points()

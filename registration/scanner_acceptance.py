@@ -1,0 +1,88 @@
+"""Figures of a scanner from spheres and ball bars, based on VDI/VDE 2634-3 and ISO 10360-13.
+
+Probing error (form): the width that holds 95 % of the distances from the sphere fitted with its radius free. Probing
+error (size): the fitted diameter less the calibrated one. Sphere-spacing error: the measured distance of a ball bar's
+centres less the calibrated one. "Based on": the standards also prescribe artefacts, positions and temperature.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.transforms import Array
+from registration.errors import SphereError
+from registration.points.sphere_fit import find_artefact, fit_sphere
+
+BASED_ON = "based on VDI/VDE 2634-3 and ISO 10360-13"
+FORM_SHARE = 0.95
+BELONGS = 1.25
+"""Points within so many radii of a ball's centre are its own, or those of its holder."""
+
+
+@dataclass(frozen=True, eq=False)
+class Probed:
+    """One ball in one position: where (3,), and its probing errors."""
+
+    centre_mm: Array
+    form_mm: float
+    size_mm: float
+    points: int
+
+
+@dataclass(frozen=True, eq=False)
+class Position:
+    """What one cloud shows: one ball, or the two of a ball bar and their spacing error."""
+
+    balls: tuple[Probed, ...]
+    spacing_mm: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Acceptance:
+    """The largest of each, in magnitude, over all positions; `spacing_mm` None without a ball bar."""
+
+    positions: tuple[Position, ...]
+    form_mm: float
+    size_mm: float
+    spacing_mm: float | None
+
+
+def accept(clouds: Sequence[Array], radius_mm: float, spacing_mm: float | None = None) -> Acceptance:
+    """From one cloud (n, 3) in mm for each position. Raises SphereError, naming the position."""
+    if not clouds:
+        raise SphereError("there are no positions", "scan the artefact in at least one")
+    positions = tuple(_position(index, points, radius_mm, spacing_mm) for index, points in enumerate(clouds))
+    balls = [ball for position in positions for ball in position.balls]
+    spacings = [position.spacing_mm for position in positions if position.spacing_mm is not None]
+    return Acceptance(
+        positions,
+        max(ball.form_mm for ball in balls),
+        max((ball.size_mm for ball in balls), key=abs),
+        max(spacings, key=abs) if spacings else None,
+    )
+
+
+def _position(index: int, points: Array, radius_mm: float, spacing_mm: float | None) -> Position:
+    try:
+        first, rest = _ball(points, radius_mm)
+        if spacing_mm is None:
+            return Position((first,), None)
+        second, _ = _ball(rest, radius_mm)
+    except SphereError as error:
+        raise SphereError(f"position {index}: {error.what}", error.fix) from None
+    apart = float(np.linalg.norm(second.centre_mm - first.centre_mm))
+    return Position((first, second), apart - spacing_mm)
+
+
+def _ball(points: Array, radius_mm: float) -> tuple[Probed, Array]:
+    """A ball of the calibrated radius, and the points that are not its own. Raises SphereError."""
+    points = points[np.isfinite(points).all(axis=1)]
+    found = find_artefact(points, radius_mm)
+    distance = np.linalg.norm(points - found.centre, axis=1)
+    free = fit_sphere(points[np.abs(distance - radius_mm) < 0.1 * radius_mm])
+    gaps = np.linalg.norm(points - free.centre, axis=1) - free.radius_mm
+    own = gaps[np.abs(gaps) < 0.1 * radius_mm]
+    low, high = np.quantile(own, [(1 - FORM_SHARE) / 2, (1 + FORM_SHARE) / 2])
+    probed = Probed(free.centre, float(high - low), 2 * (free.radius_mm - radius_mm), len(own))
+    return probed, points[distance > BELONGS * radius_mm]
