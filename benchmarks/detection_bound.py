@@ -8,8 +8,8 @@ import numpy as np
 from benchmarks.detection_views import TruePicture
 from calibration.targets import Target
 from calibration.transforms import Array
-from mock_robot.camera_view import render
-from mock_robot.optics import Optics
+from mock_robot.scene.camera_view import render
+from mock_robot.scene.optics import Optics
 
 
 def bound_px(picture: TruePicture, target: Target, optics: Optics, window_px: int) -> float:

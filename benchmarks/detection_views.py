@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from calibration.camera import CameraModel
 from calibration.targets import Target
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
-from mock_robot.camera_view import render
-from mock_robot.optics import Optics
-from mock_robot.printed_target import Sheet, printed
+from mock_robot.scene.camera_view import render
+from mock_robot.scene.optics import Optics
+from mock_robot.scene.printed_target import Sheet, printed
 
 ORDINARY = Optics()
 BLURRED = Optics(blur_px=2.0, read_noise=3.0)

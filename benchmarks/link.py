@@ -23,7 +23,7 @@ from benchmarks.link_schedules import CELLS, schedules
 from drivers.robots.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cell import MockCell, Ports
-from mock_robot.truth import CellTruth
+from mock_robot.truth.truth import CellTruth
 from registration.io.stream import CloudStream
 
 READS_A_SECOND = 250

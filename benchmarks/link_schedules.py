@@ -21,9 +21,9 @@ from drivers.robots.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from drivers.robots.transport import Connection
 from mock_robot.cell import MockCell, Ports
-from mock_robot.fault_table import FAULTS
+from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.rapid.controller import RapidController
-from mock_robot.truth import CellTruth
+from mock_robot.truth.truth import CellTruth
 
 STRIKES = tuple(name for name, fault in FAULTS.items() if fault.area in ("link", "robot"))
 ARM = arm_named("IRB 1600-6/1.45")

@@ -5,10 +5,10 @@ import time
 import numpy as np
 
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, skew, transform
-from mock_robot.part import DOOR
-from mock_robot.part_views import DISTANCE_MM
-from mock_robot.scanner_view import ScannerModel, scan
-from mock_robot.truth import CellTruth
+from mock_robot.scene.part import DOOR
+from mock_robot.scene.scanner_view import ScannerModel, scan
+from mock_robot.truth.part_views import DISTANCE_MM
+from mock_robot.truth.truth import CellTruth
 from registration.fusion.overlap import agreement
 from registration.fusion.pose_adjustment import RobotNoise, correction_of, refine_poses
 from registration.points.layout import XYZ_FLOAT32

@@ -98,14 +98,14 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from mock_robot.running import run_until_told  # the heavy half is only needed here
+    from mock_robot.process import run_until_told  # the heavy half is only needed here
 
     return run_until_told(options)
 
 
 def _truth(options: argparse.Namespace) -> int:
-    from mock_robot.truth import CellTruth
-    from mock_robot.truth_sheet import truth_document
+    from mock_robot.truth.truth import CellTruth
+    from mock_robot.truth.truth_sheet import truth_document
 
     _print(json.dumps(truth_document(CellTruth.from_seed(options.seed)), indent=2))
     return 0
@@ -115,8 +115,8 @@ def _score(options: argparse.Namespace) -> int:
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from calibration.errors import CalibrationError
-    from mock_robot.score import score_calibration, score_cloud
-    from mock_robot.truth import CellTruth
+    from mock_robot.truth.score import score_calibration, score_cloud
+    from mock_robot.truth.truth import CellTruth
 
     if options.cloud is None and options.calibration is None:
         raise MockError("nothing to score: give --cloud PLY, --calibration JSON, or both")
@@ -138,9 +138,9 @@ def _score(options: argparse.Namespace) -> int:
 
 
 def _faults(options: argparse.Namespace) -> int:
-    from mock_robot.fault_boards import FaultRow
-    from mock_robot.fault_table import FAULTS
-    from mock_robot.http_devices_faults import DEVICE_FAULTS
+    from mock_robot.faults.boards import FaultRow
+    from mock_robot.faults.device_faults import DEVICE_FAULTS
+    from mock_robot.faults.robot_faults import FAULTS
 
     faults: list[FaultRow] = [*FAULTS.values(), *DEVICE_FAULTS.values()]
     rows = [(fault.name, fault.area, fault.summary) for fault in faults]

@@ -12,18 +12,18 @@ import numpy as np
 from calibration.kinematics.abb_arms import arm_named
 from calibration.transforms import Array
 from mock_robot.announcement import Announcement
-from mock_robot.cabinet import Box
+from mock_robot.arm.simulated_arm import RobotNoise, SimulatedArm
+from mock_robot.cabinet.cabinet import Box
 from mock_robot.control_port import ControlPort
-from mock_robot.egm import EgmSender
-from mock_robot.fault_boards import FaultBoards
-from mock_robot.http_server import HttpServer
-from mock_robot.motion import RobotNoise, SimulatedArm
-from mock_robot.posture import start_joints
+from mock_robot.devices.egm import EgmSender
+from mock_robot.devices.http_server import HttpServer
+from mock_robot.faults.boards import FaultBoards
+from mock_robot.links.wires import PythonWires, RapidWires, Wires
 from mock_robot.rapid.controller import DEPLOYED
 from mock_robot.rws.station import RwsStation
-from mock_robot.truth import CellTruth
-from mock_robot.truth_sheet import BOX_MM, cell_sheet
-from mock_robot.wires import PythonWires, RapidWires, Wires
+from mock_robot.truth.start_posture import start_joints
+from mock_robot.truth.truth import CellTruth
+from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet
 from protocols.cb.codes import Command
 
 LOOPBACK = "127.0.0.1"
@@ -138,8 +138,8 @@ class MockCell:
         self.rws.nudge()
 
     def _devices(self) -> object:
-        from mock_robot.http_devices import create_app  # renderer and ray caster: only where they are wanted
-        from mock_robot.http_devices_faults import DEVICE_FAULTS
+        from mock_robot.devices.http_devices import create_app  # renderer and ray caster: only where they are wanted
+        from mock_robot.faults.device_faults import DEVICE_FAULTS
 
         application = create_app(self.truth, self.flange_now)
         self.faults = replace(self.faults, devices=application.faults, device_rows=DEVICE_FAULTS)

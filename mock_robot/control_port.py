@@ -12,10 +12,10 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
-from mock_robot.cabinet import Cabinet
+from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.cabinet.panel import Mode
 from mock_robot.errors import MockError, NoSuchState, UnknownFault
-from mock_robot.fault_boards import FaultBoards
-from mock_robot.panel import Mode
+from mock_robot.faults.boards import FaultBoards
 from protocols.cb.codes import Command, Flag
 
 Scope = MutableMapping[str, Any]

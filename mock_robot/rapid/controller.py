@@ -7,9 +7,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from mock_robot.cabinet import Cabinet
+from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.errors import MockError
-from mock_robot.fault_table import FAULTS
+from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.rapid.configuration import TaskPlan, serial_ports, signals, task_plans
 from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.errors import ProgramStopped

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
+from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.frames import Garbling
 from mock_robot.rapid.types import Atom
-from mock_robot.wire import Close, Pause, Reset, Send, WireStep
 
 CHUNK = 4096
 

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from mock_robot.faults import FaultBoard
-from mock_robot.wire import WireStep
+from mock_robot.cabinet.wire_steps import WireStep
+from mock_robot.faults.board import FaultBoard
 from protocols.cb.codes import REPLY_BIT, Command, Status
 from protocols.cb.frames import Frame, FrameReader
 from protocols.cb.messages import ANSWERS, Refused, pack, unpack

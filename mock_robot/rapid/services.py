@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from mock_robot.panel import Panel
+from mock_robot.cabinet.panel import Panel
 from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.frames import Garbling
 from mock_robot.rapid.interrupts import Interrupts

@@ -9,8 +9,8 @@ import numpy as np
 
 from calibration.kinematics.arm import Arm
 from calibration.transforms import Array
-from mock_robot.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
-from mock_robot.panel import Mode
+from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
+from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.postures import singles
 
 LOOK_S = 0.02

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from mock_robot.panel import Mode
+from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.context import Context
 from mock_robot.rws.exchange import DONE, Item, Reply
 from mock_robot.rws.mastership import DOMAINS, Consent

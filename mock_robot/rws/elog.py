@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from mock_robot.cabinet import Cabinet, LogEntry
+from mock_robot.cabinet.cabinet import Cabinet, LogEntry
 from mock_robot.rws.exchange import Item
 
 INFORMATION, WARNING, ERROR = 1, 2, 3

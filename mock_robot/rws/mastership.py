@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from enum import Enum
 
-from mock_robot.panel import Mode
+from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.refusals import HELD_BY_ANOTHER, NO_MASTERSHIP, REJECTED, RwsRefused
 from mock_robot.rws.sessions import Session
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from mock_robot.cabinet import Cabinet
+from mock_robot.cabinet.cabinet import Cabinet
 
 _MODULE = re.compile(rb"^\s*MODULE\s+(\w+)", re.IGNORECASE | re.MULTILINE)
 TASKS = {"T_ROB1": True, "T_COMM": False}

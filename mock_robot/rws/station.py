@@ -9,9 +9,9 @@ from typing import Any
 
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from mock_robot.cabinet import Cabinet
-from mock_robot.faults import FaultBoard
-from mock_robot.http_server import HttpServer
+from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.devices.http_server import HttpServer
+from mock_robot.faults.board import FaultBoard
 from mock_robot.rws.service import Service
 from mock_robot.rws.world import World
 

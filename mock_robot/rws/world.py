@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibration.transforms import Array, inverse, quaternion_from_rotation
-from mock_robot.cabinet import Cabinet
-from mock_robot.faults import FaultBoard
-from mock_robot.panel import Mode
+from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.cabinet.panel import Mode
+from mock_robot.faults.board import FaultBoard
 from mock_robot.rws.elog import EventLog
 from mock_robot.rws.mastership import Mastership
 from mock_robot.rws.memory import Memory

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from mock_robot.panel import Mode
+from mock_robot.cabinet.panel import Mode
 from tests.foreign.cells import digits, held_by, moved, wait_until
 from tests.mock_robot.bench import AWAY
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart

@@ -6,13 +6,13 @@ import numpy as np
 
 from calibration.kinematics.abb_arms import arm_named
 from calibration.transforms import Array, quaternion_from_rotation
-from mock_robot.cabinet import Box
-from mock_robot.controller import Controller
-from mock_robot.fault_table import FAULTS
-from mock_robot.faults import FaultBoard
-from mock_robot.link import ControllerLink
-from mock_robot.motion import RobotNoise, SimulatedArm
-from mock_robot.wire import Close, Send, WireStep
+from mock_robot.arm.simulated_arm import RobotNoise, SimulatedArm
+from mock_robot.cabinet.cabinet import Box
+from mock_robot.cabinet.wire_steps import Close, Send, WireStep
+from mock_robot.faults.board import FaultBoard
+from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.links.cb_link import ControllerLink
+from mock_robot.links.cb_program import Controller
 from protocols.cb import messages as cb
 from protocols.cb.client import ClientSession
 from protocols.cb.codes import MoveKind, Status

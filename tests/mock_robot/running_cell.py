@@ -19,9 +19,9 @@ from typing import Any
 import httpx
 
 from mock_robot.announcement import Announcement
-from mock_robot.cabinet import Cabinet
+from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cell import MockCell, Ports, RobotProgram
-from mock_robot.truth import CellTruth
+from mock_robot.truth.truth import CellTruth
 from protocols.cb.codes import Command
 
 ROOT = Path(__file__).parents[2]

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 import httpx
 
 from mock_robot.cell import MockCell, Ports
-from mock_robot.controller import Controller
+from mock_robot.links.cb_program import Controller
 from mock_robot.rws.world import World
-from mock_robot.truth import CellTruth
+from mock_robot.truth.truth import CellTruth
 
 Result = TypeVar("Result")
 ACCEPT_2 = {"Accept": "application/hal+json;v=2.0"}

@@ -8,9 +8,9 @@ import pytest
 from calibration.camera import CameraModel
 from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
-from mock_robot.camera_view import facing, render, render_smeared, scene_reflectance
-from mock_robot.optics import CLEAN, Optics
-from mock_robot.printed_target import printed
+from mock_robot.scene.camera_view import facing, render, render_smeared, scene_reflectance
+from mock_robot.scene.optics import CLEAN, Optics
+from mock_robot.scene.printed_target import printed
 
 STRONG = CameraModel(
     np.array([[1300.0, 0.0, 640.3], [0.0, 1301.0, 480.7], [0.0, 0.0, 1.0]]),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.transforms import quaternion_from_rotation
-from mock_robot.panel import Mode
+from mock_robot.cabinet.panel import Mode
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, MoveKind, Status
 from protocols.cb.events import Unsolicited

@@ -14,8 +14,8 @@ from drivers.robots.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cell import RobotProgram
-from mock_robot.part_views import suggested_scan_poses
-from mock_robot.posture import target_middle_mm
+from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.truth.start_posture import target_middle_mm
 from protocols.cb.codes import Command
 from tests.mock_robot.bench import AWAY, HOME
 from tests.mock_robot.running_cell import RunningCell, becomes, running_cell

@@ -13,8 +13,8 @@ from calibration.transforms import quaternion_from_rotation
 from drivers.egm import EgmAddress, EgmMonitor, vibration_of
 from drivers.errors import DeviceTimeout, DeviceUnreachable
 from mock_robot.cell import MockCell, Ports
-from mock_robot.egm import PERIOD_S, VIBRATION_MM
-from mock_robot.truth import CellTruth
+from mock_robot.devices.egm import PERIOD_S, VIBRATION_MM
+from mock_robot.truth.truth import CellTruth
 from protocols.egm.messages import RobotSample
 from tests.mock_robot.bench import AWAY
 from tests.mock_robot.running_cell import becomes

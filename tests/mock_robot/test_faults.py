@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send
 from mock_robot.errors import UnknownFault
-from mock_robot.fault_table import FAULTS
-from mock_robot.wire import Close, Pause, Reset, Send
+from mock_robot.faults.robot_faults import FAULTS
 from protocols.cb import messages as cb
 from protocols.cb.client import ClientState
 from protocols.cb.codes import Command, Flag, Status

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from calibration.detection.detect import detect
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
-from mock_robot.camera_view import facing
+from mock_robot.devices.http_devices import DeviceApp, create_app
 from mock_robot.errors import UnknownFault
-from mock_robot.http_devices import DeviceApp, create_app
-from mock_robot.http_devices_faults import DEVICE_FAULTS, DeviceFaultBoard
-from mock_robot.part import DOOR
-from mock_robot.part_views import suggested_scan_poses
-from mock_robot.printed_target import printed
-from mock_robot.score_ply import UnreadablePly, read_points
-from mock_robot.truth import NO_NOISE, CellTruth
+from mock_robot.faults.device_faults import DEVICE_FAULTS, DeviceFaultBoard
+from mock_robot.scene.camera_view import facing
+from mock_robot.scene.part import DOOR
+from mock_robot.scene.printed_target import printed
+from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.truth.score_ply import UnreadablePly, read_points
+from mock_robot.truth.truth import NO_NOISE, CellTruth
 
 TRUTH = CellTruth.from_seed(7, noise=NO_NOISE)
 PICTURE, CLOUD = "/camera/snapshot.png", "/scanner/cloud.ply"
@@ -136,7 +136,7 @@ async def test_the_loop_goes_on_while_a_picture_is_rendered(at: At, monkeypatch:
         seen.append(loop_turned.wait(5.0))
         return np.zeros((4, 4), np.uint8)
 
-    monkeypatch.setattr("mock_robot.http_devices.picture", slow_picture)
+    monkeypatch.setattr("mock_robot.devices.http_devices.picture", slow_picture)
     pose = looking_at_the_target()
     asking = asyncio.create_task(at(lambda: pose).ask(PICTURE))
     await asyncio.to_thread(rendering.wait, 5.0)
@@ -231,7 +231,7 @@ async def test_a_late_answer_is_late(at: At, device: str, monkeypatch: pytest.Mo
 
     pose = looking_at_the_target() if device == "camera" else suggested_scan_poses(TRUTH)[1]
     cell = at(lambda: pose)
-    monkeypatch.setattr("mock_robot.http_devices.asyncio.sleep", sleep)
+    monkeypatch.setattr("mock_robot.devices.http_devices.asyncio.sleep", sleep)
     await spoiled(cell, f"{device}-late")
     assert max(waited) == DEVICE_FAULTS[f"{device}-late"].delay_s
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from calibration.kinematics.arm import OutsideJointLimits
 from calibration.transforms import inverse, vector_from_rotation
-from mock_robot.motion import IN_POSITION_S, RobotNoise, SimulatedArm, plan_motion
-from mock_robot.paths import LinePath
-from mock_robot.profile import Braked, Trapezoid
+from mock_robot.arm.paths import LinePath
+from mock_robot.arm.simulated_arm import IN_POSITION_S, RobotNoise, SimulatedArm, plan_motion
+from mock_robot.arm.speed_profile import Braked, Trapezoid
 from tests.mock_robot.bench import ARM, AWAY, HOME
 
 positive = st.floats(0.01, 100.0)

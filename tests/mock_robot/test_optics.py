@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mock_robot.optics import CLEAN, Optics, clutter, expose, optical_levels
+from mock_robot.scene.optics import CLEAN, Optics, clutter, expose, optical_levels
 
 GREY = np.full((400, 500), 0.5, np.float32)
 

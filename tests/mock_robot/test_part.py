@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from mock_robot.part import DOOR, polygon_distance
-from mock_robot.part_mesh import mesh, mesh_ply, surface_samples
+from mock_robot.scene.part import DOOR, polygon_distance
+from mock_robot.scene.part_mesh import mesh, mesh_ply, surface_samples
 
 X, Y = st.floats(-600, 600), st.floats(-300, 300)
 

@@ -6,7 +6,7 @@ import pytest
 
 from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid
 from calibration.transforms import Array
-from mock_robot.printed_target import Sheet, UnprintableTarget, printed
+from mock_robot.scene.printed_target import Sheet, UnprintableTarget, printed
 
 
 def at_pixels(target: Charuco | AprilTagGrid, shape: tuple[int, int], pixels_a_mm: float) -> Array:

@@ -14,7 +14,7 @@ from drivers.robots.cb_robot import CbRobot
 from drivers.robots.rws.address import RwsAddress
 from drivers.robots.rws.robot import RwsRobot
 from drivers.robots.tcp import TcpTransport
-from mock_robot.panel import Mode
+from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.sessions import SESSIONS_MAX
 from protocols.cb.codes import Command
 from tests.drivers.waiting import quick_timing

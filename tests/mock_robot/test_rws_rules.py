@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from mock_robot.panel import Mode
+from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.mastership import POLL_LIMIT_S
 from mock_robot.rws.sessions import BURST, IDLE_S, SESSIONS_MAX, Session, Sessions, SessionsExhausted
 from tests.mock_robot.rws_cell import FORM_2, RwsCell, rws_cell_apart

@@ -11,7 +11,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from mock_robot.panel import Mode
+from mock_robot.cabinet.panel import Mode
 from tests.mock_robot.rws_cell import ACCEPT_2, FORM_2, RwsCell, rws_cell
 
 WORDS = {1: "robapi2_subscription", 2: "rws_subscription"}

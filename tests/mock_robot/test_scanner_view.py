@@ -7,12 +7,12 @@ import pytest
 from scipy.spatial import cKDTree
 
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
-from mock_robot.part import DOOR
-from mock_robot.part_mesh import surface_samples
-from mock_robot.part_views import suggested_scan_poses
-from mock_robot.scanner_view import ScannerModel, cast, cloud_ply, scan
-from mock_robot.score_ply import read_points
-from mock_robot.truth import CellTruth
+from mock_robot.scene.part import DOOR
+from mock_robot.scene.part_mesh import surface_samples
+from mock_robot.scene.scanner_view import ScannerModel, cast, cloud_ply, scan
+from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.truth.score_ply import read_points
+from mock_robot.truth.truth import CellTruth
 
 COARSE = ScannerModel(columns=160, rows=120, focal=240.0)
 

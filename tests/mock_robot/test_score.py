@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
-from mock_robot.part import DOOR
-from mock_robot.part_mesh import surface_samples
-from mock_robot.scanner_view import cloud_ply
-from mock_robot.score import Unscorable, score_calibration, score_cloud
-from mock_robot.score_ply import UnreadablePly, read_points
-from mock_robot.truth import CellTruth
+from mock_robot.scene.part import DOOR
+from mock_robot.scene.part_mesh import surface_samples
+from mock_robot.scene.scanner_view import cloud_ply
+from mock_robot.truth.score import Unscorable, score_calibration, score_cloud
+from mock_robot.truth.score_ply import UnreadablePly, read_points
+from mock_robot.truth.truth import CellTruth
 
 TRUTH = CellTruth.from_seed(7)
 

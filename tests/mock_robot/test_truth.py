@@ -13,11 +13,11 @@ from calibration.documents.target import CharucoDocument
 from calibration.kinematics.abb_arms import arm_named
 from calibration.targets import AprilTagGrid, Chessboard, CircleGrid
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
-from mock_robot.camera_view import render
-from mock_robot.part_views import suggested_scan_poses
-from mock_robot.printed_target import printed
-from mock_robot.truth import TARGET_MIDDLE_MM, CellTruth
-from mock_robot.truth_sheet import BOX_MM, cell_sheet, target_document, truth_document
+from mock_robot.scene.camera_view import render
+from mock_robot.scene.printed_target import printed
+from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.truth.truth import TARGET_MIDDLE_MM, CellTruth
+from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet, target_document, truth_document
 
 SEEDS = range(40)
 

@@ -12,9 +12,9 @@ from time import monotonic
 import numpy as np
 import pytest
 
-from mock_robot.fault_table import FAULTS
-from mock_robot.motion import plan_motion
-from mock_robot.panel import Mode
+from mock_robot.arm.simulated_arm import plan_motion
+from mock_robot.cabinet.panel import Mode
+from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.rapid.controller import RapidController
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, FrameSelector, MoveKind, Status

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mock_robot.motion import RobotNoise, SimulatedArm
+from mock_robot.arm.simulated_arm import RobotNoise, SimulatedArm
 from mock_robot.rapid.configuration import instances
 from mock_robot.rapid.controller import DEPLOYED, RapidController
 from mock_robot.rapid.errors import RapidProgramError

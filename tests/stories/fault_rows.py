@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mock_robot.fault_table import FAULTS
-from mock_robot.http_devices_faults import DEVICE_FAULTS
+from mock_robot.faults.device_faults import DEVICE_FAULTS
+from mock_robot.faults.robot_faults import FAULTS
 
 SUMMARIES: Mapping[str, str] = {
     fault.name: fault.summary

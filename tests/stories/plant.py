@@ -23,8 +23,8 @@ from daemon.motion import MotionRules
 from daemon.server import Server
 from daemon.settings import RobotSettings, Settings, TaughtPose
 from mock_robot.announcement import Announcement
-from mock_robot.truth import CellTruth
-from mock_robot.truth_sheet import cell_sheet
+from mock_robot.truth.truth import CellTruth
+from mock_robot.truth.truth_sheet import cell_sheet
 from tests.mock_robot.running_cell import RunningCell, running_cell
 
 TEXT = {"accept": "text/plain"}

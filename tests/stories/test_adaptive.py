@@ -11,7 +11,7 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.targets import Chessboard
 from calibration.transforms import Array, rotation_from_vector, transform
-from mock_robot.score import score_calibration
+from mock_robot.truth.score import score_calibration
 from tests.mock_robot.running_cell import becomes
 from tests.stories.plant import TEXT, Plant, plant, small_pictures
 

@@ -14,8 +14,8 @@ import numpy as np
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, rotation_from_vector, transform
-from mock_robot.panel import Mode
-from mock_robot.score import score_calibration
+from mock_robot.cabinet.panel import Mode
+from mock_robot.truth.score import score_calibration
 from tests.mock_robot.running_cell import RunningCell, becomes
 from tests.stories.plant import Plant, plant, small_pictures
 

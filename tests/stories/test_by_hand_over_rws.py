@@ -11,8 +11,8 @@ import httpx
 import numpy as np
 import pytest
 
-from mock_robot.panel import Mode
-from mock_robot.score import score_calibration
+from mock_robot.cabinet.panel import Mode
+from mock_robot.truth.score import score_calibration
 from tests.mock_robot.running_cell import running_cell
 from tests.stories.plant import Plant, daemon_for, small_pictures
 from tests.stories.test_by_hand import SMALL_PICTURES_MM, jogs_and_waits, where_next

@@ -8,7 +8,7 @@ from calibration.documents.report import calibration_document
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
 from daemon.session_folder import load_problem, open_session
-from mock_robot.score import score_calibration, score_cloud
+from mock_robot.truth.score import score_calibration, score_cloud
 from tests.daemon.fakes import ply_of, points_of
 from tests.stories.plant import TEXT, plant
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from mock_robot.panel import Mode
+from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.tasks import Task
 

@@ -6,8 +6,8 @@ from benchmarks.detection_views import ORDINARY, TruePicture, industrial_camera,
 from calibration.problem import Detection
 from calibration.targets import Target
 from calibration.transforms import Array
-from mock_robot.optics import Optics
-from mock_robot.printed_target import Sheet
+from mock_robot.scene.optics import Optics
+from mock_robot.scene.printed_target import Sheet
 
 CAMERA = industrial_camera(1600, 1200)
 

@@ -10,7 +10,7 @@ from calibration.detection.charuco import charuco_board
 from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from calibration.targets import Charuco
-from mock_robot.optics import Optics
+from mock_robot.scene.optics import Optics
 from tests.calibration.detection.sights import errors_px, pictures, rms
 
 BOARD = Charuco(9, 7, 20.0, 15.0, "DICT_5X5_100")

@@ -10,7 +10,7 @@ from calibration.detection.detect import detect
 from calibration.detection.lattice import Lattice, grow_lattices
 from calibration.errors import DetectionError
 from calibration.targets import Charuco, Chessboard
-from mock_robot.printed_target import Sheet
+from mock_robot.scene.printed_target import Sheet
 from tests.calibration.detection.sights import errors_px, half_turned, pictures, rms
 
 BOARD = Chessboard(11, 8, 20.0)

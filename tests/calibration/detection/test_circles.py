@@ -9,7 +9,7 @@ from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from calibration.targets import CircleGrid
 from calibration.transforms import map_points, rotation_from_vector, transform
-from mock_robot.printed_target import Sheet
+from mock_robot.scene.printed_target import Sheet
 from tests.calibration.detection.sights import CAMERA, errors_px, half_turned, pictures, rms
 
 ASYMMETRIC = CircleGrid("asymmetric", 4, 11, 40.0)

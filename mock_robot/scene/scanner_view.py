@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array
-from mock_robot.part import DOOR, Door
+from mock_robot.scene.part import DOOR, Door
 
 NEWTON_STEPS = 5
 TRACING_STEPS = 80

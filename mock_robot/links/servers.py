@@ -8,10 +8,10 @@ import tty
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 
-from mock_robot.controller import HEARTBEAT_S, Controller
-from mock_robot.faults import FaultBoard
-from mock_robot.link import ControllerLink, RefusedLink
-from mock_robot.wire import Close, Pause, Reset, Send, WireStep
+from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
+from mock_robot.faults.board import FaultBoard
+from mock_robot.links.cb_link import ControllerLink, RefusedLink
+from mock_robot.links.cb_program import HEARTBEAT_S, Controller
 
 Clock = Callable[[], float]
 REFUSAL_S = 1.0

@@ -13,9 +13,9 @@ import numpy as np
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import OtherConfiguration, PoseRefused
 from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
-from mock_robot.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
-from mock_robot.motion import IN_POSITION_S
-from mock_robot.panel import Mode
+from mock_robot.arm.simulated_arm import IN_POSITION_S
+from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
+from mock_robot.cabinet.panel import Mode
 from protocols.cb import messages as cb
 from protocols.cb.codes import VERSION, Capability, MoveKind, Status
 

@@ -19,10 +19,10 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from calibration.transforms import Array
-from mock_robot.http_devices_capture import Exposure, cloud, picture, png
-from mock_robot.http_devices_faults import Device, DeviceFault, DeviceFaultBoard
-from mock_robot.scanner_view import cloud_ply
-from mock_robot.truth import CellTruth
+from mock_robot.devices.capture import Exposure, cloud, picture, png
+from mock_robot.faults.device_faults import Device, DeviceFault, DeviceFaultBoard
+from mock_robot.scene.scanner_view import cloud_ply
+from mock_robot.truth.truth import CellTruth
 
 EXPOSURE_S: dict[Device, float] = {"camera": 0.008, "scanner": 0.15}
 MEDIA_TYPES: dict[Device, str] = {"camera": "image/png", "scanner": "application/x-ply"}

@@ -7,10 +7,10 @@ from random import Random
 from types import MappingProxyType
 from typing import Any
 
-from mock_robot.cabinet import Cabinet
-from mock_robot.faults import Fault, ReplyFault, StateFault
-from mock_robot.panel import Mode
-from mock_robot.wire import Close, Pause, Reset, Send, WireStep
+from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.cabinet.panel import Mode
+from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
+from mock_robot.faults.board import Fault, ReplyFault, StateFault
 from protocols.cb.messages import Pose, Reply, Report
 
 DELAY_S = 0.4
@@ -193,7 +193,7 @@ _ROWS = (
         reply=_posed(lambda p: replace(p, configuration=(*p.configuration[:3], p.configuration[3] ^ 2))),
     ),
     Fault("robot-clock-jump", "robot", "the controller's clock is an hour ahead", None, reply=_clock_jump),
-    # --- Robot Web Services: and EGM: looked at by name in mock_robot.rws and mock_robot.egm ---
+    # --- Robot Web Services: and EGM: looked at by name in mock_robot.rws and mock_robot.devices.egm ---
     Fault("rws-401", "rws", "every RWS request is told 401, and all sessions end", None),
     Fault("rws-406", "rws", "every RWS request is told 406: no media type will do", None),
     Fault("rws-503", "rws", "every RWS request is told 503", None),

@@ -1,8 +1,8 @@
 """One client's link: protocols.cb's session, the controller behind it, and the faults between it and the wire."""
 
-from mock_robot.controller import Controller
-from mock_robot.faults import FaultBoard
-from mock_robot.wire import Close, Send, WireStep
+from mock_robot.cabinet.wire_steps import Close, Send, WireStep
+from mock_robot.faults.board import FaultBoard
+from mock_robot.links.cb_program import Controller
 from protocols.cb.codes import Command, Status
 from protocols.cb.controller import ControllerSession
 from protocols.cb.events import (

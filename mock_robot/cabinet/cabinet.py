@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibration.transforms import Array
-from mock_robot.motion import SimulatedArm
-from mock_robot.panel import Mode, Panel
+from mock_robot.arm.simulated_arm import SimulatedArm
+from mock_robot.cabinet.panel import Mode, Panel
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, Status
 

@@ -8,8 +8,8 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
 from calibration.transforms import Array
-from mock_robot.part_views import scan_poses
-from mock_robot.truth import CellTruth
+from mock_robot.truth.part_views import scan_poses
+from mock_robot.truth.truth import CellTruth
 
 BOX_MM = ((-900.0, -700.0, 200.0), (1400.0, 1150.0, 1500.0))
 """Where the flange may go: around the table in front of the robot and the rack at its left."""

@@ -2,7 +2,7 @@
 
 A fault may strike in four places: the controller's state when it begins (`begin`), an answer before it is packed
 (`reply`: the robot lies), the packed bytes on their way out (`send`), and the bytes that come in (`receive`).
-Adding a fault is adding a row to `mock_robot.fault_table`.
+Adding a fault is adding a row to `mock_robot.faults.robot_faults`.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Literal
 
-from mock_robot.cabinet import Cabinet
+from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.cabinet.wire_steps import Send, WireStep
 from mock_robot.errors import UnknownFault
-from mock_robot.wire import Send, WireStep
 from protocols.cb.codes import Command
 from protocols.cb.messages import Reply
 

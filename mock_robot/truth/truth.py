@@ -1,6 +1,6 @@
 """The mock cell's truth: one seeded, frozen description of everything in it, known and hidden.
 
-The daemon never sees it. What an integrator would know of the same cell is `mock_robot.truth_sheet`.
+The daemon never sees it. What an integrator would know of the same cell is `mock_robot.truth.truth_sheet`.
 """
 
 from dataclasses import dataclass, field
@@ -10,8 +10,8 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.targets import Charuco, Target
 from calibration.transforms import Array, rotation_from_vector, transform
-from mock_robot.optics import Optics
-from mock_robot.printed_target import Sheet, printed
+from mock_robot.scene.optics import Optics
+from mock_robot.scene.printed_target import Sheet, printed
 
 IRB_1600 = "IRB 1600-6/1.45"
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array
-from mock_robot.printed_target import Cells, Dots
+from mock_robot.scene.printed_target import Cells, Dots
 
 CELL_PARTS = 8
 DOT_PARTS = 4

@@ -3,8 +3,8 @@
 import numpy as np
 
 from calibration.transforms import Array, inverse, transform
-from mock_robot.part import DOOR, Door
-from mock_robot.truth import CellTruth, Nominal
+from mock_robot.scene.part import DOOR, Door
+from mock_robot.truth.truth import CellTruth, Nominal
 
 DISTANCE_MM = 740.0
 COLUMNS_MM = (-450.0, -150.0, 150.0, 450.0)

@@ -4,8 +4,8 @@ import numpy as np
 
 from calibration.kinematics.arm import Arm, PoseRefused
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
-from mock_robot.printed_target import printed
-from mock_robot.truth import CellTruth
+from mock_robot.scene.printed_target import printed
+from mock_robot.truth.truth import CellTruth
 
 START_DISTANCE_MM = 600.0
 ROLLS = 24

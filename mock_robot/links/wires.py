@@ -7,12 +7,12 @@ from collections.abc import Callable
 from contextlib import AsyncExitStack
 from typing import Protocol
 
-from mock_robot.cabinet import Box, Cabinet
-from mock_robot.controller import Controller
-from mock_robot.fault_table import FAULTS
-from mock_robot.faults import FaultBoard
-from mock_robot.link_shells import SerialShell, TcpShell
-from mock_robot.motion import SimulatedArm
+from mock_robot.arm.simulated_arm import SimulatedArm
+from mock_robot.cabinet.cabinet import Box, Cabinet
+from mock_robot.faults.board import FaultBoard
+from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.links.cb_program import Controller
+from mock_robot.links.servers import SerialShell, TcpShell
 from mock_robot.rapid.controller import RapidController
 from mock_robot.rapid.frames import Garbling
 

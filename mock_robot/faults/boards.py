@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from mock_robot.cabinet import Cabinet
+from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.errors import NoSuchState, UnknownFault
-from mock_robot.faults import FaultBoard
+from mock_robot.faults.board import FaultBoard
 from protocols.cb.codes import Command
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from calibration.transforms import Array, difference, inverse, map_points
-from mock_robot.part import DOOR, Door
-from mock_robot.part_mesh import surface_samples
-from mock_robot.score_ply import read_points
-from mock_robot.truth import CellTruth
+from mock_robot.scene.part import DOOR, Door
+from mock_robot.scene.part_mesh import surface_samples
+from mock_robot.truth.score_ply import read_points
+from mock_robot.truth.truth import CellTruth
 
 SCORED_POINTS = 200_000
 COVERED_WITHIN_MM = 5.0

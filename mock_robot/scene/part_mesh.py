@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array, map_points
-from mock_robot.part import DOOR, Door
+from mock_robot.scene.part import DOOR, Door
 
 
 def mesh(step_mm: float = 8.0, door: Door = DOOR) -> tuple[Array, NDArray[np.int32]]:

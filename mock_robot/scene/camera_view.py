@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from calibration.camera import CameraModel
 from calibration.targets import Target
 from calibration.transforms import Array, transform
-from mock_robot.camera_view_coverage import CellCoverage, dot_coverage
-from mock_robot.optics import Optics, Picture, clutter, expose
-from mock_robot.printed_target import PrintedTarget, Sheet, printed
+from mock_robot.scene.optics import Optics, Picture, clutter, expose
+from mock_robot.scene.pixel_coverage import CellCoverage, dot_coverage
+from mock_robot.scene.printed_target import PrintedTarget, Sheet, printed
 
 TILE_PX = 192
 NODES = 14

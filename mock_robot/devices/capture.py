@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform
-from mock_robot.camera_view import render, render_smeared
-from mock_robot.scanner_view import ScannerModel, scan
-from mock_robot.truth import CellTruth
+from mock_robot.scene.camera_view import render, render_smeared
+from mock_robot.scene.scanner_view import ScannerModel, scan
+from mock_robot.truth.truth import CellTruth
 
 STILL_MM, STILL_RAD = 1e-4, 1e-7
 SMEARED_POSES, SCAN_BANDS = 7, 12

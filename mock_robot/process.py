@@ -8,7 +8,7 @@ import sys
 import threading
 
 from mock_robot.cell import MockCell, Ports, default_program
-from mock_robot.truth import CellTruth
+from mock_robot.truth.truth import CellTruth
 
 
 def run_until_told(options: argparse.Namespace) -> int:

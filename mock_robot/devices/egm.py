@@ -7,8 +7,8 @@ from math import pi, sin
 import numpy as np
 
 from calibration.transforms import quaternion_from_rotation
-from mock_robot.cabinet import Cabinet
-from mock_robot.faults import FaultBoard
+from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.faults.board import FaultBoard
 from protocols.egm.messages import RobotSample, encode
 
 PERIOD_S = 0.004

@@ -10,8 +10,8 @@ import numpy as np
 
 from calibration.kinematics.arm import Arm
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
-from mock_robot.paths import JointPath, LinePath, Path
-from mock_robot.profile import Braked, Profile, Trapezoid
+from mock_robot.arm.paths import JointPath, LinePath, Path
+from mock_robot.arm.speed_profile import Braked, Profile, Trapezoid
 
 IN_POSITION_S = 0.3
 """How long the arm must have stood before it counts as settled: WaitTime \\InPos, 0.3."""

@@ -1,0 +1,1 @@
+"""The simulated arm: paths, speed profiles, motion in time."""

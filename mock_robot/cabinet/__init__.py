@@ -1,0 +1,1 @@
+"""The controller's cabinet: operator panel, motors, signals."""

@@ -1,0 +1,1 @@
+"""The camera, the scanner and EGM as servers on sockets."""

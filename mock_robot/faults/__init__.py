@@ -1,0 +1,1 @@
+"""Named faults and the board that switches them on and off."""

@@ -1,0 +1,1 @@
+"""The CB link of the mock controller over TCP and serial lines."""

@@ -1,0 +1,1 @@
+"""What camera and scanner see: optics, printed target, part."""

@@ -1,0 +1,1 @@
+"""The cell's true transforms, and scores of results against them."""
