@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.link import beside, register_until
-from drivers.egm import Arrival, EgmAddress, EgmMonitor
+from drivers.robots.abb.egm_vibration import Arrival, EgmAddress, EgmMonitor
 from protocols.egm.messages import RobotSample, decode, encode
 
 PERIOD_S = 0.004

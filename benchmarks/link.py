@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.link_schedules import CELLS, schedules
-from drivers.robots.cb_robot import CbRobot
+from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cell import MockCell, Ports
 from mock_robot.truth.truth import CellTruth

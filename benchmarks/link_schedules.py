@@ -17,7 +17,7 @@ import numpy as np
 from calibration.kinematics.abb_arms import arm_named
 from drivers.errors import DeviceError
 from drivers.interfaces import Configuration, MoveGoal
-from drivers.robots.cb_robot import CbRobot
+from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from drivers.robots.transport import Connection
 from mock_robot.cell import MockCell, Ports

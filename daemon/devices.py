@@ -4,9 +4,9 @@ from daemon.cell import Devices
 from daemon.clock import Clock
 from daemon.quiet import Quiet
 from daemon.settings import EgmSettings, Settings
-from drivers.catalogue import open_camera, open_robot, open_scanner
-from drivers.egm import EgmAddress, EgmMonitor
 from drivers.interfaces import Scanner
+from drivers.registry import open_camera, open_robot, open_scanner
+from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
 from drivers.timing import Timing
 
 

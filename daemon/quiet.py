@@ -8,13 +8,13 @@ from typing import Protocol
 from daemon.clock import Clock
 from daemon.errors import NotStill
 from daemon.settings import EgmSettings
-from drivers.egm import Vibration
+from drivers.robots.abb.egm_vibration import Vibration
 
 LOOK_S = 0.02
 
 
 class VibrationMonitor(Protocol):
-    """drivers.egm.EgmMonitor, or a test's."""
+    """drivers.robots.abb.egm_vibration.EgmMonitor, or a test's."""
 
     def vibration(self, window_s: float) -> Vibration:
         """Raises DeviceTimeout when the controller sends nothing."""

@@ -19,8 +19,8 @@ from calibration.transforms import Array
 from daemon.plc.settings import InterlockSettings, PlcSettings
 from daemon.settings_server import ServerSettings, WebhookSettings
 from daemon.whole_file import read_whole
-from drivers.catalogue import check_camera_address, check_robot_address, check_scanner_address, check_stop_address
 from drivers.errors import AddressNotUnderstood
+from drivers.registry import check_camera_address, check_robot_address, check_scanner_address, check_stop_address
 
 
 def _checked(check: Callable[[str], None]) -> AfterValidator:

@@ -9,7 +9,7 @@ import httpx
 from drivers.backoff import Backoff
 from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
 from drivers.interfaces import LinkHealth
-from drivers.link_report import LinkReport
+from drivers.link_status import LinkReport
 from drivers.timing import Timing
 
 LOOK_EVERY_S = 5.0

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
 from drivers.interfaces import LinkHealth
-from drivers.link_report import LinkReport
+from drivers.link_status import LinkReport
 from drivers.timing import Timing
 
 LOOK_EVERY_S = 0.1

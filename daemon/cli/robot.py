@@ -9,8 +9,8 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Commands
 
 if TYPE_CHECKING:
-    from drivers.robots.rws.address import RwsAddress
-    from drivers.robots.rws.reading import ControllerState
+    from drivers.robots.abb.rws.address import RwsAddress
+    from drivers.robots.abb.rws.parsing import ControllerState
 
 LIMIT_S = 15.0
 SUFFIXES = (".mod", ".sys", ".cfg")
@@ -37,7 +37,7 @@ def upload(
     import asyncio
 
     from drivers.errors import AddressNotUnderstood
-    from drivers.robots.rws.address import RwsAddress
+    from drivers.robots.abb.rws.address import RwsAddress
 
     if not address.startswith("rws://"):
         raise AddressNotUnderstood(address, "modules are copied over Robot Web Services", "write rws://host")
@@ -65,7 +65,7 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 
 async def _state(where: "RwsAddress") -> "ControllerState":
-    from drivers.robots.rws.robot import RwsRobot
+    from drivers.robots.abb.rws.robot import RwsRobot
 
     robot = RwsRobot(where)
     robot.start()
@@ -77,7 +77,7 @@ async def _state(where: "RwsAddress") -> "ControllerState":
 
 
 async def _upload(where: "RwsAddress", files: dict[str, bytes], to: str) -> None:
-    from drivers.robots.rws.robot import RwsRobot
+    from drivers.robots.abb.rws.robot import RwsRobot
 
     robot = RwsRobot(where)
     try:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drivers.backoff import Backoff
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
 from drivers.interfaces import Frame, LinkHealth
-from drivers.link_report import LinkReport
+from drivers.link_status import LinkReport
 from drivers.timing import Timing
 
 LIMIT_S = 5.0

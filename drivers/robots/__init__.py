@@ -1,1 +1,1 @@
-"""ABB controllers as the daemon sees them."""
+"""Robots as the daemon sees them: transports and helpers here, one folder a brand."""

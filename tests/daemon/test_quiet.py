@@ -10,8 +10,8 @@ from daemon.clock import Clock
 from daemon.errors import NotStill
 from daemon.quiet import Quiet
 from daemon.settings import EgmSettings, SettlingSettings
-from drivers.egm import Vibration
 from drivers.errors import DeviceTimeout
+from drivers.robots.abb.egm_vibration import Vibration
 from tests.daemon.fakes import FakeCamera, FakeRobot
 
 

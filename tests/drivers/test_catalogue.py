@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers import catalogue
+from drivers import registry
 from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
-from drivers.catalogue import check_camera_address, check_robot_address, check_scanner_address
 from drivers.errors import AddressNotUnderstood, DeviceError
+from drivers.registry import check_camera_address, check_robot_address, check_scanner_address
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from drivers.scanners.folder_scanner import FolderScanner
@@ -31,13 +31,13 @@ from tests.drivers.waiting import quick_timing
     ],
 )
 def test_a_robot_address_names_its_transport(address, transport):
-    assert catalogue.ROBOTS[address.partition(":")[0]](address) == transport
+    assert registry.ROBOTS[address.partition(":")[0]](address) == transport
     check_robot_address(address)
 
 
 @pytest.mark.parametrize("address", ["tcp://192.168.125.1:5500", "tcp://[::1]:5500", "serial:///dev/ttyUSB0?baud=9600"])
 def test_a_transport_says_its_address_as_it_was_written(address):
-    assert catalogue.ROBOTS[address.partition(":")[0]](address).address == address
+    assert registry.ROBOTS[address.partition(":")[0]](address).address == address
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_an_address_that_names_no_driver_says_what_would(check, address, message
 )
 async def test_a_camera_address_opens_its_driver(address, kind):
     check_camera_address(address)
-    camera = catalogue.open_camera(address, image_size=(64, 48))
+    camera = registry.open_camera(address, image_size=(64, 48))
     assert isinstance(camera, kind)
     await camera.close()
 
@@ -89,19 +89,19 @@ async def test_a_camera_address_opens_its_driver(address, kind):
 @pytest.mark.parametrize(("address", "kind"), [("http://127.0.0.1:9/x", HttpScanner), ("folder:/none", FolderScanner)])
 async def test_a_scanner_address_opens_its_driver(address, kind):
     check_scanner_address(address)
-    scanner = catalogue.open_scanner(address, max_bytes=10)
+    scanner = registry.open_scanner(address, max_bytes=10)
     assert isinstance(scanner, kind)
     await scanner.close()
 
 
 def test_a_folder_may_be_written_as_a_url():
-    parse, _ = catalogue.CAMERAS["folder"]
+    parse, _ = registry.CAMERAS["folder"]
     assert parse("folder:/a/b") == parse("folder:///a/b") == Path("/a/b")
 
 
 async def test_an_opened_robot_dials_by_itself():
     async with TcpCell(FakeController()) as cell:
-        robot = catalogue.open_robot(f"tcp://127.0.0.1:{cell.port}", quick_timing())
+        robot = registry.open_robot(f"tcp://127.0.0.1:{cell.port}", quick_timing())
         await robot.connected(10)
         assert (await robot.read_pose()).still
         await robot.close()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from calibration.transforms import rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
 from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal
-from drivers.robots.cb_wire import joints_rad, move_of, pose_reading
+from drivers.robots.abb.cb_wire import joints_rad, move_of, pose_reading
 from protocols.cb.codes import Flag, MoveKind
 from protocols.cb.messages import Joints, Pose, pack, unpack
 

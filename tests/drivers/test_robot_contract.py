@@ -11,7 +11,7 @@ import pytest_asyncio
 from calibration.transforms import rotation_from_quaternion, transform
 from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRefused, RequestRefused
 from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, Robot
-from drivers.robots.cb_robot import CbRobot
+from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from protocols.cb.codes import MoveKind, Status

@@ -12,7 +12,7 @@ import pytest_asyncio
 from calibration.kinematics.abb_arms import arm_named
 from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRefused
 from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, Robot
-from drivers.robots.cb_robot import CbRobot
+from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from protocols.cb.codes import Command

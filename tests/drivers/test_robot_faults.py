@@ -9,8 +9,8 @@ import pytest
 
 from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost, MoveFailed, MoveStalled
 from drivers.interfaces import Configuration, MoveGoal
-from drivers.robots.cb_robot import CbRobot
-from drivers.robots.conversation import REPLY_LIMIT_S
+from drivers.robots.abb.cb_robot import CbRobot
+from drivers.robots.abb.cb_session import REPLY_LIMIT_S
 from drivers.robots.serial_line import SerialConnection, SerialTransport
 from drivers.robots.tcp import TcpTransport
 from protocols.cb.codes import Command, Status

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.catalogue import ROBOTS, check_robot_address
 from drivers.errors import AddressNotUnderstood, DeviceUnreachable, GarbledAnswer, RequestRefused
 from drivers.interfaces import UNUSED_AXIS
-from drivers.robots.rws import reading
-from drivers.robots.rws.address import RwsAddress
-from drivers.robots.rws.dialect import DIALECTS, error_in
-from drivers.robots.rws.refusals import refused
-from drivers.robots.rws.watch import events_in
+from drivers.registry import ROBOTS, check_robot_address
+from drivers.robots.abb.rws import parsing
+from drivers.robots.abb.rws.address import RwsAddress
+from drivers.robots.abb.rws.dialect import DIALECTS, error_in
+from drivers.robots.abb.rws.status_errors import refused
+from drivers.robots.abb.rws.subscription import events_in
 
 ROBTARGET = {"x": "515", "y": "0", "z": "712", "q1": "0.707106769", "q2": "0", "q3": "0.707106769", "q4": "0",
              "cf1": "0", "cf4": "-1", "cf6": "0", "cfx": "1",
@@ -74,7 +74,7 @@ def test_a_password_comes_from_its_file_and_a_missing_file_says_so(tmp_path):
 
 
 def test_a_robtarget_becomes_a_pose_scalar_first_in_millimetres():
-    pose = reading.pose("robot", ROBTARGET, 5.0)
+    pose = parsing.pose("robot", ROBTARGET, 5.0)
     assert pose.base_T_flange[:3, 3].tolist() == [515.0, 0.0, 712.0]
     assert np.allclose(pose.base_T_flange[:3, :3], [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-7)
     assert pose.configuration == (0, -1, 0, 1)
@@ -87,7 +87,7 @@ def test_a_robtarget_becomes_a_pose_scalar_first_in_millimetres():
 def test_both_spellings_of_the_external_axes_are_read_and_every_print_of_9e9(spelled, unused):
     values = {name: value for name, value in ROBTARGET.items() if not name.startswith("eax")}
     values |= {spelled.format(axis): unused for axis in "bcdef"} | {spelled.format("a"): "12.5"}
-    assert reading.pose("robot", values, 0.0).external_axes == (12.5, *(UNUSED_AXIS,) * 5)
+    assert parsing.pose("robot", values, 0.0).external_axes == (12.5, *(UNUSED_AXIS,) * 5)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_both_spellings_of_the_external_axes_are_read_and_every_print_of_9e9(spe
 )
 def test_a_pose_that_is_none_is_an_error(wrong):
     with pytest.raises(GarbledAnswer):
-        reading.pose("robot", {**ROBTARGET, **wrong}, 0.0)
+        parsing.pose("robot", {**ROBTARGET, **wrong}, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -107,8 +107,8 @@ def test_two_readings_that_agree_to_two_hundredths_are_of_an_arm_that_stands(shi
     half = math.radians(turn_deg) / 2
     turned = {"q1": "1", "q2": "0", "q3": "0", "q4": "0"}
     after = {**turned, "x": f"{515 + shift_mm:.6f}", "q1": f"{math.cos(half):.17g}", "q2": f"{math.sin(half):.17g}"}
-    before = reading.pose("robot", {**ROBTARGET, **turned}, 1.0)
-    stood = reading.stood(before, reading.pose("robot", {**ROBTARGET, **after}, 2.0))
+    before = parsing.pose("robot", {**ROBTARGET, **turned}, 1.0)
+    stood = parsing.stood(before, parsing.pose("robot", {**ROBTARGET, **after}, 2.0))
     assert (stood.still, stood.taken_at_s) == (still, 2.0)
 
 
@@ -124,7 +124,7 @@ def test_two_readings_that_agree_to_two_hundredths_are_of_an_arm_that_stands(shi
     ],
 )
 def test_the_panel_becomes_a_status_that_is_never_armed(controller, mode, run, speed, said):
-    status = reading.status(reading.ControllerState(controller, mode, run, speed), False, 1.0)
+    status = parsing.status(parsing.ControllerState(controller, mode, run, speed), False, 1.0)
     true = {name for name in vars(status) if getattr(status, name) is True}
     assert true == said | {"in_position"}
 

@@ -5,10 +5,10 @@ import asyncio
 import numpy as np
 import pytest
 
-from drivers.catalogue import check_stop_address
 from drivers.errors import AddressNotUnderstood, DeviceUnreachable, LinkLost, MoveRefused
 from drivers.interfaces import Configuration, LinkHealth, MoveGoal
-from drivers.robots.rws.second_channel import TwoWaysToStop
+from drivers.registry import check_stop_address
+from drivers.robots.abb.rws.redundant_stop import TwoWaysToStop
 from tests.drivers.waiting import quick_timing
 
 GOAL = MoveGoal(np.eye(4), Configuration(0, 0, 0, 0))

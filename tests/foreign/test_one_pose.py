@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
-from drivers.robots.cb_robot import CbRobot
+from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from protocols.egm.messages import decode
 from tests.foreign.cells import held_by

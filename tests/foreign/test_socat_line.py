@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.robots.cb_robot import CbRobot
+from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from tests.mock_robot.running_cell import becomes
 from tests.mock_robot.running_cell import running_cell as cell_with_a_line

@@ -10,7 +10,7 @@ from calibration.kinematics.arm import PoseRefused
 from calibration.transforms import difference, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost, MoveFailed, MoveRefused
 from drivers.interfaces import Configuration, MoveGoal
-from drivers.robots.cb_robot import CbRobot
+from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cell import RobotProgram

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from calibration.transforms import quaternion_from_rotation
-from drivers.egm import EgmAddress, EgmMonitor, vibration_of
 from drivers.errors import DeviceTimeout, DeviceUnreachable
+from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor, vibration_of
 from mock_robot.cell import MockCell, Ports
 from mock_robot.devices.egm import PERIOD_S, VIBRATION_MM
 from mock_robot.truth.truth import CellTruth

@@ -7,12 +7,12 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
-from drivers.catalogue import open_robot
 from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer, LinkLost, MoveRefused, RequestRefused
 from drivers.interfaces import Configuration, MoveGoal
-from drivers.robots.cb_robot import CbRobot
-from drivers.robots.rws.address import RwsAddress
-from drivers.robots.rws.robot import RwsRobot
+from drivers.registry import open_robot
+from drivers.robots.abb.cb_robot import CbRobot
+from drivers.robots.abb.rws.address import RwsAddress
+from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.sessions import SESSIONS_MAX

@@ -8,9 +8,9 @@ from typing import Any
 import httpx
 
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost, RequestRefused
-from drivers.robots.rws.address import SCHEMES, RwsAddress
-from drivers.robots.rws.dialect import DIALECTS, Dialect, error_in
-from drivers.robots.rws.refusals import refused
+from drivers.robots.abb.rws.address import SCHEMES, RwsAddress
+from drivers.robots.abb.rws.dialect import DIALECTS, Dialect, error_in
+from drivers.robots.abb.rws.status_errors import refused
 from drivers.timing import Timing
 
 LIMIT_S, CONNECT_LIMIT_S = 5.0, 3.0

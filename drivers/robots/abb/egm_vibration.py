@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers.errors import DeviceTimeout, DeviceUnreachable
 from drivers.interfaces import LinkHealth
-from drivers.link_report import LinkReport
+from drivers.link_status import LinkReport
 from drivers.timing import Timing, take_turns_often
 from protocols.egm.messages import NotEgm, RobotSample, decode
 

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from drivers.backoff import Backoff
 from drivers.errors import DeviceError, DeviceUnreachable
 from drivers.interfaces import LinkHealth
-from drivers.link_report import LinkReport
-from drivers.robots.rws import reading
-from drivers.robots.rws.client import RwsClient
-from drivers.robots.rws.dialect import DIALECTS
-from drivers.robots.rws.reading import ControllerState
-from drivers.robots.rws.watch import Event, Watch
+from drivers.link_status import LinkReport
+from drivers.robots.abb.rws import parsing
+from drivers.robots.abb.rws.client import RwsClient
+from drivers.robots.abb.rws.dialect import DIALECTS
+from drivers.robots.abb.rws.parsing import ControllerState
+from drivers.robots.abb.rws.subscription import Event, Watch
 from drivers.timing import Timing
 
 log = logging.getLogger(__name__)
@@ -69,7 +69,7 @@ class RwsLink:
         await self._client.close()
         self._report.down("closed")
 
-    async def one(self, path: str, query: Mapping[str, str] | None = None) -> reading.Values:
+    async def one(self, path: str, query: Mapping[str, str] | None = None) -> parsing.Values:
         """The first resource at a path; empty when there is none. Raises DeviceError."""
         items = await self._client.get(path, query)
         return items[0] if items else {}
@@ -84,10 +84,10 @@ class RwsLink:
             self.one("/rw/panel/speedratio"),
         )
         return ControllerState(
-            controller=reading.word(device, controller, "ctrlstate"),
-            mode=reading.word(device, mode, "opmode"),
-            execution=reading.word(device, run, "ctrlexecstate"),
-            speed_ratio=reading.number(device, speed, "speedratio"),
+            controller=parsing.word(device, controller, "ctrlstate"),
+            mode=parsing.word(device, mode, "opmode"),
+            execution=parsing.word(device, run, "ctrlexecstate"),
+            speed_ratio=parsing.number(device, speed, "speedratio"),
         )
 
     async def _keep_connected(self) -> None:

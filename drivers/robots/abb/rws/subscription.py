@@ -12,7 +12,7 @@ from websockets.exceptions import InvalidHandshake, InvalidURI, WebSocketExcepti
 from websockets.typing import Subprotocol
 
 from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer
-from drivers.robots.rws.client import RwsClient
+from drivers.robots.abb.rws.client import RwsClient
 
 OPEN_LIMIT_S = 5.0
 MEDIUM = "1"

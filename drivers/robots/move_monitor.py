@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from drivers.errors import MoveFailed, MoveStalled
-from drivers.robots.refusals import move_failed
+from drivers.robots.abb.cb_status_errors import move_failed
 from protocols.cb.codes import Flag, Status
 from protocols.cb.messages import Report
 

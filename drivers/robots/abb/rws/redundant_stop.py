@@ -6,7 +6,7 @@ import logging
 from calibration.transforms import Array
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
 from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotStatus
-from drivers.robots.rws.robot import RwsRobot
+from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.timing import Timing
 
 log = logging.getLogger(__name__)

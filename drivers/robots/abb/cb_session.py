@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost
+from drivers.robots.priority_lock import Turnstile
 from drivers.robots.transport import Connection
-from drivers.robots.turnstile import Turnstile
 from drivers.timing import Timing
 from protocols.cb.client import ClientSession
 from protocols.cb.codes import VERSION, Status

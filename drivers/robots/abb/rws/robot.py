@@ -7,11 +7,11 @@ from typing import NoReturn
 from calibration.transforms import Array
 from drivers.errors import MoveRefused, RequestRefused
 from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotStatus
-from drivers.robots.rws import reading
-from drivers.robots.rws.address import FRAMES, RwsAddress
-from drivers.robots.rws.client import RwsClient
-from drivers.robots.rws.link import RwsLink
-from drivers.robots.rws.reading import ControllerState, EventLogEntry
+from drivers.robots.abb.rws import parsing
+from drivers.robots.abb.rws.address import FRAMES, RwsAddress
+from drivers.robots.abb.rws.client import RwsClient
+from drivers.robots.abb.rws.link import RwsLink
+from drivers.robots.abb.rws.parsing import ControllerState, EventLogEntry
 from drivers.timing import Timing
 
 STILL_GAP_S = 0.1
@@ -69,7 +69,7 @@ class RwsRobot:
     async def read_joints(self) -> Array:
         """Axis angles (6,) in rad."""
         values = await self._link.one(f"/rw/motionsystem/mechunits/{self._address.mechunit}/jointtarget")
-        return reading.joints_rad(self._device, values)
+        return parsing.joints_rad(self._device, values)
 
     async def read_state(self) -> ControllerState:
         """Panel, program and speed ratio, in the controller's words."""
@@ -79,12 +79,12 @@ class RwsRobot:
         """The panel, and whether the arm moved within 100 ms."""
         asked_at_s = self._timing.clock()
         state, pose = await asyncio.gather(self.read_state(), self.read_pose())
-        return reading.status(state, not pose.still, asked_at_s)
+        return parsing.status(state, not pose.still, asked_at_s)
 
     async def read_event_log(self) -> tuple[EventLogEntry, ...]:
         """The newest entries of the common log, newest first."""
         items = await self._client.get("/rw/elog/0", {"lang": "en"})
-        return tuple(reading.log_entry(self._device, item) for item in items)
+        return tuple(parsing.log_entry(self._device, item) for item in items)
 
     # --- acting ---
 
@@ -126,5 +126,5 @@ class RwsRobot:
         asked_at_s = self._timing.clock()
         query = {"tool": "tool0", "wobj": "wobj0", "coordinate": FRAMES[self._address.frame]}
         values = await self._link.one(f"/rw/motionsystem/mechunits/{self._address.mechunit}/robtarget", query)
-        now = reading.pose(self._device, values, asked_at_s)
-        return reading.stood(before, now) if before is not None else now
+        now = parsing.pose(self._device, values, asked_at_s)
+        return parsing.stood(before, now) if before is not None else now

@@ -1,6 +1,6 @@
 """From an address in the settings to a driver: the schemes of each device in one table.
 
-robot:   rws://host, rws://user:password@host:port?version=2&frame=base (read only: drivers.robots.rws.address),
+robot:   rws://host, rws://user:password@host:port?version=2&frame=base (read only: drivers.robots.abb.rws.address),
          tcp://host:port, serial:///dev/ttyUSB0?baud=115200&rtscts=0, socket://host:port, rfc2217://host:port, loop://
 camera:  http(s)://..., video:0, video:/dev/video0, video:/path/file.mp4, rtsp://..., folder:/path
 scanner: http(s)://..., folder:/path
@@ -16,10 +16,10 @@ from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
-from drivers.robots.cb_robot import CbRobot
-from drivers.robots.rws.address import RwsAddress
-from drivers.robots.rws.robot import RwsRobot
-from drivers.robots.rws.second_channel import TwoWaysToStop
+from drivers.robots.abb.cb_robot import CbRobot
+from drivers.robots.abb.rws.address import RwsAddress
+from drivers.robots.abb.rws.redundant_stop import TwoWaysToStop
+from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from drivers.robots.transport import Transport

@@ -5,8 +5,8 @@ import asyncio
 from drivers.backoff import Backoff
 from drivers.errors import DeviceError, DeviceUnreachable, LinkLost
 from drivers.interfaces import LinkHealth
-from drivers.link_report import LinkReport
-from drivers.robots.conversation import Conversation
+from drivers.link_status import LinkReport
+from drivers.robots.abb.cb_session import Conversation
 from drivers.robots.transport import Connection, Transport
 from drivers.timing import Timing, take_turns_often
 from protocols.cb.client import ClientSession

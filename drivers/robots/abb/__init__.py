@@ -1,0 +1,1 @@
+"""ABB controllers: the CB link, Robot Web Services and EGM."""
