@@ -18,8 +18,8 @@ import numpy as np
 
 from benchmarks.registration_rows import Cost, cost
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
-from daemon.archive.engines import engine, in_this_process
-from daemon.archive.work import Task
+from daemon.tools.batch_registration.executors import engine, in_this_process
+from daemon.tools.batch_registration.tasks import Task
 from registration.io.formats import ply
 from registration.points.layout import XYZ_FLOAT32
 

@@ -36,7 +36,7 @@ def real_session(name: str) -> Problem | None:
 
     A slip of the pitch that undoes the session's own would be no fault.
     """
-    from daemon.session_folder import load_problem, open_session
+    from daemon.sessions.session_reader import load_problem, open_session
 
     root = Path(os.environ.get("HANDEYED_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
     if not (root / name).is_dir():

@@ -41,10 +41,10 @@ async def _save(folder: Path, told: Connection) -> None:
 
     from calibration.documents.pose import PoseDocument
     from daemon.errors import StorageError
-    from daemon.events import Event
-    from daemon.runs.states import RunState
-    from daemon.store.behalf import Behalf
-    from daemon.store.records import Applied, CalibrationRecord, ScanRecord
+    from daemon.model.records import Applied, CalibrationRecord, ScanRecord
+    from daemon.model.run_states import RunState
+    from daemon.runtime.event_bus import Event
+    from daemon.store.actor import Behalf
     from daemon.store.store import Store
     from tests.daemon.calibrations import a_calibration
     from tests.daemon.fakes import ply_of
@@ -103,9 +103,9 @@ def looking(folder: str, done: list[str], told: Connection) -> None:
 
 async def _look(folder: Path, done: list[str]) -> list[str]:
     from daemon.errors import NoCalibration, NotFound
-    from daemon.runs.states import RunState
-    from daemon.store.audit import found_flaws
-    from daemon.store.names import DATABASE_NAME
+    from daemon.model.run_states import RunState
+    from daemon.store.audit_log import found_flaws
+    from daemon.store.layout import DATABASE_NAME
     from daemon.store.store import Store
 
     store = Store(folder)

@@ -203,7 +203,7 @@ def real_table(data: Path) -> None:
     if not data.is_dir():
         print(f"Real sessions: none at {data}; give --data")
         return
-    from daemon.session_folder import load_problem, open_session
+    from daemon.sessions.session_reader import load_problem, open_session
 
     print("Real sessions: hold-out base error mm, reprojection px; uncertainty of a point mm; truth")
     for name in ("ic_charuco", "ic_circles", "metric_1"):

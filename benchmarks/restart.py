@@ -20,8 +20,8 @@ from typing import Any
 
 import httpx
 
-from daemon.demo.children import child
-from daemon.demo.settings_file import settings_text
+from daemon.cli.demo_run.processes import child
+from daemon.cli.demo_run.settings_file import settings_text
 
 READY_BAR_S = 5.0
 LIMIT_S = 60.0

@@ -36,7 +36,7 @@ def daemon_process(folder: str, ready: Any) -> None:
 
 async def _daemon(folder: Path, ready: Any) -> None:
     from daemon.access.roles import Role
-    from daemon.store.behalf import Behalf
+    from daemon.store.actor import Behalf
     from tests.daemon.cells import serving, settings_for
     from tests.daemon.test_register import with_a_calibration
 

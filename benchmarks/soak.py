@@ -20,8 +20,8 @@ from typing import Any
 import httpx
 import numpy as np
 
-from daemon.demo.children import child
-from daemon.demo.settings_file import settings_text
+from daemon.cli.demo_run.processes import child
+from daemon.cli.demo_run.settings_file import settings_text
 from protocols.modbus.mbap import Adu
 
 REGISTRATIONS = 10_000

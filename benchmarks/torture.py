@@ -29,7 +29,7 @@ import numpy as np
 
 from benchmarks.torture_daemon import STATIONS, WARM, daemon_process
 from benchmarks.torture_ledger import Ledger, Lost, Request
-from daemon.failpoints import PLACES
+from daemon.runtime.failpoints import PLACES
 from tests.daemon.fakes import ply_of
 
 READY_BAR_S = 5.0

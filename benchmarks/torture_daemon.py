@@ -10,7 +10,7 @@ from pathlib import Path
 
 import uvloop
 
-from daemon.failpoints import PLACES
+from daemon.runtime.failpoints import PLACES
 from tests.daemon.cells import Parts, serving, settings_for
 
 WARM = ["benchmarks.torture_daemon", "anyio._backends._asyncio", "uvicorn.lifespan.on", "websockets.server",

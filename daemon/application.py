@@ -7,20 +7,20 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from daemon.access.desk import KeyDesk
-from daemon.cell import Cell
-from daemon.clock import Clock
-from daemon.drift.watch import DriftWatch
+from daemon.cell.cell import Cell
+from daemon.config.settings import Settings
+from daemon.drift.monitor import DriftWatch
 from daemon.errors import StorageError
-from daemon.events import EventLog
-from daemon.metrics import Metric, Metrics
 from daemon.operations import Operations
 from daemon.runs.supervisor import STEP_LIMIT_S, Supervisor
-from daemon.scans import Scans
-from daemon.settings import Settings
+from daemon.runtime.clock import Clock
+from daemon.runtime.event_bus import EventLog
+from daemon.runtime.metrics import Metric, Metrics
+from daemon.runtime.systemd import Systemd
+from daemon.runtime.workers import Workers
+from daemon.scans.scan_service import Scans
+from daemon.store.key_service import KeyDesk
 from daemon.store.store import Store
-from daemon.systemd import Systemd
-from daemon.workers import Workers
 
 log = logging.getLogger(__name__)
 

@@ -8,30 +8,30 @@ from pathlib import Path
 
 import uvloop
 
-from daemon.access.desk import KeyDesk
 from daemon.application import Application, Companion
-from daemon.cell import Cell, Devices
-from daemon.clock import Clock, time_ordered_id
-from daemon.devices import open_devices
+from daemon.cell.cell import Cell, Devices
+from daemon.cell.devices import open_devices
+from daemon.cell.motion_rules import MotionRules
+from daemon.config.settings import Settings
+from daemon.drift.monitor import DriftWatch
 from daemon.drift.schedule import DriftSchedule
-from daemon.drift.watch import DriftWatch
-from daemon.events import EventLog
-from daemon.failpoints import NEVER, Failpoints
-from daemon.logs import log_to_stdout
-from daemon.metrics import Metrics
-from daemon.motion import MotionRules
 from daemon.operations import Operations
-from daemon.plc.companion import Plc
-from daemon.registering import Registering
-from daemon.retention import Retention
+from daemon.plc.service import Plc
 from daemon.runs.supervisor import Supervisor
-from daemon.scans import Scans
+from daemon.runtime.clock import Clock, time_ordered_id
+from daemon.runtime.event_bus import EventLog
+from daemon.runtime.failpoints import NEVER, Failpoints
+from daemon.runtime.logs import log_to_stdout
+from daemon.runtime.metrics import Metrics
+from daemon.runtime.systemd import Systemd
+from daemon.runtime.workers import Workers
+from daemon.scans.registration_jobs import Registering
+from daemon.scans.scan_service import Scans
 from daemon.server import Announce, Server, announce_in
-from daemon.settings import Settings
+from daemon.store.key_service import KeyDesk
+from daemon.store.retention import Retention
 from daemon.store.store import Store
-from daemon.systemd import Systemd
 from daemon.webhooks.dispatcher import Dispatcher
-from daemon.workers import Workers
 
 log = logging.getLogger(__name__)
 

@@ -10,28 +10,28 @@ from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.planning.next_view import Wish
 from calibration.planning.what_if import Alternative
-from daemon.cell import Cell
-from daemon.clock import Clock
+from daemon.cell.cell import Cell
+from daemon.cell.motion_rules import MotionRules
+from daemon.config.settings import Settings, TaughtPose
 from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses
-from daemon.motion import MotionRules
-from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
-from daemon.runs.calibrating import Calibrating
-from daemon.runs.desk import Desk
-from daemon.runs.desk import Wish as Asked
-from daemon.runs.log import RunLog
-from daemon.runs.looking import Itinerary
-from daemon.runs.manual import ManualRoute
-from daemon.runs.scanning import Scanning
-from daemon.runs.session_log import SessionLog
-from daemon.runs.states import RunState
+from daemon.model.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanView
+from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
+from daemon.model.run_states import RunState
+from daemon.runs.calibration_run import Calibrating
+from daemon.runs.manual_sequence import ManualRoute
+from daemon.runs.operator_requests import Desk
+from daemon.runs.operator_requests import Wish as Asked
+from daemon.runs.pose_selection import Known, adaptive_route, expected_mount, planning_limits, taught
+from daemon.runs.pose_sequence import Itinerary
+from daemon.runs.run_log import RunLog
+from daemon.runs.scan_run import Scanning
 from daemon.runs.supervisor import Departure, Ending, Supervisor
-from daemon.runs.verifying import Verifying
-from daemon.scans import Scans
-from daemon.settings import Settings, TaughtPose
-from daemon.stations import Known, adaptive_route, expected_mount, planning_limits, taught
-from daemon.store.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanView
+from daemon.runs.verification_run import Verifying
+from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
+from daemon.scans.scan_service import Scans
+from daemon.sessions.session_writer import SessionLog
 from daemon.store.store import Store
-from daemon.workers import Workers
 
 VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""

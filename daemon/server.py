@@ -16,10 +16,10 @@ import uvicorn
 from daemon.access.certificates import server_context
 from daemon.api.app import create_api
 from daemon.application import Application
-from daemon.connections import Door
-from daemon.handshakes import Handshake, SecuredListener
-from daemon.listening import listener_at
-from daemon.store.files import write_durably
+from daemon.http.connections import Door
+from daemon.http.listen_socket import listener_at
+from daemon.http.tls_handshake import Handshake, SecuredListener
+from daemon.runtime.durable_files import write_durably
 
 GRACE_S = 4
 """For answers in progress after SIGTERM. Event streams end at once by themselves."""

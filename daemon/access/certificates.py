@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from daemon.access.errors import CertificateUnusable
-from daemon.store.files import fsync_folder, make_folder
+from daemon.runtime.durable_files import fsync_folder, make_folder
 
 CERTIFICATE, PRIVATE_KEY, AUTHORITY = "certificate.pem", "private_key.pem", "authority.pem"
 DEFAULT_DAYS = 3650

@@ -10,27 +10,15 @@ from starlette.routing import Match
 from starlette.types import ASGIApp
 
 from calibration.errors import CalibrationError
-from daemon.api import (
-    access_routes,
-    calibrate,
-    calibrations,
-    cell,
-    drift,
-    events,
-    health,
-    openapi,
-    problems,
-    register,
-    runs,
-    scans,
-)
-from daemon.api.access import only_known_queries
-from daemon.api.authentication import Authentication
-from daemon.api.guards import Guards
-from daemon.api.idempotency import Idempotency
+from daemon.api import openapi, problems
+from daemon.api.dependencies import only_known_queries
+from daemon.api.middleware.authentication import Authentication
+from daemon.api.middleware.idempotency import Idempotency
+from daemon.api.middleware.request_checks import Guards
+from daemon.api.routes import admin, calibrate, calibrations, cell, drift, events, health, register, runs, scans
 from daemon.application import Application
 from daemon.errors import DaemonError
-from daemon.software import VERSION
+from daemon.runtime.version import VERSION
 from drivers.errors import DeviceError
 from registration.errors import RegistrationError
 
@@ -44,7 +32,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     register.router,
     scans.router,
-    access_routes.router,
+    admin.router,
 )
 
 ABOUT = (

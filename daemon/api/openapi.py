@@ -8,12 +8,12 @@ from pydantic.json_schema import models_json_schema
 
 from daemon.access.policy import role_needed
 from daemon.access.roles import Role
-from daemon.api.documents import Answer
-from daemon.api.idempotency import KEY, KEY_LIMIT
-from daemon.api.phrases import phrase_of
-from daemon.api.problem_examples import example_of
+from daemon.api.middleware.idempotency import KEY, KEY_LIMIT
+from daemon.api.openapi_examples import example_of
 from daemon.api.problems import MEDIA_TYPE, Problem
-from daemon.requests import ApplyRequest, CalibrateRequest, ScanRequest, SetupRequest, VerifyRequest
+from daemon.api.schemas.documents import Answer
+from daemon.http.problem_details import phrase_of
+from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, SetupRequest, VerifyRequest
 
 BODIES: tuple[type[BaseModel], ...] = (
     CalibrateRequest,

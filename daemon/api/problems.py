@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 from calibration.errors import CalibrationError, DetectionError, DocumentError, DocumentProblem, UndeterminedError
 from daemon import errors
 from daemon.access import errors as access
-from daemon.api.phrases import phrase_of
+from daemon.http.problem_details import phrase_of
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
 

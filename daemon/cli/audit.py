@@ -9,7 +9,7 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Commands, Json
 
 if TYPE_CHECKING:
-    from daemon.audit.chain import Anchor
+    from daemon.access.audit_chain import Anchor
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, help="Who did what; and whether that record is whole.")
 
@@ -32,9 +32,9 @@ def verify(
 
     Exit status: 0 the log is whole, 1 it is not.
     """
-    from daemon.settings import load_settings
-    from daemon.store.audit import found_flaws
-    from daemon.store.names import DATABASE_NAME
+    from daemon.config.settings import load_settings
+    from daemon.store.audit_log import found_flaws
+    from daemon.store.layout import DATABASE_NAME
 
     database = Path(load_settings(config).storage.folder) / DATABASE_NAME
     rows, found = found_flaws(database, [_anchor(text) for text in anchor or []])
@@ -48,7 +48,7 @@ def verify(
 
 
 def _anchor(text: str) -> "Anchor":
-    from daemon.audit.chain import Anchor
+    from daemon.access.audit_chain import Anchor
 
     sequence, _, digest = text.partition(":")
     if not (sequence.isdigit() and len(digest) == 64):

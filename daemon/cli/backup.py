@@ -13,10 +13,10 @@ def backup(
     out: Annotated[Path, typer.Option("--out", "-o", help="The tar file to write.")] = Path("handeyed-backup.tar"),
 ) -> None:
     """Write the store into one file, while the daemon runs or not. It holds hashes of keys, but no key."""
-    from daemon.clock import Clock
-    from daemon.settings import load_settings
+    from daemon.config.settings import load_settings
+    from daemon.runtime.clock import Clock
     from daemon.store.backup import back_up
-    from daemon.store.visit import visiting
+    from daemon.store.offline import visiting
 
     store = Path(load_settings(config).storage.folder)
     with visiting(store) as database:
@@ -29,7 +29,7 @@ def restore(
     config: Config,
 ) -> None:
     """Put a backup where the settings say the store lies; refused where there is one already."""
-    from daemon.settings import load_settings
+    from daemon.config.settings import load_settings
     from daemon.store.backup import restore as restore_store
 
     store = Path(load_settings(config).storage.folder)

@@ -35,9 +35,9 @@ def calibrate(
     Exit status: 0 accepted, 3 solved or refused but not accepted, 1 the run failed.
     """
     from calibration.documents.calibration import CalibrationDocument
-    from daemon.cli.by_hand import by_hand
-    from daemon.cli.client import DaemonClient
-    from daemon.cli.summary import summary
+    from calibration.documents.calibration_text import summary
+    from daemon.cli.manual import by_hand
+    from daemon.cli.rest_client import DaemonClient
 
     body = _body(request, count, uncertainty, manual)
     with DaemonClient(url) as daemon:
@@ -58,8 +58,8 @@ def calibrate(
 
 def _body(request: Path | None, count: int | None, uncertainty: float | None, manual: bool) -> dict[str, Any]:
     from calibration.documents.validation import parse_document
-    from daemon.requests import CalibrateRequest
-    from daemon.session_folder import read_bytes
+    from daemon.model.requests import CalibrateRequest
+    from daemon.sessions.session_reader import read_bytes
 
     body: dict[str, Any] = {}
     if request is not None:
@@ -75,7 +75,7 @@ def _tell(event: dict[str, Any]) -> None:
     if not sys.stderr.isatty():
         return
     line = f"station {min(event['station'] + 1, event['stations'])} of {event['stations']}: {event['state']}"
-    from daemon.cli.client import OVER
+    from daemon.cli.rest_client import OVER
 
     over = event["state"] in OVER
     typer.echo(f"\r\033[K{'' if over else line}", nl=False, err=True)

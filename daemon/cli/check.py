@@ -21,7 +21,7 @@ def check(
     """
     from daemon.cli.checks import check_devices, check_storage
     from daemon.cli.result import Result
-    from daemon.settings import load_settings
+    from daemon.config.settings import load_settings
 
     settings = load_settings(config)
     results = [Result("settings", True, f"{config} is complete and consistent")]

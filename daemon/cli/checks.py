@@ -11,16 +11,16 @@ from typing import Any, TypeVar
 
 from calibration.detection.detect import detect
 from calibration.errors import DetectionError
-from daemon.cell import motion_obstacles
-from daemon.cli.client import DaemonClient
+from daemon.cell.cell import motion_obstacles
+from daemon.cell.devices import open_devices
+from daemon.cell.vibration import Quiet
+from daemon.cli.checks_modbus import check_interlocks, check_plc
 from daemon.cli.errors import CommandError
-from daemon.cli.modbus_checks import check_interlocks, check_plc
+from daemon.cli.rest_client import DaemonClient
 from daemon.cli.result import Result
-from daemon.clock import Clock
-from daemon.devices import open_devices
+from daemon.config.settings import Settings
 from daemon.errors import NotStill
-from daemon.quiet import Quiet
-from daemon.settings import Settings
+from daemon.runtime.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, NothingMeasured
 from drivers.interfaces import Camera, Robot, Scanner
 

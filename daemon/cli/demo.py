@@ -10,7 +10,7 @@ from daemon.cli.errors import CommandError
 from daemon.cli.output import Json
 
 if TYPE_CHECKING:
-    from daemon.demo.children import Child
+    from daemon.cli.demo_run.processes import Child
 
 
 def demo(
@@ -24,11 +24,11 @@ def demo(
     as_json: Json = False,
 ) -> None:
     """Calibrate and register against a mock ABB cell over real sockets; print the truth beside the answer."""
-    from daemon.demo.children import child, signals_as_exits
-    from daemon.demo.report import farewell, report, report_json
-    from daemon.demo.settings_file import settings_text
-    from daemon.demo.story import VIEW_FILE, play
-    from daemon.demo.told import Teller
+    from daemon.cli.demo_run.processes import child, signals_as_exits
+    from daemon.cli.demo_run.progress import Teller
+    from daemon.cli.demo_run.report import farewell, report, report_json
+    from daemon.cli.demo_run.scenario import VIEW_FILE, play
+    from daemon.cli.demo_run.settings_file import settings_text
 
     _empty(folder)
     teller = Teller(aside=as_json)
@@ -89,7 +89,7 @@ def _port() -> int:
     """The usual port when it is free, so that the curl lines are always the same; else one the system chooses."""
     import socket
 
-    from daemon.settings_server import ServerSettings
+    from daemon.config.server_settings import ServerSettings
 
     usual = ServerSettings()
     try:

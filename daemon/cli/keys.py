@@ -12,8 +12,8 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Commands, Json
 
 if TYPE_CHECKING:
-    from daemon.access.desk import KeyDesk
     from daemon.access.keys import KeyRecord
+    from daemon.store.key_service import KeyDesk
 
 Answer = TypeVar("Answer")
 
@@ -47,7 +47,7 @@ def add(
 @app.command("list")
 def list_keys(config: Config, json: Json = False) -> None:
     """Every key there ever was, without the keys."""
-    from daemon.clock import Clock
+    from daemon.runtime.clock import Clock
 
     now = Clock().timestamp()
     records = _at_the_desk(config, lambda desk: desk.keys.all())
@@ -85,11 +85,11 @@ def revoke(config: Config, name: Name) -> None:
 
 
 def _at_the_desk(config: Path, work: "Callable[[KeyDesk], Awaitable[Answer]]") -> Answer:
-    from daemon.access.desk import KeyDesk
-    from daemon.clock import Clock
-    from daemon.settings import load_settings
+    from daemon.config.settings import load_settings
+    from daemon.runtime.clock import Clock
     from daemon.store.access_keys import AccessKeys
-    from daemon.store.visit import visiting
+    from daemon.store.key_service import KeyDesk
+    from daemon.store.offline import visiting
 
     with visiting(Path(load_settings(config).storage.folder)) as database:
         desk = KeyDesk(AccessKeys(database), Clock())
@@ -101,7 +101,7 @@ def _at_the_desk(config: Path, work: "Callable[[KeyDesk], Awaitable[Answer]]") -
 
 
 def _me() -> Any:
-    from daemon.store.behalf import Behalf
+    from daemon.store.actor import Behalf
 
     return Behalf(getpass.getuser(), "command line")
 

@@ -23,7 +23,7 @@ class Commands(typer.core.TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         from calibration.errors import CalibrationError, DocumentError
         from daemon.errors import DaemonError
-        from daemon.target_print.errors import PrintRefused
+        from daemon.tools.target_print.errors import PrintRefused
         from drivers.errors import DeviceError
         from registration.errors import RegistrationError
 

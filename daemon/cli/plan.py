@@ -32,7 +32,7 @@ def read_question(file: Path) -> "PlanDocument":
     """plan.json, for `plan` and `assess`. Raises DocumentError."""
     from calibration.documents.plan import PlanDocument
     from calibration.documents.validation import parse_document
-    from daemon.session_folder import read_bytes
+    from daemon.sessions.session_reader import read_bytes
 
     return parse_document(PlanDocument, read_bytes(file), str(file))
 

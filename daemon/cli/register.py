@@ -40,7 +40,7 @@ def register(
     """
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
-    from daemon.session_folder import read_bytes
+    from daemon.sessions.session_reader import read_bytes
     from registration.fusion.merging import Merge
     from registration.report import register_scan
     from registration.scan import hand_of, read_scan
@@ -68,7 +68,7 @@ def _make(folder: Path) -> None:
 
 
 def _told(report: "RegistrationReportDocument", out: Path) -> str:
-    from daemon.cli.summary import finding_line
+    from calibration.documents.calibration_text import finding_line
 
     lines = [f"{out}: {report.points:,} points of {len(report.views)} views, base frame, mm"]
     before, after = report.rms_mm.before, report.rms_mm.after

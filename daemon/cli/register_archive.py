@@ -11,7 +11,7 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, error_line, progress_bar
 
 if TYPE_CHECKING:
-    from daemon.archive.work import Outcome, Task
+    from daemon.tools.batch_registration.tasks import Outcome, Task
 
 
 def register_archive(
@@ -32,7 +32,7 @@ def register_archive(
 
     Exit status: 0 all done, 3 done but some not accepted, 2 some could not be read (they are named).
     """
-    from daemon.archive.engines import engine
+    from daemon.tools.batch_registration.executors import engine
 
     tasks = _tasks(folder, calibration, out, refine, voxel_mm)
     outcomes = []
@@ -50,9 +50,9 @@ def register_archive(
 def _tasks(folder: str, calibration: Path, out: str, refine: bool, voxel_mm: float | None) -> "list[Task]":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
-    from daemon.archive.places import Place
-    from daemon.archive.work import SCAN, Task
-    from daemon.session_folder import read_bytes
+    from daemon.sessions.session_reader import read_bytes
+    from daemon.tools.batch_registration.remote_folder import Place
+    from daemon.tools.batch_registration.tasks import SCAN, Task
     from registration.scan import hand_of
 
     content = read_bytes(calibration)

@@ -14,6 +14,6 @@ def serve(
 ) -> None:
     """Run the daemon until SIGTERM or Ctrl-C. Nothing moves until a request says so."""
     from daemon.composition import serve as serve_settings
-    from daemon.settings import load_settings
+    from daemon.config.settings import load_settings
 
     serve_settings(load_settings(config), ready_file=ready_file)

@@ -70,9 +70,9 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     from calibration.planning.what_if import Alternative
     from calibration.solve import solve_hand_eye
     from calibration.verdict import judge
-    from daemon.clock import Clock, time_ordered_id
-    from daemon.session_folder import load_problem, open_session, repeated_poses
-    from daemon.software import SOFTWARE
+    from daemon.runtime.clock import Clock, time_ordered_id
+    from daemon.runtime.version import SOFTWARE
+    from daemon.sessions.session_reader import load_problem, open_session, repeated_poses
 
     clock, session = Clock(), open_session(folder)
     with progress_bar(folder.resolve().name) as progress:
@@ -113,7 +113,7 @@ def ranges(indices: list[int]) -> str:
 
 
 def _print(folder: Path, document: "CalibrationDocument", json: bool) -> None:
-    from daemon.cli.summary import summary
+    from calibration.documents.calibration_text import summary
 
     typer.echo(document.model_dump_json() if json else summary(str(folder), document) + "\n")
 

@@ -41,8 +41,8 @@ def solve_scan(folder: Path, radius_mm: float | None, rough: Path | None) -> "Ca
 
     Raises DocumentError, RegistrationError.
     """
-    from daemon.clock import Clock, time_ordered_id
-    from daemon.software import SOFTWARE
+    from daemon.runtime.clock import Clock, time_ordered_id
+    from daemon.runtime.version import SOFTWARE
     from registration.calibrate.outcome import judge_scan, scan_calibration_document
     from registration.calibrate.sphere import solve_sphere_scan
     from registration.scan import read_scan
@@ -68,7 +68,7 @@ def _from_surfaces(views: "list[ScanView]", rough: Path | None) -> "Solution":
 def _rough_x(file: Path) -> "Array":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
-    from daemon.session_folder import read_bytes
+    from daemon.sessions.session_reader import read_bytes
     from registration.scan import hand_of
 
     return hand_of(parse_document(CalibrationDocument, read_bytes(file), str(file))).flange_T_camera

@@ -20,7 +20,7 @@ def support_bundle(
     from datetime import UTC, datetime
     from json import dumps
 
-    from daemon.support.bundle import gather
+    from daemon.tools.support_bundle.bundle import gather
 
     at = datetime.now(UTC)
     target = out or Path(f"handeyed-support-{at:%Y%m%d-%H%M%S}.tar.gz")

@@ -96,7 +96,7 @@ def from_file(
     from json import loads
 
     from calibration.errors import DocumentError, DocumentProblem
-    from daemon.session_folder import read_bytes
+    from daemon.sessions.session_reader import read_bytes
 
     content = read_bytes(file)
     try:
@@ -111,9 +111,9 @@ def from_file(
 def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") -> None:
     from calibration.documents.validation import validate_document
     from daemon.cli.target_file import TargetFile
-    from daemon.target_print.layout import lay_out, page_named
-    from daemon.target_print.pdf import pdf
-    from daemon.target_print.svg import svg
+    from daemon.tools.target_print.layout import lay_out, page_named
+    from daemon.tools.target_print.pdf import pdf
+    from daemon.tools.target_print.svg import svg
 
     document = validate_document(TargetFile, {"target": data}, origin).target
     writers = {".pdf": pdf, ".svg": svg}
@@ -137,7 +137,7 @@ def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") 
 
 def _told(out: Path, size: str, target: "TargetDocument") -> str:
     from daemon.cli.target_file import ambiguity, toml_snippet
-    from daemon.target_print.layout import PRINT_NOTE
+    from daemon.tools.target_print.layout import PRINT_NOTE
 
     note = ambiguity(target)
     return "\n".join(

@@ -9,9 +9,9 @@ import numpy as np
 from calibration.documents.calibration import CalibrationDocument
 from calibration.monitoring.control_chart import Sample, sample_of
 from calibration.transforms import Array
-from daemon.runs.states import RunState
-from daemon.settings import CalibrationSettings
-from daemon.store.records import Applied, RunRecord
+from daemon.config.settings import CalibrationSettings
+from daemon.model.records import Applied, RunRecord
+from daemon.model.run_states import RunState
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from calibration.errors import CalibrationError
-from daemon.clock import Clock
 from daemon.errors import DaemonError
-from daemon.logs import about_request
-from daemon.metrics import Metric
+from daemon.model.requests import VerifyRequest
 from daemon.operations import Operations
-from daemon.requests import VerifyRequest
-from daemon.store.behalf import Behalf, on_behalf_of
+from daemon.runtime.clock import Clock
+from daemon.runtime.logs import about_request
+from daemon.runtime.metrics import Metric
+from daemon.store.actor import Behalf, on_behalf_of
 from drivers.errors import DeviceError
 
 log = logging.getLogger(__name__)

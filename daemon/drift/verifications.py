@@ -6,9 +6,9 @@ from itertools import takewhile
 
 from calibration.transforms import Array
 from daemon.drift.samples import Verified, belongs, verified
-from daemon.store.records import Applied, RunRecord
+from daemon.model.records import Applied, RunRecord
+from daemon.runtime.workers import Workers
 from daemon.store.store import Store
-from daemon.workers import Workers
 
 MOST = 1000
 """How far back a chart reaches: a year of verifications every eight hours."""

@@ -11,7 +11,7 @@ from pymodbus.pdu.device import ModbusDeviceIdentification
 from pymodbus.server import ModbusSerialServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from daemon.plc.settings import PlcSerialSettings
+from daemon.config.plc_settings import PlcSerialSettings
 from drivers.backoff import Backoff
 from protocols.modbus.bank import Bank, Identification
 from protocols.modbus.codes import Function

@@ -7,15 +7,15 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from daemon.clock import Clock
 from daemon.errors import CellBusy, NotFound, NotWaiting, RunInProgress, RunOver, RunStalled, Stopping, StorageError
-from daemon.events import EventLog
-from daemon.logs import about_run
-from daemon.runs.causes import aborted, cause_of, interrupted
-from daemon.runs.desk import Desk
-from daemon.runs.log import RunLog, nothing, run_event
-from daemon.runs.states import FIRST_STATE, RunEvent, RunState
-from daemon.store.records import RunKind, RunRecord
+from daemon.model.records import RunKind, RunRecord
+from daemon.model.run_states import FIRST_STATE, RunEvent, RunState
+from daemon.runs.failure_causes import aborted, cause_of, interrupted
+from daemon.runs.operator_requests import Desk
+from daemon.runs.run_log import RunLog, nothing, run_event
+from daemon.runtime.clock import Clock
+from daemon.runtime.event_bus import EventLog
+from daemon.runtime.logs import about_run
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)

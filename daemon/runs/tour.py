@@ -2,12 +2,12 @@
 
 from collections.abc import Awaitable, Callable
 
-from daemon.cell import Cell
-from daemon.motion import MotionRules
-from daemon.runs.log import RunLog
-from daemon.runs.states import RunEvent as E
-from daemon.settings import TaughtPose
-from daemon.settling import require_arrived
+from daemon.cell.cell import Cell
+from daemon.cell.motion_rules import MotionRules
+from daemon.cell.settling import require_arrived
+from daemon.config.settings import TaughtPose
+from daemon.model.run_states import RunEvent as E
+from daemon.runs.run_log import RunLog
 from drivers.interfaces import PoseReading
 
 AtStation = Callable[[PoseReading], Awaitable[None]]

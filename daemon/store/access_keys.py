@@ -6,7 +6,7 @@ from dataclasses import astuple
 from daemon.access.errors import KeyExists
 from daemon.access.keys import KeyRecord, id_of, same
 from daemon.errors import NotFound
-from daemon.store.behalf import Behalf, append_audit
+from daemon.store.actor import Behalf, append_audit
 from daemon.store.database import Database
 
 _COLUMNS = "id, name, role, hash, created_at, expires_at, revoked_at"

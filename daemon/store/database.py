@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from daemon.errors import StorageError, StorageFull, StorageTooNew
-from daemon.failpoints import NEVER, Failpoints
-from daemon.store.files import make_folder, settle_file
+from daemon.runtime.durable_files import make_folder, settle_file
+from daemon.runtime.failpoints import NEVER, Failpoints
 from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
 
 Answer = TypeVar("Answer")

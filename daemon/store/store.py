@@ -10,19 +10,19 @@ from typing import Any
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound
-from daemon.failpoints import NEVER, Failpoints
-from daemon.runs.states import FINAL_STATES
+from daemon.model.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView, Unit
+from daemon.model.run_states import FINAL_STATES
+from daemon.runtime.durable_files import WriteFile, settle_file, write_durably
+from daemon.runtime.failpoints import NEVER, Failpoints
 from daemon.store.access_keys import AccessKeys
-from daemon.store.audit import AuditLog
-from daemon.store.behalf import current_behalf, note
+from daemon.store.actor import current_behalf, note
+from daemon.store.audit_log import AuditLog
 from daemon.store.database import Database
-from daemon.store.events import KeptEvents
-from daemon.store.files import WriteFile, settle_file, write_durably
-from daemon.store.hold import FolderHold
-from daemon.store.keyed_requests import KeyedRequests
-from daemon.store.names import DATABASE_NAME
+from daemon.store.event_log import KeptEvents
+from daemon.store.idempotency_keys import KeyedRequests
+from daemon.store.layout import DATABASE_NAME
+from daemon.store.lock import FolderHold
 from daemon.store.outbox import Outbox
-from daemon.store.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView, Unit
 
 _UPDATE_RUN = (
     "UPDATE runs SET (id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result,"

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import httpx
 
-from daemon.clock import Clock
+from daemon.config.server_settings import WebhookSettings
 from daemon.errors import StorageError
-from daemon.metrics import Labels, Metric
-from daemon.settings_server import WebhookSettings
+from daemon.runtime.clock import Clock
+from daemon.runtime.metrics import Labels, Metric
 from daemon.store.outbox import Message, Outbox
 from daemon.webhooks.signing import secrets_in, signed_headers
 

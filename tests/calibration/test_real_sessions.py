@@ -9,7 +9,7 @@ import pytest
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
 from calibration.transforms import difference, transform_from_quaternion
-from daemon.session_folder import load_problem, open_session
+from daemon.sessions.session_reader import load_problem, open_session
 
 pytestmark = [pytest.mark.data, pytest.mark.timeout(180)]
 

@@ -14,8 +14,8 @@ import httpx
 import pytest
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.demo.children import Child, child
-from daemon.demo.settings_file import settings_text
+from daemon.cli.demo_run.processes import Child, child
+from daemon.cli.demo_run.settings_file import settings_text
 from tests.cli.running import handeyed
 from tests.cli.terminal import started
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from daemon.cli.modbus_checks import check_interlocks, check_line, check_plc, check_port
+from daemon.cli.checks_modbus import check_interlocks, check_line, check_plc, check_port
 from daemon.cli.result import Result
-from daemon.plc.settings import InterlockSettings, PlcSerialSettings, PlcSettings
+from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from tests.cli.running import handeyed
 from tests.daemon.lines import cable
 from tests.daemon.test_scans_killed import SETTINGS

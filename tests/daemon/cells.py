@@ -13,12 +13,12 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
 from daemon.application import Application
-from daemon.cell import Devices
+from daemon.cell.cell import Devices
 from daemon.composition import build
-from daemon.connections import Door
-from daemon.failpoints import NEVER, Failpoints
+from daemon.config.settings import Settings
+from daemon.http.connections import Door
+from daemon.runtime.failpoints import NEVER, Failpoints
 from daemon.server import Server
-from daemon.settings import Settings
 from daemon.store.store import Store
 from tests.daemon.fakes import CAMERA, FakeCamera, FakeRobot, FakeScanner, poses_around_the_target
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pymodbus.client import AsyncModbusTcpClient
 
-from daemon.plc.companion import Plc
+from daemon.plc.service import Plc
 from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_of, unsigned_of
 from protocols.plc.codes import Control, Status
 from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind

@@ -11,16 +11,16 @@ from typing import Any
 import httpx
 import pytest
 
-from daemon.access.desk import KeyDesk
 from daemon.access.errors import KeyExists
 from daemon.access.keys import KeyRecord, hash_of, id_of, new_key
 from daemon.access.policy import role_needed
 from daemon.access.roles import ROLES, Role
 from daemon.access.setup_code import TRIES, SetupCode
-from daemon.clock import Clock
 from daemon.errors import NotFound
-from daemon.store.behalf import Behalf
-from daemon.store.records import CalibrationRecord
+from daemon.model.records import CalibrationRecord
+from daemon.runtime.clock import Clock
+from daemon.store.actor import Behalf
+from daemon.store.key_service import KeyDesk
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import Bench, serving, settings_for

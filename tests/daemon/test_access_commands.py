@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from daemon.cli.checks import check_devices
-from daemon.cli.client import DaemonClient
 from daemon.cli.errors import CommandError
 from daemon.cli.main import app
+from daemon.cli.rest_client import DaemonClient
 from tests.daemon.cells import serving, settings_for
 from tests.daemon.test_access import bearer
 from tests.daemon.test_scans_killed import SETTINGS

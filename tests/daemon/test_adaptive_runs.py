@@ -27,7 +27,7 @@ async def test_aborted_while_it_plans_nothing_moves_and_the_plan_is_forgotten(
         assert go_on.wait(20)
         return next_view(*question, **more)
 
-    monkeypatch.setattr("daemon.runs.adaptive.next_view", plans_slowly)
+    monkeypatch.setattr("daemon.runs.adaptive_sequence.next_view", plans_slowly)
     guess = pose_json(FLANGE_T_CAMERA)
     async with serving(settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})) as bench:
         run = (await bench.client.post("/calibrate")).json()
@@ -50,7 +50,7 @@ async def test_a_link_lost_while_it_plans_fails_the_run_before_the_next_move(
         parts.robot.lost = len(parts.robot.goals) == 1
         return found
 
-    monkeypatch.setattr("daemon.runs.adaptive.next_view", loses_the_link)
+    monkeypatch.setattr("daemon.runs.adaptive_sequence.next_view", loses_the_link)
     guess = pose_json(FLANGE_T_CAMERA)
     settings = settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})
     async with serving(settings, parts) as bench:

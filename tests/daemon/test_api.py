@@ -11,10 +11,10 @@ import jsonschema_rs
 import pytest
 
 from daemon.api.app import routes
-from daemon.api.guards import JSON_LIMIT_BYTES
+from daemon.api.middleware.request_checks import JSON_LIMIT_BYTES
 from daemon.api.negotiation import wants_text
-from daemon.api.phrases import phrase_of
-from daemon.store.records import CalibrationRecord
+from daemon.http.problem_details import phrase_of
+from daemon.model.records import CalibrationRecord
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import Bench, pose_json, serving, settings_for
 from tests.daemon.fakes import poses_around_the_target

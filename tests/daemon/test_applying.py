@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.store.records import CalibrationRecord
+from daemon.model.records import CalibrationRecord
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import Bench, serving, settings_for
 

@@ -14,9 +14,9 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
-from daemon.archive.manifest import NAME
-from daemon.archive.places import Place
-from daemon.archive.work import Task, register_one
+from daemon.tools.batch_registration.manifest import NAME
+from daemon.tools.batch_registration.remote_folder import Place
+from daemon.tools.batch_registration.tasks import Task, register_one
 from tests.cli.running import handeyed
 from tests.cli.terminal import on_terminal
 from tests.daemon.calibrations import a_calibration

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from daemon.access.audit_chain import Anchor, AuditRow, flaws, hash_of
 from daemon.access.roles import Role
-from daemon.audit.chain import Anchor, AuditRow, flaws, hash_of
-from daemon.store.audit import found_flaws
-from daemon.store.behalf import Behalf
-from daemon.store.names import DATABASE_NAME
-from daemon.store.records import CalibrationRecord
+from daemon.model.records import CalibrationRecord
+from daemon.store.actor import Behalf
+from daemon.store.audit_log import found_flaws
+from daemon.store.layout import DATABASE_NAME
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import serving, settings_for

@@ -13,8 +13,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from daemon.connections import Door, Limits
-from daemon.listening import listener_at
+from daemon.http.connections import Door, Limits
+from daemon.http.listen_socket import listener_at
 from tests.daemon.cells import Bench, serving, settings_for
 
 QUICK = Limits(head_s=0.3, head_bytes=10_000, idle_s=0.4, connections=40)

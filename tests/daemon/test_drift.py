@@ -14,14 +14,14 @@ import pytest
 
 from calibration.monitoring.control_chart import DriftStanding
 from calibration.transforms import Array, transform
-from daemon.clock import Clock
+from daemon.drift.monitor import DriftWatch
 from daemon.drift.samples import belongs
 from daemon.drift.schedule import RETRY_S, DriftSchedule
 from daemon.drift.verifications import Verifications
-from daemon.drift.watch import DriftWatch
 from daemon.errors import CellBusy
-from daemon.runs.states import RunState
-from daemon.store.records import Applied, RunRecord
+from daemon.model.records import Applied, RunRecord
+from daemon.model.run_states import RunState
+from daemon.runtime.clock import Clock
 from drivers.interfaces import Frame
 from protocols.plc.codes import Control, DriftState, Status, Verdict
 from tests.daemon.cells import Bench, Parts, serving, settings_for

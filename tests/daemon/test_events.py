@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from daemon.errors import StorageError
-from daemon.events import KEPT, SKIPPED, Event, EventLog
+from daemon.runtime.event_bus import KEPT, SKIPPED, Event, EventLog
 from tests.daemon.cells import Bench, serving, settings_for
 from tests.daemon.test_api import read_events
 

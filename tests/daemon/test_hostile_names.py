@@ -8,8 +8,8 @@ import httpx
 import pytest
 
 from daemon.access.roles import Role
-from daemon.logs import OneLine
-from daemon.store.behalf import Behalf
+from daemon.runtime.logs import OneLine
+from daemon.store.actor import Behalf
 from tests.daemon.cells import Bench, serving, settings_for
 from tests.daemon.test_register import with_a_calibration
 from tests.daemon.test_store import names_in

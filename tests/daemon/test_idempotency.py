@@ -9,7 +9,7 @@ import httpx
 import numpy as np
 
 from calibration.documents.pose import PoseDocument
-from daemon.store.records import Applied, CalibrationRecord
+from daemon.model.records import Applied, CalibrationRecord
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate, ply_of

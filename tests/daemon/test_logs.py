@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.logs import OneLine, about_request, about_run, log_to_stdout, priority, request_id
+from daemon.runtime.logs import OneLine, about_request, about_run, log_to_stdout, priority, request_id
 from tests.daemon.cells import serving, settings_for
 
 LINE = re.compile(r"^(?P<level>[A-Z]+) run=(?P<run>\S+) request=(?P<request>\S+) (?P<logger>[\w.]+): (?P<message>.*)$")

@@ -13,8 +13,8 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import rotation_from_vector, transform
-from daemon.runs.states import RunState
-from daemon.store.records import RunRecord
+from daemon.model.records import RunRecord
+from daemon.model.run_states import RunState
 from daemon.store.store import Store
 from drivers.errors import DeviceTimeout
 from tests.daemon.cells import Bench, Parts, pose_json, serving, settings_for

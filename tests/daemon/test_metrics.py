@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.metrics import Metric, exposition, process_families
+from daemon.runtime.metrics import Metric, exposition, process_families
 from tests.daemon.cells import serving, settings_for
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from daemon.application import Application
-from daemon.cell import Devices
+from daemon.cell.cell import Devices
 from daemon.composition import build
 from daemon.errors import CellNotReady
-from daemon.runs.log import RunLog
+from daemon.runs.run_log import RunLog
 from daemon.runs.supervisor import Departure, Ending
-from daemon.systemd import Systemd
+from daemon.runtime.systemd import Systemd
 from tests.daemon.cells import Parts, settings_for
 from tests.daemon.test_systemd import Manager
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from daemon.cell.stale_capture import Novelty
 from daemon.errors import SameAgain
-from daemon.novelty import Novelty
 from drivers.interfaces import Frame, ScannedCloud
 from tests.daemon.test_settling import reading
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.store.records import CalibrationRecord, ScanRecord
+from daemon.model.records import CalibrationRecord, ScanRecord
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import Bench, serving, settings_for

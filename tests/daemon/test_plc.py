@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from calibration.transforms import transform_from_quaternion
+from daemon.config.plc_settings import PlcSettings
 from daemon.errors import PortTaken
-from daemon.plc.settings import PlcSettings
-from daemon.store.records import Applied, CalibrationRecord
+from daemon.model.records import Applied, CalibrationRecord
 from drivers.errors import LinkLost
 from protocols.modbus.words import WordOrder, crc16
 from protocols.plc.codes import Command, Contents, Control, DriftState, Status, Verdict

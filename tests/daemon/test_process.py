@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from daemon.config.settings import Settings
 from daemon.errors import PortTaken
-from daemon.listening import listener_at
-from daemon.logs import OneLine, about_run
+from daemon.http.listen_socket import listener_at
+from daemon.runtime.logs import OneLine, about_run
+from daemon.runtime.workers import Workers
 from daemon.server import announce_in
-from daemon.settings import Settings
-from daemon.workers import Workers
 from tests.daemon.cells import serving, settings_for
 
 

@@ -5,11 +5,11 @@ from math import radians
 
 import pytest
 
-from daemon.cell import Cell, Devices
-from daemon.clock import Clock
+from daemon.cell.cell import Cell, Devices
+from daemon.cell.vibration import Quiet
+from daemon.config.settings import EgmSettings, SettlingSettings
 from daemon.errors import NotStill
-from daemon.quiet import Quiet
-from daemon.settings import EgmSettings, SettlingSettings
+from daemon.runtime.clock import Clock
 from drivers.errors import DeviceTimeout
 from drivers.robots.abb.egm_vibration import Vibration
 from tests.daemon.fakes import FakeCamera, FakeRobot

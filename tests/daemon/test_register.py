@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from calibration.transforms import Array, map_points, transform_from_quaternion
-from daemon.api.spool import MEMORY_BYTES
-from daemon.connections import Door, Limits
-from daemon.store.records import Applied, CalibrationRecord
+from daemon.api.streaming.spool import MEMORY_BYTES
+from daemon.http.connections import Door, Limits
+from daemon.model.records import Applied, CalibrationRecord
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import Bench, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of

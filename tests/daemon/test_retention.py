@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from daemon.clock import Clock
-from daemon.retention import Retention, outlived
-from daemon.runs.states import RunState
-from daemon.settings import StorageSettings
-from daemon.store.records import Applied, CalibrationRecord, RunRecord
+from daemon.config.settings import StorageSettings
+from daemon.model.records import Applied, CalibrationRecord, RunRecord
+from daemon.model.run_states import RunState
+from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
+from daemon.store.retention import Retention, outlived
 from daemon.store.store import Store
-from daemon.workers import Workers
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cells import serving, settings_for
 from tests.daemon.test_store import a_run

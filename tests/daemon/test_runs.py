@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from daemon.errors import StorageFull
-from daemon.runs.states import RunState
-from daemon.session_folder import load_problem, open_session
-from daemon.store.files import write_durably
-from daemon.store.records import RunRecord
+from daemon.model.records import RunRecord
+from daemon.model.run_states import RunState
+from daemon.runtime.durable_files import write_durably
+from daemon.sessions.session_reader import load_problem, open_session
 from daemon.store.store import Store
 from drivers.errors import DeviceTimeout, GarbledAnswer, MoveRefused
 from tests.daemon.cells import Parts, pose_json, serving, settings_for

@@ -10,7 +10,7 @@ import pytest
 from benchmarks import schemathesis
 from benchmarks.schemathesis import end_streams_soon, one_round
 from daemon.access.roles import Role
-from daemon.store.behalf import Behalf
+from daemon.store.actor import Behalf
 from tests.daemon.cells import serving, settings_for
 from tests.daemon.test_register import with_a_calibration
 

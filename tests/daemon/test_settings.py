@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from calibration.errors import DocumentError
-from daemon.settings import Settings, load_settings, parse_settings
+from daemon.config.settings import Settings, load_settings, parse_settings
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "handeyed.example.toml"
 EVERYTHING = re.sub("^#(?! |$)", "", EXAMPLE.read_text(), flags=re.MULTILINE)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from calibration.transforms import Array, rotation_from_vector, transform, transform_from_quaternion
-from daemon.clock import Clock
+from daemon.cell.settling import require_arrived, require_still, settle
+from daemon.config.settings import SettlingSettings
 from daemon.errors import ElsewhereThanSent, NotStill
-from daemon.settings import SettlingSettings
-from daemon.settling import require_arrived, require_still, settle
+from daemon.runtime.clock import Clock
 from drivers.interfaces import UNUSED_AXIS, Configuration, PoseReading
 from tests.daemon.fakes import FakeRobot
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.api.spool import Spool
+from daemon.api.streaming.spool import Spool
 from daemon.errors import StorageError
 
 

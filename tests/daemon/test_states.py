@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from daemon.runs.states import FINAL_STATES, NEXT_STATE, IllegalEvent, RunEvent, RunState, next_state
+from daemon.model.run_states import FINAL_STATES, NEXT_STATE, IllegalEvent, RunEvent, RunState, next_state
 
 S, E = RunState, RunEvent
 

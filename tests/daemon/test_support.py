@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from daemon.cli.main import app
-from daemon.support.bundle import gather
-from daemon.support.redaction import REMOVED, redacted, without_secrets
+from daemon.tools.support_bundle.bundle import gather
+from daemon.tools.support_bundle.redaction import REMOVED, redacted, without_secrets
 from tests.daemon.cells import serving, settings_for
 from tests.daemon.test_drift import verifies
 
@@ -60,7 +60,7 @@ password={webhook secret} cookie: {cookie}
 -----BEGIN PRIVATE KEY-----
 {pem}
 -----END PRIVATE KEY-----
-<6>INFO run=20261121-090000-3f9a1c request=- daemon.runs.log: verify finished, station 3 of 3
+<6>INFO run=20261121-090000-3f9a1c request=- daemon.runs.run_log: verify finished, station 3 of 3
 """
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.systemd import Systemd
+from daemon.runtime.systemd import Systemd
 from tests.daemon.cells import serving, settings_for
 
 

@@ -18,7 +18,7 @@ from calibration.errors import DocumentError
 from daemon.access.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY, make_certificate, server_context
 from daemon.access.errors import CertificateUnusable
 from daemon.access.roles import Role
-from daemon.connections import Door, Limits
+from daemon.http.connections import Door, Limits
 from tests.daemon.cells import serving, settings_for
 from tests.daemon.test_access import TEST, bearer
 from tests.drivers.waiting import eventually

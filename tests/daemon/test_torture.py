@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.torture import Torture
 from benchmarks.torture_ledger import Ledger, Lost, Request
-from daemon.failpoints import PLACES
+from daemon.runtime.failpoints import PLACES
 from tests.daemon.cells import pose_json, serving, settings_for
 from tests.daemon.fakes import poses_around_the_target
 

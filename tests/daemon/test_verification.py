@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
+from calibration.monitoring.target_scatter import VerificationError, verify
 from calibration.problem import Detection, Problem, View
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
-from daemon.api.text import run_in_words
-from daemon.runs.states import RunState
-from daemon.runs.verifying import document_of
-from daemon.store.records import RunRecord
-from daemon.verification import VerificationError, verify
+from daemon.api.plain_text import run_in_words
+from daemon.model.records import RunRecord
+from daemon.model.run_states import RunState
+from daemon.runs.verification_run import document_of
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.fakes import BASE_T_TARGET, BOARD, CAMERA, FLANGE_T_CAMERA, poses_around_the_target
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from daemon.clock import Clock
-from daemon.settings_server import WebhookSettings
-from daemon.store.records import Applied, CalibrationRecord
+from daemon.config.server_settings import WebhookSettings
+from daemon.model.records import Applied, CalibrationRecord
+from daemon.runtime.clock import Clock
 from daemon.store.store import Store
 from daemon.webhooks.dispatcher import (
     LONGEST_PAUSE_S,

@@ -95,6 +95,6 @@ def test_what_is_not_known_is_zero_and_said_to_be() -> None:
 
 
 def test_the_documents_are_up_to_date() -> None:
-    """`python -m daemon.plc.document` writes both."""
-    assert (DOCS / "plc-registers.csv").read_text(encoding="utf-8") == csv_text(), "python -m daemon.plc.document"
-    assert markdown_text() in (DOCS / "plc.md").read_text(encoding="utf-8"), "python -m daemon.plc.document"
+    """`python -m daemon.plc.register_docs` writes both."""
+    assert (DOCS / "plc-registers.csv").read_text(encoding="utf-8") == csv_text(), "python -m daemon.plc.register_docs"
+    assert markdown_text() in (DOCS / "plc.md").read_text(encoding="utf-8"), "python -m daemon.plc.register_docs"

@@ -17,11 +17,11 @@ from calibration.documents.validation import validate_document
 from calibration.kinematics.abb_arms import arm_named
 from calibration.planning.plan import plan_poses
 from daemon.application import Application
+from daemon.cell.devices import open_devices
+from daemon.cell.motion_rules import MotionRules
 from daemon.composition import build
-from daemon.devices import open_devices
-from daemon.motion import MotionRules
+from daemon.config.settings import RobotSettings, Settings, TaughtPose
 from daemon.server import Server
-from daemon.settings import RobotSettings, Settings, TaughtPose
 from mock_robot.announcement import Announcement
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.truth_sheet import cell_sheet

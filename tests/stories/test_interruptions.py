@@ -142,7 +142,7 @@ async def daemon_process(folder: Path, settings: dict[str, Any]) -> AsyncIterato
     ready, config = folder / f"ready-{os.urandom(4).hex()}.json", folder / "settings.json"
     config.write_text(json.dumps(settings))
     program = (
-        "import json, sys, pathlib; from daemon.composition import serve; from daemon.settings import Settings;"
+        "import json, sys, pathlib; from daemon.composition import serve; from daemon.config.settings import Settings;"
         "serve(Settings.model_validate(json.loads(pathlib.Path(sys.argv[1]).read_text())),"
         " ready_file=pathlib.Path(sys.argv[2]))"
     )

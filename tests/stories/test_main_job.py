@@ -7,7 +7,7 @@ import numpy as np
 from calibration.documents.report import calibration_document
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
-from daemon.session_folder import load_problem, open_session
+from daemon.sessions.session_reader import load_problem, open_session
 from mock_robot.truth.score import score_calibration, score_cloud
 from tests.daemon.fakes import ply_of, points_of
 from tests.stories.plant import TEXT, plant

@@ -1,0 +1,1 @@
+"""What every request passes: checks, authentication, idempotency."""

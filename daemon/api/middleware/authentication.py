@@ -1,0 +1,93 @@
+"""Who asks, and may they? Before any route is reached; what is stored for the request is stored in their name."""
+
+import logging
+
+from starlette.requests import Request
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from daemon.access.errors import KeyMissing, RoleTooLow
+from daemon.access.policy import role_needed
+from daemon.access.roles import LOCAL, NOBODY, ROLES, Caller, Role
+from daemon.api.problems import answer, problem_of
+from daemon.application import Application
+from daemon.errors import DaemonError, StorageError
+from daemon.store.actor import Behalf, on_behalf_of
+
+log = logging.getLogger(__name__)
+
+NOT_AUDITED = ("/register", "/setup")
+"""A cloud that passes by changes nothing; the set-up writes rows of its own."""
+
+
+class Authentication:
+    """Keys as bearer tokens (RFC 6750). On this machine nobody is asked until there is a first key."""
+
+    def __init__(self, app: ASGIApp, application: Application) -> None:
+        self._app, self._application = app, application
+        self._keys = application.store.access_keys
+        self._loopback = application.settings.server.loopback
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        needed = role_needed(scope["method"], scope["path"])
+        try:
+            caller = NOBODY if needed is Role.NOBODY else await self._caller(scope)
+            if caller.role < needed:
+                raise RoleTooLow(caller.name, caller.role.word, needed.word)
+        except DaemonError as error:
+            log.warning("%s %s from %s is refused: %s", scope["method"], scope["path"], _peer(scope), error.what)
+            await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
+            return
+        scope.setdefault("state", {})["caller"] = caller
+        behalf = Behalf(caller.name or _peer(scope), caller.role.word)
+        status = 0
+
+        async def seen(message: Message) -> None:
+            nonlocal status
+            status = message.get("status", status)
+            await send(message)
+
+        with on_behalf_of(behalf):
+            await self._app(scope, receive, seen)
+        await self._audit(scope, behalf, status)
+
+    async def _caller(self, scope: Scope) -> Caller:
+        """Raises KeyMissing, StorageError."""
+        if self._loopback and not await self._keys.any_ever():
+            return LOCAL
+        scheme, _, key = _authorization(scope).partition(" ")
+        if scheme.lower() != "bearer":
+            raise KeyMissing("this needs a key")
+        record = await self._keys.found(key.strip())
+        if record is None:
+            raise KeyMissing("this key is not known")
+        if not record.valid(now := self._application.clock.timestamp()):
+            raise KeyMissing(f"the key of {record.name!r} is {record.state(now)}")
+        return Caller(record.name, ROLES[record.role])
+
+    async def _audit(self, scope: Scope, behalf: Behalf, status: int) -> None:
+        """What changed something has its row already, in the same transaction; the rest of what was done gets one."""
+        if scope["method"] != "POST" or behalf.noted or status >= 400 or scope["path"].startswith(NOT_AUDITED):
+            return
+        at = self._application.clock.timestamp()
+        try:
+            await self._application.store.audit.append(behalf, at, "POST", scope["path"][:200], status=status)
+        except StorageError as error:
+            log.error("the audit log could not be written: %s", error)
+
+
+def caller_of(request: Request) -> Caller:
+    """Who asks."""
+    caller: Caller = request.scope["state"]["caller"]
+    return caller
+
+
+def _authorization(scope: Scope) -> str:
+    return next((value.decode("latin-1") for name, value in scope["headers"] if name == b"authorization"), "")
+
+
+def _peer(scope: Scope) -> str:
+    client = scope.get("client")
+    return client[0] if client else "an unknown peer"

@@ -1,0 +1,195 @@
+"""Idempotency-Key on every POST: a retry gets the first answer, and nothing is done twice.
+
+After the IETF draft "The Idempotency-Key HTTP Header Field" (draft-ietf-httpapi-idempotency-key-header). A refusal that
+did nothing is not remembered: the same request may be sent again when what it told is put right.
+"""
+
+import hashlib
+import json
+import logging
+import re
+from dataclasses import replace
+from urllib.parse import parse_qsl, urlencode
+
+from starlette.requests import ClientDisconnect
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from calibration.errors import DocumentProblem
+from daemon.api.middleware.idempotency_replay import rebuilt
+from daemon.api.problems import answer, problem_of
+from daemon.api.streaming.request_body import pieces
+from daemon.application import Application
+from daemon.errors import DaemonError, KeyReused, RequestInFlight, RequestRefused, StorageError
+from daemon.store.actor import Behalf, KeyedRequest, current_behalf, on_behalf_of
+from daemon.store.idempotency_keys import Remembered
+
+log = logging.getLogger(__name__)
+
+HEADER = b"idempotency-key"
+KEY_LIMIT = 255
+KEY = re.compile(rf'([!#-~]{{1,{KEY_LIMIT}}}|"[!#-~]{{1,{KEY_LIMIT}}}")')
+REPLAYED = "Idempotency-Replayed"
+KEPT_HEADERS = frozenset({"content-type", "location", "etag", "link", "vary", "handeyed-calibration", "handeyed-pose"})
+STREAMED_PATHS = ("/register",)
+"""Answers too large to keep. What they depend on is kept instead, and they are made again from that."""
+
+
+SHOWN_ONCE = "/setup"
+"""Its answer holds a key in clear: it must not be kept."""
+
+
+class Idempotency:
+    """Remembers, by caller and key, what a POST was and how it was answered."""
+
+    def __init__(self, app: ASGIApp, application: Application) -> None:
+        self._app, self._application = app, application
+        self._in_flight: set[tuple[str, str]] = set()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        given = [value for name, value in scope.get("headers", ()) if name == HEADER]
+        if scope["type"] != "http" or scope["method"] != "POST" or not given or scope["path"] == SHOWN_ONCE:
+            await self._app(scope, receive, send)
+            return
+        try:
+            await self._keyed(scope, receive, send, key_of(given))
+        except DaemonError as error:
+            await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
+
+    async def _keyed(self, scope: Scope, receive: Receive, send: Send, key: str) -> None:
+        behalf = current_behalf()
+        caller, head = behalf.actor, head_of(scope)
+        store = self._application.store.keyed_requests
+        if (caller, key) in self._in_flight:
+            effect = await store.effect(caller, key) or ""
+            raise RequestInFlight(effect.removeprefix("run ") if effect.startswith("run ") else None)
+        self._in_flight.add((caller, key))
+        try:
+            earlier = await store.begin(caller, key, head, self._application.clock.timestamp())
+            if earlier is None:
+                await self._first(scope, receive, send, replace(behalf, request=KeyedRequest(caller, key)))
+            elif earlier.head != head:
+                raise KeyReused
+            elif scope["path"] in STREAMED_PATHS:
+                await self._again(scope, receive, send, earlier)
+            else:
+                await self._replay(scope, receive, send, earlier)
+        finally:
+            self._in_flight.discard((caller, key))
+
+    async def _first(self, scope: Scope, receive: Receive, send: Send, behalf: Behalf) -> None:
+        """Carry it out, and hold back the answer's end until it is remembered."""
+        assert behalf.request is not None
+        request, reply = behalf.request, _Reply(send, held=scope["path"] not in STREAMED_PATHS)
+
+        async def received() -> Message:
+            message = await receive()
+            request.digest.update(message.get("body", b""))
+            return message
+
+        try:
+            with on_behalf_of(behalf):
+                await self._app(scope, received, reply.send)
+        finally:
+            await self._remember(request, reply)
+        await reply.release()
+
+    async def _remember(self, request: KeyedRequest, reply: "_Reply") -> None:
+        store = self._application.store.keyed_requests
+        try:
+            if reply.complete and (reply.status < 400 or request.had_effect):
+                content = bytes(reply.content) if reply.held else None
+                body = request.digest.hexdigest()
+                await store.answered(request.caller, request.key, body, reply.status, reply.kept_headers, content)
+            elif not request.had_effect:
+                await store.forget(request.caller, request.key)
+        except StorageError as error:  # what was done is stored; its answer can be made again from that
+            log.error("the answer to a request with an Idempotency-Key could not be kept: %s", error)
+
+    async def _replay(self, scope: Scope, receive: Receive, send: Send, earlier: Remembered) -> None:
+        digest = hashlib.sha256()
+        try:
+            async for chunk in pieces(receive):
+                digest.update(chunk)
+        except ClientDisconnect:
+            return
+        if digest.hexdigest() != earlier.body:
+            raise KeyReused
+        if earlier.status is None:
+            assert earlier.effect is not None
+            reply = await rebuilt(self._application, earlier.effect)
+        else:
+            reply = earlier.status, earlier.headers, earlier.content or b""
+        status, headers, content = reply
+        sent = {**headers, REPLAYED: "true", "content-length": str(len(content))}
+        pairs = [(name.lower().encode(), value.encode("latin-1")) for name, value in sent.items()]
+        await send({"type": "http.response.start", "status": status, "headers": pairs})
+        await send({"type": "http.response.body", "body": content})
+
+    async def _again(self, scope: Scope, receive: Receive, send: Send, earlier: Remembered) -> None:
+        """The same cloud through the calibration and the pose of the first time."""
+        digest = hashlib.sha256()
+        query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
+        query["calibration"] = earlier.headers["handeyed-calibration"]
+        query["pose"] = earlier.headers["handeyed-pose"]
+        scope = {**scope, "query_string": urlencode(query).encode()}
+
+        async def received() -> Message:
+            message = await receive()
+            digest.update(message.get("body", b""))
+            if not message.get("more_body", False) and digest.hexdigest() != earlier.body:
+                raise KeyReused
+            return message
+
+        async def marked(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*message["headers"], (REPLAYED.lower().encode(), b"true")]}
+            await send(message)
+
+        await self._app(scope, received, marked)
+
+
+class _Reply:
+    """An answer on its way; `held`: it is sent only when it is complete and `release` is called."""
+
+    def __init__(self, send: Send, held: bool) -> None:
+        self._send, self.held = send, held
+        self._messages: list[Message] = []
+        self.status = 0
+        self.kept_headers: dict[str, str] = {}
+        self.content = bytearray()
+        self.complete = False
+
+    async def send(self, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            self.status = message["status"]
+            headers = ((name.decode().lower(), value.decode("latin-1")) for name, value in message["headers"])
+            self.kept_headers = {name: value for name, value in headers if name in KEPT_HEADERS}
+        elif message["type"] == "http.response.body":
+            self.complete = not message.get("more_body", False)
+            if self.held:
+                self.content += message.get("body", b"")
+        if self.held:
+            self._messages.append(message)
+        else:
+            await self._send(message)
+
+    async def release(self) -> None:
+        for message in self._messages:
+            await self._send(message)
+
+
+def key_of(given: list[bytes]) -> str:
+    """The header's value, with or without the quotes of a structured field. Raises RequestRefused."""
+    key = KEY.fullmatch(given[0].decode("latin-1"))
+    if len(given) != 1 or key is None:
+        fix = f"send one, of 1 to {KEY_LIMIT} visible ASCII characters, such as a UUID"
+        raise RequestRefused([DocumentProblem("header.Idempotency-Key", "not one usable key", fix)])
+    return key[1].strip('"')
+
+
+def head_of(scope: Scope) -> str:
+    """What the request asks, besides its body: not how long it would wait for the answer."""
+    query = sorted(pair for pair in parse_qsl(scope["query_string"].decode("latin-1"), True) if pair[0] != "wait")
+    media_type = dict(scope["headers"]).get(b"content-type", b"").decode("latin-1").partition(";")[0].strip().lower()
+    asked = [scope["method"], scope["path"], query, media_type]
+    return hashlib.sha256(json.dumps(asked).encode()).hexdigest()

@@ -1,0 +1,50 @@
+"""The answer to a request that the daemon carried out and, being killed, never answered: made from what it stored."""
+
+from collections.abc import Awaitable, Callable
+
+from pydantic import BaseModel
+
+from daemon.api.schemas.documents import AppliedDocument, RunDocument, ScanDocument, ScanViewDocument
+from daemon.application import Application
+
+Answer = tuple[int, dict[str, str], bytes]
+
+
+async def rebuilt(app: Application, effect: str) -> Answer:
+    """`effect`: what the store noted, "run ID" and the like. Raises NotFound, StorageError."""
+    kind, _, subject = effect.partition(" ")
+    return await _REBUILT[kind](app, subject)
+
+
+def _json(status: int, document: BaseModel, location: str) -> Answer:
+    headers = {"content-type": "application/json", "location": location}
+    return status, headers, document.model_dump_json().encode()
+
+
+async def _run(app: Application, run_id: str) -> Answer:
+    run = await app.supervisor.run(run_id)
+    return _json(200 if run.over else 202, RunDocument.of(run), f"/runs/{run_id}")
+
+
+async def _scan(app: Application, scan_id: str) -> Answer:
+    scan = await app.store.scan(scan_id)
+    return _json(201, ScanDocument.of(scan, await app.store.scan_views(scan_id)), f"/scans/{scan_id}")
+
+
+async def _view(app: Application, subject: str) -> Answer:
+    scan_id, _, number = subject.partition(" ")
+    view = (await app.store.scan_views(scan_id))[int(number)]
+    return _json(201, ScanViewDocument.of(view), f"/scans/{scan_id}")
+
+
+async def _apply(app: Application, sequence: str) -> Answer:
+    applied = await app.store.applied_at_place(int(sequence))
+    return _json(200, AppliedDocument.of(applied), "/calibrations/current")
+
+
+_REBUILT: dict[str, Callable[[Application, str], Awaitable[Answer]]] = {
+    "run": _run,
+    "scan": _scan,
+    "view": _view,
+    "apply": _apply,
+}

@@ -1,0 +1,112 @@
+"""What every request passes before it reaches a route: size, origin, counting. Plain ASGI, so that bodies stream."""
+
+import re
+import secrets
+import socket
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from daemon.api.problems import answer, problem_of
+from daemon.config.server_settings import ServerSettings
+from daemon.errors import BodyTooLarge, CrossOrigin, HostNotAllowed
+from daemon.runtime.logs import about_request
+from daemon.runtime.metrics import Metrics
+
+JSON_LIMIT_BYTES = 1_000_000
+"""A hundred poses are 20 kB."""
+
+CLOUD_PATHS = ("/register", "/scans/")
+HOST = re.compile(
+    r"(?:(?P<address>[0-9]{1,3}(?:\.[0-9]{1,3}){3}|\[[0-9A-Fa-f:.]+\])|(?P<name>[A-Za-z0-9._-]+))(?::[0-9]{1,5})?"
+)
+REQUEST_ID = re.compile(r"[A-Za-z0-9._:-]{1,64}")
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+
+
+class Guards:
+    """Refuses a body over its limit before it is read, a foreign name and a foreign page; counts every answer."""
+
+    def __init__(self, app: ASGIApp, server: ServerSettings, metrics: Metrics) -> None:
+        self._app, self._cloud_limit, self._metrics = app, server.body_limit_bytes, metrics
+        own = ("localhost", socket.gethostname(), socket.getfqdn(), server.host, *server.allowed_hosts)
+        self._hosts = frozenset(name.lower() for name in own)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
+        request_id = _request_id(headers)
+        exchange = _Exchange(receive, send, self._limit(scope["path"]), request_id)
+        with about_request(request_id):
+            await self._pass(scope, exchange, headers)
+
+    async def _pass(self, scope: Scope, exchange: "_Exchange", headers: dict[bytes, str]) -> None:
+        try:
+            exchange.require_length(headers.get(b"content-length", ""))
+            self._require_own_name(scope["http_version"], headers)
+            _require_own_origin(scope["method"], headers)
+            await self._app(scope, exchange.receive, exchange.send)
+        except (BodyTooLarge, CrossOrigin, HostNotAllowed) as error:
+            if exchange.status is not None:
+                raise
+            await answer(problem_of(error), {"Connection": "close"})(scope, exchange.receive, exchange.send)
+        finally:
+            self._metrics.requests[_method(scope["method"]), exchange.status or 500] += 1
+
+    def _require_own_name(self, http_version: str, headers: dict[bytes, str]) -> None:
+        """A name that somebody else resolves to this machine (DNS rebinding) is not ours; an address always is."""
+        host = headers.get(b"host")
+        if host is None and http_version == "1.0":
+            return
+        name = HOST.fullmatch(host or "")
+        if name is None or not (name["address"] or name["name"].lower() in self._hosts):
+            raise HostNotAllowed(host or "")
+
+    def _limit(self, path: str) -> int:
+        return self._cloud_limit if path.startswith(CLOUD_PATHS) else JSON_LIMIT_BYTES
+
+
+class _Exchange:
+    """One request and its answer, counted."""
+
+    def __init__(self, receive: Receive, send: Send, limit_bytes: int, request_id: str) -> None:
+        self._receive, self._send, self._limit = receive, send, limit_bytes
+        self._request_id = request_id.encode()
+        self._received = 0
+        self.status: int | None = None
+
+    def require_length(self, content_length: str) -> None:
+        if content_length.isdigit() and int(content_length) > self._limit:
+            raise BodyTooLarge(self._limit)
+
+    async def receive(self) -> Message:
+        message = await self._receive()
+        self._received += len(message.get("body", b""))
+        if self._received > self._limit:
+            raise BodyTooLarge(self._limit)
+        return message
+
+    async def send(self, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            self.status = message["status"]
+            message = {**message, "headers": [*message.get("headers", ()), (b"x-request-id", self._request_id)]}
+        await self._send(message)
+
+
+def _require_own_origin(method: str, headers: dict[bytes, str]) -> None:
+    """A browser names the page that asks; a page from elsewhere must not move the robot."""
+    origin, host = headers.get(b"origin"), headers.get(b"host", "")
+    if method not in SAFE_METHODS and origin is not None and origin.partition("://")[2] != host:
+        raise CrossOrigin(f"a page of {origin[:80]!r} asks", "ask from a page of this daemon, or with curl")
+
+
+def _request_id(headers: dict[bytes, str]) -> str:
+    """The caller's own, when it can stand in a log; else a new one."""
+    given = headers.get(b"x-request-id", "")
+    return given if REQUEST_ID.fullmatch(given) else secrets.token_hex(4)
+
+
+def _method(method: str) -> str:
+    """A caller's invention must not become a label of its own."""
+    return method if method in {"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"} else "other"

@@ -1,0 +1,139 @@
+"""The same answers in words, for a person with curl."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration_text import summary
+from daemon.api.schemas.documents import CalibrateStatus, CurrentCalibration, ReadyDocument, RobotDocument
+from daemon.api.schemas.drift import DriftDocument
+from daemon.model.records import RunRecord
+from daemon.runs.run_log import predicted_in_words
+
+
+def run_in_words(run: RunRecord, calibration: CalibrationDocument | None = None) -> str:
+    """Where a run stands, what it found, and what to do next."""
+    return "\n".join(_run_lines(run, calibration))
+
+
+def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Iterable[str]:
+    yield f"{run.kind} run {run.id}: {run.state}, station {run.station} of {run.stations}"
+    if run.planning is not None:
+        yield from filter(None, (predicted_in_words(run.planning), run.planning.note))
+        if not run.over and run.planning.advice:
+            yield f"next: {run.planning.advice}"
+    if run.cause is not None:
+        yield f"why:  {run.cause.what}"
+        yield f"do:   {run.cause.fix}"
+    if calibration is not None:
+        yield summary(f"calibration {calibration.id}", calibration)
+        yield from _next_step(run, calibration)
+    if run.result is not None and "verification" in run.result:
+        yield from _verification_lines(run.result["verification"])
+    if run.result is not None and "scan_id" in run.result:
+        yield f"scan {run.result['scan_id']}: {run.result['views']} views; GET /scans/{run.result['scan_id']}/cloud"
+    if not run.over and run.request.get("manual"):
+        yield f"take a view with POST /runs/{run.id}/stations, end with POST /runs/{run.id}/finish"
+    if not run.over:
+        yield f"follow it with GET /runs/{run.id} or /events; stop it with POST /runs/{run.id}/abort"
+
+
+def _next_step(run: RunRecord, calibration: CalibrationDocument) -> Iterable[str]:
+    if run.result and run.result.get("applied"):
+        yield "it is applied: POST /register uses it from now on"
+    elif calibration.verdict.accepted:
+        yield f"not applied yet: POST /calibrations/{calibration.id}/apply"
+    else:
+        yield "not accepted: put right what is marked, and calibrate again"
+
+
+def _verification_lines(table: dict[str, Any]) -> Iterable[str]:
+    """The seed's Tab. 1: the five points of the cross from each position, and sigma."""
+    by_id = {point["id"]: point for point in table["points"]}
+    rows = [by_id[point] for point in table["cross"]]
+    yield f"points of the target in base coordinates [mm], with calibration {table['calibration_id']}"
+    for position, station in enumerate(table["stations"]):
+        yield f"({chr(ord('a') + position % 26)}) Position {station}"
+        yield _row("point", [str(row["id"]) for row in rows])
+        for axis, name in enumerate("xyz"):
+            yield _row(name, [f"{row['base_mm'][position][axis]:.4f}" for row in rows])
+    yield "standard deviation over the positions [mm]"
+    for axis, name in enumerate("xyz"):
+        yield _row(f"sigma {name}", [f"{row['sigma_mm'][axis]:.4f}" for row in rows])
+    sigma = ", ".join(f"{name} {value:.4f}" for name, value in zip("xyz", table["sigma_mm"], strict=True))
+    yield f"over all {len(table['points'])} points: {sigma} mm"
+    if table["expected_point_mm"] is not None:
+        yield f"the calibration expects a mapped point within {table['expected_point_mm']:.3g} mm (one sigma)"
+
+
+def _row(name: str, cells: list[str]) -> str:
+    return f"  {name:<9}" + "".join(f"{cell:>13}" for cell in cells)
+
+
+def status_in_words(status: CalibrateStatus, base_url: str) -> str:
+    """GET /calibrate."""
+    lines = []
+    if status.current is not None and status.applied is not None:
+        sigma = f", a mapped point within {status.current.point_mm:.3g} mm" if status.current.point_mm else ""
+        lines.append(f"calibration {status.current.id} is in force since {status.applied.applied_at}"
+                     f" (applied by {status.applied.applied_by}){sigma}")  # fmt: skip
+    else:
+        lines.append("no calibration is in force")
+    if status.in_progress is not None:
+        run = status.in_progress
+        lines.append(f"{run.kind} run {run.id} is {run.state}, station {run.station} of {run.stations}")
+    elif status.last_run is not None:
+        run = status.last_run
+        lines.append(f"the last calibration run, {run.id}, {run.state}" + (f": {run.cause.what}" if run.cause else ""))
+    lines += [f"not ready: {reason}" for reason in status.reasons]
+    lines.append(f"poses: {status.poses}; applied by {status.policy}")
+    lines.append(f"start:  curl -X POST -H 'Accept: text/plain' '{base_url}calibrate?wait=120'")
+    return "\n".join(lines)
+
+
+def current_in_words(current: CurrentCalibration) -> str:
+    """GET /calibrations/current."""
+    title = (
+        f"calibration {current.calibration.id}, applied {current.applied.applied_at} by {current.applied.applied_by}"
+    )
+    return summary(title, current.calibration)
+
+
+def ready_in_words(ready: ReadyDocument) -> str:
+    """GET /ready."""
+    lines = []
+    for name, what in (("calibrate", ready.calibrate), ("register", ready.register_)):
+        lines.append(f"{name}: {'ready' if what.ready else 'not ready'}")
+        lines += [f"  {reason}" for reason in what.reasons]
+    return "\n".join([*lines, *(f"warning: {warning}" for warning in ready.warnings)])
+
+
+def drift_in_words(chart: DriftDocument) -> str:
+    """GET /drift."""
+    about = f" of calibration {chart.calibration_id}" if chart.calibration_id else ""
+    lines = [f"drift: {chart.standing}{about}, {chart.verifications} verifications"]
+    if chart.alarm is not None:
+        lines.append(f"alarm: {chart.alarm}")
+    if chart.points:
+        lines.append(f"{'at':<26}{'run':<24}{'drift [mm]':>11}{'limit':>8}{'scatter':>9}  ")
+    for point in chart.points:
+        limit = "" if point.limit_mm is None else f"{point.limit_mm:.3f}"
+        numbers = f"{point.drift_mm:>11.3f}{limit:>8}{point.scatter_mm:>9.3f}"
+        lines.append(f"{point.at:<26}{point.run_id:<24}{numbers}  {point.standing}")
+    return "\n".join(lines)
+
+
+def robot_in_words(robot: RobotDocument) -> str:
+    """GET /robot."""
+    pose = robot.base_T_flange
+    x, y, z = pose.translation_mm
+    quaternion = ", ".join(f"{q:.6f}" for q in pose.quaternion_wxyz)
+    on = [name.replace("_", " ") for name in ("motors_on", "automatic", "emergency_stop", "moving", "armed",
+                                              "program_running", "speed_limited") if getattr(robot, name)]  # fmt: skip
+    return "\n".join([
+        f"robot: {robot.detail}",
+        f"flange at ({x:.3f}, {y:.3f}, {z:.3f}) mm, quaternion ({quaternion}) w first",
+        f"confdata {[*robot.configuration]}",
+        f"joints {', '.join(f'{angle:.3f}' for angle in robot.joints_deg)} deg",
+        f"{', '.join(on) or 'nothing is on'}; held by {robot.held_by or 'nobody'}",
+    ])  # fmt: skip

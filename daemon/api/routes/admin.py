@@ -1,0 +1,41 @@
+"""The first key, for the set-up code; and the audit log, for admins."""
+
+import json
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Query, Request
+
+from daemon.api.dependencies import App, Limit, body_of, takes
+from daemon.api.problems import documented
+from daemon.api.schemas.documents import AuditDocument, AuditList, NewKeyDocument
+from daemon.model.requests import SetupRequest
+
+router = APIRouter(tags=["access"])
+
+
+@router.post(
+    "/setup",
+    response_model=NewKeyDocument,
+    status_code=201,
+    responses=documented(400, 403, 409, 413, 500, 507),
+    openapi_extra=takes(SetupRequest),
+)
+async def setup(
+    request: Request, app: App, body: Annotated[SetupRequest, Depends(body_of(SetupRequest))]
+) -> NewKeyDocument:
+    """The first key, an admin's, for the set-up code that the daemon's log shows. It is shown this once."""
+    peer = request.client.host if request.client else "unknown"
+    key, record = await app.key_desk.set_up(body.code, body.name, peer)
+    return NewKeyDocument.model_validate({"key": key, **vars(record)})
+
+
+Sequence = Annotated[int | None, Query(ge=1, le=2**62, description="cursor: the last sequence of the page before")]
+
+
+@router.get("/audit", response_model=AuditList)
+async def audit(app: App, limit: Limit = 50, before: Sequence = None) -> AuditList:
+    """Who did what, the newest first. `handeyed audit verify` checks that nothing was changed or removed."""
+    found = await app.store.audit.rows(limit + 1, before)
+    rows: list[Any] = [{**vars(row), "detail": json.loads(row.detail)} for row in found[:limit]]
+    following = f"/audit?limit={limit}&before={found[limit - 1].sequence}" if len(found) > limit else None
+    return AuditList(rows=[AuditDocument(**row) for row in rows], next=following)

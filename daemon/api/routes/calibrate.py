@@ -1,0 +1,89 @@
+"""The main job: calibrate. And verify, which looks whether it still holds."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
+
+from daemon.api.dependencies import App, Wait, body_of, takes
+from daemon.api.negotiation import negotiated, or_text
+from daemon.api.plain_text import status_in_words
+from daemon.api.problems import documented
+from daemon.api.routes.health import readiness
+from daemon.api.routes.runs import STARTED, started_answer
+from daemon.api.schemas.documents import AppliedDocument, CalibrateStatus, CalibrationSummary, RunDocument
+from daemon.application import Application
+from daemon.config.settings import CalibrationSettings
+from daemon.errors import NoCalibration
+from daemon.model.requests import CalibrateRequest, VerifyRequest
+from daemon.scans.scanner_acceptance import AcceptanceDocument
+
+router = APIRouter(tags=["calibrate"])
+
+HOW_TO_START = (
+    "POST /calibrate with no body, or with poses, count, uncertainty_mm, target or manual;"
+    " ?wait=SECONDS answers the finished run"
+)
+
+
+@router.get("/calibrate", response_model=CalibrateStatus, responses={200: or_text("In words")})
+async def calibrate_status(request: Request, app: App) -> Response:
+    """Where calibration stands and how to start. Never moves anything."""
+    status = await _status(app)
+    return negotiated(request, status, lambda: status_in_words(status, str(request.base_url)))
+
+
+@router.post("/calibrate", response_model=RunDocument, responses=STARTED, openapi_extra=takes(CalibrateRequest))
+async def calibrate(
+    request: Request, app: App, body: Annotated[CalibrateRequest, Depends(body_of(CalibrateRequest))], wait: Wait = 0.0
+) -> Response:
+    """Drive the arm through calibration poses, look at the target from each, solve for X, store it."""
+    return await started_answer(request, app, await app.operations.calibrate(body), wait)
+
+
+@router.post(
+    "/verify",
+    response_model=RunDocument | AcceptanceDocument,
+    responses={**STARTED, **documented(404)},
+    openapi_extra=takes(VerifyRequest),
+)
+async def verify(
+    request: Request, app: App, body: Annotated[VerifyRequest, Depends(body_of(VerifyRequest))], wait: Wait = 0.0
+) -> Response:
+    """Look at the target again from three positions: each point in base coordinates, and how far they scatter.
+
+    With `artefact` and `scan_id`: the scanner's probing and sphere-spacing errors, from a scan of spheres or ball bars.
+    """
+    if body.artefact is not None and body.scan_id is not None:
+        found = await app.scans.accepted(body.scan_id, body.artefact)
+        return Response(found.model_dump_json(), media_type="application/json")
+    return await started_answer(request, app, await app.operations.verify(body), wait)
+
+
+async def _status(app: Application) -> CalibrateStatus:
+    try:
+        applied, record = await app.store.current()
+    except NoCalibration:
+        current, in_force = None, None
+    else:
+        current, in_force = CalibrationSummary.of(record, record.id), AppliedDocument.of(applied)
+    ready = (await readiness(app)).calibrate
+    running = app.supervisor.in_progress
+    last = next((run for run in await app.supervisor.runs(20, None) if run.kind == "calibration" and run.over), None)
+    return CalibrateStatus(
+        current=current,
+        applied=in_force,
+        in_progress=None if running is None else RunDocument.of(running),
+        last_run=None if last is None else RunDocument.of(last),
+        ready=ready.ready,
+        reasons=ready.reasons,
+        policy=app.settings.calibration.policy,
+        poses=_poses_in_words(app.settings.calibration),
+        how_to_start=HOW_TO_START,
+    )
+
+
+def _poses_in_words(settings: CalibrationSettings) -> str:
+    if settings.poses:
+        return f"{len(settings.poses)} taught in the settings"
+    enough = f", until a mapped point is known to {settings.uncertainty_mm:g} mm" if settings.uncertainty_mm else ""
+    return f"a first look from where the arm stands, then up to {settings.count} planned one after the other{enough}"

@@ -1,0 +1,106 @@
+"""Calibrations: the list, one of them, the one in force, applying one."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration_text import summary
+from daemon.access.errors import RoleTooLow
+from daemon.access.roles import LOCAL, Caller, Role
+from daemon.api.conditional_requests import (
+    ETAG_HEADER,
+    UNCHANGED,
+    IfMatch,
+    IfNoneMatch,
+    expected_places,
+    tag_of,
+    tags_in,
+)
+from daemon.api.dependencies import App, Before, Identifier, Limit, body_of, page_of, takes
+from daemon.api.middleware.authentication import caller_of
+from daemon.api.negotiation import negotiated, or_text
+from daemon.api.plain_text import current_in_words
+from daemon.api.problems import documented
+from daemon.api.schemas.documents import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
+from daemon.errors import NoCalibration, NotFound
+from daemon.model.requests import ApplyRequest
+
+router = APIRouter(prefix="/calibrations", tags=["calibrations"])
+
+
+@router.get("", response_model=CalibrationList)
+async def calibrations(app: App, limit: Limit = 50, before: Before = None) -> CalibrationList:
+    """The newest first, and what was applied last."""
+    page, following = page_of(await app.store.calibrations(limit + 1, before), limit, "/calibrations")
+    applied = await app.store.applied(limit)
+    current = applied[0].calibration_id if applied else None
+    return CalibrationList(
+        calibrations=[CalibrationSummary.of(record, current) for record in page],
+        applied=[AppliedDocument.of(row) for row in applied],
+        next=following,
+    )
+
+
+@router.get(
+    "/current",
+    response_model=CurrentCalibration,
+    responses={200: {**or_text("In words"), "headers": ETAG_HEADER}, 304: UNCHANGED, **documented(404)},
+)
+async def current(request: Request, app: App, if_none_match: IfNoneMatch = None) -> Response:
+    """The calibration in force. Its ETag is what `If-Match` of POST /calibrations/{id}/apply expects."""
+    try:
+        applied, record = await app.store.current()
+    except NoCalibration as error:
+        raise NotFound(error.what, error.fix) from None
+    document = CurrentCalibration(applied=AppliedDocument.of(applied), calibration=record.document)
+    tag = tag_of(applied.sequence)
+    if if_none_match is not None and tag in tags_in(if_none_match):
+        return Response(status_code=304, headers={"ETag": tag, "Vary": "Accept"})
+    return negotiated(request, document, lambda: current_in_words(document), headers={"ETag": tag})
+
+
+@router.get(
+    "/{calibration_id}",
+    response_model=CalibrationDocument,
+    responses={200: or_text("In words"), **documented(404)},
+)
+async def calibration(request: Request, app: App, calibration_id: Identifier) -> Response:
+    """calibration.json."""
+    document = (await app.store.calibration(calibration_id)).document
+    return negotiated(request, document, lambda: summary(f"calibration {document.id}", document))
+
+
+@router.post(
+    "/{calibration_id}/apply",
+    response_model=AppliedDocument,
+    responses={200: {"description": "It is in force", "headers": ETAG_HEADER},
+               **documented(400, 403, 404, 409, 412, 413, 500, 507)},
+    openapi_extra=takes(ApplyRequest),
+)  # fmt: skip
+async def apply(
+    request: Request,
+    app: App,
+    response: Response,
+    calibration_id: Identifier,
+    body: Annotated[ApplyRequest, Depends(body_of(ApplyRequest))],
+    if_match: IfMatch = None,
+) -> AppliedDocument:
+    """Make this calibration the one in force. What was in force before stays in the history.
+
+    With `If-Match`, the ETag of GET /calibrations/current: only if nothing else was applied meanwhile. A verdict is
+    overruled by admins only.
+    """
+    caller = caller_of(request)
+    if body.despite_verdict and caller.role < Role.ADMIN:
+        raise RoleTooLow(caller.name, caller.role.word, Role.ADMIN.word)
+    if caller != LOCAL:
+        body = body.model_copy(update={"applied_by": _by(body.applied_by, caller)})
+    applied = await app.operations.apply(calibration_id, body, expected_places(if_match))
+    response.headers["ETag"] = tag_of(applied.sequence)
+    return AppliedDocument.of(applied)
+
+
+def _by(given: str, caller: Caller) -> str:
+    """A key's name cannot be claimed by another; the MES may say on whose order it asks."""
+    return caller.name if given == ApplyRequest().applied_by else f"{given} ({caller.name})"

@@ -1,0 +1,52 @@
+"""The cell as it is now: robot, camera."""
+
+import math
+
+from fastapi import APIRouter, Request, Response
+
+from calibration.documents.pose import PoseDocument
+from daemon.api.dependencies import App
+from daemon.api.negotiation import negotiated, or_text
+from daemon.api.plain_text import robot_in_words
+from daemon.api.problems import documented
+from daemon.api.schemas.documents import RobotDocument
+from daemon.sessions.session_writer import png_of
+
+router = APIRouter(tags=["cell"])
+
+
+@router.get("/robot", response_model=RobotDocument, responses={200: or_text("The robot"), **documented(502, 503, 504)})
+async def robot(request: Request, app: App) -> Response:
+    """Where the arm stands, and what the controller says of itself."""
+    arm = app.cell.robot
+    status, pose, joints = await arm.read_status(), await arm.read_pose(), await arm.read_joints()
+    document = RobotDocument(
+        connected=arm.link.connected,
+        detail=arm.link.detail,
+        base_T_flange=PoseDocument.of(pose.base_T_flange),
+        configuration=pose.configuration,
+        joints_deg=[math.degrees(angle) for angle in joints],
+        still=pose.still,
+        motors_on=status.motors_on,
+        automatic=status.automatic,
+        emergency_stop=status.emergency_stop,
+        moving=status.moving,
+        armed=status.armed,
+        program_running=status.program_running,
+        speed_limited=status.speed_limited,
+        held_by=app.cell.holder,
+    )
+    return negotiated(request, document, lambda: robot_in_words(document))
+
+
+@router.get(
+    "/camera/frame.png",
+    response_class=Response,
+    responses={200: {"description": "What the camera sees now", "content": {"image/png": {}}},
+               **documented(502, 503, 504)},
+)  # fmt: skip
+async def camera_frame(app: App) -> Response:
+    """A picture taken after this request came."""
+    frame = await app.cell.grab_now()
+    content = await app.workers.run(png_of, frame)
+    return Response(content, media_type="image/png", headers={"Cache-Control": "no-store"})

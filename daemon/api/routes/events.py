@@ -1,0 +1,45 @@
+"""Progress as server-sent events."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Response
+from fastapi.responses import StreamingResponse
+
+from daemon.api.dependencies import App
+from daemon.runtime.event_bus import Event, EventLog
+
+router = APIRouter(tags=["events"])
+
+QUIET_S = 15.0
+"""After so much silence a comment is sent, so that both ends notice a connection that broke."""
+
+
+@router.get(
+    "/events",
+    response_class=Response,
+    responses={200: {"description": "Events with ids", "content": {"text/event-stream": {}}}},
+)
+async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, pattern=r"^[0-9]*$")] = "") -> Response:
+    """What happens from now on; with Last-Event-ID what was missed as well. Ends when the daemon stops.
+
+    Numbers grow, also over restarts, and may leave some out. What is too long ago to be told again is an event `lost`.
+    """
+    last = app.events.last
+    after = min(int(last_event_id), last) if last_event_id else last
+    return StreamingResponse(
+        _stream(app.events, after), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+    )
+
+
+async def _stream(events: EventLog, after: int) -> AsyncIterator[str]:
+    yield ": what happens in the cell\n\n"
+    async for event in events.listen(after, QUIET_S):
+        yield ": nothing new\n\n" if event is None else _sse(event)
+        await asyncio.sleep(0)  # a listener that went away is noticed between two events
+
+
+def _sse(event: Event) -> str:
+    return f"id: {event.number}\nevent: {event.kind}\ndata: {json.dumps(event.data)}\n\n"

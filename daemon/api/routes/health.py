@@ -1,0 +1,123 @@
+"""Is it alive, could it work, what has it counted."""
+
+import shutil
+from typing import get_args
+
+from fastapi import APIRouter, Request, Response
+
+from daemon.api.dependencies import App
+from daemon.api.negotiation import negotiated, or_text
+from daemon.api.plain_text import ready_in_words
+from daemon.api.schemas.documents import HealthDocument, Readiness, ReadyDocument, Welcome
+from daemon.application import Application
+from daemon.errors import NoCalibration
+from daemon.model.records import RunKind
+from daemon.model.run_states import FINAL_STATES
+from daemon.runtime.metrics import Labels, Metric, exposition
+from daemon.runtime.version import SOFTWARE
+
+router = APIRouter(tags=["health"])
+
+PAGES = {
+    "how to calibrate": "/calibrate",
+    "runs": "/runs",
+    "calibrations": "/calibrations",
+    "calibration in force": "/calibrations/current",
+    "drift": "/drift",
+    "scans": "/scans",
+    "robot": "/robot",
+    "camera": "/camera/frame.png",
+    "ready": "/ready",
+    "health": "/health",
+    "events": "/events",
+    "metrics": "/metrics",
+    "openapi": "/openapi.json",
+}
+
+
+@router.get("/", response_model=Welcome)
+async def welcome() -> Welcome:
+    """What there is."""
+    return Welcome(software=SOFTWARE, links=PAGES)
+
+
+@router.get("/health", response_model=HealthDocument)
+async def health(app: App) -> HealthDocument:
+    """The daemon answers; whether it could work is told by /ready."""
+    return HealthDocument(status="alive", software=SOFTWARE, uptime_s=round(app.uptime_s(), 3))
+
+
+@router.get(
+    "/ready",
+    response_model=ReadyDocument,
+    responses={200: or_text("Ready"), 503: {"description": "Not ready", "model": ReadyDocument}},
+)
+async def ready(request: Request, app: App) -> Response:
+    """Could it calibrate or register now, else why not. 503 when it could do neither."""
+    document = await readiness(app)
+    return negotiated(request, document, lambda: ready_in_words(document), 200 if document.ready else 503)
+
+
+async def readiness(app: Application) -> ReadyDocument:
+    """Asks every device."""
+    calibrate = [*await app.cell.obstacles()]
+    if (run := app.supervisor.in_progress) is not None:
+        calibrate = [f"{run.kind} run {run.id} is in progress"]
+    register: list[str] = []
+    try:
+        await app.store.current()
+    except NoCalibration as error:
+        register.append(error.what)
+    warnings = [*_disk_warnings(app), *(warning for companion in app.companions for warning in companion.warnings())]
+    return ReadyDocument(
+        ready=not calibrate or not register,
+        calibrate=Readiness(ready=not calibrate, reasons=calibrate),
+        register_=Readiness(ready=not register, reasons=register),
+        warnings=warnings,
+    )
+
+
+def _disk_warnings(app: Application) -> list[str]:
+    free_mb = shutil.disk_usage(app.store.folder).free / 1e6
+    if free_mb >= app.settings.storage.reserve_mb:
+        return []
+    return [f"only {free_mb:.0f} MB are left on the disk of {app.store.folder}: free some space"]
+
+
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={200: {"description": "Prometheus text", "content": {"text/plain": {}}}},
+)
+async def metrics(app: App) -> Response:
+    """For Prometheus."""
+    return Response(exposition(await _families(app)), media_type="text/plain; version=0.0.4; charset=utf-8")
+
+
+async def _families(app: Application) -> list[Metric]:
+    connected: dict[Labels, float] = {
+        (("device", name),): float(device.link.connected) for name, device in app.cell.links().items()
+    }
+    families = [
+        Metric("handeyed_device_connected", "gauge", "1 while the device's link is up.", connected),
+        Metric("handeyed_run_in_progress", "gauge", "1 while a run is in progress.",
+               {(): float(app.supervisor.in_progress is not None)}),
+        Metric("handeyed_runs_ended_total", "counter", "Runs that ended, by kind and state.",
+               {(("kind", kind), ("state", state)): app.supervisor.ended[kind, state]
+                for kind in get_args(RunKind) for state in sorted(FINAL_STATES)}),
+        Metric("handeyed_uptime_seconds", "gauge", "Since the daemon started.", {(): app.uptime_s()}),
+        Metric("handeyed_disk_free_bytes", "gauge", "Free where the store lies.",
+               {(): float(shutil.disk_usage(app.store.folder).free)}),
+        *app.metrics.families(),
+        *(family for companion in app.companions for family in companion.families()),
+    ]  # fmt: skip
+    try:
+        _, current = await app.store.current()
+    except NoCalibration:
+        return families
+    uncertainty = current.document.uncertainty
+    if uncertainty is not None:
+        families.append(Metric("handeyed_calibration_point_sigma_meters", "gauge",
+                               "One sigma of a mapped point, of the calibration in force.",
+                               {(): uncertainty.point_mm / 1e3}))  # fmt: skip
+    return families

@@ -1,0 +1,107 @@
+"""Runs: the list, one of them, its pictures, stopping it."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Request, Response
+
+from calibration.documents.calibration import CalibrationDocument
+from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, page_of
+from daemon.api.negotiation import negotiated, or_text
+from daemon.api.plain_text import run_in_words
+from daemon.api.problems import documented
+from daemon.api.schemas.documents import RunDocument, RunList
+from daemon.application import Application
+from daemon.model.records import RunRecord
+from daemon.sessions.session_writer import image_name
+
+router = APIRouter(prefix="/runs", tags=["runs"])
+
+POLL_S = 1
+"""Retry-After of a run in progress: a station takes seconds."""
+
+
+STARTED = {200: or_text("The finished run, when `wait` was long enough"),
+           202: {"description": "Started; follow Location", "model": RunDocument,
+                 "headers": {"Location": {"schema": {"type": "string"}},
+                             "Retry-After": {"schema": {"type": "integer"}}}},
+           **documented(400, 403, 404, 409, 413, 422, 500, 502, 503, 504, 507)}  # fmt: skip
+FINISHING = {status: answer for status, answer in STARTED.items() if status not in (400, 403, 413)}
+
+
+@router.get("", response_model=RunList)
+async def runs(app: App, limit: Limit = 50, before: Before = None) -> RunList:
+    """The newest first."""
+    page, following = page_of(await app.supervisor.runs(limit + 1, before), limit, "/runs")
+    return RunList(runs=[RunDocument.of(run) for run in page], next=following)
+
+
+@router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **documented(404)})
+async def run(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) -> Response:
+    """Where a run stands; with `wait` the answer comes when it is over."""
+    found = await app.supervisor.wait(run_id, wait)
+    return await run_answer(request, app, found)
+
+
+@router.post("/{run_id}/abort", response_model=RunDocument, responses={200: or_text("Stopped"), **documented(404, 409)})
+async def abort(request: Request, app: App, run_id: Identifier) -> Response:
+    """Stop the run: when this answers the arm has been stopped and disarmed."""
+    found = await app.supervisor.abort(run_id, "a request over REST")
+    return await run_answer(request, app, found)
+
+
+@router.post(
+    "/{run_id}/stations",
+    response_model=RunDocument,
+    responses={200: or_text("The view is taken"), **documented(404, 409, 422, 500, 502, 503, 504, 507)},
+)
+async def station(request: Request, app: App, run_id: Identifier) -> Response:
+    """Of a manual run: take one view from where the operator has jogged the arm to, and say where to go next.
+
+    Nothing moves. Refused, and not counted: an arm that is not at rest, a picture without the target, the same pose
+    again.
+    """
+    return await run_answer(request, app, await app.operations.ask(run_id, "a view"))
+
+
+@router.post("/{run_id}/finish", response_model=RunDocument, responses=FINISHING)
+async def finish(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) -> Response:
+    """Of a manual run: no more views; solve for X, judge and store it."""
+    return await started_answer(request, app, await app.operations.ask(run_id, "the end"), wait)
+
+
+@router.get(
+    "/{run_id}/frames/{k}",
+    response_class=Response,
+    responses={200: {"description": "The picture", "content": {"image/png": {}}}, **documented(404)},
+)
+async def frame(
+    app: App,
+    run_id: Identifier,
+    k: Annotated[
+        int, Path(ge=0, le=999, description="view, from 0: of station k + 1, or of station k after a first look")
+    ],
+) -> Response:
+    """A picture the run stored."""
+    found = await app.supervisor.run(run_id)
+    content = await app.store.read_file(app.store.run_folder(found.id) / image_name(k))
+    return Response(content, media_type="image/png")
+
+
+async def run_answer(
+    request: Request, app: Application, run: RunRecord, status: int = 200, headers: dict[str, str] | None = None
+) -> Response:
+    """A run as JSON or in words, with the calibration it found."""
+    calibration: CalibrationDocument | None = None
+    if run.result is not None and run.kind == "calibration":
+        calibration = (await app.store.calibration(run.result["calibration_id"])).document
+    every = dict(headers or {})
+    if not run.over:
+        every["Retry-After"] = str(POLL_S)
+    return negotiated(request, RunDocument.of(run), lambda: run_in_words(run, calibration), status, every)
+
+
+async def started_answer(request: Request, app: Application, run: RunRecord, wait: float) -> Response:
+    """202 with Location; or, when it is over within `wait` seconds, the finished run."""
+    if wait > 0:
+        run = await app.supervisor.wait(run.id, wait)
+    return await run_answer(request, app, run, 200 if run.over else 202, {"Location": f"/runs/{run.id}"})

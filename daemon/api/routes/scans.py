@@ -1,0 +1,213 @@
+"""Parts larger than one view: scans, their views, the cloud in one piece."""
+
+import asyncio
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi.responses import FileResponse
+from starlette.background import BackgroundTask
+
+from calibration.documents.pose import PoseDocument
+from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, body_of, page_of, takes
+from daemon.api.problems import documented
+from daemon.api.routes.register import Which
+from daemon.api.schemas.documents import CloudDocument, RegistrationState, ScanDocument, ScanList, ScanViewDocument
+from daemon.api.streaming.cloud_request import (
+    ANSWERED,
+    BINARY,
+    JSON,
+    TAKES_A_CLOUD,
+    PoseQuery,
+    UnitQuery,
+    answered_media_type,
+    media_type_of,
+    parse_pose,
+)
+from daemon.application import Application
+from daemon.errors import CloudTooLarge, NotFound
+from daemon.model.records import RunRecord, ScanView
+from daemon.model.requests import ScanRequest
+from daemon.scans.scan_service import Report
+from registration.documents import RegistrationReportDocument
+from registration.fusion.concatenation import PlacedCloud
+from registration.fusion.merging import Merge, Outliers
+
+router = APIRouter(prefix="/scans", tags=["scans"])
+
+JSON_POINT_LIMIT = 10_000
+"""More points take hundreds of times longer as JSON than as octets."""
+
+BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
+
+
+@router.get("", response_model=ScanList)
+async def scans(app: App, limit: Limit = 50, before: Before = None) -> ScanList:
+    """The newest first."""
+    page, following = page_of(await app.store.scans(limit + 1, before), limit, "/scans")
+    found = [ScanDocument.of(scan, await app.store.scan_views(scan.id)) for scan in page]
+    return ScanList(scans=found, next=following)
+
+
+@router.post(
+    "",
+    response_model=ScanDocument,
+    status_code=201,
+    responses={202: {"description": "The arm is driven to fill it; follow run.links", "model": ScanDocument},
+               **documented(*BODY_REFUSALS)},
+    openapi_extra=takes(ScanRequest),
+)  # fmt: skip
+async def create(app: App, body: Annotated[ScanRequest, Depends(body_of(ScanRequest))], wait: Wait = 0.0) -> Response:
+    """A new scan, for clouds you send; or with `capture` or `poses` one that the daemon's scanner fills."""
+    scan, run = await app.operations.scan(body)
+    if run is not None and wait > 0:
+        run = await app.supervisor.wait(run.id, wait)
+    document = ScanDocument.of(scan, await app.store.scan_views(scan.id), run)
+    status, headers = _started(run)
+    return Response(
+        document.model_dump_json(), status, {"Location": f"/scans/{scan.id}", **headers}, media_type="application/json"
+    )
+
+
+def _started(run: RunRecord | None) -> tuple[int, dict[str, str]]:
+    return (201, {}) if run is None or run.over else (202, {"Retry-After": "1"})
+
+
+@router.get("/{scan_id}", response_model=ScanDocument, responses=documented(404))
+async def scan(app: App, scan_id: Identifier) -> ScanDocument:
+    """A scan and its views."""
+    return ScanDocument.of(await app.store.scan(scan_id), await app.store.scan_views(scan_id))
+
+
+@router.post(
+    "/{scan_id}/views",
+    response_model=ScanViewDocument,
+    status_code=201,
+    openapi_extra=TAKES_A_CLOUD,
+    responses=documented(*BODY_REFUSALS),
+)
+async def add_view(
+    request: Request, app: App, scan_id: Identifier, pose: PoseQuery = "now", unit: UnitQuery = "mm"
+) -> ScanViewDocument:
+    """A cloud seen from `pose`; without a body the daemon's scanner takes one where the arm stands."""
+    await app.store.scan(scan_id)
+    if _has_no_body(request):
+        view = await app.operations.scan_here(scan_id)
+    else:
+        view = await _upload(request, app, scan_id, pose, unit)
+    return ScanViewDocument.of(view)
+
+
+async def _upload(request: Request, app: Application, scan_id: str, pose: str, unit: UnitQuery) -> ScanView:
+    media_type = media_type_of(request)
+    base_T_flange: PoseDocument = await app.operations.pose_now() if pose == "now" else parse_pose(pose)
+    return await app.scans.keep(scan_id, request.stream(), media_type, unit, base_T_flange)
+
+
+def _has_no_body(request: Request) -> bool:
+    return request.headers.get("content-length", "0") == "0" and "transfer-encoding" not in request.headers
+
+
+PATIENCE = "seconds to wait for a registration before answering 202"
+Patience = Annotated[float, Query(ge=0, le=3600, description=PATIENCE)]
+Refine = Annotated[bool, Query(description="fit the views to each other, within the robot's noise")]
+OneView = Annotated[int | None, Query(ge=0, description="only this view, from 0")]
+Voxel = Annotated[float | None, Query(gt=0, le=1e4, description="average the points of each cube of this edge")]
+Normals = Annotated[bool, Query(description="fit normals where the clouds bring none; needs voxel_mm")]
+Strays = Annotated[Outliers, Query(description="leave out averaged points that stand alone; needs voxel_mm")]
+STILL: dict[int | str, dict[str, Any]] = {
+    202: {"description": "It is still in progress: ask again", "model": RegistrationState}
+}
+
+CONTENT: dict[str, Any] = {**dict.fromkeys(ANSWERED, BINARY), JSON: {"schema": CloudDocument.model_json_schema()}}
+
+
+@router.get(
+    "/{scan_id}/report",
+    response_model=RegistrationReportDocument,
+    responses={**STILL, **documented(404, 409, 500, 507)},
+)
+async def report(
+    app: App, scan_id: Identifier, calibration: Which = "current", refine: Refine = False, wait: Patience = 30.0
+) -> Response:
+    """How the views lie and how well they agree; refined where `refine` asks for it. Progress is told on /events."""
+    job = await app.scans.registered(scan_id, await app.operations.calibration(calibration), refine)
+    found = await _waited(job, wait)
+    if found is None:
+        return _in_progress(scan_id, refine)
+    return Response(found.model_dump_json(), media_type=JSON)
+
+
+@router.get(
+    "/{scan_id}/cloud",
+    response_class=Response,
+    responses={200: {"description": "Every view in the base frame, mm, as the Accept header prefers",
+                     "content": CONTENT},
+               **STILL, **documented(404, 406, 409, 413, 415, 500, 507)},
+)  # fmt: skip
+async def cloud(
+    request: Request,
+    app: App,
+    scan_id: Identifier,
+    calibration: Which = "current",
+    refine: Refine = False,
+    view: OneView = None,
+    voxel_mm: Voxel = None,
+    normals: Normals = False,
+    outliers: Strays = "keep",
+    wait: Patience = 30.0,
+) -> Response:
+    """All views in one cloud, or one of them, in the robot's base frame: by the robot's poses, or refined."""
+    merge = Merge(voxel_mm, normals, outliers)
+    media_type = answered_media_type(request)
+    document = await app.operations.calibration(calibration)
+    found = None
+    if refine:
+        found = await _waited(await app.scans.registered(scan_id, document, refine), wait)
+        if found is None:
+            return _in_progress(scan_id, refine)
+    clouds = await app.scans.clouds(scan_id, document, found)
+    if view is not None:
+        clouds = [_one_of(clouds, view, scan_id)]
+    merged = await app.scans.merged(scan_id, clouds, document.id, ANSWERED[media_type], merge)
+    headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
+    removed = BackgroundTask(app.workers.run, merged.unlink, missing_ok=True)
+    if media_type != JSON:
+        return FileResponse(merged, media_type=media_type, headers=headers, background=removed)
+    try:
+        content = await app.workers.run(_small_cloud, merged, document.id)
+    finally:
+        await removed()
+    return Response(content, media_type=JSON, headers=headers)
+
+
+def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:
+    if view >= len(clouds):
+        raise NotFound(f"scan {scan_id} has no view {view}", f"ask for 0 to {len(clouds) - 1}")
+    return clouds[view]
+
+
+async def _waited(job: Report, seconds: float) -> RegistrationReportDocument | None:
+    """The job's report; None when it is not done in time, and it goes on. Raises what the job raised."""
+    done, _ = await asyncio.wait([job], timeout=seconds)
+    return job.result() if done else None
+
+
+def _in_progress(scan_id: str, refine: bool) -> Response:
+    link = f"/scans/{scan_id}/report" + ("?refine=true" if refine else "")
+    state = RegistrationState(state="in progress", links={"self": link, "events": "/events"})
+    return Response(state.model_dump_json(), 202, {"Location": link, "Retry-After": "1"}, media_type=JSON)
+
+
+def _small_cloud(octets: Path, calibration_id: str) -> bytes:
+    """JSON of float32 x, y, z. Raises CloudTooLarge."""
+    count = octets.stat().st_size // 12
+    if count > JSON_POINT_LIMIT:
+        raise CloudTooLarge(
+            f"the cloud has {count} points, more than the {JSON_POINT_LIMIT} that travel as JSON",
+            "set Accept: application/octet-stream for float32 x, y, z, or application/x-ply",
+        )
+    points = np.fromfile(octets, "<f4").reshape(-1, 3).tolist()
+    fields = {"frame": "base", "unit": "mm", "calibration_id": calibration_id, "points": points}
+    return CloudDocument.model_validate(fields).model_dump_json().encode()

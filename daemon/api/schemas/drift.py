@@ -1,0 +1,76 @@
+"""GET /drift as models."""
+
+from typing import Literal
+
+from daemon.api.schemas.documents import EXAMPLE_AT, EXAMPLE_ID, Answer, example
+from daemon.config.settings import DriftSettings
+from daemon.drift.chart import DriftChart
+
+
+class DriftRulesDocument(Answer):
+    """How the chart is drawn, as in [drift] of the settings."""
+
+    weight: float
+    learn: int
+    allowed_mm: float
+    runs_between_false_alarms: float
+
+
+class DriftPointDocument(Answer):
+    """One verification, in base: how far the target was from where it was learnt to be, and the moving average of that.
+
+    `drift_mm` is the average's length, and `limit_mm` how long it may be by chance, null while the chart still learns.
+    """
+
+    run_id: str
+    at: str
+    standing: Literal["learning", "steady", "drifting"]
+    shift_mm: tuple[float, float, float]
+    average_mm: tuple[float, float, float]
+    drift_mm: float
+    limit_mm: float | None
+    scatter_mm: float
+
+
+class DriftDocument(Answer):
+    """The control chart of the calibration in force; "off" without one. `points`: the oldest first.
+
+    `alarm`: why there is one, in words, else null. `scatter_limit_mm`: how far the calibration's uncertainty and the
+    robot's noise explain the scatter of the last verification over its positions.
+    """
+
+    model_config = example(
+        standing="steady", calibration_id=EXAMPLE_ID, verifications=1, shift_mm=0.021, limit_mm=0.094, scatter_mm=0.04,
+        scatter_limit_mm=0.16, alarm=None,
+        rules={"weight": 0.2, "learn": 5, "allowed_mm": 0.0, "runs_between_false_alarms": 1000.0},
+        points=[{"run_id": EXAMPLE_ID, "at": EXAMPLE_AT, "standing": "steady", "shift_mm": [0.03, -0.01, 0.02],
+                 "average_mm": [0.017, -0.004, 0.012], "drift_mm": 0.021, "limit_mm": 0.094, "scatter_mm": 0.04}],
+    )  # fmt: skip
+
+    standing: Literal["off", "learning", "steady", "drifting"]
+    calibration_id: str | None
+    verifications: int
+    shift_mm: float
+    limit_mm: float | None
+    scatter_mm: float
+    scatter_limit_mm: float | None
+    alarm: str | None
+    rules: DriftRulesDocument
+    points: list[DriftPointDocument]
+
+    @classmethod
+    def of(cls, chart: DriftChart, settings: DriftSettings, limit: int) -> "DriftDocument":
+        report = chart.report
+        return cls(
+            standing="off" if report.standing is None else report.standing.value,
+            calibration_id=report.calibration_id or None,
+            verifications=report.verifications,
+            shift_mm=report.shift_mm,
+            limit_mm=report.limit_mm,
+            scatter_mm=report.scatter_mm,
+            scatter_limit_mm=report.scatter_limit_mm,
+            alarm=report.alarm or None,
+            rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
+            points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
+                    for point in chart.points[-limit:]],
+        )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Clouds in and out over HTTP, in blocks."""

@@ -1,0 +1,77 @@
+"""What the routes for clouds share: pose and unit in the query, media type in the header."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import Query, Request
+
+from calibration.documents.pose import PoseDocument
+from calibration.documents.validation import validate_document
+from calibration.errors import DocumentProblem
+from daemon.api.negotiation import weight_of
+from daemon.errors import NotAcceptable, RequestRefused, UnknownMediaType
+from daemon.scans.upload import LAZ, SUFFIXES
+
+POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"
+PoseQuery = Annotated[str, Query(max_length=300, description=POSE, examples=["now"])]
+UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's coordinates")]
+
+SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-ply",
+            "application/pcd": "application/x-pcd", "application/x-laz": LAZ}  # fmt: skip
+
+JSON = "application/json"
+ANSWERED = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".bin",
+            LAZ: ".laz", JSON: ".bin"}  # fmt: skip
+"""The kinds a merged cloud is answered in, the preferred first, and the suffix of the file it is sent from."""
+
+BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+CLOUD_CONTENT: dict[str, Any] = dict.fromkeys(SUFFIXES, BINARY)
+TAKES_A_CLOUD: dict[str, Any] = {"requestBody": {"required": True, "content": CLOUD_CONTENT}}
+
+
+def media_type_of(request: Request) -> str:
+    """The cloud's format. Raises UnknownMediaType."""
+    given = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    media_type = SYNONYMS.get(given, given)
+    if media_type not in SUFFIXES:
+        raise UnknownMediaType(
+            f"a cloud of type {given[:80]!r} is not taken" if given else "the request does not say what its body is",
+            f"set Content-Type to one of {', '.join(SUFFIXES)} (octets are float32 x, y, z)",
+        )
+    return media_type
+
+
+def answered_media_type(request: Request) -> str:
+    """What of ANSWERED the request's Accept prefers (RFC 9110, 12.5.1). Raises NotAcceptable."""
+    accept = ",".join(request.headers.getlist("accept")) or "*/*"
+    weights: dict[str, tuple[float, int]] = {}
+    for part in accept.split(","):
+        media, _, parameters = part.strip().lower().partition(";")
+        media = SYNONYMS.get(media.strip(), media.strip())
+        weight = weight_of(parameters)
+        for kind in ANSWERED:
+            narrowness = ["*/*", kind.split("/")[0] + "/*", kind].index(media) if _matches(media, kind) else -1
+            if narrowness >= weights.get(kind, (0.0, -1))[1] and narrowness >= 0:
+                weights[kind] = (weight, narrowness)
+    best = max(ANSWERED, key=lambda kind: weights.get(kind, (0.0, -1))[0])
+    if weights.get(best, (0.0, -1))[0] <= 0:
+        raise NotAcceptable(
+            f"a cloud is not answered as {accept[:80]!r}", f"set Accept to one of {', '.join(ANSWERED)}"
+        )
+    return best
+
+
+def _matches(media: str, kind: str) -> bool:
+    return media in ("*/*", kind.split("/")[0] + "/*", kind)
+
+
+def parse_pose(text: str) -> PoseDocument:
+    """Seven numbers as a pose. Raises RequestRefused, DocumentError."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 7:
+        problem = DocumentProblem("query.pose", f"{text[:60]!r} is not seven numbers", f"give {POSE}")
+        raise RequestRefused([problem])
+    data = {"translation_mm": numbers[:3], "quaternion_wxyz": numbers[3:]}
+    return validate_document(PoseDocument, data, "query.pose")

@@ -1,1 +1,0 @@
-"""Who did what, and when: an append-only log whose rows are chained by their hashes."""

@@ -1,0 +1,1 @@
+"""The cell's devices and the rules for moving, settling and capturing with them."""

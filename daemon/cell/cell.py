@@ -1,0 +1,239 @@
+"""The cell: its devices, who may move the arm, and whether it could work now."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+from daemon.cell.settling import require_still, settle, standing
+from daemon.cell.stale_capture import Novelty
+from daemon.cell.vibration import Quiet
+from daemon.config.settings import SettlingSettings
+from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
+from daemon.runtime.clock import Clock
+from daemon.runtime.failpoints import NEVER, Failpoints
+from drivers.errors import DeviceError
+from drivers.interfaces import Camera, Frame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
+from drivers.interlocked_robot import InterlockedRobot
+from drivers.interlocks import Interlocks
+
+log = logging.getLogger(__name__)
+
+STATUS_LIMIT_S = 1.0
+"""A controller answers a status request in milliseconds; one that needs longer is as good as gone."""
+
+LOOK_S = 0.02
+
+SAFE_LIMIT_S = 3.0
+"""How long leaving the arm stopped and disarmed may take; the robot does both by itself after 2 s of silence."""
+
+
+@dataclass(frozen=True)
+class Devices:
+    """What the cell is made of."""
+
+    robot: Robot
+    camera: Camera
+    scanner: Scanner | None
+    quiet: Quiet | None = None
+
+
+class Cell:
+    """Owns the devices. One holder at a time; the arm is armed only while a holder that moves it holds the cell."""
+
+    def __init__(
+        self,
+        devices: Devices,
+        settling: SettlingSettings,
+        clock: Clock,
+        interlocks: Interlocks | None = None,
+        at: Failpoints = NEVER,
+    ) -> None:
+        self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
+        self._interlocks = interlocks
+        self._camera, self._scanner, self._quiet = devices.camera, devices.scanner, devices.quiet
+        self._settling, self._clock, self._at = settling, clock, at
+        self._holder: str | None = None
+        self._camera_turn = asyncio.Lock()
+        self._camera_novelty, self._scanner_novelty = Novelty("camera"), Novelty("scanner")
+
+    @property
+    def holder(self) -> str | None:
+        return self._holder
+
+    @property
+    def has_scanner(self) -> bool:
+        return self._scanner is not None
+
+    @asynccontextmanager
+    async def held_by(self, holder: str) -> AsyncIterator["Cell"]:
+        """The cell for one holder that does not move the arm. Raises CellBusy at once, never waits."""
+        if self._holder is not None:
+            raise CellBusy(self._holder)
+        self._holder = holder
+        try:
+            yield self
+        finally:
+            self._holder = None
+
+    @asynccontextmanager
+    async def motion_lease(self, holder: str) -> AsyncIterator[Robot]:
+        """The armed robot for one holder; stopped and disarmed afterwards, whatever happened.
+
+        Raises CellBusy, CellNotReady, DeviceError.
+        """
+        async with self.held_by(holder):
+            reasons = motion_obstacles(await self.robot.read_status())
+            if reasons:
+                raise CellNotReady(reasons)
+            try:
+                await self.robot.set_armed(True)
+                yield self.robot
+            finally:
+                await asyncio.shield(asyncio.ensure_future(self._leave_safe()))
+
+    async def move_to(self, goal: MoveGoal) -> None:
+        """Drive the arm, for whoever has the motion lease; returns when it stands there. Raises DeviceError."""
+        self._at.reached("before move")
+        await self.robot.move_to(goal)
+        self._at.reached("after move")
+
+    async def _leave_safe(self) -> None:
+        """Stop and disarm; each is tried though the other failed. The robot does the same when the link is gone."""
+        for name, act in (("stop", self.robot.stop), ("disarm", lambda: self.robot.set_armed(False))):
+            try:
+                async with asyncio.timeout(SAFE_LIMIT_S):
+                    await act()
+            except (DeviceError, TimeoutError) as error:
+                log.warning("could not %s the robot (it does so itself when the link is silent): %s", name, error)
+
+    async def settled_pose(self) -> PoseReading:
+        """The pose of an arm at rest, which has stopped ringing. Raises NotStill, DeviceError."""
+        if self._quiet is not None:
+            await self._quiet.wait(self._settling.limit_s, self._clock)
+        return await settle(self.robot, self._settling, self._clock)
+
+    async def standing_pose(self) -> PoseReading:
+        """The pose of an arm that an operator moves, and that stands now. Raises NotStill at once, DeviceError."""
+        if self._quiet is not None:
+            self._quiet.require()
+        return await standing(self.robot, self._settling, self._clock)
+
+    async def look(self) -> tuple[PoseReading, Frame]:
+        """A picture taken while the arm stood, and the pose it stood at. Raises NotStill, DeviceError."""
+        before = await self.settled_pose()
+        frame = await self.picture(before)
+        return before, frame
+
+    async def picture(self, before: PoseReading) -> Frame:
+        """A frame newer than `before`, and the arm still there afterwards. Raises NotStill, SameAgain, DeviceError."""
+        self._at.reached("before capture")
+        frame = await self.grab(before.taken_at_s)
+        self._at.reached("after capture")
+        require_still(before, await self.robot.read_pose(), self._settling)
+        self._camera_novelty.require_new_frame(frame, before)
+        return frame
+
+    async def cloud(self, before: PoseReading) -> ScannedCloud:
+        """A cloud newer than `before`, and the arm still there afterwards.
+
+        Raises NoScanner, NotStill, SameAgain, DeviceError.
+        """
+        if self._scanner is None:
+            raise NoScanner
+        self._at.reached("before capture")
+        cloud = await self._scanner.scan(before.taken_at_s)
+        self._at.reached("after capture")
+        require_still(before, await self.robot.read_pose(), self._settling)
+        self._scanner_novelty.require_new_cloud(cloud, before)
+        return cloud
+
+    async def grab(self, newer_than_s: float) -> Frame:
+        """A frame exposed after `newer_than_s`; callers take turns at the camera. Raises DeviceError."""
+        async with self._camera_turn:
+            return await self._camera.grab(newer_than_s)
+
+    async def grab_now(self) -> Frame:
+        """What the camera sees now. Raises DeviceError."""
+        return await self.grab(self._clock.monotonic_s())
+
+    async def obstacles(self) -> tuple[str, ...]:
+        """Why the arm could not be driven through poses with the camera now; empty when it could."""
+        return (*await self.robot_obstacles(), *_link_obstacle("camera", self._camera))
+
+    def looking_obstacles(self) -> tuple[str, ...]:
+        """Why poses and pictures could not be read now; whether the arm may be moved does not matter."""
+        return (*_link_obstacle("robot", self.robot), *_link_obstacle("camera", self._camera))
+
+    async def robot_obstacles(self) -> tuple[str, ...]:
+        """Why the robot could not be moved now."""
+        return (*await self._controller_obstacles(), *(await self._interlock_obstacles()).values())
+
+    async def require_interlocks(self) -> None:
+        """Raises InterlockOpen, naming which."""
+        obstacles = await self._interlock_obstacles()
+        if obstacles:
+            raise InterlockOpen(tuple(obstacles), tuple(obstacles.values()))
+
+    async def _controller_obstacles(self) -> tuple[str, ...]:
+        try:
+            async with asyncio.timeout(STATUS_LIMIT_S):
+                return motion_obstacles(await self.robot.read_status())
+        except TimeoutError:
+            return ("robot: it does not answer a status request",)
+        except DeviceError as error:
+            return (str(error),)
+
+    async def _interlock_obstacles(self) -> dict[str, str]:
+        """By the interlock's name why it does not allow motion."""
+        readings = await self._interlocks.readings() if self._interlocks else ()
+        return {reading.name: f"interlock {reading.name}: {reading.why}" for reading in readings if not reading.allows}
+
+    def scanner_obstacles(self) -> tuple[str, ...]:
+        """Why the scanner could not be asked for a cloud now."""
+        if self._scanner is None:
+            return (NoScanner().what,)
+        return _link_obstacle("scanner", self._scanner)
+
+    def links(self) -> dict[str, Robot | Camera | Scanner]:
+        """Every device by the name the settings give it."""
+        devices: dict[str, Robot | Camera | Scanner] = {"robot": self.robot, "camera": self._camera}
+        return devices if self._scanner is None else {**devices, "scanner": self._scanner}
+
+    async def links_come_up(self, limit_s: float) -> None:
+        """Returns when every device answers, at the latest after `limit_s`: they are dialled in the background."""
+        ends_s = self._clock.monotonic_s() + limit_s
+        while self._clock.monotonic_s() < ends_s:
+            if all(device.link.connected for device in self.links().values()):
+                return
+            await self._clock.sleep(LOOK_S)
+        for name, device in self.links().items():
+            if not device.link.connected:
+                log.warning("%s: %s", name, device.link.detail)
+
+    async def close(self) -> None:
+        """Close every device; one that fails does not keep the others open."""
+        if self._quiet is not None:
+            await self._quiet.close()
+        for name, device in self.links().items():
+            try:
+                await device.close()
+            except (DeviceError, OSError) as error:
+                log.warning("closing the %s: %s", name, error)
+
+
+def motion_obstacles(status: RobotStatus) -> tuple[str, ...]:
+    """Why a controller in this status would not move the arm."""
+    checks = (
+        (status.emergency_stop, "robot: emergency stop is pressed"),
+        (not status.motors_on, "robot: motors are off"),
+        (not status.automatic, "robot: not in automatic mode"),
+        (not status.program_running, "robot: the cell program is not running"),
+        (status.moving, "robot: the arm is moving"),
+    )
+    return tuple(reason for hit, reason in checks if hit)
+
+
+def _link_obstacle(name: str, device: Robot | Camera | Scanner) -> tuple[str, ...]:
+    return () if device.link.connected else (f"{name}: {device.link.detail}",)

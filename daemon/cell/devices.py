@@ -1,0 +1,34 @@
+"""The settings' addresses as devices, dialling in the background."""
+
+from daemon.cell.cell import Devices
+from daemon.cell.vibration import Quiet
+from daemon.config.settings import EgmSettings, Settings
+from daemon.runtime.clock import Clock
+from drivers.interfaces import Scanner
+from drivers.registry import open_camera, open_robot, open_scanner
+from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
+from drivers.timing import Timing
+
+
+def open_devices(settings: Settings, clock: Clock) -> Devices:
+    """Needs a running loop. Raises AddressNotUnderstood, and DeviceUnreachable for a taken EGM port."""
+    timing = Timing(clock.monotonic_s, clock.sleep)
+    intrinsics = settings.camera.intrinsics
+    return Devices(
+        robot=open_robot(settings.robot.address, timing, stop_address=settings.robot.stop_address),
+        camera=open_camera(settings.camera.address, timing, image_size=intrinsics.image_size if intrinsics else None),
+        scanner=_scanner(settings, timing),
+        quiet=_quiet(settings.robot.egm, timing) if settings.robot.egm else None,
+    )
+
+
+def _quiet(egm: EgmSettings, timing: Timing) -> Quiet:
+    monitor = EgmMonitor(EgmAddress(egm.host, egm.port, egm.robot), timing)
+    monitor.start()
+    return Quiet(monitor, egm)
+
+
+def _scanner(settings: Settings, timing: Timing) -> Scanner | None:
+    if settings.scanner is None:
+        return None
+    return open_scanner(settings.scanner.address, timing, limit_s=settings.scanner.limit_s)

@@ -1,0 +1,106 @@
+"""From a pose to a move the daemon is willing to command: box, reach, posture and speed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm import PoseRefused as OutOfJoint
+from calibration.planning.reachability import reachable_by
+from calibration.planning.viewpoint_selection import Reachable
+from calibration.transforms import Array
+from daemon.config.settings import RobotSettings, TaughtPose
+from daemon.errors import PoseRefused
+from drivers.interfaces import Configuration, MoveGoal, PoseReading, Robot
+
+PLANNED_TRAVEL_DEG = 120.0
+"""No joint turns further in one move that nobody taught: short moves are easy to foresee, and cost no accuracy."""
+
+
+@dataclass(frozen=True)
+class MotionRules:
+    """What the daemon checks before each move; the controller repeats its own checks."""
+
+    robot: RobotSettings
+    arm: Arm | None
+
+    @classmethod
+    def of(cls, robot: RobotSettings) -> "MotionRules":
+        return cls(robot, arm_named(robot.model) if robot.model else None)
+
+    def require_allowed(self, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> None:
+        """Every pose lies in the box and, when the arm is known, can be reached. Raises PoseRefused."""
+        for station, pose in enumerate(poses, start=1):
+            self.require_inside_box(station, pose)
+            if self.arm is not None and joints_now_rad is not None:
+                joints_now_rad = self._joints(station, pose, self.arm, joints_now_rad)
+
+    def require_inside_box(self, station: int, pose: TaughtPose) -> None:
+        """Raises PoseRefused."""
+        if not self.robot.inside_box(pose.transform()):
+            at = ", ".join(f"{x:.1f}" for x in pose.translation_mm)
+            low, high = (", ".join(f"{x:g}" for x in corner) for corner in self.robot.box_mm)
+            raise PoseRefused(
+                station,
+                f"the flange would stand at ({at}) mm, outside the box from ({low}) to ({high})",
+                "choose another pose, or correct [robot] box_mm",
+            )
+
+    async def goal(self, station: int, pose: TaughtPose, robot: Robot) -> MoveGoal:
+        """The move to `pose` from where the arm stands now. Raises PoseRefused, DeviceError."""
+        self.require_inside_box(station, pose)
+        here = await robot.read_pose()
+        configuration = await self._configuration(station, pose, robot, here)
+        return MoveGoal(
+            base_T_flange=pose.transform(),
+            configuration=configuration,
+            external_axes=here.external_axes,
+            speed_mm_s=self.robot.speed_mm_s,
+        )
+
+    async def _configuration(self, station: int, pose: TaughtPose, robot: Robot, here: PoseReading) -> Configuration:
+        """As taught; else the posture with the least joint travel; else the posture the arm has now."""
+        if pose.configuration is not None:
+            return Configuration(*pose.configuration)
+        if self.arm is None:
+            return here.configuration
+        return Configuration(*self.arm.configuration(self._joints(station, pose, self.arm, await robot.read_joints())))
+
+    def _joints(self, station: int, pose: TaughtPose, arm: Arm, near_rad: Array) -> Array:
+        try:
+            if pose.configuration is not None:
+                joints = arm.matching(pose.transform(), pose.configuration, near_rad)
+            else:
+                joints = arm.nearest(pose.transform(), near_rad)
+        except OutOfJoint as error:
+            raise PoseRefused(station, error.what, error.fix) from None
+        travel_deg = np.degrees(np.abs(joints - near_rad))
+        if travel_deg.max() > self.robot.joint_travel_deg:
+            raise PoseRefused(
+                station,
+                f"axis {int(travel_deg.argmax()) + 1} would turn by {travel_deg.max():.0f}° in one move"
+                f" (limit {self.robot.joint_travel_deg:g}°)",
+                "put a pose between the two, choose a nearer one, or raise [robot] joint_travel_deg",
+            )
+        return joints
+
+    def reachable_from(self, joints_now_rad: Array | None) -> Reachable | None:
+        """Which poses the arm can take without a change of posture or a long turn; None: the arm is not known."""
+        if self.arm is None or joints_now_rad is None:
+            return None
+        return reachable_by(self.arm, joints_now_rad, np.radians(min(self.robot.joint_travel_deg, PLANNED_TRAVEL_DEG)))
+
+    def reachable(self, base_T_flange: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Which of the poses (n, 4, 4) the arm can take, as far as the daemon knows the arm."""
+        if self.arm is None:
+            return np.ones(len(base_T_flange), bool)
+        return np.array([_has_solution(self.arm, pose) for pose in base_T_flange], bool)
+
+
+def _has_solution(arm: Arm, base_T_flange: Array) -> bool:
+    try:
+        arm.inverse(base_T_flange)
+    except OutOfJoint:
+        return False
+    return True

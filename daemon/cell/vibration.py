@@ -1,0 +1,63 @@
+"""Does the arm still ring? What the settling monitor (EGM) tells before each look, when the cell has one."""
+
+import asyncio
+from dataclasses import dataclass
+from math import degrees
+from typing import Protocol
+
+from daemon.config.settings import EgmSettings
+from daemon.errors import NotStill
+from daemon.runtime.clock import Clock
+from drivers.robots.abb.egm_vibration import Vibration
+
+LOOK_S = 0.02
+
+
+class VibrationMonitor(Protocol):
+    """drivers.robots.abb.egm_vibration.EgmMonitor, or a test's."""
+
+    def vibration(self, window_s: float) -> Vibration:
+        """Raises DeviceTimeout when the controller sends nothing."""
+        ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class Quiet:
+    """The monitor, and how much is allowed."""
+
+    monitor: VibrationMonitor
+    allowed: EgmSettings
+
+    async def wait(self, limit_s: float, clock: Clock) -> Vibration:
+        """What is left once it is little enough. Raises NotStill, DeviceTimeout."""
+        ends_s = clock.monotonic_s() + limit_s
+        while not self._within(vibration := self.monitor.vibration(self.allowed.window_s)):
+            if clock.monotonic_s() > ends_s:
+                raise self._rings(vibration, f"after {limit_s:g} s the flange")
+            await clock.sleep(LOOK_S)
+        return vibration
+
+    def require(self) -> Vibration:
+        """The same, without waiting. Raises NotStill, DeviceTimeout."""
+        vibration = self.monitor.vibration(self.allowed.window_s)
+        if not self._within(vibration):
+            raise self._rings(vibration, "the flange")
+        return vibration
+
+    async def close(self) -> None:
+        """Listen no more."""
+        await asyncio.to_thread(self.monitor.close)
+
+    def _within(self, vibration: Vibration) -> bool:
+        return (
+            vibration.translation_mm <= self.allowed.translation_mm
+            and degrees(vibration.rotation_rad) <= self.allowed.rotation_deg
+        )
+
+    def _rings(self, vibration: Vibration, who: str) -> NotStill:
+        return NotStill(
+            f"{who} still vibrates by {vibration.translation_mm:.3f} mm and {degrees(vibration.rotation_rad):.4f}°",
+            "look for what shakes it, or a soft servo; or allow more in [robot.egm]",
+        )

@@ -1,0 +1,73 @@
+"""What the demo prints in the end: what was found beside what is true, where the cloud lies, three curl lines."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from daemon.cli.demo_run.scenario import Found
+from daemon.cli.rest_client import DEFAULT_URL
+
+
+def report(found: Found) -> str:
+    """The result beside the truth."""
+    x, truth = found.calibration.flange_T_camera, found.truth["flange_T_camera"]
+    assert x is not None  # an accepted eye-in-hand calibration has one
+    off, cloud = found.score["calibration"], found.score["cloud"]
+    uncertainty = found.calibration.uncertainty
+    predicted = f"within {uncertainty.point_mm:.2f} mm, it says" if uncertainty else ""
+    rows = (
+        ("", "found", "truth", "off by"),
+        (
+            "camera on the flange",
+            _vector(x.translation_mm),
+            _vector(truth["translation_mm"]),
+            f"{off['translation_mm']:.3f} mm, {off['rotation_deg']:.4f} deg",
+        ),
+        ("a mapped point", predicted, "", f"{off['point_rms_mm']:.2f} mm RMS"),
+        (
+            "the door's surface",
+            f"{cloud['points']:,} points",
+            f"{cloud['covered']:.0%} of it covered",
+            f"{cloud['rms_mm']:.2f} mm RMS",
+        ),
+    )
+    table = "\n".join(f"  {name:<22}{a:<29}{b:<29}{c}".rstrip() for name, a, b, c in rows)
+    return (
+        f"\nWhat the daemon found, beside the truth that it never saw:\n\n{table}\n\n"
+        f"The merged cloud: {found.cloud_file} (base frame, mm; any viewer opens it)"
+    )
+
+
+def report_json(found: Found) -> str:
+    """The same for programs: what was found, what is true, how far apart they are, and where the files lie."""
+    return json.dumps(
+        {
+            "calibration": found.calibration.model_dump(mode="json"),
+            "truth": found.truth,
+            "score": found.score,
+            "files": {"calibration": str(found.calibration_file), "cloud": str(found.cloud_file)},
+        }
+    )
+
+
+def curl_lines(url: str, view: Path) -> str:
+    """Three commands that work as printed while a daemon listens at `url`."""
+    ply = f"-H 'Content-Type: application/x-ply' --data-binary @{view}"
+    return "\n".join(
+        [
+            f"  curl {ply} -o in_base.ply '{url}/register?pose=now'",
+            f"  curl -X POST -H 'Accept: text/plain' '{url}/calibrate?wait=60'",
+            f"  curl -o frame.png {url}/camera/frame.png",
+        ]
+    )
+
+
+def farewell(kept_url: str | None, view: Path) -> str:
+    """How to go on."""
+    first = "The cell keeps running until Ctrl-C." if kept_url else "`handeyed demo --keep` keeps the cell running."
+    return f"\n{first} In another terminal, in this folder:\n\n{curl_lines(kept_url or DEFAULT_URL, view)}\n"
+
+
+def _vector(values: Iterable[Any]) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in values) + ") mm"

@@ -1,0 +1,1 @@
+"""Settings of the daemon: frozen pydantic models, read once from TOML."""

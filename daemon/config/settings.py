@@ -1,0 +1,209 @@
+"""The daemon's settings: one TOML file, loaded once, frozen. deploy/handeyed.example.toml shows every key."""
+
+import tomllib
+from collections.abc import Callable
+from math import radians
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
+from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.session import CameraDocument
+from calibration.documents.target import TargetDocument
+from calibration.documents.validation import Document, validate_document
+from calibration.errors import DocumentError, DocumentProblem, GeometryError
+from calibration.kinematics.abb_arms import arm_named
+from calibration.transforms import Array
+from daemon.config.plc_settings import InterlockSettings, PlcSettings
+from daemon.config.server_settings import ServerSettings, WebhookSettings
+from daemon.runtime.bounded_read import read_whole
+from drivers.errors import AddressNotUnderstood
+from drivers.registry import check_camera_address, check_robot_address, check_scanner_address, check_stop_address
+
+
+def _checked(check: Callable[[str], None]) -> AfterValidator:
+    """An address that the drivers understand."""
+
+    def checked(address: str) -> str:
+        try:
+            check(address)
+        except AddressNotUnderstood as error:
+            raise ValueError(f"{error.what}: {error.fix}") from None
+        return address
+
+    return AfterValidator(checked)
+
+
+Quarter = Annotated[int, Field(ge=-32, le=32)]
+Box = tuple[Vector, Vector]
+
+
+def _known_arm(name: str) -> str:
+    try:
+        return arm_named(name).name
+    except GeometryError as error:
+        raise ValueError(f"{error}; leave it out for any other") from None
+
+
+class TaughtPose(PoseDocument):
+    """base_T_flange, with ABB's confdata when the posture matters: paste both from the robtarget."""
+
+    configuration: tuple[Quarter, Quarter, Quarter, Quarter] | None = None
+
+
+class SettlingSettings(Document):
+    """When the arm counts as standing: two readings `gap_s` apart that agree."""
+
+    gap_s: Annotated[float, Field(ge=0, le=10)] = 0.1
+    translation_mm: Annotated[float, Field(gt=0, le=1)] = 0.02
+    rotation_deg: Annotated[float, Field(gt=0, le=1)] = 0.005
+    limit_s: Annotated[float, Field(gt=0, le=120)] = 10.0
+
+    @property
+    def rotation_rad(self) -> float:
+        return radians(self.rotation_deg)
+
+
+class EgmSettings(Document):
+    """The settling monitor: EGM packets that the controller sends here, and how much the flange may vibrate."""
+
+    host: str = "0.0.0.0"
+    port: Annotated[int, Field(ge=0, le=65535)] = 6510
+    robot: str | None = None
+    window_s: Annotated[float, Field(gt=0, le=5)] = 0.25
+    translation_mm: Annotated[float, Field(gt=0, le=5)] = 0.05
+    rotation_deg: Annotated[float, Field(gt=0, le=1)] = 0.01
+
+
+class RobotSettings(Document):
+    """The controller, and what the daemon may ask of the arm. `stop_address`: a second way to stop it."""
+
+    address: Annotated[str, _checked(check_robot_address)]
+    stop_address: Annotated[str, _checked(check_stop_address)] | None = None
+    model: Annotated[str, AfterValidator(_known_arm)] | None = None
+    speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 100.0
+    box_mm: Box
+    joint_travel_deg: Annotated[float, Field(gt=0, le=720)] = 270.0
+    settling: SettlingSettings = SettlingSettings()
+    egm: EgmSettings | None = None
+
+    @model_validator(mode="after")
+    def _box_has_room(self) -> "RobotSettings":
+        low, high = self.box_mm
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise ValueError("box_mm is [[xmin, ymin, zmin], [xmax, ymax, zmax]], each minimum below its maximum")
+        return self
+
+    def inside_box(self, base_T_flange: Array) -> bool:
+        """The flange's origin lies in the box the arm may work in."""
+        low, high = self.box_mm
+        return all(a <= x <= b for a, x, b in zip(low, base_T_flange[:3, 3], high, strict=True))
+
+
+class CameraSettings(Document):
+    """The camera on the flange. Without intrinsics they are estimated with the rest."""
+
+    address: Annotated[str, _checked(check_camera_address)]
+    intrinsics: CameraDocument | None = None
+
+
+class ScannerSettings(Document):
+    """The scanner on the flange, and the poses a part is looked at from.
+
+    `camera_T_scanner` None: the clouds are in the frame of the calibrated camera, as those of most scanners.
+    """
+
+    address: Annotated[str, _checked(check_scanner_address)]
+    unit: Literal["mm", "m"] = "mm"
+    limit_s: Annotated[float, Field(gt=0, le=600)] = 60.0
+    camera_T_scanner: PoseDocument | None = None
+    poses: tuple[TaughtPose, ...] = ()
+
+
+class CalibrationSettings(Document):
+    """Where to look from, and who applies the result."""
+
+    count: Annotated[int, Field(ge=3, le=100)] = 3
+    uncertainty_mm: Annotated[float, Field(gt=0)] | None = None
+    policy: Literal["operator", "auto"] = "operator"
+    poses: tuple[TaughtPose, ...] = ()
+    flange_T_camera_guess: PoseDocument | None = None
+    base_T_target_guess: PoseDocument | None = None
+    guess_mm: Annotated[float, Field(gt=0, le=1000)] = 25.0
+    guess_deg: Annotated[float, Field(gt=0, le=45)] = 5.0
+    manual_wait_s: Annotated[float, Field(gt=0, le=86_400)] = 900.0
+    limits: LimitsDocument = LimitsDocument()
+    noise: NoiseExpectedDocument = NoiseExpectedDocument()
+
+
+class StorageSettings(Document):
+    """The folder for everything that must survive. A relative one is taken from the settings file's folder."""
+
+    folder: Annotated[str, Field(min_length=1)] = "/var/lib/handeyed"
+    reserve_mb: Annotated[float, Field(ge=0, le=1_000_000)] = 500.0
+    keep_runs: Annotated[int, Field(ge=1, le=1_000_000)] = 500
+    keep_days: Annotated[float, Field(gt=0, le=36_500)] = 365.0
+
+
+class DriftSettings(Document):
+    """When the daemon itself verifies (which moves the arm), and when a drift is called one.
+
+    `every_h` 0: verifications come from the MES, the PLC or an operator. `allowed_mm`: drift that does no harm.
+    """
+
+    every_h: Annotated[float, Field(ge=0, le=10_000)] = 0.0
+    allowed_mm: Annotated[float, Field(ge=0, le=100)] = 0.0
+    weight: Annotated[float, Field(gt=0, le=1)] = 0.2
+    learn: Annotated[int, Field(ge=1, le=50)] = 5
+    runs_between_false_alarms: Annotated[float, Field(ge=10, le=1e6)] = 1000.0
+
+
+class Settings(Document):
+    """The whole file."""
+
+    robot: RobotSettings
+    camera: CameraSettings
+    scanner: ScannerSettings | None = None
+    target: TargetDocument
+    calibration: CalibrationSettings = CalibrationSettings()
+    server: ServerSettings = ServerSettings()
+    webhooks: tuple[WebhookSettings, ...] = ()
+    storage: StorageSettings = StorageSettings()
+    plc: PlcSettings | None = None
+    interlocks: InterlockSettings | None = None
+    drift: DriftSettings = DriftSettings()
+
+
+def load_settings(path: Path) -> Settings:
+    """The settings of a TOML file. Raises DocumentError with file, place, what and fix."""
+    try:
+        content = read_whole(path)
+    except OSError as error:
+        raise _unreadable(path, "document", error.strerror or str(error), "give the path of a settings file") from None
+    settings = parse_settings(content, str(path))
+    folder = path.resolve().parent / settings.storage.folder
+    beside = path.resolve().parent
+    return settings.model_copy(
+        update={
+            "storage": settings.storage.model_copy(update={"folder": str(folder)}),
+            "server": settings.server.beside(beside),
+            "webhooks": tuple(webhook.beside(beside) for webhook in settings.webhooks),
+        }
+    )
+
+
+def parse_settings(content: bytes, origin: str) -> Settings:
+    """The settings in the bytes of a TOML file. Raises DocumentError."""
+    try:
+        data = tomllib.loads(content.decode())
+    except UnicodeDecodeError as error:
+        raise _unreadable(origin, f"byte {error.start}", "not UTF-8 text", "save the file as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise _unreadable(origin, "document", f"not TOML ({error})", "correct the line") from None
+    return validate_document(Settings, data, origin)
+
+
+def _unreadable(origin: Path | str, place: str, what: str, fix: str) -> DocumentError:
+    return DocumentError(str(origin), [DocumentProblem(place, what, fix)])

@@ -1,0 +1,131 @@
+"""What a calibration's control chart shows: its points, and what its end says."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.monitoring.control_chart import DriftRules, DriftStanding, Entry, chart, scatter_limit_mm
+from calibration.transforms import Array
+from daemon.config.settings import DriftSettings, Settings
+from daemon.drift.samples import Verified, robot_noise_mm
+
+CALIBRATE = "calibrate before parts go wrong, see docs/plc.md; or look whether the target was moved"
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class DriftReport:
+    """What the chart says now. `alarm` is a sentence, empty while the calibration holds.
+
+    `shift_mm`: how far the fixed target seems to have moved, averaged; `limit_mm`: how far it may seem so by chance.
+    """
+
+    standing: DriftStanding | None = None
+    calibration_id: str = ""
+    verifications: int = 0
+    shift_mm: float = 0.0
+    limit_mm: float | None = None
+    scatter_mm: float = 0.0
+    scatter_limit_mm: float | None = None
+    alarm: str = ""
+
+    def told(self) -> dict[str, object]:
+        """For an event."""
+        return {**vars(self), "standing": self.standing.value if self.standing else None}
+
+
+@dataclass(frozen=True)
+class DriftPoint:
+    """One verification of the chart, in base: how far the target was from where it was learnt to be, and on average.
+
+    `limit_mm` is None while the chart learns where the target is.
+    """
+
+    run_id: str
+    at: str
+    standing: DriftStanding
+    shift_mm: Vector
+    average_mm: Vector
+    drift_mm: float
+    limit_mm: float | None
+    scatter_mm: float
+
+
+@dataclass(frozen=True)
+class DriftChart:
+    """The points, the oldest first, and what they say."""
+
+    report: DriftReport = field(default_factory=DriftReport)
+    points: tuple[DriftPoint, ...] = ()
+
+
+def chart_of(entries: Sequence[Verified], document: CalibrationDocument, settings: Settings) -> DriftChart:
+    """The chart of these verifications, the oldest first."""
+    if not entries:
+        return DriftChart(DriftReport(DriftStanding.LEARNING, document.id))
+    rules = rules_of(settings.drift)
+    drawn = chart([entry.sample for entry in entries], rules)
+    last = drawn[-1]
+    limit_mm = _explained_mm(entries[-1], document, settings, rules)
+    scatter_mm = entries[-1].sample.scatter_mm
+    points = tuple(_point(entry, drawn_as) for entry, drawn_as in zip(entries, drawn, strict=True))
+    report = DriftReport(
+        last.standing,
+        document.id,
+        len(entries),
+        points[-1].drift_mm,
+        points[-1].limit_mm,
+        points[-1].scatter_mm,
+        None if limit_mm is None else round(limit_mm, 6),
+        _alarm(last, scatter_mm, limit_mm),
+    )
+    return DriftChart(report, points)
+
+
+def _point(entry: Verified, drawn: Entry) -> DriftPoint:
+    """To a nanometre, which is below any robot's noise."""
+    return DriftPoint(
+        entry.run_id,
+        entry.at,
+        drawn.standing,
+        _rounded(drawn.shift_mm),
+        _rounded(drawn.average_mm),
+        round(drawn.drift_mm, 6),
+        None if drawn.standing is DriftStanding.LEARNING else round(drawn.limit_mm, 6),
+        round(entry.sample.scatter_mm, 6),
+    )
+
+
+def _rounded(vector: Array) -> Vector:
+    x, y, z = (round(float(value), 6) for value in vector)
+    return x, y, z
+
+
+def rules_of(settings: DriftSettings) -> DriftRules:
+    """As the mathematics wants them."""
+    return DriftRules(settings.weight, settings.learn, settings.allowed_mm, settings.runs_between_false_alarms)
+
+
+def _explained_mm(
+    entry: Verified, document: CalibrationDocument, settings: Settings, rules: DriftRules
+) -> float | None:
+    """The largest scatter that the calibration's uncertainty and the robot's noise explain; None: not known."""
+    if document.uncertainty is None or entry.sample.positions < 2:
+        return None
+    robot_mm = robot_noise_mm(document, settings.calibration)
+    return scatter_limit_mm(document.uncertainty.point_mm, robot_mm, entry.sample.positions, rules.chance)
+
+
+def _alarm(last: Entry, scatter_mm: float, limit_mm: float | None) -> str:
+    if last.standing is DriftStanding.DRIFTING:
+        return (
+            f"drift: the fixed target seems to have moved by {last.drift_mm:.3f} mm, by chance at most"
+            f" {last.limit_mm:.3f} mm: {CALIBRATE}"
+        )
+    if limit_mm is not None and scatter_mm > limit_mm:
+        return (
+            f"drift: the target scatters by {scatter_mm:.3f} mm over the positions, the calibration explains at most"
+            f" {limit_mm:.3f} mm: {CALIBRATE}"
+        )
+    return ""

@@ -1,0 +1,122 @@
+"""The chart of the calibration in force: entered after each verification, told to REST, PLC and metrics."""
+
+import asyncio
+import logging
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from daemon.config.settings import Settings
+from daemon.drift.chart import DriftChart, DriftReport, chart_of
+from daemon.drift.verifications import Verifications
+from daemon.errors import DaemonError, NoCalibration
+from daemon.model.records import RunRecord
+from daemon.runtime.clock import Clock
+from daemon.runtime.event_bus import EventLog
+from daemon.runtime.metrics import Metric
+from daemon.runtime.workers import Workers
+from daemon.store.store import Store
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(eq=False)
+class DriftWatch:
+    """Listens for verifications that end; an owner of nothing but what can be computed from the store again."""
+
+    settings: Settings
+    store: Store
+    events: EventLog
+    workers: Workers
+    clock: Clock
+    chart: DriftChart = field(default_factory=DriftChart, init=False)
+    _verifications: Verifications = field(init=False)
+    _task: asyncio.Task[None] | None = field(default=None, init=False)
+    _turn: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
+
+    def __post_init__(self) -> None:
+        self._verifications = Verifications(self.store, self.workers, self.settings.target.target().points_mm)
+
+    @property
+    def report(self) -> DriftReport:
+        """What the chart says now."""
+        return self.chart.report
+
+    async def start(self) -> None:
+        """What an earlier daemon has told is not told again."""
+        try:
+            self.chart = await self._computed()
+        except DaemonError as error:
+            log.warning("the drift chart could not be read: %s", error)
+        self._task = asyncio.create_task(self._listen(self.events.last), name="drift")
+
+    async def stop(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._task
+
+    def warnings(self) -> list[str]:
+        """For GET /ready."""
+        return [self.report.alarm] if self.report.alarm else []
+
+    def families(self) -> Iterator[Metric]:
+        """For GET /metrics."""
+        report = self.report
+        told = (
+            ("alarm", "1 while the verifications say that the calibration no longer holds.", float(bool(report.alarm))),
+            ("verifications", "Verifications in the control chart.", float(report.verifications)),
+            ("shift_meters", "How far the fixed target seems to have moved, averaged.", report.shift_mm / 1e3),
+            ("limit_meters", "How far it may seem so by chance.", (report.limit_mm or 0.0) / 1e3),
+            ("scatter_meters", "Scatter of the target over the positions, one axis.", report.scatter_mm / 1e3),
+        )
+        for name, about, value in told:
+            yield Metric(f"handeyed_drift_{name}", "gauge", about, {(): value})
+
+    async def renewed(self) -> DriftChart:
+        """The chart with every run that is over in it. Raises StorageError."""
+        await self._renew()
+        return self.chart
+
+    async def entered(self, run: RunRecord) -> DriftReport:
+        """The chart with this run in it, whoever noticed its end first."""
+        with suppress(DaemonError):
+            await self._renew()
+        return self.report
+
+    async def _listen(self, after: int) -> None:
+        async for event in self.events.listen(after):
+            ended = event is not None and event.kind == "run" and event.data.get("state") in ("finished", "failed")
+            if event is None or not (ended or event.kind == "applied"):
+                continue
+            try:
+                await self._renew()
+            except DaemonError as error:
+                log.warning("the drift chart could not be renewed: %s", error)
+
+    async def _renew(self) -> None:
+        """From the store; an alarm that is new, or gone, is told once, whoever noticed first."""
+        async with self._turn:
+            await self._told_anew()
+
+    async def _told_anew(self) -> None:
+        before, self.chart = self.report, await self._computed()
+        if self.report == before:
+            return
+        self.events.publish("drift", self.report.told())
+        if bool(self.report.alarm) == bool(before.alarm):
+            return
+        log.warning("%s", self.report.alarm or "drift: the alarm is over")
+        alarm = {"kind": "drift", "raised": bool(self.report.alarm), "what": self.report.alarm or "it is over"}
+        calibration_id = self.report.calibration_id or before.calibration_id
+        await self.store.outbox.post("alarm", self.clock.timestamp(), {**alarm, "calibration_id": calibration_id})
+
+    async def _computed(self) -> DriftChart:
+        try:
+            applied, record = await self.store.current()
+        except NoCalibration:
+            return DriftChart()
+        if record.document.flange_T_camera is None:
+            return DriftChart(DriftReport(calibration_id=record.id))
+        entries = await self._verifications.of(applied)
+        return await self.workers.run(chart_of, entries, record.document, self.settings)

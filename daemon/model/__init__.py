@@ -1,0 +1,1 @@
+"""Records, requests and run states: passive types that the store, the runs and the API share."""

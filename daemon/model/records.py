@@ -1,0 +1,124 @@
+"""Rows of the store, as the rest of the daemon sees them."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from daemon.model.run_states import FINAL_STATES, RunState
+
+RunKind = Literal["calibration", "verify", "scan"]
+Unit = Literal["mm", "m"]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Why a run ended badly: a stable code, a sentence, and how to go on."""
+
+    code: str
+    what: str
+    fix: str
+
+
+@dataclass(frozen=True)
+class Planning:
+    """How far a run that plans as it goes has come.
+
+    `now_mm`: what the views so far tell of a mapped point, None before they determine it; `planned_mm`: what the
+    `ahead` views planned next will. `pictures` counts the first look too. `note` says what was assumed, `advice` where
+    an operator should jog to, and `next_pose` is that as base_T_flange.
+    """
+
+    now_mm: float | None = None
+    planned_mm: float | None = None
+    ahead: int = 0
+    pictures: int = 0
+    note: str = ""
+    advice: str = ""
+    next_pose: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run. `station` counts the stations captured so far; `result` is what it found, by kind."""
+
+    id: str
+    kind: RunKind
+    state: RunState
+    station: int
+    stations: int
+    created_at: str
+    updated_at: str
+    cause: Cause | None = None
+    request: dict[str, Any] = field(default_factory=dict)
+    result: dict[str, Any] | None = None
+    planning: Planning | None = None
+
+    @property
+    def over(self) -> bool:
+        return self.state in FINAL_STATES
+
+    @property
+    def pictures(self) -> int:
+        """How many pictures are stored: one a station, and the first look."""
+        return self.planning.pictures if self.planning else self.station
+
+    def row(self) -> tuple[Any, ...]:
+        """In the order of the table's columns."""
+        code, what, fix = (self.cause.code, self.cause.what, self.cause.fix) if self.cause else (None, None, None)
+        result = None if self.result is None else json.dumps(self.result)
+        times = (self.created_at, self.updated_at)
+        return (self.id, self.kind, str(self.state), self.station, self.stations, code, what, fix, *times,
+                json.dumps(self.request), result, self.planning and json.dumps(asdict(self.planning)))  # fmt: skip
+
+    @classmethod
+    def of(cls, row: tuple[Any, ...]) -> "RunRecord":
+        run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, request, result, planning = row
+        cause = None if code is None else Cause(code, what, fix)
+        found = None if result is None else json.loads(result)
+        return cls(run_id, kind, RunState(state), station, stations, created_at, updated_at, cause,
+                   json.loads(request), found, planning and Planning(**json.loads(planning)))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CalibrationRecord:
+    """A calibration and the run it came from."""
+
+    id: str
+    run_id: str | None
+    created_at: str
+    accepted: bool
+    document: CalibrationDocument
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A calibration became current."""
+
+    calibration_id: str
+    applied_at: str
+    applied_by: str
+    sequence: int = field(default=0, compare=False)
+    """Given by the store: counts what was ever applied."""
+
+
+@dataclass(frozen=True)
+class ScanRecord:
+    """A part being looked at from several sides; `refine`: its views are fitted to each other as they come."""
+
+    id: str
+    created_at: str
+    name: str
+    refine: bool = False
+
+
+@dataclass(frozen=True)
+class ScanView:
+    """One cloud of a scan: its file in the scan's folder, and where the arm stood."""
+
+    view: int
+    file: str
+    unit: Unit
+    base_T_flange: PoseDocument
+    created_at: str

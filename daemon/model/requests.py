@@ -1,0 +1,110 @@
+"""Bodies of requests that start something."""
+
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Field, PositiveFloat, model_validator
+
+from calibration.documents.target import TargetDocument
+from calibration.documents.validation import Document
+from daemon.config.settings import TaughtPose
+
+
+def _examples(*bodies: dict[str, Any]) -> ConfigDict:
+    """For `model_config`: shown in openapi.json."""
+    return ConfigDict(json_schema_extra={"examples": list(bodies)})
+
+
+_POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6, 0.8, 0.0]}
+
+Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
+
+
+NAME = r"^[^\x00-\x1f\x7f]*$"
+"""No control characters: it is printed and logged."""
+
+
+class CalibrateRequest(Document):
+    """Everything is optional: poses of the flange (else taught ones, else planned ones), how many, another target.
+
+    `uncertainty_mm`: planning ends when a mapped point is known as well as this (one sigma); `count` is then the most.
+    `manual`: nothing moves the arm; the operator jogs it, and takes each view with POST /runs/{id}/stations.
+    """
+
+    model_config = _examples({}, {"count": 8, "uncertainty_mm": 0.1}, {"poses": [_POSE, _POSE, _POSE]})
+
+    poses: Annotated[tuple[TaughtPose, ...], Field(min_length=3, max_length=100)] | None = None
+    count: Annotated[int, Field(ge=3, le=100)] | None = None
+    uncertainty_mm: PositiveFloat | None = None
+    target: TargetDocument | None = None
+    manual: bool = False
+
+    @model_validator(mode="after")
+    def _jogged_or_driven(self) -> "CalibrateRequest":
+        if self.manual and self.poses is not None:
+            raise ValueError("poses are driven to, and in a manual run nothing moves the arm: leave one of them out")
+        return self
+
+
+class ArtefactRequest(Document):
+    """A sphere's calibrated radius; with `spacing_mm` a ball bar, whose two centres are so far apart."""
+
+    radius_mm: Annotated[float, Field(gt=0, le=10_000)]
+    spacing_mm: Annotated[float, Field(gt=0, le=100_000)] | None = None
+
+
+class VerifyRequest(Document):
+    """Poses to look at the target from; by default three of those a calibration would take.
+
+    With `artefact` and `scan_id` the scanner is verified instead: each view of that scan is a position of the artefact.
+    """
+
+    model_config = _examples({}, {"scan_id": "20261121-090000-3f9a1c", "artefact": {"radius_mm": 25.0}})
+
+    poses: Annotated[tuple[TaughtPose, ...], Field(min_length=2, max_length=100)] | None = None
+    target: TargetDocument | None = None
+    artefact: ArtefactRequest | None = None
+    scan_id: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+
+    @model_validator(mode="after")
+    def _one_thing(self) -> "VerifyRequest":
+        if (self.artefact is None) != (self.scan_id is None):
+            raise ValueError("a scanner is verified with artefact and scan_id: give both, or neither")
+        if self.artefact is not None and (self.poses is not None or self.target is not None):
+            raise ValueError("poses and target belong to the camera's verification: leave them out beside artefact")
+        return self
+
+
+class ScanRequest(Document):
+    """A new scan. With `poses`, or `capture`, the arm is driven and the daemon's scanner fills it.
+
+    `refine`: after each view the views are fitted to each other in the background, within the robot's noise.
+    """
+
+    model_config = _examples({"name": "door 4711"}, {"name": "door 4711", "capture": True, "refine": True})
+
+    name: Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
+    capture: bool = False
+    refine: bool = False
+    poses: Stations | None = None
+
+    @property
+    def moves_the_arm(self) -> bool:
+        return self.capture or self.poses is not None
+
+
+class ApplyRequest(Document):
+    """Who applies a calibration; a rejected one is applied only when `despite_verdict` says so."""
+
+    model_config = _examples({"applied_by": "Ann"}, {"applied_by": "Ann", "despite_verdict": True})
+
+    applied_by: Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = "operator"
+    despite_verdict: bool = False
+
+
+class SetupRequest(Document):
+    """The set-up code from the daemon's log, and a name for the first key."""
+
+    model_config = _examples({"code": "ABCD-EFGH-JKLM-NPQR", "name": "Ann"})
+
+    code: Annotated[str, Field(min_length=1, max_length=100)]
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)] = "admin"

@@ -1,0 +1,95 @@
+"""The calibration run: look at the target from every station, solve for X, store it."""
+
+from dataclasses import dataclass, replace
+
+from calibration.diagnosis.findings import ExpectedMount, mount_findings
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.report import calibration_document
+from calibration.planning.what_if import Alternative
+from calibration.problem import Problem
+from calibration.solve import solve_hand_eye
+from calibration.verdict import judge
+from daemon.cell.cell import Cell
+from daemon.model.records import Applied, CalibrationRecord
+from daemon.model.run_states import RunEvent as E
+from daemon.runs.adaptive_sequence import AdaptiveRoute, AdaptiveTour
+from daemon.runs.manual_sequence import ManualRoute, ManualTour
+from daemon.runs.pose_sequence import Itinerary, look_from_everywhere
+from daemon.runs.run_log import RunLog
+from daemon.runs.supervisor import Ending
+from daemon.runtime.clock import Clock
+from daemon.runtime.version import SOFTWARE
+from daemon.runtime.workers import Workers
+from daemon.sessions.session_writer import SessionLog
+from daemon.store.store import Store
+
+FEWEST_VIEWS = 3
+"""Two motions: fewer cannot determine X (paper, section 2)."""
+
+
+@dataclass(frozen=True)
+class Calibrating:
+    """What the run needs besides its itinerary. `apply_when_accepted` is the policy "auto".
+
+    `better`: within which limits poses could have been planned instead; `expected`: where the camera should sit.
+    """
+
+    cell: Cell
+    store: Store
+    workers: Workers
+    clock: Clock
+    apply_when_accepted: bool
+    better: Alternative | None = None
+    expected: ExpectedMount | None = None
+
+    async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
+        """From the first move to the stored calibration, whose id is the run's."""
+        problem = await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS)
+        return await self._conclude(problem, log, self.better)
+
+    async def drive_adaptively(self, route: AdaptiveRoute, session: SessionLog, log: RunLog) -> Ending:
+        """The same, from poses that are planned after each view."""
+        problem = await AdaptiveTour(route, self.cell, self.workers, session, log).drive(FEWEST_VIEWS)
+        return await self._conclude(problem, log, None)
+
+    async def drive_manually(self, route: ManualRoute, session: SessionLog, log: RunLog) -> Ending:
+        """The same, from poses that the operator jogs to."""
+        problem = await ManualTour(route, self.cell, self.workers, session, log).attend(FEWEST_VIEWS)
+        return await self._conclude(problem, log, self.better)
+
+    async def _conclude(self, problem: Problem, log: RunLog, better: Alternative | None) -> Ending:
+        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp(), better, self.expected)
+        log.conclude()
+        applied = await self._keep(document, log.id)
+        return E.SOLVED, {
+            "calibration_id": document.id, "accepted": document.verdict.accepted, "applied": applied
+        }  # fmt: skip
+
+    async def _keep(self, document: CalibrationDocument, run_id: str) -> bool:
+        accepted = document.verdict.accepted
+        await self.store.save_calibration(
+            CalibrationRecord(document.id, run_id, document.created_at, accepted, document)
+        )
+        if not (self.apply_when_accepted and accepted):
+            return False
+        await self.store.apply(Applied(document.id, self.clock.timestamp(), "policy auto"))
+        return True
+
+
+def solved(
+    problem: Problem,
+    calibration_id: str,
+    created_at: str,
+    better: Alternative | None = None,
+    expected: ExpectedMount | None = None,
+) -> CalibrationDocument:
+    """The same steps as `handeyed solve`; `better` adds what planned poses would have given, `expected` what is not."""
+    solution = solve_hand_eye(problem)
+    verdict = judge(problem, solution)
+    if expected is not None and solution.mount_T_camera is not None:
+        verdict = replace(verdict, findings=(*verdict.findings, *mount_findings(solution.mount_T_camera, expected)))
+    if better is not None:
+        verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
+    return calibration_document(
+        problem, solution, verdict, calibration_id=calibration_id, created_at=created_at, software=SOFTWARE
+    )

@@ -1,0 +1,58 @@
+"""Why a run ended badly, as a sentence an operator can act on."""
+
+from calibration.errors import CalibrationError, DetectionError, DocumentError, UndeterminedError
+from daemon.errors import DaemonError
+from daemon.model.records import Cause, RunRecord
+from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, LinkLost
+
+LINK_ERRORS = (LinkLost, DeviceTimeout, DeviceUnreachable)
+LINK_FIX = "check the cable and that the cell program runs, see GET /robot; then start the run again"
+
+
+def of_the_robot(error: DeviceError) -> bool:
+    """Cameras and scanners begin their device's name with what they are."""
+    return not error.device.startswith(("camera", "scanner"))
+
+
+def where(run: RunRecord) -> str:
+    """after station 4 of 12"""
+    if run.station == 0:
+        return f"before station 1 of {run.stations}"
+    return f"after station {run.station} of {run.stations}"
+
+
+def cause_of(error: Exception, run: RunRecord) -> Cause:
+    """What to tell the operator about `error`."""
+    match error:
+        case DeviceError() if isinstance(error, LINK_ERRORS) and of_the_robot(error):
+            return Cause("link-lost", f"link to the controller lost {where(run)}", f"{LINK_FIX} ({error.what})")
+        case DeviceError():
+            return Cause(error.code, f"{error.device}: {error.what} ({where(run)})", error.fix)
+        case DaemonError():
+            return Cause(error.code, f"{error.what} ({where(run)})", error.fix)
+        case DetectionError() | UndeterminedError():
+            return Cause(error.code, f"{error.what} ({where(run)})", error.fix)
+        case DocumentError():
+            return Cause("document", "; ".join(str(problem) for problem in error.problems), "correct it, and run again")
+        case CalibrationError():
+            return Cause("calibration-error", f"{error} ({where(run)})", "look at the stored pictures and poses")
+        case _:
+            return Cause(
+                "internal-error",
+                f"a defect of handeyed ended the run {where(run)}: {type(error).__name__}: {error}",
+                "report it with the log; what was captured is stored",
+            )
+
+
+def aborted(by: str, run: RunRecord) -> Cause:
+    """The run was stopped on purpose."""
+    return Cause("aborted", f"aborted by {by} {where(run)}", "start it again when the cell is ready")
+
+
+def interrupted(run: RunRecord, folder: str) -> Cause:
+    """The daemon was gone while the run was in progress."""
+    return Cause(
+        "interrupted",
+        f"the daemon stopped while the run was in progress, {where(run)}",
+        f"the arm does not move by itself: start the run again; what was captured lies in {folder}",
+    )

@@ -1,0 +1,93 @@
+"""Which poses a run visits: those of the request, else taught ones, else planned ones."""
+
+from dataclasses import dataclass, replace
+from math import radians
+
+from calibration.camera import CameraModel
+from calibration.diagnosis.findings import ExpectedMount
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.documents.target import TargetDocument
+from calibration.planning.learning import Guess
+from calibration.planning.next_view import Wish
+from calibration.planning.viewpoints import Limits
+from daemon.cell.motion_rules import MotionRules
+from daemon.config.settings import CalibrationSettings, TaughtPose
+from daemon.errors import NoPoses
+from daemon.runs.adaptive_sequence import AdaptiveRoute
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is roughly known of the scene: from the settings' guesses, else from the calibration in force."""
+
+    camera: CameraModel | None
+    flange_T_camera: PoseDocument | None
+    base_T_target: PoseDocument | None
+
+    @classmethod
+    def of(
+        cls, settings: CalibrationSettings, camera: CameraModel | None, current: CalibrationDocument | None
+    ) -> "Known":
+        found = cls(camera, settings.flange_T_camera_guess, settings.base_T_target_guess)
+        if current is None:
+            return found
+        return replace(
+            found,
+            camera=found.camera or (current.camera.camera() if current.camera else None),
+            flange_T_camera=found.flange_T_camera or current.flange_T_camera,
+            base_T_target=found.base_T_target or current.base_T_target,
+        )
+
+    @classmethod
+    def by(cls, calibration: CalibrationDocument) -> "Known":
+        """What a calibration says, where its own pictures are looked at again."""
+        camera = calibration.camera.camera() if calibration.camera else None
+        return cls(camera, calibration.flange_T_camera, calibration.base_T_target)
+
+
+def taught(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:
+    """The taught poses, all or the first `count`; none when none were taught. Raises NoPoses when too few were."""
+    if count is None or not settings.poses:
+        return settings.poses
+    if count > len(settings.poses):
+        raise NoPoses(
+            f"{count} poses were asked for, but {len(settings.poses)} are taught in [calibration] poses",
+            "ask for fewer, teach more, or send poses with the request",
+        )
+    return settings.poses[:count]
+
+
+def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> Limits:
+    """Where planned poses may lie."""
+    return settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
+
+
+def adaptive_route(
+    settings: CalibrationSettings, rules: MotionRules, target: TargetDocument, known: Known, wish: Wish
+) -> AdaptiveRoute:
+    """A run that plans as it goes, from whatever is known; the first look must show the target, or both guesses be."""
+    guess = Guess(
+        "eye-in-hand",
+        target.target(),
+        known.camera,
+        known.flange_T_camera.transform() if known.flange_T_camera else None,
+        known.base_T_target.transform() if known.base_T_target else None,
+        settings.noise.noise(),
+        radians(settings.guess_deg),
+        settings.guess_mm,
+    )
+    assumed = "" if known.camera else "the intrinsics are unknown: planned from a usual field of view until they are"
+    return AdaptiveRoute(guess, planning_limits(settings, rules), wish, rules, assumed)
+
+
+FAR_OFF = 2.0
+"""Standard deviations of a guess: a camera found further away is worth a word."""
+
+
+def expected_mount(settings: CalibrationSettings) -> ExpectedMount | None:
+    """Where the camera should sit, when the settings say."""
+    guess = settings.flange_T_camera_guess
+    if guess is None:
+        return None
+    return ExpectedMount(guess.transform(), FAR_OFF * settings.guess_mm, FAR_OFF * radians(settings.guess_deg))

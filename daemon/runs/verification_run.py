@@ -1,0 +1,65 @@
+"""The verify run: look at the target again and see where the calibration in force puts it."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.monitoring.target_scatter import Verification, verify
+from calibration.problem import Problem
+from daemon.cell.cell import Cell
+from daemon.model.run_states import RunEvent as E
+from daemon.runs.adaptive_sequence import AdaptiveRoute, AdaptiveTour
+from daemon.runs.pose_sequence import Itinerary, look_from_everywhere
+from daemon.runs.run_log import RunLog
+from daemon.runs.supervisor import Ending
+from daemon.runtime.workers import Workers
+from daemon.sessions.session_writer import SessionLog
+
+FEWEST_VIEWS = 2
+"""A scatter needs two."""
+
+
+@dataclass(frozen=True)
+class Verifying:
+    """What the run needs besides its itinerary."""
+
+    cell: Cell
+    workers: Workers
+    calibration: CalibrationDocument
+
+    async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
+        """From the first move to the table."""
+        return await self._conclude(await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS), log)
+
+    async def drive_adaptively(self, route: AdaptiveRoute, session: SessionLog, log: RunLog) -> Ending:
+        """The same, from poses that are planned after each view; the first look is no position of the table."""
+        tour = AdaptiveTour(route, self.cell, self.workers, session, log)
+        problem = await tour.drive(FEWEST_VIEWS + 1)
+        positions = tuple(replace(view, index=view.index - 1) for view in problem.views[1:])
+        return await self._conclude(replace(problem, views=positions), log)
+
+    async def _conclude(self, problem: Problem, log: RunLog) -> Ending:
+        found = await self.workers.run(_verified, problem, self.calibration)
+        log.conclude()
+        return E.SOLVED, {"calibration_id": self.calibration.id, "verification": document_of(found, self.calibration)}
+
+
+def _verified(problem: Problem, calibration: CalibrationDocument) -> Verification:
+    camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
+    return verify(replace(problem, camera=camera), calibration)
+
+
+def document_of(found: Verification, calibration: CalibrationDocument) -> dict[str, Any]:
+    """Tab. 1 as data: rounded to a tenth of a micrometre, which is below any robot's noise."""
+    points, sigma = found.points_base_mm.round(4), found.sigma_per_point_mm.round(4)
+    return {
+        "calibration_id": calibration.id,
+        "stations": list(found.stations),
+        "points": [
+            {"id": int(point), "base_mm": points[:, column].tolist(), "sigma_mm": sigma[column].tolist()}
+            for column, point in enumerate(found.ids)
+        ],
+        "cross": found.ids[found.cross()].tolist(),
+        "sigma_mm": found.sigma_mm.round(4).tolist(),
+        "expected_point_mm": calibration.uncertainty.point_mm if calibration.uncertainty else None,
+    }

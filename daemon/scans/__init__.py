@@ -1,0 +1,1 @@
+"""Scans and their registration: uploads, registration jobs, scanner acceptance."""

@@ -1,0 +1,151 @@
+"""Scans are registered in the background: read, fitted, reported; the report is stored, so it survives a restart.
+
+A report holds for a calibration and for the views there were. A new view makes it stale, not wrong: the cloud of
+fewer views stays what it was until the next report replaces it.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.documents.validation import Document, parse_document
+from calibration.errors import DocumentError
+from calibration.transforms import Array
+from daemon.errors import NotFound
+from daemon.runtime.clock import Clock
+from daemon.runtime.event_bus import EventLog
+from daemon.runtime.workers import Workers
+from daemon.store.store import Store
+from registration.documents import RegistrationReportDocument
+from registration.report import dropped, report_of
+from registration.scan import Hand, ScanView, hand_of, merged_layout, register_views, sample_views
+
+log = logging.getLogger(__name__)
+
+
+class StoredRegistration(Document):
+    """A report, and what it was made of."""
+
+    schema_version: Literal[1] = 1
+    refined: bool
+    flange_T_scanner: PoseDocument
+    report: RegistrationReportDocument
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """A registration that somebody asked for."""
+
+    scan_id: str
+    views: Sequence[ScanView]
+    calibration: CalibrationDocument
+    flange_T_scanner: Array
+    refine: bool
+
+    @property
+    def key(self) -> tuple[str, int, str, bool]:
+        return self.scan_id, len(self.views), self.calibration.id, self.refine
+
+    def is_met_by(self, stored: StoredRegistration) -> bool:
+        """The same views, calibration and scanner."""
+        same_hand = stored.flange_T_scanner == PoseDocument.of(self.flange_T_scanner)
+        report = stored.report
+        same_work = (report.calibration_id, len(report.views)) == (self.calibration.id, len(self.views))
+        return same_hand and same_work and stored.refined == self.refine
+
+
+@dataclass(eq=False)
+class Registering:
+    """Registrations in progress, each once however many wait for it."""
+
+    store: Store
+    workers: Workers
+    clock: Clock
+    events: EventLog
+    _jobs: dict[tuple[str, int, str, bool], asyncio.Task[RegistrationReportDocument]] = field(
+        default_factory=dict, init=False
+    )
+
+    def start(self, wanted: Wanted) -> "asyncio.Task[RegistrationReportDocument]":
+        """The job for `wanted`, in progress; it goes on when nobody waits for it."""
+        job = self._jobs.get(wanted.key)
+        if job is None:
+            job = self._jobs[wanted.key] = asyncio.create_task(self._found(wanted))
+            job.add_done_callback(lambda done: self._ended(wanted, done))
+        return job
+
+    async def stored(self, wanted: Wanted) -> RegistrationReportDocument | None:
+        """The report of an earlier registration, when it holds for `wanted`."""
+        file = self._file(wanted)
+        try:
+            found = parse_document(StoredRegistration, await self.store.read_file(file), str(file))
+        except NotFound:
+            return None
+        except DocumentError as error:
+            log.warning("a stored report cannot be used and is made anew: %s", error)
+            return None
+        return found.report if wanted.is_met_by(found) else None
+
+    def stop(self) -> None:
+        """Nothing is waited for any more."""
+        for job in self._jobs.values():
+            job.cancel()
+
+    async def _found(self, wanted: Wanted) -> RegistrationReportDocument:
+        earlier = await self.stored(wanted)
+        if earlier is not None:
+            return earlier
+        loop = asyncio.get_running_loop()
+
+        def told(state: str, views_read: int) -> None:
+            loop.call_soon_threadsafe(self._publish, wanted, state, {"views_read": views_read})
+
+        report = await self.workers.run(_register, wanted, self.clock.monotonic_s, told)
+        document = StoredRegistration(
+            refined=wanted.refine, flange_T_scanner=PoseDocument.of(wanted.flange_T_scanner), report=report
+        )
+        await self.store.write_file(self._file(wanted), [document.model_dump_json(indent=1).encode()])
+        return report
+
+    def _ended(self, wanted: Wanted, job: "asyncio.Task[RegistrationReportDocument]") -> None:
+        del self._jobs[wanted.key]
+        if job.cancelled():
+            return
+        error = job.exception()
+        if error is None:
+            self._publish(wanted, "finished", {"rms_mm": job.result().rms_mm.model_dump()})
+        else:
+            log.warning("scan %s could not be registered: %s", wanted.scan_id, error)
+            self._publish(wanted, "failed", {"cause": str(error)})
+
+    def _publish(self, wanted: Wanted, state: str, more: dict[str, Any]) -> None:
+        about = {"scan_id": wanted.scan_id, "calibration_id": wanted.calibration.id, "refine": wanted.refine}
+        self.events.publish("registration", {**about, "state": state, "views": len(wanted.views), **more})
+
+    def _file(self, wanted: Wanted) -> Path:
+        name = "refined.json" if wanted.refine else "registered.json"
+        return self.store.scan_folder(wanted.scan_id) / name
+
+
+def _register(
+    wanted: Wanted, clock: Callable[[], float], told: Callable[[str, int], None]
+) -> RegistrationReportDocument:
+    """Read view by view, fit, report; nothing is written. Raises RegistrationError."""
+    began, samples = clock(), []
+    for count, view in enumerate(wanted.views):
+        told("reading", count)
+        samples += sample_views([view])
+    told("registering", len(samples))
+    read = clock()
+    given = hand_of(wanted.calibration)
+    hand = Hand(given.calibration_id, wanted.flange_T_scanner, given.noise)
+    registration = register_views(wanted.views, samples, hand, refine=wanted.refine)
+    _, lost = merged_layout(registration.views)
+    points = sum(view.points for view in registration.views)
+    seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
+    return report_of(registration, hand, points, seconds, dropped(lost))  # type: ignore[arg-type]

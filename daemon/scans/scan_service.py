@@ -1,0 +1,196 @@
+"""Parts looked at from several sides: each scan is a folder of clouds with scan.json, as `handeyed register` reads."""
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array
+from daemon.config.settings import ScannerSettings
+from daemon.errors import NoCalibration, ScanEmpty, StorageError
+from daemon.model.records import ScanRecord, ScanView, Unit
+from daemon.model.requests import ArtefactRequest
+from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
+from daemon.scans.registration_jobs import Registering, Wanted
+from daemon.scans.scanner_acceptance import AcceptanceDocument, accepted
+from daemon.scans.upload import received
+from daemon.store.database import storage_errors
+from daemon.store.store import Store
+from drivers.interfaces import ScannedCloud
+from registration.documents import RegistrationReportDocument
+from registration.fusion.concatenation import PlacedCloud, write_merged
+from registration.fusion.merging import EVERY_POINT, Merge
+from registration.io.convert import move_file
+from registration.points.rigid_motion import Motion
+from registration.scan import ScanView as SeenView
+
+PASSING = "passing"
+"""A folder beside the scans' own, for clouds that are moved and not kept."""
+
+log = logging.getLogger(__name__)
+
+Report = asyncio.Task[RegistrationReportDocument]
+
+
+UPLOADS_AT_ONCE = 10
+"""So many scans at most got a view in the moment the daemon was killed."""
+
+
+@dataclass(frozen=True)
+class Scans:
+    """The scans in the store."""
+
+    store: Store
+    workers: Workers
+    clock: Clock
+    new_id: Callable[[Clock], str]
+    scanner: ScannerSettings | None
+    registering: Registering
+
+    async def recover(self) -> None:
+        """Remove what a killed daemon left half-written; no view is ever among it. Raises StorageError.
+
+        A view that was stored, but not yet told in scan.json, is told there.
+        """
+        await self.workers.run(_remove_pieces, self.store.folder / "scans")
+        for scan_id in await self.store.latest_scans_with_views(UPLOADS_AT_ONCE):
+            await self._tell_in_document(scan_id)
+
+    async def create(self, name: str, refine: bool = False) -> ScanRecord:
+        """An empty scan."""
+        scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name, refine)
+        await self.store.save_scan(scan)
+        return scan
+
+    async def keep_scanned(self, scan_id: str, cloud: ScannedCloud, base_T_flange: PoseDocument) -> ScanView:
+        """A cloud of the daemon's own scanner. Raises RegistrationError when it is damaged, StorageError."""
+
+        async def whole() -> AsyncIterator[bytes]:
+            yield cloud.content
+
+        unit: Unit = self.scanner.unit if self.scanner else "mm"
+        return await self.keep(scan_id, whole(), cloud.media_type, unit, base_T_flange)
+
+    async def keep(
+        self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_flange: PoseDocument
+    ) -> ScanView:
+        """A cloud in pieces; stored only when it is whole. Raises RegistrationError, NotFound, StorageError."""
+        scan = await self.store.scan(scan_id)
+        folder = self.store.scan_folder(scan_id)
+        async with received(body, folder, self.new_id(self.clock), media_type, unit, self.workers) as upload:
+            view = await self.store.add_scan_view(
+                scan_id, upload, upload.suffix, unit, base_T_flange, self.clock.timestamp()
+            )
+        await self._tell_in_document(scan_id)
+        if scan.refine:
+            await self._refine_again(scan_id)
+        return view
+
+    async def moved(
+        self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array
+    ) -> tuple[Path, int]:
+        """A cloud that cannot pass as a stream, in base, in mm, and its points; the file is the caller's.
+
+        Raises RegistrationError, StorageError.
+        """
+        name, folder = self.new_id(self.clock), self.store.folder / "scans" / PASSING
+        async with received(body, folder, name, media_type, unit, self.workers) as upload:
+            target = folder / f"merged-{name}{upload.suffix}"
+            motion = Motion.of(base_T_scanner, unit)
+            moved = await self.workers.run(partial(move_file, upload, target, motion, durable=False))
+        return target, moved.points
+
+    async def registered(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Report:
+        """The report of a scan's registration, in progress or done. Raises ScanEmpty, NotFound."""
+        return self.registering.start(await self._wanted(scan_id, calibration, refine))
+
+    async def clouds(
+        self, scan_id: str, calibration: CalibrationDocument, report: RegistrationReportDocument | None = None
+    ) -> list[PlacedCloud]:
+        """Every view with its place in base: by the robot's pose, or by a report. Raises ScanEmpty, NotFound."""
+        wanted = await self._wanted(scan_id, calibration, refine=False)
+        if report is not None:
+            places = [view.base_T_camera.transform() for view in report.views]
+        else:
+            places = [view.base_T_flange @ wanted.flange_T_scanner for view in wanted.views]
+        return [PlacedCloud(view.path, view.unit, place) for view, place in zip(wanted.views, places, strict=False)]
+
+    async def merged(
+        self,
+        scan_id: str,
+        clouds: list[PlacedCloud],
+        calibration_id: str,
+        suffix: str = ".ply",
+        merge: Merge = EVERY_POINT,
+    ) -> Path:
+        """A scan as one cloud in the base frame; the file is made anew and the caller's. Raises RegistrationError."""
+        target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
+        await self.workers.run(write_merged, clouds, target, calibration_id, merge)
+        return target
+
+    async def accepted(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
+        """What a scan of an artefact says of the scanner. Raises ScanEmpty, NotFound, RegistrationError."""
+        views = await self._views(scan_id)
+        return await self.workers.run(accepted, scan_id, self.store.scan_folder(scan_id), views, artefact)
+
+    async def _views(self, scan_id: str) -> list[ScanView]:
+        """At least one. Raises ScanEmpty, NotFound."""
+        views = await self.store.scan_views(scan_id)
+        if not views:
+            await self.store.scan(scan_id)
+            raise ScanEmpty(f"scan {scan_id} has no views yet", f"send some to POST /scans/{scan_id}/views")
+        return views
+
+    async def _wanted(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Wanted:
+        rows = await self._views(scan_id)
+        folder = self.store.scan_folder(scan_id)
+        views = [SeenView(folder / row.file, row.unit, row.base_T_flange.transform()) for row in rows]
+        return Wanted(scan_id, views, calibration, self.flange_T_scanner(calibration), refine)
+
+    async def _refine_again(self, scan_id: str) -> None:
+        """With the calibration in force; without one a scan waits for its first cloud to be asked for."""
+        with suppress(NoCalibration):
+            _, current = await self.store.current()
+            if current.document.flange_T_camera is not None:
+                self.registering.start(await self._wanted(scan_id, current.document, refine=True))
+
+    def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
+        """(4, 4): the camera's place on the flange, and the scanner's beside it when it is a device of its own."""
+        assert calibration.flange_T_camera is not None  # Operations.calibration refuses any other
+        flange_T_camera = calibration.flange_T_camera.transform()
+        if self.scanner is None or self.scanner.camera_T_scanner is None:
+            return flange_T_camera
+        return flange_T_camera @ self.scanner.camera_T_scanner.transform()
+
+    async def _tell_in_document(self, scan_id: str) -> None:
+        """The views are stored; a disk that refuses scan.json must not make the caller send the last one again."""
+        try:
+            await self._write_document(scan_id)
+        except StorageError as error:
+            log.error("scan %s: scan.json could not be brought up to date: %s", scan_id, error)
+
+    async def _write_document(self, scan_id: str) -> None:
+        """scan.json, from the rows."""
+        views = [
+            {"cloud": view.file, "unit": view.unit, "base_T_flange": view.base_T_flange.model_dump(mode="json")}
+            for view in await self.store.scan_views(scan_id)
+        ]
+        scan = await self.store.scan(scan_id)
+        source = f"scan {scan.id} {scan.name}".strip()
+        document = {"schema_version": 1, "source": source, "setup": "eye-in-hand", "views": views}
+        content = json.dumps(document, indent=1).encode()
+        await self.store.write_file(self.store.scan_folder(scan_id) / "scan.json", [content])
+
+
+def _remove_pieces(scans: Path) -> None:
+    with storage_errors(scans):
+        for pattern in ("*/.*.upload*", "*/merged-*", "*/.merged-*.part"):
+            for file in scans.glob(pattern):
+                file.unlink(missing_ok=True)

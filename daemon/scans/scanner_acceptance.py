@@ -1,0 +1,77 @@
+"""A stored scan of spheres or ball bars as the scanner's probing and spacing errors: each view is one position."""
+
+from pathlib import Path
+from typing import Literal
+
+from calibration.documents.validation import Document
+from daemon.model.records import ScanView
+from daemon.model.requests import ArtefactRequest
+from registration.io.reading import open_cloud
+from registration.points.rigid_motion import scale_to_mm
+from registration.points.surface import sample_points
+from registration.scanner_acceptance import BASED_ON, Acceptance, Position, accept
+
+POINT_LIMIT = 200_000
+"""Points of one position: more do not change a 95 % width."""
+
+
+class BallDocument(Document):
+    """One ball in one position, in the scanner's frame."""
+
+    centre_mm: tuple[float, float, float]
+    form_mm: float
+    size_mm: float
+    points: int
+
+
+class PositionDocument(Document):
+    """What one view shows."""
+
+    view: int
+    balls: list[BallDocument]
+    spacing_error_mm: float | None
+
+
+class AcceptanceDocument(Document):
+    """Probing error (form: width of 95 %; size: of the diameter) and sphere-spacing error: the largest of all views."""
+
+    schema_version: Literal[1] = 1
+    based_on: str
+    scan_id: str
+    artefact: ArtefactRequest
+    probing_form_mm: float
+    probing_size_mm: float
+    sphere_spacing_mm: float | None
+    positions: list[PositionDocument]
+
+
+def accepted(scan_id: str, folder: Path, views: list[ScanView], artefact: ArtefactRequest) -> AcceptanceDocument:
+    """Raises SphereError naming the view, CloudError's leaves."""
+    clouds = []
+    for view in views:
+        with open_cloud(folder / view.file) as source:
+            clouds.append(sample_points(source.blocks(), source.layout, scale_to_mm(view.unit), POINT_LIMIT))
+    found: Acceptance = accept(clouds, artefact.radius_mm, artefact.spacing_mm)
+    return AcceptanceDocument(
+        based_on=BASED_ON,
+        scan_id=scan_id,
+        artefact=artefact,
+        probing_form_mm=round(found.form_mm, 5),
+        probing_size_mm=round(found.size_mm, 5),
+        sphere_spacing_mm=None if found.spacing_mm is None else round(found.spacing_mm, 5),
+        positions=[_position(view, position) for view, position in enumerate(found.positions)],
+    )
+
+
+def _position(view: int, position: Position) -> PositionDocument:
+    balls = [
+        BallDocument(
+            centre_mm=(float(ball.centre_mm[0]), float(ball.centre_mm[1]), float(ball.centre_mm[2])),
+            form_mm=round(ball.form_mm, 5),
+            size_mm=round(ball.size_mm, 5),
+            points=ball.points,
+        )
+        for ball in position.balls
+    ]
+    spacing = position.spacing_mm
+    return PositionDocument(view=view, balls=balls, spacing_error_mm=None if spacing is None else round(spacing, 5))

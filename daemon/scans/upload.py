@@ -1,0 +1,74 @@
+"""A cloud that is sent, on disk: checked while it comes, or once it is whole where it cannot be read from its front."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from daemon.runtime.durable_files import make_folder
+from daemon.runtime.workers import Workers
+from daemon.store.database import storage_errors
+from registration.io.reading import open_cloud
+from registration.io.stream import CloudStream
+
+LAZ = "application/vnd.laszip"
+SUFFIXES = {
+    "application/x-ply": ".ply",
+    "application/x-pcd": ".pcd",
+    "application/octet-stream": ".f32",
+    LAZ: ".laz",
+}
+"""By media type; octets are float32 x, y, z."""
+
+SENT = "request body"
+
+
+@asynccontextmanager
+async def received(
+    body: AsyncIterator[bytes], folder: Path, name: str, media_type: str, unit: str, workers: Workers
+) -> AsyncIterator[Path]:
+    """The whole cloud as a file in `folder`, gone afterwards unless it was renamed. Raises CloudError's leaves,
+    StorageError.
+    """
+    file = folder / f".{name}.upload{SUFFIXES[media_type]}"
+    try:
+        await workers.run(_make, folder)
+        with await workers.run(_open, file) as out:
+            stream = None if media_type == LAZ else CloudStream(media_type, np.eye(4), unit)
+            async for chunk in body:
+                await workers.run(_append, out, file, stream, chunk)
+            if stream is not None:
+                stream.finish()
+        if stream is None:
+            await workers.run(_read_through, file)
+        yield file
+    finally:
+        with suppress(OSError):
+            await workers.run(file.unlink, missing_ok=True)
+
+
+def _make(folder: Path) -> None:
+    with storage_errors(folder):
+        make_folder(folder)
+
+
+def _open(file: Path) -> BinaryIO:
+    with storage_errors(file):
+        return file.open("wb")
+
+
+def _append(out: BinaryIO, file: Path, stream: CloudStream | None, chunk: bytes) -> None:
+    if stream is not None:
+        for _ in stream.parts(chunk):
+            pass
+    with storage_errors(file):
+        out.write(chunk)
+
+
+def _read_through(file: Path) -> None:
+    """LAZ keeps the index of its pieces at the end."""
+    with open_cloud(file, SENT) as cloud:
+        for _ in cloud.blocks():
+            pass

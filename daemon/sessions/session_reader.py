@@ -1,0 +1,229 @@
+"""A calibration session on disk: session.json beside its images, read into a Problem.
+
+Whatever makes the folder unreadable is collected, and told at once as a DocumentError; a view in which the target
+is not found is no error here: it stands in the Problem with the reason.
+"""
+
+import os
+import zlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.detection.detect import detect
+from calibration.documents.session import SessionDocument, ViewDocument
+from calibration.documents.validation import parse_document
+from calibration.errors import DetectionError, DocumentError, DocumentProblem
+from calibration.problem import Detection, Problem, View
+from calibration.targets import Target
+from daemon.runtime.bounded_read import read_whole
+
+SESSION_FILE = "session.json"
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+TAKE_AGAIN = "take the picture again, or remove the view from session.json"
+
+Progress = Callable[[int, int], None]
+"""Called with (views done, views in all), from the calling thread."""
+
+
+class ImageError(Exception):
+    """A view's picture cannot be used: what is wrong and what to do."""
+
+    def __init__(self, what: str, fix: str) -> None:
+        self.what, self.fix = what, fix
+        super().__init__(f"{what}: {fix}")
+
+
+@dataclass(frozen=True)
+class SessionFolder:
+    """A parsed session.json and the folder its images lie in."""
+
+    path: Path
+    document: SessionDocument
+
+    @property
+    def file(self) -> Path:
+        return self.path / SESSION_FILE
+
+
+def open_session(path: Path) -> SessionFolder:
+    """The session in folder `path` (or the session.json at `path`). Raises DocumentError."""
+    folder = path.parent if path.name == SESSION_FILE else path
+    file = folder / SESSION_FILE
+    if not folder.is_dir():
+        raise _broken(str(folder), "folder", "not there" if not folder.exists() else "not a folder", "check the path")
+    document = parse_document(SessionDocument, read_bytes(file), str(file))
+    problems = [problem for check in _CHECKS for problem in check(document)]
+    if problems:
+        raise DocumentError(str(file), problems)
+    return SessionFolder(folder, document)
+
+
+def read_bytes(file: Path) -> bytes:
+    """The content of `file`; whatever the system refuses becomes a DocumentError."""
+    try:
+        return read_whole(file)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise _broken(str(file), "file", reason, "check the path and its permissions") from None
+
+
+def load_problem(session: SessionFolder, progress: Progress = lambda done, of: None) -> Problem:
+    """Find the target in every image (in threads: OpenCV releases the GIL). Raises DocumentError."""
+    document, target = session.document, session.document.target.target()
+    camera = document.camera.camera() if document.camera else None
+    expected = camera.image_size if camera else document.image_size
+    seen: dict[int, tuple[View, tuple[int, int] | None]] = {}
+    problems: dict[int, DocumentProblem] = {}
+    with ThreadPoolExecutor(max_workers=min(os.cpu_count() or 1, 8)) as pool:
+        jobs = {
+            pool.submit(_look, session.path, target, index, view): index for index, view in enumerate(document.views)
+        }
+        for done, job in enumerate(as_completed(jobs), start=1):
+            index = jobs[job]
+            try:
+                seen[index] = job.result()
+            except ImageError as error:
+                problems[index] = DocumentProblem(f"views[{index}].image", error.what, error.fix)
+            progress(done, len(jobs))
+    sizes = {index: size for index, (_, size) in sorted(seen.items()) if size is not None}
+    expected = expected or next(iter(sizes.values()), None)
+    for index, size in sizes.items():
+        if expected is not None and size != expected:
+            what = f"'{document.views[index].image}' is {_by(size)} pixels where the session has {_by(expected)}"
+            problems[index] = DocumentProblem(f"views[{index}].image", what, TAKE_AGAIN)
+    if problems:
+        raise DocumentError(str(session.file), [problems[index] for index in sorted(problems)])
+    if expected is None:
+        raise _broken(str(session.file), "image_size", "missing, and no image tells it", "add it")
+    views = tuple(view for _, (view, _) in sorted(seen.items()))
+    return Problem(document.setup, target, camera, expected, views)
+
+
+def read_grey(file: Path) -> NDArray[np.uint8]:
+    """The picture in `file` as uint8 (h, w). Raises ImageError."""
+    try:
+        content = read_whole(file)
+    except FileNotFoundError:
+        raise ImageError(f"'{file.name}' is not there", "restore the file, or remove the view") from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ImageError(f"'{file.name}' cannot be read ({reason})", "check its permissions") from None
+    if not content:
+        raise ImageError(f"'{file.name}' is empty (0 bytes)", TAKE_AGAIN)
+    if torn(content):
+        raise ImageError(f"'{file.name}' is cut off or damaged", TAKE_AGAIN)
+    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    if image is None:
+        raise ImageError(f"'{file.name}' is not a picture", TAKE_AGAIN)
+    return np.asarray(image, np.uint8)
+
+
+def torn(content: bytes) -> bool:
+    """Is this a PNG or JPEG that was cut off or damaged? (libpng would write to standard error, OpenCV 4 fill up.)"""
+    if content.startswith(b"\xff\xd8"):
+        return b"\xff\xd9" not in content[-64:]
+    if not content.startswith(PNG_SIGNATURE):
+        return False
+    at = len(PNG_SIGNATURE)
+    while at + 12 <= len(content):
+        length, kind = int.from_bytes(content[at : at + 4]), content[at + 4 : at + 8]
+        end = at + 8 + length
+        if zlib.crc32(content[at + 4 : end]) != int.from_bytes(content[end : end + 4]):
+            return True
+        if kind == b"IEND":
+            return False
+        at = end + 4
+    return True
+
+
+def _look(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:
+    """One view, and its image's size (None when the corners came with the session)."""
+    base_T_flange = view.base_T_flange.transform()
+    if view.corners_px is not None:
+        return View(index, base_T_flange, _given(view.corners_px)), None
+    assert view.image is not None  # the document holds one of the two
+    image = read_grey(folder / view.image)
+    size = (image.shape[1], image.shape[0])
+    try:
+        return View(index, base_T_flange, detect(image, target), view.image), size
+    except DetectionError as error:
+        return View(index, base_T_flange, None, view.image, missing=(error.code, str(error))), size
+
+
+def _given(corners_px: list[tuple[int, float, float]]) -> Detection:
+    rows = np.array(corners_px, float).reshape(-1, 3)
+    return Detection(rows[:, 0].astype(np.intp), rows[:, 1:].copy())
+
+
+def repeated_poses(document: SessionDocument) -> list[DocumentProblem]:
+    """Views whose robot pose is an earlier view's to the last digit: a pose that was not read again, most often."""
+    first: dict[tuple[float, ...], int] = {}
+    problems = []
+    for index, view in enumerate(document.views):
+        pose = (*view.base_T_flange.translation_mm, *view.base_T_flange.quaternion_wxyz)
+        earlier = first.setdefault(pose, index)
+        if earlier != index:
+            what = f"the same as that of views[{earlier}]"
+            fix = "read the pose again after each move, or remove one of the two"
+            problems.append(DocumentProblem(f"views[{index}].base_T_flange", what, fix))
+    return problems
+
+
+def _check_views(document: SessionDocument) -> list[DocumentProblem]:
+    if document.views:
+        return []
+    return [DocumentProblem("views", "there are none", "a calibration needs three views or more")]
+
+
+def _check_sizes(document: SessionDocument) -> list[DocumentProblem]:
+    camera, size = document.camera, document.image_size
+    if camera and size and camera.image_size != size:
+        what = f"{_by(size)}, but camera.image_size is {_by(camera.image_size)}"
+        return [DocumentProblem("image_size", what, "make them agree, or remove one")]
+    if not camera and not size and all(view.image is None for view in document.views):
+        return [DocumentProblem("image_size", "missing, and no image tells it", "add it, or add the camera")]
+    return []
+
+
+def _check_image_names(document: SessionDocument) -> list[DocumentProblem]:
+    """An image lies in the session's folder, not anywhere on the disk."""
+    return [
+        DocumentProblem(f"views[{index}].image", f"'{view.image}' is outside the session's folder", "copy it there")
+        for index, view in enumerate(document.views)
+        if view.image is not None
+        and (PurePosixPath(view.image).is_absolute() or ".." in PurePosixPath(view.image).parts or "\0" in view.image)
+    ]
+
+
+def _check_corners(document: SessionDocument) -> list[DocumentProblem]:
+    points = len(document.target.target().points_mm)
+    problems = []
+    for index, view in enumerate(document.views):
+        ids = [corner[0] for corner in view.corners_px or ()]
+        for place, point in enumerate(ids):
+            if not 0 <= point < points:
+                what, fix = f"the target has no point {point}", f"ids run from 0 to {points - 1}, row by row"
+            elif point in ids[:place]:
+                what, fix = f"point {point} appears twice", "keep one of them"
+            else:
+                continue
+            problems.append(DocumentProblem(f"views[{index}].corners_px[{place}]", what, fix))
+    return problems
+
+
+_CHECKS = (_check_views, _check_sizes, _check_image_names, _check_corners)
+"""What a session must fulfil beyond its types."""
+
+
+def _by(size: tuple[int, int]) -> str:
+    return f"{size[0]} x {size[1]}"
+
+
+def _broken(origin: str, place: str, what: str, fix: str) -> DocumentError:
+    return DocumentError(origin, [DocumentProblem(place, what, fix)])

@@ -1,0 +1,100 @@
+"""Every picture and pose is stored before it is used, so that `handeyed solve FOLDER` gives the same answer."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from calibration.detection.detect import detect
+from calibration.documents.pose import PoseDocument
+from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
+from calibration.documents.target import TargetDocument
+from calibration.errors import DetectionError
+from calibration.problem import Problem, View
+from daemon.errors import PictureUnusable
+from daemon.runtime.workers import Workers
+from daemon.sessions.session_reader import PNG_SIGNATURE, SESSION_FILE, read_grey
+from daemon.store.store import Store
+from drivers.interfaces import Frame, PoseReading
+
+FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+"""Lossless at any level; the first is several times faster and little larger."""
+
+
+class SessionLog:
+    """The folder of one run while it is filled."""
+
+    def __init__(
+        self, folder: Path, source: str, target: TargetDocument, camera: CameraDocument | None, store: Store,
+        workers: Workers,
+    ) -> None:  # fmt: skip
+        self.folder = folder
+        self._store, self._workers = store, workers
+        self._image_size = camera.image_size if camera else None
+        self._document = SessionDocument(
+            schema_version=1, source=source, setup="eye-in-hand", target=target, camera=camera, views=[]
+        )
+
+    async def add(self, frame: Frame, reading: PoseReading) -> int:
+        """Store a station's picture and pose; answers its index. Raises PictureUnusable, StorageError."""
+        self._require_size(frame)
+        index = len(self._document.views)
+        name = image_name(index)
+        content = await self._workers.run(png_of, frame)
+        await self._store.write_file(self.folder / name, [content])
+        view = ViewDocument(base_T_flange=PoseDocument.of(reading.base_T_flange), image=name)
+        document = self._document.model_copy(update={"views": [*self._document.views, view]})
+        await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
+        self._document = document
+        return index
+
+    async def view(self, index: int) -> View:
+        """The stored picture with the target found in it, or with the reason why not."""
+        return await self._workers.run(_look, self.folder, self._document, index)
+
+    def problem(self, views: list[View]) -> Problem:
+        """What the solver is given: exactly what the folder says."""
+        document = self._document
+        assert self._image_size is not None  # the first picture set it
+        camera = document.camera.camera() if document.camera else None
+        return Problem(document.setup, document.target.target(), camera, self._image_size, tuple(views))
+
+    def _require_size(self, frame: Frame) -> None:
+        size = (int(frame.image.shape[1]), int(frame.image.shape[0]))
+        if self._image_size is None:
+            self._image_size = size
+        if size != self._image_size:
+            given, wanted = ("{} x {}".format(*s) for s in (size, self._image_size))
+            raise PictureUnusable(
+                f"the camera gave a picture of {given} pixels where {wanted} are expected",
+                "set the camera's resolution back, or give the intrinsics for this one",
+            )
+
+
+def image_name(index: int) -> str:
+    return f"view_{index:03d}.png"
+
+
+def png_of(frame: Frame) -> bytes:
+    """The frame as PNG: the file it came as, or encoded without loss. Raises PictureUnusable."""
+    if frame.encoded is not None and frame.encoded.startswith(PNG_SIGNATURE):
+        return frame.encoded
+    try:
+        done, content = cv2.imencode(".png", frame.image, FAST_PNG)
+    except cv2.error as error:
+        raise PictureUnusable(
+            f"the camera's picture cannot be stored ({error.err})", "look at /camera/frame.png"
+        ) from None
+    if not done:
+        raise PictureUnusable("the camera's picture cannot be stored", "look at /camera/frame.png")
+    return bytes(np.asarray(content, np.uint8).data)
+
+
+def _look(folder: Path, document: SessionDocument, index: int) -> View:
+    view = document.views[index]
+    name = view.image or ""
+    pose, target = view.base_T_flange.transform(), document.target.target()
+    try:
+        return View(index, pose, detect(read_grey(folder / name), target), name)
+    except DetectionError as error:
+        return View(index, pose, None, name, missing=(error.code, str(error)))

@@ -1,0 +1,65 @@
+"""Keys are made, changed and ended here, for the command line and for the set-up code."""
+
+import secrets
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+
+from daemon.access.errors import SetupRefused
+from daemon.access.keys import KeyRecord, RandomHex, new_key
+from daemon.access.roles import Role
+from daemon.access.setup_code import SetupCode
+from daemon.runtime.clock import Clock
+from daemon.store.access_keys import AccessKeys
+from daemon.store.actor import Behalf
+
+DEFAULT_DAYS = 365
+OVERLAP_H = 24.0
+"""A rotated key is valid so much longer, so that nobody is locked out while the new one is brought round."""
+
+
+@dataclass(frozen=True)
+class KeyDesk:
+    """Keys are shown once, by whoever makes them."""
+
+    keys: AccessKeys
+    clock: Clock
+    code: SetupCode = field(default_factory=lambda: SetupCode(secrets.choice))
+    random_hex: RandomHex = secrets.token_hex
+
+    async def add(
+        self, name: str, role: Role, behalf: Behalf, days: float | None = DEFAULT_DAYS, *, only_first: bool = False
+    ) -> tuple[str, KeyRecord]:
+        """A new key and its record; `days` None: it never expires. Raises KeyExists, StorageError."""
+        key, key_id, key_hash = new_key(self.random_hex)
+        record = KeyRecord(key_id, name, role.word, key_hash, self.clock.timestamp(), self._in_days(days))
+        await self.keys.add(record, behalf, only_first=only_first)
+        return key, record
+
+    async def rotate(
+        self, name: str, behalf: Behalf, days: float | None = DEFAULT_DAYS, overlap_h: float = OVERLAP_H
+    ) -> tuple[str, KeyRecord]:
+        """Another key of the same name and role. Raises NotFound, StorageError."""
+        key, key_id, key_hash = new_key(self.random_hex)
+        record = KeyRecord(key_id, name, "", key_hash, self.clock.timestamp(), self._in_days(days))
+        until = self._in_days(overlap_h / 24)
+        assert until is not None
+        return key, await self.keys.rotate(name, record, until, behalf)
+
+    async def revoke(self, name: str, behalf: Behalf) -> list[str]:
+        """Ids of the keys that end now. Raises NotFound, StorageError."""
+        return await self.keys.revoke(name, self.clock.timestamp(), behalf)
+
+    async def set_up(self, code: str, name: str, peer: str) -> tuple[str, KeyRecord]:
+        """The first key, an admin's, for the set-up code. Raises SetupRefused, KeyExists, StorageError."""
+        if await self.keys.any_ever():
+            raise SetupRefused("there are keys already", "ask an admin for one")
+        if not self.code.opens(code):
+            what = "this is not the set-up code" if self.code.usable else "the set-up code is used up"
+            raise SetupRefused(what, "it stands in the daemon's log; a restart makes another")
+        return await self.add(name, Role.ADMIN, Behalf(peer, "set-up code"), only_first=True)
+
+    def _in_days(self, days: float | None) -> str | None:
+        if days is None:
+            return None
+        end: datetime = self.clock.utc_now().astimezone(UTC) + timedelta(days=days)
+        return end.isoformat(timespec="milliseconds").replace("+00:00", "Z")

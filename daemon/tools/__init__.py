@@ -1,0 +1,1 @@
+"""Tools of the command line that stand beside the service: archives, support bundles, printed targets."""

@@ -1,0 +1,128 @@
+"""Folders by URL through fsspec: local paths, s3://, memory:// and whatever else fsspec knows.
+
+A local folder is worked on where it is; any other is copied to a temporary folder first, and results are copied back.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from daemon.tools.batch_registration.errors import ArchiveError
+from registration.io.durable_file import new_file
+
+INSTALL = "install handeyed[archive]"
+
+
+def library(name: str) -> Any:
+    """A library of the extra `archive`. Raises ArchiveError when it is not installed."""
+    try:
+        return import_module(name)
+    except ImportError:
+        raise ArchiveError(f"{name} is not installed", INSTALL) from None
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder: its URL as given, without a slash at its end."""
+
+    url: str
+
+    @classmethod
+    def of(cls, url: str) -> "Place":
+        """A path or URL; a path is made absolute, for workers stand elsewhere. Raises ArchiveError."""
+        place = cls(url.rstrip("/") or "/")
+        return place if place.local is None else cls(str(place.local))
+
+    def _system(self) -> tuple[Any, str]:
+        fsspec = library("fsspec")
+        try:
+            system, path = fsspec.core.url_to_fs(self.url)
+        except (ValueError, ImportError) as error:
+            raise ArchiveError(f"{self.url}: this is no place fsspec knows ({error})", f"check it; {INSTALL}") from None
+        return system, path
+
+    @property
+    def local(self) -> Path | None:
+        """The folder itself when it is on this machine."""
+        system, path = self._system()
+        protocols = (system.protocol,) if isinstance(system.protocol, str) else system.protocol
+        return Path(path) if "file" in protocols else None
+
+    def child(self, name: str) -> "Place":
+        return Place(f"{self.url}/{name}") if name else self
+
+    def folders_with(self, name: str) -> list[str]:
+        """Every folder below this one that holds a file `name`, relative and sorted. Raises ArchiveError."""
+        system, path = self._system()
+        try:
+            system.invalidate_cache()
+            if not system.isdir(path):
+                raise ArchiveError(f"{self.url}: there is no such folder", "give the folder that holds the scans")
+            found = [Path(each) for each in system.find(path) if Path(each).name == name]
+        except OSError as error:
+            raise ArchiveError(f"{self.url}: it cannot be listed ({error})", "check address and rights") from None
+        root = Path(path)
+        return sorted("" if each.parent == root else each.parent.relative_to(root).as_posix() for each in found)
+
+    def read(self, name: str) -> bytes | None:
+        """A small file's content; None when it is not there."""
+        system, path = self._system()
+        try:
+            content: bytes = system.cat_file(f"{path}/{name}")
+        except FileNotFoundError:
+            return None
+        return content
+
+    def size(self, name: str) -> int | None:
+        """A file's bytes; None when it is not there."""
+        system, path = self._system()
+        try:
+            return int(system.info(f"{path}/{name}")["size"])
+        except FileNotFoundError:
+            return None
+
+    def remove(self, name: str) -> None:
+        """The file is not there any more."""
+        system, path = self._system()
+        with suppress(FileNotFoundError):
+            system.rm_file(f"{path}/{name}")
+
+    def write(self, name: str, content: bytes) -> None:
+        """A small file, whole or not there."""
+        if (folder := self.local) is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            with new_file(folder / name) as file:
+                file.write(content)
+            return
+        system, path = self._system()
+        system.pipe_file(f"{path}/{name}", content)
+
+    @contextmanager
+    def fetched(self, names: list[str]) -> Iterator[Path]:
+        """A folder on this machine that holds the files."""
+        if (folder := self.local) is not None:
+            yield folder
+            return
+        system, path = self._system()
+        with tempfile.TemporaryDirectory(prefix="handeyed-") as temporary:
+            for name in names:
+                system.get_file(f"{path}/{name}", f"{temporary}/{name}")
+            yield Path(temporary)
+
+    @contextmanager
+    def filled(self) -> Iterator[Path]:
+        """A folder to write into; everything in it is in this place when the block is left without an error."""
+        if (folder := self.local) is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            yield folder
+            return
+        system, path = self._system()
+        with tempfile.TemporaryDirectory(prefix="handeyed-") as temporary:
+            yield Path(temporary)
+            system.makedirs(path, exist_ok=True)
+            for file in sorted(Path(temporary).iterdir()):
+                system.put_file(str(file), f"{path}/{file.name}")

@@ -1,0 +1,59 @@
+"""What the store holds, read beside a running daemon: counts, the last runs and calibrations, never a key."""
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from daemon.store.layout import DATABASE_NAME
+
+LAST_RUNS = 50
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    """Raises sqlite3.Error when it cannot be read."""
+    with closing(sqlite3.connect(f"{(folder / DATABASE_NAME).as_uri()}?mode=ro", uri=True, timeout=2)) as db:
+        return {
+            "schema": db.execute("PRAGMA user_version").fetchone()[0],
+            "integrity": [row[0] for row in db.execute("PRAGMA quick_check(5)")],
+            "tables": [{"name": name, "rows": rows} for name, rows in _counts(db)],
+            "applied": _rows(db, "SELECT calibration_id, applied_at, applied_by FROM applied ORDER BY sequence DESC"),
+            "calibrations": _rows(
+                db, "SELECT id, run_id, created_at, accepted FROM calibrations ORDER BY created_at DESC"
+            ),
+        }
+
+
+def last_runs(folder: Path) -> list[dict[str, Any]]:
+    """The newest first, with cause and result; a result's points are left out."""
+    with closing(sqlite3.connect(f"{(folder / DATABASE_NAME).as_uri()}?mode=ro", uri=True, timeout=2)) as db:
+        rows = _rows(
+            db,
+            "SELECT id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result"
+            " FROM runs ORDER BY created_at DESC, id DESC",
+        )
+    return [{**row, "request": _parsed(row["request"]), "result": _short(_parsed(row["result"]))} for row in rows]
+
+
+def _counts(db: sqlite3.Connection) -> Iterator[tuple[str, int]]:
+    names = [row[0] for row in db.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")]
+    for name in names:
+        yield name, db.execute(f'SELECT COUNT(*) FROM "{name}"').fetchone()[0]
+
+
+def _rows(db: sqlite3.Connection, query: str) -> list[dict[str, Any]]:
+    cursor = db.execute(f"{query} LIMIT {LAST_RUNS}")
+    names = [column[0] for column in cursor.description]
+    return [dict(zip(names, row, strict=True)) for row in cursor]
+
+
+def _parsed(text: str | None) -> Any:
+    return None if text is None else json.loads(text)
+
+
+def _short(result: Any) -> Any:
+    if isinstance(result, dict) and isinstance(result.get("verification"), dict):
+        return {**result, "verification": {**result["verification"], "points": "left out"}}
+    return result

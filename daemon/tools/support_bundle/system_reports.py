@@ -1,0 +1,50 @@
+"""What the running daemon and the system say: asked for a moment, and left out in words when they do not answer."""
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+
+import httpx
+
+from daemon.config.settings import Settings
+
+ANSWER_LIMIT_S = 5.0
+LOG_LINES = 5000
+PAGES = ("/health", "/ready", "/metrics", "/runs?limit=5")
+
+COMMANDS: dict[str, tuple[str, ...]] = {
+    "log.txt": ("journalctl", "-u", "handeyed", "-n", str(LOG_LINES), "-o", "short-iso-precise", "--no-pager"),
+    "service.txt": ("systemctl", "show", "handeyed", "-p", "ActiveState,SubState,NRestarts,Result,ExecMainStatus,"
+                    "ActiveEnterTimestamp,WatchdogTimestamp,MemoryCurrent,TasksCurrent"),
+}  # fmt: skip
+
+
+def daemon_says(settings: Settings) -> dict[str, str]:
+    """Its own pages by path, as far as it shows them without a key."""
+    scheme = "https" if getattr(settings.server, "certificate", None) else "http"
+    host = f"[{settings.server.host}]" if ":" in settings.server.host else settings.server.host
+    said: dict[str, str] = {}
+    with httpx.Client(
+        base_url=f"{scheme}://{host}:{settings.server.port}", timeout=ANSWER_LIMIT_S, trust_env=False, verify=False
+    ) as client:
+        for path in PAGES:
+            try:
+                answer = client.get(path)
+            except httpx.HTTPError as error:
+                said[path] = f"no answer: {type(error).__name__}: {error}"
+                break
+            said[path] = f"{answer.status_code}\n{answer.text}"
+    return said
+
+
+def output_of(command: Sequence[str]) -> str:
+    """What a program of the system prints."""
+    if shutil.which(command[0]) is None:
+        return f"{command[0]} is not on this machine"
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=30, check=False, errors="replace", stdin=subprocess.DEVNULL
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"{command[0]} did not answer: {error}"
+    return done.stdout + done.stderr

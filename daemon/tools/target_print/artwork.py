@@ -1,0 +1,119 @@
+"""What each kind of target looks like, in its own frame (see `calibration.targets`)."""
+
+from functools import singledispatch
+
+import cv2
+import numpy as np
+
+from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
+from calibration.transforms import Array
+from daemon.tools.target_print.errors import PrintRefused
+from daemon.tools.target_print.shapes import Artwork, Box, Disc, Rectangles
+
+DOT_RADIUS = 0.25
+"""Of the distance to the nearest neighbour: half black, half white across a row."""
+
+LARGE_DOT_RADIUS = 0.375
+"""The origin dot of a circle grid: half as large again as the rest."""
+
+FAMILIES = ("tag36h11", "tag36h10", "tag25h9", "tag16h5")
+
+
+@singledispatch
+def artwork(target: Target) -> Artwork:
+    """The shapes of `target` and the paper it needs. Raises PrintRefused for a dictionary OpenCV does not have."""
+    raise TypeError(f"no artwork for {type(target).__name__}")
+
+
+@artwork.register
+def _(target: Chessboard) -> Artwork:
+    pitch = target.pitch_mm
+    squares = _squares(target.columns + 1, target.rows + 1, pitch, origin=-pitch)
+    black = tuple(box for column, row, box in squares if (column + row) % 2 == 0)
+    extent = Box(-2 * pitch, -2 * pitch, (target.columns + 1) * pitch, (target.rows + 1) * pitch)
+    return Artwork((Rectangles(black),), extent)
+
+
+@artwork.register
+def _(target: Charuco) -> Artwork:
+    dictionary = _dictionary(target.dictionary, target.columns * target.rows // 2)
+    board = cv2.aruco.CharucoBoard((target.columns, target.rows), target.square_mm, target.marker_mm, dictionary)
+    board.setLegacyPattern(target.legacy)
+    corners_mm = [np.asarray(corners, float)[:, :2] for corners in board.getObjPoints()]
+    ids = np.asarray(board.getIds()).ravel()
+    holds_marker = {tuple((corners.mean(axis=0) // target.square_mm).astype(int)) for corners in corners_mm}
+    squares = _squares(target.columns, target.rows, target.square_mm, origin=0.0)
+    black = tuple(box for column, row, box in squares if (column, row) not in holds_marker)
+    markers = tuple(
+        _marker(dictionary, int(marker), corners.min(axis=0), target.marker_mm)
+        for marker, corners in zip(ids, corners_mm, strict=True)
+    )
+    margin = target.square_mm / 2
+    width, height = target.columns * target.square_mm, target.rows * target.square_mm
+    return Artwork((Rectangles(black), *markers), Box(-margin, -margin, width + margin, height + margin))
+
+
+@artwork.register
+def _(target: CircleGrid) -> Artwork:
+    neighbour = target.pitch_mm if target.layout == "symmetric" else target.pitch_mm / np.sqrt(2)
+    points = target.points_mm
+    (left, top), (right, bottom) = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    extent = Box(left - neighbour, top - neighbour, right + neighbour, bottom + neighbour)
+    ground = (Rectangles((extent,)),) if target.dots == "white" else ()
+    dots = tuple(
+        Disc(float(x), float(y), (LARGE_DOT_RADIUS if large else DOT_RADIUS) * neighbour, target.dots)
+        for large, (x, y, _) in zip(_large(target), points, strict=True)
+    )
+    return Artwork((*ground, *dots), extent)
+
+
+@artwork.register
+def _(target: AprilTagGrid) -> Artwork:
+    origins = target.points_mm[::4, :2]
+    if target.family not in FAMILIES:
+        raise PrintRefused(f"target: no tag family is called {target.family}", f"one of {', '.join(FAMILIES)}")
+    dictionary = _dictionary(f"DICT_APRILTAG_{target.family.removeprefix('tag')}", len(origins))
+    tags = tuple(_marker(dictionary, tag, origin, target.tag_mm) for tag, origin in enumerate(origins))
+    (right, bottom), margin = origins.max(axis=0) + target.tag_mm, target.tag_mm / 2
+    return Artwork(tags, Box(-margin, -margin, right + margin, bottom + margin))
+
+
+def _large(target: CircleGrid) -> list[bool]:
+    return [index == 0 and target.origin == "large-dot" for index in range(target.columns * target.rows)]
+
+
+def _squares(columns: int, rows: int, edge: float, origin: float) -> list[tuple[int, int, Box]]:
+    return [
+        (
+            column,
+            row,
+            Box(origin + column * edge, origin + row * edge, origin + (column + 1) * edge, origin + (row + 1) * edge),
+        )
+        for row in range(rows)
+        for column in range(columns)
+    ]
+
+
+def _dictionary(name: str, markers: int) -> "cv2.aruco.Dictionary":
+    number = getattr(cv2.aruco, name, None) if name.startswith("DICT_") else None
+    if number is None:
+        known = ", ".join(sorted(key for key in dir(cv2.aruco) if key.startswith("DICT_")))
+        raise PrintRefused(f"target: OpenCV has no dictionary {name}", f"it has {known}")
+    dictionary = cv2.aruco.getPredefinedDictionary(number)
+    if markers > len(dictionary.bytesList):
+        what = f"target: {name} has {len(dictionary.bytesList)} markers where {markers} are needed"
+        raise PrintRefused(what, "fewer columns and rows, or a larger dictionary")
+    return dictionary
+
+
+def _marker(dictionary: "cv2.aruco.Dictionary", marker: int, corner: Array, edge: float) -> Rectangles:
+    """A marker's black cells, each row's runs joined, with its outer black border `edge` wide."""
+    cells = np.asarray(cv2.aruco.generateImageMarker(dictionary, marker, dictionary.markerSize + 2))
+    left, top = (float(value) for value in corner)
+    cell = edge / len(cells)
+    boxes = []
+    for row, line in enumerate(cells):
+        changes = np.flatnonzero(np.diff(np.concatenate([[255], line, [255]]) != 0))
+        for start, stop in changes.reshape(-1, 2).tolist():
+            boxes.append(Box(left + start * cell, top + row * cell, left + stop * cell, top + (row + 1) * cell))
+    return Rectangles(tuple(boxes))

@@ -1,0 +1,110 @@
+"""A target on a page: centred, with two rulers to check the print and words that say what it is."""
+
+import textwrap
+from dataclasses import dataclass
+
+from calibration.targets import Target
+from daemon.tools.target_print.artwork import artwork
+from daemon.tools.target_print.errors import PrintRefused
+from daemon.tools.target_print.shapes import Box, Rectangles, Sheet, Words
+
+PAGES_MM: dict[str, tuple[float, float]] = {
+    "A4": (210.0, 297.0),
+    "A3": (297.0, 420.0),
+    "A2": (420.0, 594.0),
+    "A1": (594.0, 841.0),
+    "A0": (841.0, 1189.0),
+    "letter": (215.9, 279.4),
+    "tabloid": (279.4, 431.8),
+}
+UNPRINTABLE_MM = 6.0
+"""What most printers cannot reach along every edge."""
+
+RULERS_MM = (100.0, 50.0)
+TEXT_MM = 2.6
+LINE_MM = 1.3 * TEXT_MM
+STRIP_MM = 9.0
+"""Room for a ruler and its words along the left and the lower edge."""
+
+PRINT_NOTE = "Print at 100 % (no 'fit to page'). Then measure: both rulers must have the length written at them."
+
+
+@dataclass(frozen=True)
+class Page:
+    """Paper, upright, in millimetres."""
+
+    name: str
+    width: float
+    height: float
+
+
+def page_named(text: str) -> Page:
+    """`A4`, `letter` or `WIDTHxHEIGHT` in mm. Raises PrintRefused."""
+    for name, (width, height) in PAGES_MM.items():
+        if text.lower() == name.lower():
+            return Page(name, width, height)
+    try:
+        width, height = (float(part) for part in text.lower().split("x"))
+    except ValueError:
+        width = height = float("nan")
+    if not (20 <= width <= 5000 and 20 <= height <= 5000):
+        fix = f"one of {', '.join(PAGES_MM)}, or WIDTHxHEIGHT in mm such as 600x400"
+        raise PrintRefused(f"page: none is called {text!r}", fix)
+    return Page(text, width, height)
+
+
+def lay_out(target: Target, page: Page, title: str, snippet: str) -> Sheet:
+    """`target` on `page`, turned to landscape where only that fits. Raises PrintRefused when neither does."""
+    art = artwork(target)
+    upright, turned = (page.width, page.height), (page.height, page.width)
+    order = (upright, turned) if art.extent.height >= art.extent.width else (turned, upright)
+    for width, height in order:
+        words = _words(width, title, snippet)
+        room = Box(
+            UNPRINTABLE_MM + STRIP_MM,
+            UNPRINTABLE_MM,
+            width - UNPRINTABLE_MM,
+            height - UNPRINTABLE_MM - STRIP_MM - len(words) * LINE_MM,
+        )
+        if art.extent.width <= room.width + 1e-9 and art.extent.height <= room.height + 1e-9:
+            break
+    else:
+        need = f"{art.extent.width:g} x {art.extent.height:g} mm with its white margin"
+        fix = "a larger --page, fewer columns and rows, or a smaller pitch"
+        raise PrintRefused(f"page: {page.name} is too small for the target, which needs {need}", fix)
+    x = room.left + (room.width - art.extent.width) / 2 - art.extent.left
+    y = room.top + (room.height - art.extent.height) / 2 - art.extent.top
+    lower = height - UNPRINTABLE_MM - len(words) * LINE_MM
+    captions = [Words(UNPRINTABLE_MM, lower + (line + 1) * LINE_MM, TEXT_MM, text) for line, text in enumerate(words)]
+    rulers = [
+        *_ruler(UNPRINTABLE_MM + STRIP_MM, lower - 1, _ruler_length(width), across=True),
+        *_ruler(UNPRINTABLE_MM, UNPRINTABLE_MM + 1, _ruler_length(height), across=False),
+    ]
+    return Sheet(width, height, (x, y), (*(shape.moved(x, y) for shape in art.shapes), *rulers, *captions))
+
+
+def _ruler_length(side: float) -> float:
+    return next((length for length in RULERS_MM if length <= side - 4 * STRIP_MM), 10.0)
+
+
+def _ruler(x: float, y: float, length: float, across: bool) -> list[Rectangles | Words]:
+    """Ticks each millimetre from 0 to `length`: the outer edges of the two end ticks are the measure."""
+    thin = 0.1
+    boxes = []
+    for millimetre in range(int(length) + 1):
+        height = 5.0 if millimetre % 10 == 0 else 3.5 if millimetre % 5 == 0 else 2.0
+        # The two end ticks lie wholly inside the measure, so that a calliper set to it meets black.
+        start = min(max(millimetre - thin / 2, 0.0), length - thin)
+        boxes.append(
+            Box(x + start, y - height, x + start + thin, y)
+            if across
+            else Box(x, y + start, x + height, y + start + thin)
+        )
+    label = f"{length:g} mm"
+    words = Words(x + length + 1.5, y, TEXT_MM, label) if across else Words(x, y + length + 4, TEXT_MM, label)
+    return [Rectangles(tuple(boxes)), words]
+
+
+def _words(width: float, title: str, snippet: str) -> list[str]:
+    letters = int((width - 2 * UNPRINTABLE_MM) / (0.55 * TEXT_MM))
+    return [line for text in (f"{title}. {PRINT_NOTE}", snippet) for line in textwrap.wrap(text, letters)]

@@ -1,0 +1,81 @@
+"""A sheet as a PDF of one page (ISO 32000-1), in millimetres through the page's own transform."""
+
+from functools import singledispatch
+
+from daemon.tools.target_print.shapes import Disc, Rectangles, Sheet, Words
+
+POINTS_PER_MM = 72 / 25.4
+CIRCLE = 0.5522847498307936
+"""Control arm of the cubic that draws a quarter circle, over its radius: 4/3 (sqrt 2 - 1)."""
+
+GREY = {"black": "0", "white": "1"}
+
+
+def pdf(sheet: Sheet, title: str) -> bytes:
+    """The file's bytes. The reader is asked not to scale the page when printing."""
+    width, height = (_number(side * POINTS_PER_MM) for side in (sheet.width, sheet.height))
+    scale = f"{POINTS_PER_MM:.12f}"
+    content = "\n".join(
+        [f"{scale} 0 0 -{scale} 0 {sheet.height * POINTS_PER_MM:.9f} cm", *(_drawn(shape) for shape in sheet.shapes)]
+    ).encode("cp1252", "replace")
+    objects = [
+        b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
+        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width} {height}] /Contents 4 0 R"
+        " /Resources << /Font << /F 5 0 R >> >> >>".encode(),
+        b"<< /Length %d >>\nstream\n%s\nendstream" % (len(content), content),
+        b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
+        b"<< /Title (%s) /Producer (handeyed) >>" % _text(title).encode("cp1252", "replace"),
+    ]
+    out = bytearray(b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n")
+    offsets = []
+    for number, body in enumerate(objects, start=1):
+        offsets.append(len(out))
+        out += b"%d 0 obj\n%s\nendobj\n" % (number, body)
+    table = len(out)
+    out += b"xref\n0 %d\n0000000000 65535 f \n" % (len(objects) + 1)
+    out += b"".join(b"%010d 00000 n \n" % offset for offset in offsets)
+    out += b"trailer\n<< /Size %d /Root 1 0 R /Info 6 0 R >>\nstartxref\n%d\n%%%%EOF\n" % (len(objects) + 1, table)
+    return bytes(out)
+
+
+@singledispatch
+def _drawn(shape: object) -> str:
+    raise TypeError(type(shape).__name__)
+
+
+@_drawn.register
+def _(shape: Rectangles) -> str:
+    boxes = (_numbers(box.left, box.top, box.width, box.height) + " re" for box in shape.boxes)
+    return "\n".join([f"{GREY[shape.ink]} g", *boxes, "f"])
+
+
+@_drawn.register
+def _(shape: Disc) -> str:
+    x, y, r, arm = shape.x, shape.y, shape.radius, shape.radius * CIRCLE
+    curves = (
+        (x + r, y + arm, x + arm, y + r, x, y + r),
+        (x - arm, y + r, x - r, y + arm, x - r, y),
+        (x - r, y - arm, x - arm, y - r, x, y - r),
+        (x + arm, y - r, x + r, y - arm, x + r, y),
+    )
+    path = (_numbers(*curve) + " c" for curve in curves)
+    return "\n".join([f"{GREY[shape.ink]} g", _numbers(x + r, y) + " m", *path, "h f"])
+
+
+@_drawn.register
+def _(shape: Words) -> str:
+    place = _numbers(shape.x, shape.y)
+    return f"0 g BT /F {_number(shape.size)} Tf 1 0 0 -1 {place} Tm ({_text(shape.text)}) Tj ET"
+
+
+def _text(text: str) -> str:
+    return text.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
+
+
+def _numbers(*values: float) -> str:
+    return " ".join(_number(value) for value in values)
+
+
+def _number(value: float) -> str:
+    return f"{value:.5f}".rstrip("0").rstrip(".")
