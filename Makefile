@@ -54,7 +54,7 @@ OPENCV4_CELLS ?= 8
 
 test-opencv4: $(OPENCV4)/installed
 	$(OPENCV4)/bin/python -m pytest -n auto $(OPENCV4_TESTS)
-	$(OPENCV4)/bin/python -m benchmarks.hand_eye_peers --cells $(OPENCV4_CELLS)
+	$(OPENCV4)/bin/python -m benchmarks.hand_eye.peers --cells $(OPENCV4_CELLS)
 
 $(OPENCV4)/installed: pyproject.toml
 	@echo "Installing OpenCV 4.14 into $(OPENCV4) (once) ..."
@@ -75,7 +75,7 @@ format: $(VENV)/developing
 
 bench: $(VENV)/measuring $(OPENCV4)/installed
 	$(BIN)/python -m benchmarks --out docs/benchmarks.md
-	$(OPENCV4)/bin/python -m benchmarks hand_eye_peers --out docs/benchmarks.md
+	$(OPENCV4)/bin/python -m benchmarks hand_eye.peers --out docs/benchmarks.md
 
 $(VENV)/measuring: $(VENV)/developing
 	@echo "Installing the peers to measure against ..."
@@ -93,7 +93,7 @@ deb:
 
 ROUNDS ?= 1000
 torture: $(VENV)/developing
-	$(BIN)/python -m benchmarks.torture --rounds $(ROUNDS)
+	$(BIN)/python -m benchmarks.daemon.torture --rounds $(ROUNDS)
 
 sbom: $(VENV)/developing
 	@mkdir -p build

@@ -19,31 +19,31 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 
 QUICK: dict[str, tuple[str, ...]] = {
-    "archive": ("--scans", "8"),
+    "registration.archive": ("--scans", "8"),
     "detection": ("--views", "4"),
-    "disk_faults": ("--every", "40"),
-    "drift": ("--cells", "30"),
-    "egm": ("--seconds", "5"),
+    "daemon.disk_faults": ("--every", "40"),
+    "daemon.drift": ("--cells", "30"),
+    "daemon.egm": ("--seconds", "5"),
     "hand_eye": ("--cells", "500"),
-    "hand_eye_peers": ("--cells", "20"),
-    "http": ("--rounds", "8"),
-    "link": ("--schedules", "10", "--reads", "10", "--reconnects", "50"),
-    "restart": ("--starts", "5"),
-    "schemathesis": ("--cases", "300"),
-    "soak": ("--minutes", "1"),
-    "torture": ("--rounds", "20"),
-    "vision_calibration": ("--cells", "4"),
+    "hand_eye.peers": ("--cells", "20"),
+    "daemon.http": ("--rounds", "8"),
+    "daemon.link": ("--schedules", "10", "--reads", "10", "--reconnects", "50"),
+    "daemon.restart": ("--starts", "5"),
+    "daemon.schemathesis": ("--cases", "300"),
+    "daemon.soak": ("--minutes", "1"),
+    "daemon.torture": ("--rounds", "20"),
+    "hand_eye.vision_calibration": ("--cells", "4"),
 }
 FULL: dict[str, tuple[str, ...]] = {
     "hand_eye": ("--cells", "1000"),
-    "hand_eye_peers": ("--cells", "200"),
-    "modbus": ("--frames", "1000000"),
-    "kinhec": ("--tier", "small"),
-    "soak": ("--minutes", "120"),
-    "torture": ("--rounds", "1000"),
-    "vision_calibration": ("--cells", "50"),
+    "hand_eye.peers": ("--cells", "200"),
+    "daemon.modbus": ("--frames", "1000000"),
+    "hand_eye.kinhec": ("--tier", "small"),
+    "daemon.soak": ("--minutes", "120"),
+    "daemon.torture": ("--rounds", "1000"),
+    "hand_eye.vision_calibration": ("--cells", "50"),
 }
-BY_NAME_ONLY = frozenset({"hand_eye_peers"})
+BY_NAME_ONLY = frozenset({"hand_eye.peers"})
 """Run where OpenCV still has calibrateHandEye: `make bench` does it with the other environment."""
 
 QUICK_LIMIT_S, FULL_LIMIT_S = 900.0, 3 * 3600.0
@@ -77,9 +77,10 @@ def main() -> int:
 
 
 def available() -> list[str]:
-    """Every module beside this one that can be run."""
-    files = (file for file in sorted(HERE.glob("*.py")) if not file.name.startswith("_"))
-    return [file.stem for file in files if "\ndef main(" in file.read_text(encoding="utf-8")]
+    """Dotted names of the modules and packages below this folder that have a `main`, sorted."""
+    files = [file for file in HERE.rglob("*.py") if file != HERE / "__main__.py"]
+    runnable = [file for file in files if "\ndef main(" in file.read_text(encoding="utf-8")]
+    return sorted(".".join(file.relative_to(HERE).with_suffix("").parts).removesuffix(".__main__") for file in runnable)
 
 
 def run(name: str, arguments: tuple[str, ...], limit_s: float) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""Write docs/plc-registers.csv and the tables of docs/plc.md from the register map: `python -m daemon.plc.register_docs`."""
+"""Write docs/plc-registers.csv and the tables of docs/plc.md: `python -m daemon.plc.register_docs`."""
 
 import sys
 from pathlib import Path

@@ -14,7 +14,7 @@ from calibration.solve import METHODS, solve_hand_eye
 from calibration.targets import Chessboard
 from calibration.transforms import Array, transform
 from calibration.verdict import judge
-from tests.calibration.cells import cell, error_of, turned, with_corners, with_view
+from tests.simulated.spoiled_sessions import cell, error_of, turned, with_corners, with_view
 
 Spoil = Callable[[View], View]
 MIRROR = np.diag([1.0, 1.0, -1.0, 1.0])

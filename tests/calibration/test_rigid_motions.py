@@ -7,7 +7,6 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.simulation import random_cell
 from calibration.problem import Problem, Setup
 from calibration.solve import estimated
 from calibration.targets import Chessboard
@@ -20,7 +19,8 @@ from calibration.transforms import (
     transform,
     vector_from_rotation,
 )
-from tests.calibration.cells import ORDINARY, QUIET
+from tests.simulated.sessions import random_cell
+from tests.simulated.spoiled_sessions import ORDINARY, QUIET
 
 FEW = settings(max_examples=4, phases=(Phase.explicit, Phase.generate), deadline=None, derandomize=True)
 """Each example is two whole solutions; a seed is as simple as it gets."""

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.simulation import CAMERA, Cell, CellNoise, observed
 from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.solve import solve_hand_eye
 from calibration.targets import Chessboard
@@ -18,7 +17,8 @@ from calibration.transforms import (
     transform_from_quaternion,
 )
 from calibration.verdict import judge
-from tests.calibration.cells import error_of
+from tests.simulated.sessions import CAMERA, Cell, CellNoise, observed
+from tests.simulated.spoiled_sessions import error_of
 
 QUATERNIONS_WXYZ = [
     [0.169248, 0.338681, 0.630323, -0.677749],

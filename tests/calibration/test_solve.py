@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.simulation import CellNoise, random_cell
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.documents.report import calibration_document
 from calibration.likelihood.chain import Chain
@@ -18,7 +17,8 @@ from calibration.problem import Setup
 from calibration.solve import METHODS, estimated, solve_hand_eye
 from calibration.transforms import inverse, vector_from_rotation
 from calibration.verdict import judge
-from tests.calibration.cells import QUIET, cell, error_of
+from tests.simulated.sessions import CellNoise, random_cell
+from tests.simulated.spoiled_sessions import QUIET, cell, error_of
 
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 SHARP = CellNoise(0.1, float(np.radians(0.002)), 0.02)

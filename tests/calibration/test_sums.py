@@ -11,7 +11,7 @@ from calibration.observations.reprojection import INTRINSICS
 from calibration.preprocessing.prepare import Prepared
 from calibration.solve import estimated
 from calibration.solver.view_outliers import Selection
-from tests.calibration.cells import cell
+from tests.simulated.spoiled_sessions import cell
 
 LEVELS = Variances(0.01, 1e-7, 0.01, 1e-8, 1e-3)
 

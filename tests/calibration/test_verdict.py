@@ -8,7 +8,7 @@ import pytest
 from calibration.solution import Finding, HoldOut, Noise, Solution, Uncertainty
 from calibration.solve import solve_hand_eye
 from calibration.verdict import Limits, judge
-from tests.calibration.cells import cell
+from tests.simulated.spoiled_sessions import cell
 
 GOOD = cell(21, 10)
 SOLVED = solve_hand_eye(GOOD.problem)

@@ -12,7 +12,7 @@ from daemon.plc.service import Plc
 from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_of, unsigned_of
 from protocols.plc.codes import Control, Status
 from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind
-from tests.daemon.cells import Bench
+from tests.daemon.cell_under_test import Bench
 
 MOVING = {"port": 0, "writers": ["127.0.0.1"], "motion": True}
 """[plc] of a PLC that may move the arm."""

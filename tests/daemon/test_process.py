@@ -15,7 +15,7 @@ from daemon.http.listen_socket import listener_at
 from daemon.runtime.logs import OneLine, about_run
 from daemon.runtime.workers import Workers
 from daemon.server import announce_in
-from tests.daemon.cells import serving, settings_for
+from tests.daemon.cell_under_test import serving, settings_for
 
 
 def test_a_port_that_is_taken_is_told_with_what_to_do() -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.torture import Torture
-from benchmarks.torture_ledger import Ledger, Lost, Request
+from benchmarks.daemon.torture import Torture
+from benchmarks.daemon.torture_ledger import Ledger, Lost, Request
 from daemon.runtime.failpoints import PLACES
-from tests.daemon.cells import pose_json, serving, settings_for
+from tests.daemon.cell_under_test import pose_json, serving, settings_for
 from tests.daemon.fakes import poses_around_the_target
 
 TWO_POSES = [pose_json(pose) for pose in poses_around_the_target(2)]

@@ -8,8 +8,8 @@ import pytest
 
 from drivers.cameras.folder_camera import FolderCamera
 from drivers.errors import AnswerTooLarge, DeviceTimeout, GarbledAnswer
-from tests.drivers.test_decoding import PNG
-from tests.drivers.waiting import eventually
+from tests.drivers.cameras.test_decoding import PNG
+from tests.support.waiting import eventually
 
 
 @pytest.fixture

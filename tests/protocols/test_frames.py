@@ -12,9 +12,9 @@ from protocols.cb.frames import (
     FramingBroken,
     GarbageSkipped,
 )
-from tests.cases import cases, long_enough_s
 from tests.protocols.dirt import GARBAGE, MOVE
 from tests.protocols.rows import ALL_ROWS, Row
+from tests.support.cases import cases, long_enough_s
 
 pytestmark = pytest.mark.timeout(long_enough_s())
 

@@ -44,9 +44,9 @@ from protocols.cb.messages import (
     Welcome,
 )
 from protocols.cb.sequence import following, is_older
-from tests.cases import cases, long_enough_s
 from tests.protocols.dirt import GARBAGE
 from tests.protocols.rows import FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS, Row
+from tests.support.cases import cases, long_enough_s
 
 pytestmark = pytest.mark.timeout(long_enough_s())
 

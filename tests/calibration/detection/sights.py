@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from benchmarks.detection_views import ORDINARY, TruePicture, industrial_camera, take_picture
 from calibration.problem import Detection
 from calibration.targets import Target
 from calibration.transforms import Array
 from mock_robot.scene.optics import Optics
 from mock_robot.scene.printed_target import Sheet
+from tests.simulated.views import ORDINARY, TruePicture, industrial_camera, take_picture
 
 CAMERA = industrial_camera(1600, 1200)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from benchmarks.detection_views import BLURRED, ORDINARY
 from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from calibration.targets import AprilTagGrid
 from tests.calibration.detection.sights import errors_px, pictures, rms
+from tests.simulated.views import BLURRED, ORDINARY
 
 GRID = AprilTagGrid(4, 3, 30.0, 9.0)
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.detection_views import BLURRED, ORDINARY, industrial_camera, take_picture
 from calibration.detection.charuco import charuco_board
 from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from calibration.targets import Charuco
 from mock_robot.scene.optics import Optics
 from tests.calibration.detection.sights import errors_px, pictures, rms
+from tests.simulated.views import BLURRED, ORDINARY, industrial_camera, take_picture
 
 BOARD = Charuco(9, 7, 20.0, 15.0, "DICT_5X5_100")
 

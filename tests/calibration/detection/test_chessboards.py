@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.detection_views import BLURRED, ORDINARY
 from calibration.detection.chessboard import confirmed_board
 from calibration.detection.crossings import find_crossings
 from calibration.detection.detect import detect
@@ -12,6 +11,7 @@ from calibration.errors import DetectionError
 from calibration.targets import Charuco, Chessboard
 from mock_robot.scene.printed_target import Sheet
 from tests.calibration.detection.sights import errors_px, half_turned, pictures, rms
+from tests.simulated.views import BLURRED, ORDINARY
 
 BOARD = Chessboard(11, 8, 20.0)
 

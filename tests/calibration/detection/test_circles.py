@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.detection_views import BLURRED, ORDINARY
 from calibration.detection.circle_bias import circle_centre_bias
 from calibration.detection.detect import detect
 from calibration.errors import DetectionError
@@ -11,6 +10,7 @@ from calibration.targets import CircleGrid
 from calibration.transforms import map_points, rotation_from_vector, transform
 from mock_robot.scene.printed_target import Sheet
 from tests.calibration.detection.sights import CAMERA, errors_px, half_turned, pictures, rms
+from tests.simulated.views import BLURRED, ORDINARY
 
 ASYMMETRIC = CircleGrid("asymmetric", 4, 11, 40.0)
 LARGE_DOT = CircleGrid("symmetric", 10, 10, 25.4, "black", "large-dot")

@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.diagnosis_faults import (
+from calibration.problem import Problem, Setup
+from calibration.solution import Finding
+from calibration.solve import solve_hand_eye
+from calibration.targets import Charuco
+from calibration.verdict import judge
+from tests.simulated.fault_kinds import GROSS, KINDS, Session
+from tests.simulated.faults import (
     CONVENTIONS,
     SETUPS,
     Noise,
@@ -20,13 +26,7 @@ from benchmarks.diagnosis_faults import (
     simulated_session,
     with_poses,
 )
-from benchmarks.diagnosis_kinds import GROSS, KINDS, Session
-from benchmarks.diagnosis_sessions import simulated
-from calibration.problem import Problem, Setup
-from calibration.solution import Finding
-from calibration.solve import solve_hand_eye
-from calibration.targets import Charuco
-from calibration.verdict import judge
+from tests.simulated.faulty_sessions import simulated
 
 
 def session(seed: int = 0, n: int = 12, setup: Setup = "eye-in-hand", noise: Noise | None = None) -> Problem:

@@ -7,16 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.diagnosis_faults import (
-    BOARD,
-    Noise,
-    clean_fit,
-    in_convention,
-    mistyped,
-    poses_of,
-    simulated_session,
-    swapped,
-)
 from calibration.diagnosis.convention_hypotheses import likeliest_scale, target_scale
 from calibration.diagnosis.diagnose import Diagnosis, diagnose
 from calibration.diagnosis.evidence import Evidence
@@ -27,6 +17,16 @@ from calibration.diagnosis.view_hypotheses import y_changed
 from calibration.problem import Setup
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
+from tests.simulated.faults import (
+    BOARD,
+    Noise,
+    clean_fit,
+    in_convention,
+    mistyped,
+    poses_of,
+    simulated_session,
+    swapped,
+)
 
 ORDINARY = Noise(0.05, 0.1, 0.01)
 CENTRE_MM = BOARD.points_mm.mean(axis=0)

@@ -1,0 +1,108 @@
+"""An archive registered by one process and by 1 and 2 Dask workers, and what that says of more of them:
+`python -m benchmarks.registration.archive`.
+
+The model is T(n) = serial + work / n: `work` is what registering costs in processor time, `serial` what the run with
+one worker costs beyond it (Dask's own work, most of it the client's). Clock and model differ by what else ran.
+"""
+
+import argparse
+import importlib.util
+import json
+import os
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.registration.rows import Cost, cost
+from calibration.transforms import inverse, map_points, rotation_from_vector, transform
+from daemon.tools.batch_registration.executors import engine, in_this_process
+from daemon.tools.batch_registration.tasks import Task
+from registration.io.formats import ply
+from registration.points.layout import XYZ_FLOAT32
+
+BEYOND = (4, 8, 16, 32)
+
+
+def an_archive(folder: Path, scans: int, points: int) -> list[str]:
+    """Scans of three views each."""
+    names = []
+    rng = np.random.default_rng(0)
+    patch = rng.uniform([750, -100, 240], [950, 100, 260], (points, 3))
+    for scan in range(scans):
+        names.append(f"part_{scan:04d}")
+        (folder / names[-1]).mkdir(parents=True)
+        views = []
+        for index in range(3):
+            base_T_flange = transform(rotation_from_vector([3.1, 0.1 * index, 0.01 * scan]), [800.0, 0, 700])
+            seen = map_points(inverse(base_T_flange), patch).astype("<f4")
+            content = ply.format_header(XYZ_FLOAT32, points) + seen.tobytes()
+            (folder / names[-1] / f"view_{index}.ply").write_bytes(content)
+            views.append({"cloud": f"view_{index}.ply", "unit": "mm", "base_T_flange": pose(base_T_flange)})
+        document = {"schema_version": 1, "setup": "eye-in-hand", "views": views}
+        (folder / names[-1] / "scan.json").write_text(json.dumps(document))
+    return names
+
+
+def pose(base_T_flange: np.ndarray) -> object:
+    from calibration.documents.pose import PoseDocument
+
+    return PoseDocument.of(base_T_flange).model_dump(mode="json")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scans", type=int, default=24)
+    parser.add_argument("--points", type=int, default=100_000)
+    options = parser.parse_args()
+    if importlib.util.find_spec("distributed") is None:
+        print("distributed is not installed: install handeyed[archive]")
+        return 0
+    from tests.daemon.calibrations import a_calibration
+
+    calibration = a_calibration("benchmark").model_dump_json()
+    with tempfile.TemporaryDirectory(prefix="handeyed-bench-") as temporary:
+        folder = Path(temporary)
+        scans = an_archive(folder / "in", options.scans, options.points)
+
+        def tasks(out: str) -> list[Task]:
+            return [Task(str(folder / "in"), str(folder / out), scan, calibration) for scan in scans]
+
+        list(in_this_process(tasks("warm")[:1]))
+        spent = {0: cost(lambda: list(in_this_process(tasks("here"))))}
+        for workers in (1, 2):
+            with engine("local", workers) as run:
+                list(run(tasks(f"warm{workers}")[: 2 * workers]))  # imports are paid once, not for each scan
+                before = _busy_s(os.getpid())
+                spent[workers] = cost(lambda w=workers, r=run: list(r(tasks(f"out{w}"))))  # type: ignore[misc]
+                spent[workers] = replace(spent[workers], cpu_s=_busy_s(os.getpid()) - before)
+    tell(options.scans, spent)
+    return 0
+
+
+def _busy_s(pid: int) -> float:
+    """Processor seconds of a process and all it started that still runs."""
+    own = sum(map(int, Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].split()[11:13]))
+    threads = Path(f"/proc/{pid}/task").iterdir()
+    children = [int(child) for thread in threads for child in (thread / "children").read_text().split()]
+    return own / os.sysconf("SC_CLK_TCK") + sum(_busy_s(child) for child in children)
+
+
+def tell(scans: int, spent: dict[int, Cost]) -> None:
+    """The model is of a free machine: processors' seconds, and what the clock says beside them."""
+    work = min(each.cpu_s for each in spent.values())
+    serial = max(0.0, spent[1].cpu_s - spent[0].cpu_s)
+    print(f"{f'{scans} scans':<20}{'clock s':>10}{'CPU s':>10}{'CPU in use':>12}{'x one worker':>14}{'model s':>10}")
+    for workers, each in spent.items():
+        name = f"{workers} workers" if workers > 1 else "1 worker" if workers else "this process"
+        told = f"{spent[1].wall_s / each.wall_s:14.2f}{serial + work / workers:10.2f}" if workers else ""
+        print(f"{name:<20}{each.wall_s:10.2f}{each.cpu_s:10.2f}{each.cpu_s / each.wall_s:12.2f}{told}")
+    for workers in BEYOND:
+        told = serial + work / workers
+        print(f"{f'{workers} workers':<20}{'':>32}{(serial + work) / told:14.2f}{told:10.2f}  by the model")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,244 @@
+"""Who may do what: every route with every role, from openapi.json; keys as they come, change and go."""
+
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from daemon.access.errors import KeyExists
+from daemon.access.keys import KeyRecord, hash_of, id_of, new_key
+from daemon.access.policy import role_needed
+from daemon.access.roles import ROLES, Role
+from daemon.access.setup_code import TRIES, SetupCode
+from daemon.errors import NotFound
+from daemon.model.records import CalibrationRecord
+from daemon.runtime.clock import Clock
+from daemon.store.actor import Behalf
+from daemon.store.key_service import KeyDesk
+from daemon.store.store import Store
+from tests.daemon.calibrations import a_calibration
+from tests.daemon.cell_under_test import Bench, serving, settings_for
+
+OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text())
+TEST = Behalf("test", "test")
+
+
+def bearer(key: str) -> dict[str, str]:
+    return {"authorization": f"Bearer {key}"}
+
+
+@asynccontextmanager
+async def with_keys(folder: Path) -> AsyncIterator[tuple[Bench, dict[str, str]]]:
+    """A daemon with a key of each role, and some that are valid no more."""
+    async with serving(settings_for(folder)) as bench:
+        desk = bench.application.key_desk
+        keys = {name: (await desk.add(name, role, TEST))[0] for name, role in ROLES.items()}
+        keys["expired"] = (await desk.add("expired", Role.ADMIN, TEST, days=-1))[0]
+        keys["revoked"] = (await desk.add("revoked", Role.ADMIN, TEST))[0]
+        await desk.revoke("revoked", TEST)
+        keys["invented"] = new_key(lambda n: "ab" * n)[0]
+        keys["another secret"] = f"hek_{id_of(keys['admin'])}_{'0' * 64}"
+        keys["no key at all"] = "let me in"
+        yield bench, keys
+
+
+NOT_VALID = ("expired", "revoked", "invented", "another secret", "no key at all")
+
+OPERATIONS = [
+    (method.upper(), path, Role[operation["x-role"].upper()])
+    for path, item in OPENAPI["paths"].items()
+    for method, operation in item.items()
+]
+
+
+async def test_every_route_with_every_role(tmp_path: Path) -> None:
+    """Bodies that no route takes: what is let in is refused for its body or its path, never for its key."""
+    async with with_keys(tmp_path) as (bench, keys):
+        for method, path, needed in OPERATIONS:
+            place = path.replace("{k}", "0").replace("{", "").replace("}", "")
+            if path == "/events":
+                continue  # it never ends; see below
+            for name, key in keys.items():
+                answer = await bench.client.request(
+                    method, place, headers={**bearer(key), "content-type": "text/plain"}, content=b"{"
+                )
+                allowed = needed is Role.NOBODY or (name in ROLES and ROLES[name] >= needed)
+                expected = None if allowed else 403 if name in ROLES else 401
+                if path == "/setup":
+                    assert answer.status_code == 400, (path, name)
+                elif expected is None:
+                    assert answer.status_code not in (401, 403), (method, path, name)
+                else:
+                    assert answer.status_code == expected, (method, path, name)
+                    assert answer.headers["content-type"] == "application/problem+json"
+                    assert ("www-authenticate" in answer.headers) == (expected == 401)
+            bare = await bench.client.request(method, place, content=b"{")
+            assert (bare.status_code == 401) == (needed is not Role.NOBODY), (method, path)
+        assert not bench.robot.goals
+
+
+async def test_events_need_a_viewer(tmp_path: Path) -> None:
+    async with with_keys(tmp_path) as (bench, keys):
+        for name, key in keys.items():
+            async with bench.client.stream("GET", "/events", headers=bearer(key)) as answer:
+                assert answer.status_code == (401 if name in NOT_VALID else 200), name
+
+
+def test_every_operation_of_openapi_says_its_role_and_what_is_unknown_needs_an_operator() -> None:
+    assert {needed for _, _, needed in OPERATIONS} == {Role.NOBODY, Role.VIEWER, Role.OPERATOR, Role.ADMIN}
+    for method in ("POST", "PUT", "PATCH", "DELETE", "TRACE", "INVENTED"):
+        assert role_needed(method, "/some/new/route") is Role.OPERATOR
+    assert role_needed("GET", "/some/new/route") is Role.VIEWER
+    assert role_needed("GET", "/audit") is role_needed("GET", "/audit") is Role.ADMIN
+    open_to_all = [(method, path) for method, path, needed in OPERATIONS if needed is Role.NOBODY]
+    assert sorted(open_to_all) == [("GET", "/health"), ("POST", "/setup")]
+
+
+@pytest.mark.parametrize("path", ["//audit", "/audit/", "/AUDIT", "/./audit", "/%61udit", "/x/../audit"])
+async def test_a_path_written_otherwise_opens_nothing(tmp_path: Path, path: str) -> None:
+    async with with_keys(tmp_path) as (bench, keys):
+        answer = await bench.client.get(httpx.URL(bench.url).copy_with(raw_path=path.encode()),
+                                        headers=bearer(keys["viewer"]))  # fmt: skip
+        assert answer.status_code in (403, 404), answer.text
+        assert "rows" not in answer.text
+
+
+async def test_on_this_machine_nobody_is_asked_until_there_is_a_key(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        assert (await bench.client.get("/audit")).status_code == 200
+        key, _ = await bench.application.key_desk.add("Ann", Role.ADMIN, TEST)
+        assert (await bench.client.get("/audit")).json()["code"] == "key-missing"
+        assert (await bench.client.get("/audit", headers=bearer(key))).status_code == 200
+        await bench.application.key_desk.revoke("Ann", TEST)
+        assert (await bench.client.get("/audit")).status_code == 401  # once required, always required
+    async with serving(settings_for(tmp_path)) as bench:
+        assert (await bench.client.get("/runs")).status_code == 401
+
+
+async def test_the_set_up_code_makes_one_admin_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    async with serving(settings_for(tmp_path)) as bench:
+        code = bench.application.key_desk.code.text
+        assert code in caplog.text
+        wrong = await bench.client.post("/setup", json={"code": "ABCD", "name": "Eve"})
+        assert (wrong.status_code, wrong.json()["code"]) == (403, "setup-refused")
+        made = await bench.client.post("/setup", json={"code": code.lower().replace("-", " "), "name": "Ann"})
+        assert (made.status_code, made.json()["role"]) == (201, "admin")
+        assert (await bench.client.get("/audit", headers=bearer(made.json()["key"]))).status_code == 200
+        again = await bench.client.post("/setup", json={"code": code, "name": "Eve"})
+        assert (again.status_code, again.json()["code"]) == (403, "setup-refused")
+        assert made.json()["key"] not in caplog.text
+    assert files_with(tmp_path, made.json()["key"]) == []
+    caplog.clear()
+    async with serving(settings_for(tmp_path)) as bench:
+        assert bench.application.key_desk.code.text not in caplog.text
+
+
+def files_with(folder: Path, text: str) -> list[Path]:
+    return [file for file in folder.rglob("*") if file.is_file() and text.encode() in file.read_bytes()]
+
+
+async def test_the_key_from_the_set_up_is_not_kept_by_an_idempotency_key_either(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        body = {"code": bench.application.key_desk.code.text, "name": "Ann"}
+        made = await bench.client.post("/setup", json=body, headers={"idempotency-key": "k"})
+        again = await bench.client.post("/setup", json=body, headers={"idempotency-key": "k"})
+        assert (made.status_code, again.status_code) == (201, 403)
+
+
+def test_a_few_wrong_guesses_end_the_code() -> None:
+    code = SetupCode(lambda letters: letters[0])
+    assert code.text == "2222-2222-2222-2222"
+    assert not any(code.opens(f"{k}") for k in range(TRIES))
+    assert not code.opens(code.text)
+
+
+@pytest.fixture
+async def store(tmp_path: Path) -> AsyncIterator[Store]:
+    store = Store(tmp_path)
+    yield store
+    await store.close()
+
+
+async def test_a_rotated_key_leaves_time_to_bring_the_new_one_round(store: Store) -> None:
+    now = [datetime(2026, 11, 21, 9, tzinfo=UTC)]
+    desk = KeyDesk(store.access_keys, Clock(utc_now=lambda: now[0]))
+    old, _ = await desk.add("MES", Role.OPERATOR, TEST)
+    new, record = await desk.rotate("MES", TEST, overlap_h=24)
+    assert (record.name, record.role) == ("MES", "operator")
+
+    async def valid(key: str) -> bool:
+        found = await store.access_keys.found(key)
+        return found is not None and found.valid(desk.clock.timestamp())
+
+    assert (await valid(old), await valid(new)) == (True, True)
+    now[0] += timedelta(hours=24)
+    assert (await valid(old), await valid(new)) == (False, True)
+    now[0] += timedelta(days=365)
+    assert (await valid(old), await valid(new)) == (False, False)
+    with pytest.raises(NotFound):
+        await desk.rotate("MES", TEST)
+
+
+async def test_names_are_unique_among_valid_keys(store: Store) -> None:
+    desk = KeyDesk(store.access_keys, Clock())
+    await desk.add("MES", Role.OPERATOR, TEST)
+    with pytest.raises(KeyExists):
+        await desk.add("MES", Role.ADMIN, TEST)
+    await desk.revoke("MES", TEST)
+    await desk.add("MES", Role.VIEWER, TEST)
+    with pytest.raises(NotFound):
+        await desk.revoke("nobody", TEST)
+
+
+def test_a_key_has_256_bits_and_is_stored_as_its_hash() -> None:
+    asked: list[int] = []
+
+    def random_hex(count: int) -> str:
+        asked.append(count)
+        return "0f" * count
+
+    key, key_id, key_hash = new_key(random_hex)
+    assert asked[1] * 8 == 256
+    assert key == f"hek_{key_id}_{'0f' * 32}"
+    assert key_hash == hash_of(key)
+    assert "0f0f" not in key_hash
+    assert [id_of(text) for text in (key, key.upper(), key + "0", "", "hek__")] == [key_id, None, None, None, None]
+
+
+def test_what_a_key_is_at_a_time() -> None:
+    record = KeyRecord("i", "n", "viewer", "h", "2026-01-01T00:00:00.000Z", "2026-06-01T00:00:00.000Z")
+    assert record.state("2026-05-31T23:59:59.999Z") == "valid"
+    assert record.state("2026-06-01T00:00:00.000Z") == "expired"
+    assert replace(record, revoked_at="2026-02-01T00:00:00.000Z").state("2026-03-01T00:00:00.000Z") == "revoked"
+
+
+async def test_a_verdict_is_overruled_by_an_admin_only_and_nobody_applies_in_anothers_name(tmp_path: Path) -> None:
+    async with with_keys(tmp_path) as (bench, keys):
+        for name, accepted in (("good", True), ("bad", False)):
+            document = a_calibration(name, accepted=accepted)
+            record = CalibrationRecord(name, None, document.created_at, accepted, document)
+            await bench.application.store.save_calibration(record)
+
+        async def applies(role: str, which: str, **body: Any) -> httpx.Response:
+            return await bench.client.post(f"/calibrations/{which}/apply", json=body, headers=bearer(keys[role]))
+
+        assert (await applies("operator", "good")).json()["applied_by"] == "operator"
+        assert (await applies("operator", "good", applied_by="admin")).json()["applied_by"] == "admin (operator)"
+        assert (await applies("operator", "bad", despite_verdict=True)).json()["code"] == "role-too-low"
+        assert (await applies("admin", "bad", despite_verdict=True)).status_code == 200
+
+
+async def test_an_idempotency_key_belongs_to_its_caller(tmp_path: Path) -> None:
+    async with with_keys(tmp_path) as (bench, keys):
+        scans = [
+            (await bench.client.post("/scans", headers={**bearer(keys[role]), "idempotency-key": "k"})).json()["id"]
+            for role in ("operator", "admin", "operator")
+        ]
+        assert scans[0] == scans[2] != scans[1]

@@ -1,0 +1,87 @@
+"""Events keep their numbers over a restart; a listener catches up, or is told what it missed."""
+
+import asyncio
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from daemon.errors import StorageError
+from daemon.runtime.event_bus import KEPT, SKIPPED, Event, EventLog
+from tests.daemon.api.test_api import read_events
+from tests.daemon.cell_under_test import Bench, serving, settings_for
+
+
+async def heard(log: EventLog, after: int, until: int) -> list[Event]:
+    events: list[Event] = []
+    async with asyncio.timeout(10):
+        async for event in log.listen(after):
+            assert event is not None
+            events.append(event)
+            if event.number >= until:
+                break
+    return events
+
+
+class FailingKeeper:
+    """A disk that is full."""
+
+    async def last(self) -> list[Event]:
+        return []
+
+    async def keep(self, events: Sequence[Event]) -> None:
+        raise StorageError("full", "free some space")
+
+
+async def test_what_the_disk_refuses_is_told_all_the_same() -> None:
+    log = EventLog(FailingKeeper())
+    log.publish("run", {"n": 1})
+    assert await heard(log, 0, 1) == [Event(1, "run", {"n": 1})]
+
+
+async def test_a_listener_that_comes_too_late_is_told_what_it_lost() -> None:
+    log = EventLog()
+    for k in range(KEPT + 10):
+        log.publish("run", {"n": k})
+    events = await heard(log, 5, KEPT + 10)
+    assert events[0] == Event(10, "lost", {"after": 5, "until": 10})
+    assert [event.number for event in events[1:]] == list(range(11, KEPT + 11))
+    assert (await heard(log, 10, 11))[0].kind == "run"
+
+
+async def test_silence_is_broken_by_a_comment() -> None:
+    log = EventLog()
+    async for event in log.listen(0, quiet_s=0.01):
+        assert event is None
+        break
+
+
+async def test_what_was_missed_over_a_restart_is_told_with_numbers_that_only_grow(tmp_path: Path) -> None:
+    settings = settings_for(tmp_path)
+    async with serving(settings) as bench:
+        first = await a_run(bench)
+        last = bench.application.events.last
+    async with serving(settings) as bench:
+        second = await a_run(bench)
+        events = await read_events(bench.client, until="finished", last_event_id=str(last - 2))
+        assert [int(event["id"]) for event in events] == [last - 1, last]
+        assert {json.loads(event["data"])["id"] for event in events} == {first}
+        later = await read_events(bench.client, until="finished", last_event_id=str(last))
+        assert int(later[0]["id"]) == last + SKIPPED + 1
+        assert {json.loads(event["data"])["id"] for event in later} == {second}
+
+
+async def a_run(bench: Bench) -> str:
+    run: str = (await bench.client.post("/calibrate", params={"wait": 30})).json()["id"]
+    return run
+
+
+async def test_a_run_that_a_killed_daemon_left_is_an_event_of_the_next(tmp_path: Path) -> None:
+    from daemon.store.store import Store
+    from tests.daemon.store.test_store import a_run as left
+
+    store = Store(tmp_path)
+    await store.save_run(left("r1"))
+    await store.close()
+    async with serving(settings_for(tmp_path)) as bench:
+        events = await read_events(bench.client, until="failed", last_event_id="0")
+        assert json.loads(events[-1]["data"])["id"] == "r1"

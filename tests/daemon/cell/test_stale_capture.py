@@ -1,0 +1,50 @@
+"""A camera that repeats itself is told; one that has no noise, or sees nothing, is not accused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.cell.stale_capture import Novelty
+from daemon.errors import SameAgain
+from drivers.interfaces import Frame, ScannedCloud
+from tests.daemon.cell.test_settling import reading
+
+HERE, NEAR, ELSEWHERE, TURNED = reading(0), reading(0.5), reading(2), reading(turn_deg=1)
+VIEW = Frame(np.arange(12, dtype=np.uint8).reshape(3, 4), 0.0)
+
+
+@pytest.mark.parametrize("then", [ELSEWHERE, TURNED])
+def test_the_same_picture_from_another_pose_is_told(then) -> None:
+    novelty = Novelty("camera")
+    novelty.require_new_frame(VIEW, HERE)
+    with pytest.raises(SameAgain, match="the camera sent the same picture again"):
+        novelty.require_new_frame(replace(VIEW, taken_at_s=9.0), then)
+
+
+def test_one_grey_value_makes_a_picture_new() -> None:
+    novelty = Novelty("camera")
+    novelty.require_new_frame(VIEW, HERE)
+    other = VIEW.image.copy()
+    other[2, 3] += 1
+    novelty.require_new_frame(Frame(other, 1.0), ELSEWHERE)
+
+
+def test_from_the_same_place_a_drawn_picture_may_be_the_same() -> None:
+    novelty = Novelty("camera")
+    novelty.require_new_frame(VIEW, HERE)
+    novelty.require_new_frame(VIEW, NEAR)
+
+
+def test_darkness_looks_alike_from_everywhere() -> None:
+    novelty = Novelty("camera")
+    for pose in (HERE, ELSEWHERE):
+        novelty.require_new_frame(Frame(np.zeros((3, 4), np.uint8), 0.0), pose)
+
+
+def test_the_same_cloud_from_another_pose_is_told() -> None:
+    novelty = Novelty("scanner")
+    cloud = ScannedCloud(b"ply", "application/x-ply", 0.0)
+    novelty.require_new_cloud(cloud, HERE)
+    with pytest.raises(SameAgain, match="takes a new cloud for each request"):
+        novelty.require_new_cloud(cloud, ELSEWHERE)

@@ -1,0 +1,58 @@
+"""The command as a whole: quick to start, complete, and honest about its version."""
+
+import json
+import os
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from tests.daemon.cli.running import handeyed
+
+HEAVY = ("numpy", "scipy", "cv2", "pydantic", "fastapi", "uvicorn", "httpx", "calibration.solve", "daemon.composition")
+COMMANDS = {"demo", "mock", "check", "serve", "calibrate", "target", "solve", "plan", "assess", "register", "version"}
+
+
+def _python(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+def test_nothing_heavy_is_imported_before_a_command_runs() -> None:
+    loaded = json.loads(_python("import json, sys, daemon.cli.main; print(json.dumps(list(sys.modules)))"))
+
+    assert not set(HEAVY) & set(loaded)
+
+
+def test_every_command_is_there_and_has_a_help(tmp_path: Path) -> None:
+    listed = handeyed("--help").out
+    for command in COMMANDS:
+        assert f" {command} " in listed
+        if command != "mock":  # its --help is the mock's own
+            assert handeyed(command, "--help").status == 0
+
+
+def test_the_shell_can_complete_commands() -> None:
+    asked = os.environ | {"_HANDEYED_COMPLETE": "complete_bash", "COMP_WORDS": "handeyed s", "COMP_CWORD": "1"}
+    command = [str(Path(sys.executable).with_name("handeyed"))]
+    said = subprocess.run(command, capture_output=True, text=True, check=False, env=asked).stdout
+
+    assert {"solve", "serve"} <= set(said.split())
+
+
+def test_the_version_is_the_installed_one() -> None:
+    assert json.loads(handeyed("version", "--json").out)["handeyed"] == metadata.version("handeyed")
+    assert f"handeyed {metadata.version('handeyed')}" in handeyed("version").out
+
+
+def test_the_mock_is_a_program_of_its_own() -> None:
+    command = [sys.executable, "-m", "daemon.cli", "mock"]
+    faults = subprocess.run([*command, "faults", "--json"], capture_output=True, text=True, check=True)
+    unknown = subprocess.run([*command, "run", "--fault", "no-such"], capture_output=True, text=True, check=False)
+
+    assert len(json.loads(faults.stdout)) > 20
+    assert unknown.returncode == 1
+    assert "no-such" in unknown.stderr
+
+
+def test_an_unknown_command_is_refused() -> None:
+    assert handeyed("slove").status == 2

@@ -1,0 +1,146 @@
+"""`handeyed register`: clouds and poses in, one cloud in the base frame out."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array, inverse, map_points
+from tests.daemon.cli.running import Ran, handeyed
+from tests.daemon.cli.sessions import FLANGE_T_CAMERA, TILTS_RAD, base_T_flange, with_corners
+
+POINTS_BASE = np.random.default_rng(3).uniform(-300, 300, (500, 3)) + np.array([900, 0, 100])
+
+
+def ply(points: Array) -> bytes:
+    names = "".join(f"property float {name}\n" for name in "xyz")
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{names}end_header\n"
+    return head.encode() + points.astype("<f4").tobytes()
+
+
+def scan(folder: Path, unit: str = "mm", points: Array = POINTS_BASE) -> Path:
+    """The same points seen from six poses."""
+    folder.mkdir()
+    views = []
+    for index, tilt in enumerate(TILTS_RAD):
+        seen = map_points(inverse(base_T_flange(tilt) @ FLANGE_T_CAMERA), points)
+        (folder / f"view_{index}.ply").write_bytes(ply(seen / (1000.0 if unit == "m" else 1.0)))
+        pose = PoseDocument.of(base_T_flange(tilt)).model_dump(mode="json")
+        views.append({"cloud": f"view_{index}.ply", "unit": unit, "base_T_flange": pose})
+    (folder / "scan.json").write_text(json.dumps({"schema_version": 1, "setup": "eye-in-hand", "views": views}))
+    return folder
+
+
+@pytest.fixture
+def calibration(tmp_path: Path) -> Path:
+    """The sessions' calibration with the true X in it."""
+    handeyed("solve", with_corners(tmp_path / "cell"), "--out", tmp_path / "calibration.json")
+    document = json.loads((tmp_path / "calibration.json").read_text())
+    document["flange_T_camera"] = PoseDocument.of(FLANGE_T_CAMERA).model_dump(mode="json")
+    (tmp_path / "calibration.json").write_text(json.dumps(document))
+    return tmp_path / "calibration.json"
+
+
+def change(file: Path, **values: Any) -> None:
+    file.write_text(json.dumps(json.loads(file.read_text()) | values))
+
+
+@pytest.mark.parametrize("unit", ["mm", "m"])
+def test_views_fall_onto_each_other_in_the_base_frame(tmp_path: Path, calibration: Path, unit: str) -> None:
+    ran = handeyed(
+        "register", scan(tmp_path / "scan", unit), "--calibration", calibration, "--out", tmp_path / "a.npy", "--json"
+    )
+
+    report = json.loads(ran.out)
+    assert ran.status == 0
+    assert report["points"] == 3000
+    assert [view["points"] for view in report["views"]] == [500] * 6
+    merged = np.load(tmp_path / "a.npy")
+    points = np.column_stack([merged[name] for name in "xyz"]) if merged.dtype.names else merged
+    assert np.abs(points.reshape(6, 500, -1)[..., :3] - POINTS_BASE).max() < 2e-3
+
+
+def test_a_person_reads_how_many_points_and_what_was_not_measured(tmp_path: Path, calibration: Path) -> None:
+    ran = handeyed("register", scan(tmp_path / "scan"), "--calibration", calibration, "--out", tmp_path / "a.ply")
+
+    assert ran.out.splitlines()[0] == f"{tmp_path / 'a.ply'}: 3,000 points of 6 views, base frame, mm"
+
+
+def test_a_calibration_that_was_not_accepted_is_told(tmp_path: Path, calibration: Path) -> None:
+    change(calibration, verdict={"accepted": False, "findings": []})
+
+    ran = handeyed("register", scan(tmp_path / "scan"), "--calibration", calibration, "--out", tmp_path / "a.ply")
+
+    assert ran.status == 3
+    assert ran.errors == [
+        f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew"
+    ]
+
+
+class TestRefused:
+    """Status 2, a line that says where and what to do, and no file under the asked name."""
+
+    def run(self, tmp_path: Path, calibration: Path, folder: Path, out: str = "a.ply") -> Ran:
+        ran = handeyed("register", folder, "--calibration", calibration, "--out", tmp_path / out)
+        assert ran.status == 2
+        assert ran.out == ""
+        assert not (tmp_path / out).exists()
+        return ran
+
+    def test_no_folder(self, tmp_path: Path, calibration: Path) -> None:
+        ran = self.run(tmp_path, calibration, tmp_path / "no")
+        assert str(tmp_path / "no") in ran.err
+
+    def test_a_calibration_without_a_transform(self, tmp_path: Path, calibration: Path) -> None:
+        change(calibration, flange_T_camera=None)
+        assert "flange_T_camera" in self.run(tmp_path, calibration, scan(tmp_path / "scan")).err
+
+    def test_a_cloud_that_is_cut_off(self, tmp_path: Path, calibration: Path) -> None:
+        folder = scan(tmp_path / "scan")
+        (folder / "view_4.ply").write_bytes((folder / "view_4.ply").read_bytes()[:-7])
+        assert "view_4.ply" in self.run(tmp_path, calibration, folder).err
+
+    def test_a_cloud_that_is_missing(self, tmp_path: Path, calibration: Path) -> None:
+        folder = scan(tmp_path / "scan")
+        (folder / "view_2.ply").unlink()
+        assert "view_2.ply" in self.run(tmp_path, calibration, folder).err
+
+    @pytest.mark.parametrize("unit", [None, "inch"])
+    def test_a_unit_nobody_knows(self, tmp_path: Path, calibration: Path, unit: str | None) -> None:
+        folder = scan(tmp_path / "scan")
+        views = json.loads((folder / "scan.json").read_text())["views"]
+        views[1]["unit"] = unit
+        change(folder / "scan.json", views=views)
+        assert "views[1].unit" in self.run(tmp_path, calibration, folder).err
+
+    def test_a_cloud_outside_the_folder(self, tmp_path: Path, calibration: Path) -> None:
+        folder = scan(tmp_path / "scan")
+        views = json.loads((folder / "scan.json").read_text())["views"]
+        views[0]["cloud"] = "../a.ply"
+        change(folder / "scan.json", views=views)
+        assert "leaves the folder" in self.run(tmp_path, calibration, folder).err
+
+    def test_a_format_that_is_not_written(self, tmp_path: Path, calibration: Path) -> None:
+        assert "'.doc'" in self.run(tmp_path, calibration, scan(tmp_path / "scan"), "a.doc").err
+
+
+def test_refined_views_lie_closer_to_each_other(tmp_path: Path, calibration: Path) -> None:
+    x, y = np.meshgrid(np.linspace(-150, 150, 60), np.linspace(-150, 150, 60))
+    z = 15 * np.sin(x / 35) * np.cos(y / 45) + 0.001 * x * y
+    surface = np.column_stack([x.ravel() + 900, y.ravel(), z.ravel() + 100])
+    folder = scan(tmp_path / "scan", points=surface)
+    document = json.loads((folder / "scan.json").read_text())
+    for view in document["views"][1:]:
+        view["base_T_flange"]["translation_mm"][2] += 0.4  # the robot's error
+    (folder / "scan.json").write_text(json.dumps(document))
+    change(calibration, noise={"image_px": 0.05, "robot_translation_mm": 0.4, "robot_rotation_deg": 0.01})
+
+    arguments = ["register", folder, "--calibration", calibration, "--out", tmp_path / "a.ply", "--refine"]
+    report = json.loads(handeyed(*arguments, "--json").out)
+
+    assert report["rms_mm"]["after"] < 0.5 * report["rms_mm"]["before"]
+    assert all(view["correction"] is not None for view in report["views"])
+    assert "mm after refinement" in handeyed(*arguments).out

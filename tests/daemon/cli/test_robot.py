@@ -1,0 +1,44 @@
+"""`handeyed robot upload` against the mock's Robot Web Services: asked first, written then, never half."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from daemon.cli.main import app
+from tests.daemon.cli.running import handeyed
+from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
+
+MODULES = Path(__file__).parents[3] / "deploy" / "rapid"
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_the_shipped_modules_are_written_when_somebody_consents(version: int) -> None:
+    with rws_cell_apart() as cell:
+        refused = CliRunner().invoke(app, ["robot", "upload", cell.rws(version), str(MODULES)], input="n\n")
+        assert refused.exit_code == 1
+        assert "nothing was written" in refused.stderr
+        assert written(cell) == {}
+        done = CliRunner().invoke(app, ["robot", "upload", cell.rws(version), str(MODULES)], input="y\n")
+        assert done.exit_code == 0, done.stderr
+        assert "motoron, AUTO" in done.stdout
+        assert written(cell) == {f"HOME/handeyed/{path.name}": path.read_bytes() for path in MODULES.iterdir()}
+
+
+def test_who_holds_the_mastership_is_told_and_nothing_is_written() -> None:
+    with rws_cell_apart() as cell:
+        cell.does(lambda: cell.cell.breaks("rws-mastership-held"))
+        ran = handeyed("robot", "upload", cell.rws(2), MODULES, "--yes")
+        assert ran.status == 1
+        assert "somebody else holds the mastership" in ran.err
+        assert written(cell) == {}
+
+
+def test_what_cannot_be_uploaded_is_told_before_anybody_is_asked(tmp_path: Path) -> None:
+    assert "no RAPID module is in it" in handeyed("robot", "upload", "rws://127.0.0.1", tmp_path).err
+    assert handeyed("robot", "upload", "rws://127.0.0.1", tmp_path / "none").status == 2
+    assert "write rws://host" in handeyed("robot", "upload", "tcp://127.0.0.1:4242", MODULES).err
+
+
+def written(cell: RwsCell) -> dict[str, bytes]:
+    return dict(cell.world.volumes.files)

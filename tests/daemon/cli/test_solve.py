@@ -1,0 +1,131 @@
+"""`handeyed solve`: a session folder in, an exit status and a calibration out."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import difference
+from daemon.cli.solve import ranges
+from tests.daemon.cli.running import handeyed
+from tests.daemon.cli.sessions import FLANGE_T_CAMERA, with_corners, with_images
+
+
+def test_pictures_and_poses_become_an_accepted_calibration(tmp_path: Path) -> None:
+    ran = handeyed("solve", with_images(tmp_path / "cell"), "--json")
+
+    assert (ran.status, ran.err) == (0, "")
+    document = CalibrationDocument.model_validate_json(ran.out)
+    assert document.flange_T_camera is not None
+    translation_mm, rotation_rad = difference(document.flange_T_camera.transform(), FLANGE_T_CAMERA)
+    assert translation_mm < 0.5
+    assert rotation_rad < 1e-3
+
+
+def test_several_folders_are_one_json_line_each(tmp_path: Path) -> None:
+    ran = handeyed("solve", with_corners(tmp_path / "a"), with_corners(tmp_path / "b"), "--json")
+
+    lines = ran.out.splitlines()
+    assert ran.status == 0
+    assert [CalibrationDocument.model_validate_json(line).verdict.accepted for line in lines] == [True, True]
+
+
+def test_without_json_a_person_can_read_it(tmp_path: Path) -> None:
+    ran = handeyed("solve", with_corners(tmp_path / "a"))
+
+    assert ran.out.splitlines()[0] == f"{tmp_path / 'a'}  accepted"
+    for word in ("flange_T_camera", "uncertainty", "hold-out", "noise found", "views", "weakest"):
+        assert word in ran.out
+
+
+def test_the_result_is_written_where_asked(tmp_path: Path) -> None:
+    one, other = with_corners(tmp_path / "a"), with_corners(tmp_path / "b")
+
+    assert handeyed("solve", one, "--out", tmp_path / "one.json").status == 0
+    assert handeyed("solve", one, other, "--out", tmp_path / "results").status == 0
+
+    for file in ("one.json", "results/a/calibration.json", "results/b/calibration.json"):
+        CalibrationDocument.model_validate_json((tmp_path / file).read_bytes())
+
+
+def test_an_unwritable_result_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+
+    ran = handeyed("solve", with_corners(tmp_path / "a"), "--out", tmp_path / "file" / "x.json")
+
+    assert ran.status == 1
+    assert "cannot be written" in ran.err
+
+
+@pytest.mark.parametrize("method", ["three-pose", "park", "daniilidis"])
+def test_closed_forms_are_chosen_by_name(tmp_path: Path, method: str) -> None:
+    ran = handeyed("solve", with_corners(tmp_path / "a"), "--method", method, "--json")
+
+    assert CalibrationDocument.model_validate_json(ran.out).method == method
+
+
+def test_an_unknown_method_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    ran = handeyed("solve", with_corners(tmp_path / "a"), "--method", "magic")
+
+    assert ran.status == 2
+    assert ran.err.startswith("--method: none is called 'magic': one of auto, three-pose")
+
+
+def test_motions_that_cannot_determine_x_give_no_transform_and_status_3(tmp_path: Path) -> None:
+    def stand_still(document: dict) -> None:  # type: ignore[type-arg]
+        for view in document["views"][1:]:
+            view.update(document["views"][0])
+
+    ran = handeyed("solve", with_corners(tmp_path / "a", stand_still), "--json")
+
+    document = CalibrationDocument.model_validate_json(ran.out)
+    assert ran.status == 3
+    assert document.flange_T_camera is None
+    assert any(finding.severity == "error" and finding.fix for finding in document.verdict.findings)
+
+
+def test_an_unreadable_folder_does_not_keep_the_others_from_being_solved(tmp_path: Path) -> None:
+    ran = handeyed("solve", tmp_path / "nowhere", with_corners(tmp_path / "a"), "--json")
+
+    assert ran.status == 2
+    assert json.loads(ran.out)["verdict"]["accepted"] is True
+    assert ran.errors == [f"{tmp_path / 'nowhere'}: folder: not there: check the path"]
+
+
+def test_numbers_in_a_row_are_joined() -> None:
+    assert ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
+    assert ranges([3]) == "3"
+
+
+@pytest.mark.data
+def test_real_sessions_are_solved(real_data: Path) -> None:
+    ran = handeyed("solve", real_data / "ic_charuco", real_data / "ic_circles", "--json")
+
+    charuco, circles = (CalibrationDocument.model_validate_json(line) for line in ran.out.splitlines())
+    assert charuco.base_T_camera is not None and circles.flange_T_camera is not None
+    assert charuco.hold_out is not None and charuco.hold_out.base_error_mm <= 1.7
+
+
+@pytest.mark.data
+def test_251_rendered_views_of_a_small_board_come_to_the_truth(real_data: Path) -> None:
+    ran = handeyed("solve", real_data / "metric_1", "--json")
+
+    truth = PoseDocument.model_validate(
+        json.loads((real_data / "metric_1" / "truth.json").read_text())["base_T_camera"]
+    )
+    document = CalibrationDocument.model_validate_json(ran.out)
+    assert document.base_T_camera is not None
+    translation_mm, rotation_rad = difference(document.base_T_camera.transform(), truth.transform())
+    assert translation_mm < 1.0
+    assert rotation_rad < np.radians(0.10)
+    assert ran.errors[0].startswith(f"{real_data / 'metric_1' / 'session.json'}: views[")
+
+
+def test_poses_that_turn_too_little_hear_what_better_ones_would_have_given(tmp_path: Path) -> None:
+    small = handeyed("solve", with_corners(tmp_path / "small", share_of_turns=0.4))
+
+    assert "5 planned poses would leave 0.0" in small.out
+    assert "these 6 leave 0." in small.out

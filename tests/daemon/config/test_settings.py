@@ -1,0 +1,142 @@
+"""The settings file: the example is complete, and every mistake is named with its place."""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from pydantic import BaseModel
+
+from calibration.errors import DocumentError
+from daemon.config.settings import Settings, load_settings, parse_settings
+
+EXAMPLE = Path(__file__).parents[3] / "deploy" / "handeyed.example.toml"
+EVERYTHING = re.sub("^#(?! |$)", "", EXAMPLE.read_text(), flags=re.MULTILINE)
+"""The example with all that it leaves out."""
+
+OTHER_TARGETS = {"pitch_mm", "layout", "dots", "origin", "tag_mm", "gap_mm", "family"}
+"""Keys of other targets than the example's; named in its comments."""
+
+SMALLEST = """
+[robot]
+address = "tcp://r:1"
+box_mm = [[0, 0, 0], [1, 1, 1]]
+[camera]
+address = "http://c/"
+[target]
+kind = "chessboard"
+columns = 11
+rows = 8
+pitch_mm = 20.0
+"""
+
+
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from models_in(inner)
+
+
+def keys_of(model: type[BaseModel]) -> set[str]:
+    keys = set(model.model_fields)
+    for field in model.model_fields.values():
+        for inner in models_in(field.annotation):
+            keys |= keys_of(inner)
+    return keys
+
+
+def keys_in(data: Any) -> set[str]:
+    if isinstance(data, dict):
+        return set(data) | {key for value in data.values() for key in keys_in(value)}
+    if isinstance(data, list):
+        return {key for value in data for key in keys_in(value)}
+    return set()
+
+
+def test_the_example_loads() -> None:
+    settings = load_settings(EXAMPLE)
+    assert settings.calibration.count == 3
+    assert settings.storage.folder == "/var/lib/handeyed"
+
+
+def test_the_example_shows_every_key_of_the_model_and_no_other() -> None:
+    assert keys_in(tomllib.loads(EVERYTHING)) == keys_of(Settings) - OTHER_TARGETS
+    comments = "\n".join(line for line in EXAMPLE.read_text().splitlines() if line.startswith("# "))
+    assert all(key in comments for key in OTHER_TARGETS)
+
+
+def test_the_example_with_all_that_it_leaves_out_is_understood() -> None:
+    everything = parse_settings(EVERYTHING.encode(), "everything")
+    assert all(value is not None for _, value in everything)
+
+
+def test_the_example_differs_from_the_defaults_in_nothing_but_what_a_cell_must_say() -> None:
+    """A key that has a default is shown with it, so that deleting a line changes nothing."""
+    example = load_settings(EXAMPLE)
+    smallest = parse_settings(SMALLEST.encode(), "smallest")
+    differ = {name for name, value in example if value != getattr(smallest, name)}
+    assert differ == {"robot", "camera", "target"}
+    given = {"address", "box_mm", "model"}
+    assert example.robot.model_dump(exclude=given) == smallest.robot.model_dump(exclude=given)
+    assert example.camera.model_dump(exclude=given) == smallest.camera.model_dump(exclude=given)
+
+
+@pytest.mark.parametrize(
+    ("change", "place", "says"),
+    [
+        (("pitch_mm", "pitchmm"), "target.chessboard.pitchmm", "did you mean 'pitch_mm'?"),
+        (("[camera]", "[camra]"), "camra", "did you mean 'camera'?"),
+        (('address = "tcp://r:1"', "speed_mm_s = 300"), "robot.speed_mm_s", "less than or equal to 250"),
+        (('address = "tcp://r:1"', ""), "robot.address", "missing"),
+        (("[1, 1, 1]", "[1, -1, 1]"), "robot", "each minimum below its maximum"),
+        (("[1, 1, 1]", "[1, nan, 1]"), "robot.box_mm[1][1]", "finite"),
+        (('address = "tcp://r:1"', 'address = "tcp://r:1"\nmodel = "IRB 1600-6"'), "robot.model", "IRB 1600-6/1.45"),
+        (("[camera]", '[server]\nhost = "0.0.0.0"\n[camera]'), "server", "handeyed tls init"),
+        (("[camera]", "[calibration]\ncount = 2\n[camera]"), "calibration.count", "greater than or equal to 3"),
+        (
+            (
+                "[camera]",
+                "[calibration]\nposes = [{translation_mm = [1, 2, 3], quaternion_wxyz = [0.9, 0, 0, 0]}]\n[camera]",
+            ),
+            "calibration.poses[0].quaternion_wxyz",
+            "norm 0.9",
+        ),
+    ],
+)
+def test_a_mistake_is_told_with_file_place_and_what_to_do(change: tuple[str, str], place: str, says: str) -> None:
+    text = SMALLEST.replace(*change)
+    assert text != SMALLEST
+    with pytest.raises(DocumentError) as caught:
+        parse_settings(text.encode(), "cell.toml")
+    problem = next(problem for problem in caught.value.problems if problem.place == place)
+    assert says in str(problem)
+    assert str(caught.value).startswith("cell.toml: ")
+
+
+def test_a_missing_file_torn_toml_and_other_bytes_are_told(tmp_path: Path) -> None:
+    for name, content, says in (
+        ("none.toml", None, "No such file"),
+        ("torn.toml", b'[robot\naddress = "x"', "line 1"),
+        ("bytes.toml", b"\xff\xfe", "UTF-8"),
+    ):
+        file = tmp_path / name
+        if content is not None:
+            file.write_bytes(content)
+        with pytest.raises(DocumentError, match=says) as caught:
+            load_settings(file)
+        assert caught.value.origin == str(file)
+        assert caught.value.problems[0].fix
+
+
+def test_a_file_without_end_is_told() -> None:
+    with pytest.raises(DocumentError, match="File too large"):
+        load_settings(Path("/dev/zero"))
+
+
+def test_a_relative_folder_is_taken_from_the_files_own(tmp_path: Path) -> None:
+    file = tmp_path / "cell.toml"
+    file.write_text(SMALLEST + '[storage]\nfolder = "state"\n')
+    assert load_settings(file).storage.folder == str(tmp_path / "state")

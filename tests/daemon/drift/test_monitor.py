@@ -1,0 +1,256 @@
+"""The daemon watches its calibration: verifications are charted, and an alarm reaches REST, PLC and metrics."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.monitoring.control_chart import DriftStanding
+from calibration.transforms import Array, transform
+from daemon.drift.monitor import DriftWatch
+from daemon.drift.samples import belongs
+from daemon.drift.schedule import RETRY_S, DriftSchedule
+from daemon.drift.verifications import Verifications
+from daemon.errors import CellBusy
+from daemon.model.records import Applied, RunRecord
+from daemon.model.run_states import RunState
+from daemon.runtime.clock import Clock
+from drivers.interfaces import Frame
+from protocols.plc.codes import Control, DriftState, Status, Verdict
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
+from tests.daemon.fakes import FakeCamera, picture_of_the_board
+from tests.daemon.plcs import MOVING, ladder, value_of
+from tests.support.waiting import eventually
+
+QUICK = {"learn": 2, "runs_between_false_alarms": 1000}
+
+
+@dataclass
+class KnockedCamera(FakeCamera):
+    """Somebody's elbow: the camera sits elsewhere on the flange than when it was calibrated."""
+
+    knock: Array = field(default_factory=lambda: np.eye(4))
+
+    async def grab(self, newer_than_s: float) -> Frame:
+        frame = await super().grab(newer_than_s)
+        return Frame(picture_of_the_board(self.robot.base_T_flange @ self.knock), frame.taken_at_s)
+
+
+def watch_of(bench: Bench) -> DriftWatch:
+    return next(companion for companion in bench.application.companions if isinstance(companion, DriftWatch))
+
+
+@asynccontextmanager
+async def calibrated(folder: Path, **changes: Any) -> AsyncIterator[tuple[Bench, KnockedCamera]]:
+    parts = Parts()
+    camera = KnockedCamera(parts.robot)
+    parts.camera = camera
+    settings = settings_for(folder, calibration={"policy": "auto"}, drift=QUICK, **changes)
+    async with serving(settings, parts) as bench:
+        run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
+        assert run["result"]["applied"], run
+        yield bench, camera
+
+
+async def alarms_in(bench: Bench) -> list[dict[str, Any]]:
+    """What webhooks are told of alarms."""
+    rows = await bench.application.store._database.read(
+        lambda db: db.execute("SELECT data FROM outbox WHERE topic = 'alarm' ORDER BY number").fetchall()
+    )
+    return [json.loads(data) for (data,) in rows]
+
+
+async def verifies(bench: Bench, **body: Any) -> None:
+    run = await bench.run_over((await bench.client.post("/verify", json=body)).headers["location"])
+    assert run["state"] == "finished", run["cause"]
+
+
+async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibration_ends_it(tmp_path: Path) -> None:
+    async with calibrated(tmp_path, plc=MOVING) as (bench, camera), ladder(bench) as plc:
+        watch = watch_of(bench)
+        assert watch.report.standing in (None, DriftStanding.LEARNING)
+        for _ in range(4):
+            await verifies(bench)
+        await eventually(lambda: watch.report.verifications == 4)
+        assert watch.report.standing is DriftStanding.STEADY
+        assert watch.report.alarm == ""
+        assert (await bench.client.get("/ready")).json()["warnings"] == []
+        await plc.waits(Status.ONLINE, unwanted=Status.DRIFT_ALARM)
+
+        camera.knock = transform(np.eye(3), [0.0, 3.0, 0.0])
+        heard = bench.application.events.last
+        await plc.sets(Control(0))
+        await plc.waits(Status.READY)
+        await plc.triggers(Control.TRIGGER_VERIFY)
+        image = await plc.result()
+        assert value_of(image, "verdict") == Verdict.REJECTED
+        await plc.waits(Status.DRIFT_ALARM)
+        assert value_of(await plc.image(), "drift_state") == DriftState.DRIFTING
+        assert value_of(await plc.image(), "drift_shift") > 100
+        (warning,) = (await bench.client.get("/ready")).json()["warnings"]
+        assert "calibrate before parts go wrong" in warning
+        metrics = (await bench.client.get("/metrics")).text
+        assert "\nhandeyed_drift_alarm 1\n" in metrics
+        assert "\nhandeyed_drift_verifications 5\n" in metrics
+        async with asyncio.timeout(5):
+            async for event in bench.application.events.listen(heard):
+                if event is not None and event.kind == "drift":
+                    break
+        assert event.data["alarm"] == warning
+        told = await alarms_in(bench)
+        assert [(alarm["kind"], alarm["raised"], alarm["what"]) for alarm in told] == [("drift", True, warning)]
+
+        run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
+        assert run["result"]["applied"]
+        await eventually(lambda: watch.report.alarm == "")
+        assert [alarm["raised"] for alarm in await alarms_in(bench)] == [True, False]
+        assert (await bench.client.get("/ready")).json()["warnings"] == []
+
+
+async def test_the_chart_is_told_over_rest_with_every_verification_that_is_over(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path / "other")) as bench:
+        off = (await bench.client.get("/drift")).json()
+        assert (off["standing"], off["calibration_id"], off["points"]) == ("off", None, [])
+    async with calibrated(tmp_path) as (bench, camera):
+        learning = (await bench.client.get("/drift")).json()
+        assert (learning["standing"], learning["verifications"], learning["limit_mm"]) == ("learning", 0, None)
+        runs = []
+        for turn in range(5):
+            if turn == 4:
+                camera.knock = transform(np.eye(3), [0.0, 3.0, 0.0])
+            run = (await bench.client.post("/verify?wait=60")).json()
+            told = (await bench.client.get("/drift")).json()
+            runs.append(run["id"])
+            assert [point["run_id"] for point in told["points"]] == runs
+        assert [point["standing"] for point in told["points"]] == ["learning"] * 2 + ["steady"] * 2 + ["drifting"]
+        assert [point["limit_mm"] is None for point in told["points"]] == [True, True, False, False, False]
+        last = told["points"][-1]
+        assert told["shift_mm"] == last["drift_mm"] == pytest.approx(np.linalg.norm(last["average_mm"]), abs=1e-5)
+        assert last["drift_mm"] > last["limit_mm"] == told["limit_mm"]
+        assert np.linalg.norm(last["shift_mm"]) == pytest.approx(3.0, abs=0.2)
+        assert told["standing"] == "drifting"
+        assert told["alarm"] == (await bench.client.get("/ready")).json()["warnings"][0]
+        assert told["rules"] == {"weight": 0.2, "allowed_mm": 0.0, **QUICK}
+        assert [point["run_id"] for point in (await bench.client.get("/drift?limit=2")).json()["points"]] == runs[-2:]
+        words = (await bench.client.get("/drift", headers={"accept": "text/plain"})).text
+        assert words.startswith(
+            f"drift: drifting of calibration {told['calibration_id']}, 5 verifications\nalarm: drift:"
+        )
+        assert len(words.splitlines()) == 3 + 5
+
+
+async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also past a run that is in progress, or whose end could not be stored yet."""
+    monkeypatch.setattr("daemon.drift.verifications.PAGE", 2)
+    async with calibrated(tmp_path) as (bench, _):
+        for _ in range(5):
+            await verifies(bench)
+        newest, *older = (await bench.client.get("/runs")).json()["runs"]
+        store = bench.application.store
+        record = await store.run(older[2]["id"])
+        await store.save_run(replace(record, state=RunState.MOVING, result=None))
+        applied, _ = await store.current()
+        fresh = Verifications(store, bench.application.workers, bench.application.settings.target.target().points_mm)
+        expected = [run["id"] for run in reversed([newest, *older]) if run["kind"] == "verify"]
+        assert [entry.run_id for entry in await fresh.of(applied)] == [run for run in expected if run != record.id]
+        assert [entry.run_id for entry in await fresh.of(applied)] == [run for run in expected if run != record.id]
+        await store.save_run(record)
+        assert [entry.run_id for entry in await fresh.of(applied)] == expected
+        asked: list[str | None] = []
+        runs = store.runs
+
+        async def counted(limit: int, before: str | None = None) -> list[RunRecord]:
+            asked.append(before)
+            return await runs(limit, before)
+
+        monkeypatch.setattr(store, "runs", counted)
+        assert [entry.run_id for entry in await fresh.of(applied)] == expected
+        assert asked == [None]
+        assert await fresh.of(replace(applied, sequence=99)) and len(asked) > 3
+
+
+async def test_the_chart_survives_a_restart_and_passes_over_what_does_not_belong(tmp_path: Path) -> None:
+    async with calibrated(tmp_path) as (bench, _):
+        for _ in range(3):
+            await verifies(bench)
+        run = (await bench.client.get("/runs")).json()["runs"][0]
+        sent = bench.application.settings.calibration.poses[:2]
+        await verifies(bench, poses=[pose.model_dump(mode="json") for pose in sent])
+        await eventually(lambda: watch_of(bench).report.verifications == 3)
+        before = watch_of(bench).report
+    async with serving(settings_for(tmp_path, drift=QUICK)) as again:
+        assert watch_of(again).report == before
+        assert run["kind"] == "verify"
+
+
+def a_run(**changes: Any) -> RunRecord:
+    made: dict[str, Any] = {
+        "id": "r", "kind": "verify", "state": RunState.FINISHED, "station": 3, "stations": 3,
+        "created_at": "2026-11-21T10:00:00.000Z", "updated_at": "2026-11-21T10:01:00.000Z",
+        "result": {"calibration_id": "c", "verification": {"points": [{"id": 0}, {"id": 87}]}},
+    }  # fmt: skip
+    return RunRecord(**{**made, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, True),
+        ({"kind": "scan"}, False),
+        ({"state": RunState.FAILED, "result": None}, False),
+        ({"result": {"calibration_id": "other"}}, False),
+        ({"created_at": "2026-11-21T08:00:00.000Z"}, False),
+        ({"request": {"poses": []}}, False),
+        ({"request": {"target": {}}}, False),
+        ({"result": {"calibration_id": "c", "verification": {"points": [{"id": 88}]}}}, False),
+    ],
+)
+def test_what_belongs_to_a_chart(changes: dict[str, Any], expected: bool) -> None:
+    assert belongs(a_run(**changes), Applied("c", "2026-11-21T09:00:00.000Z", "x"), 88) is expected
+
+
+class Asked:
+    """Operations that are busy the first times they are asked."""
+
+    def __init__(self, refusals: int) -> None:
+        self.refusals, self.times = refusals, 0
+
+    async def verify(self, _request: object) -> RunRecord:
+        self.times += 1
+        if self.times <= self.refusals:
+            raise CellBusy("somebody")
+        return a_run()
+
+
+async def test_the_schedule_waits_a_whole_interval_first_and_asks_again_when_the_cell_is_busy() -> None:
+    slept: list[float] = []
+    asked = Asked(refusals=2)
+    enough = asyncio.Event()
+
+    async def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        if len(slept) == 5:
+            enough.set()
+            await asyncio.Event().wait()
+
+    clock = Clock(utc_now=lambda: datetime(2026, 11, 21, tzinfo=UTC), sleep=sleep)
+    schedule = DriftSchedule(asked, clock, 3600.0)  # type: ignore[arg-type]
+    await schedule.start()
+    await asyncio.wait_for(enough.wait(), 5)
+    await schedule.stop()
+    assert slept == [3600.0, RETRY_S, RETRY_S, 3600.0, 3600.0]
+    assert asked.times == 4
+
+
+async def test_without_an_interval_nothing_is_scheduled() -> None:
+    schedule = DriftSchedule(Asked(0), Clock(), 0.0)  # type: ignore[arg-type]
+    await schedule.start()
+    assert schedule._task is None
+    await schedule.stop()

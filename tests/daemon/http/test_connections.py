@@ -1,0 +1,154 @@
+"""Connections that misbehave: told in words, cut off in time, and nobody else waits for them."""
+
+import asyncio
+import json
+import socket
+import statistics
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+from daemon.http.connections import Door, Limits
+from daemon.http.listen_socket import listener_at
+from tests.daemon.cell_under_test import Bench, serving, settings_for
+
+QUICK = Limits(head_s=0.3, head_bytes=10_000, idle_s=0.4, connections=40)
+
+Ends = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+@asynccontextmanager
+async def connected(bench: Bench) -> AsyncIterator[Ends]:
+    url = urlsplit(bench.url)
+    reader, writer = await asyncio.open_connection(url.hostname, url.port)
+    try:
+        yield reader, writer
+    finally:
+        writer.close()
+
+
+async def told(reader: asyncio.StreamReader, within_s: float = 5.0) -> dict[str, Any]:
+    """The problem in an answer after which the connection ends."""
+    answer = await asyncio.wait_for(reader.read(), within_s)
+    head, _, body = answer.partition(b"\r\n\r\n")
+    assert b"application/problem+json" in head, answer
+    problem: dict[str, Any] = json.loads(body)
+    assert f" {problem['status']} ".encode() in head.splitlines()[0]
+    assert problem["fix"]
+    return problem
+
+
+def test_no_answer_waits_for_the_client_to_acknowledge_its_first_half() -> None:
+    with listener_at("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
+        accepted, _ = listener.accept()
+        with accepted:
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
+MALFORMED = [
+    b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",  # a TLS hello
+    b"GET\r\n\r\n",
+    b"hello\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost localhost\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: -1\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1\r\nContent-Length: 2\r\n\r\n",
+    b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1\r\nTransfer-Encoding: chunked\r\n\r\n",
+    b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+    b"GET http://[::1 HTTP/1.1\r\nHost: localhost\r\n\r\n",
+]
+
+
+async def test_what_is_not_http_is_told_as_a_problem_too(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        for request in MALFORMED:
+            async with connected(bench) as (reader, writer):
+                writer.write(request)
+                assert (await told(reader))["code"] == "request-malformed", request
+        assert (await bench.client.get("/health")).status_code == 200
+
+
+async def test_garbage_behind_a_request_does_not_fall_into_its_answer(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench, connected(bench) as (reader, writer):
+        writer.write(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        await asyncio.wait_for(reader.readuntil(b"what happens in the cell\n\n"), 5)
+        writer.write(b"\x00\x01garbage\r\n\r\n")
+        assert b"HTTP/1.1 400" not in await asyncio.wait_for(reader.read(), 5)
+
+
+@pytest.mark.parametrize("begun", [b"", b"\r\n", b"GET / HTTP/1.1\r\nHost: loc"])
+async def test_a_head_that_never_ends_is_refused_in_time(tmp_path: Path, begun: bytes) -> None:
+    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+        writer.write(begun)
+        assert (await told(reader))["code"] == "request-too-slow"
+
+
+async def test_bytes_that_trickle_do_not_keep_a_head_open(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+        ended = asyncio.create_task(told(reader))
+        while not ended.done():
+            writer.write(b"x")
+            await asyncio.sleep(0.02)
+        assert ended.result()["code"] in ("request-too-slow", "request-malformed")
+
+
+async def test_a_head_too_large_is_refused_before_it_ends(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+        writer.write(b"GET / HTTP/1.1\r\n")
+        for k in range(12):
+            writer.write(f"X-{k}: {'x' * 1000}\r\n".encode())
+            await asyncio.sleep(0)
+        assert (await told(reader))["code"] == "head-too-large"
+
+
+async def test_a_client_that_sends_on_still_reads_why_it_was_refused(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench, connected(bench) as (reader, writer):
+        writer.write(b"POST /calibrate HTTP/1.1\r\nHost: localhost\r\nContent-Length: 30000000\r\n\r\n")
+        for _ in range(30):
+            writer.write(b" " * 1_000_000)
+            await asyncio.wait_for(writer.drain(), 5)
+        assert (await told(reader))["code"] == "body-too-large"
+
+
+async def test_a_body_that_stops_coming_is_cut_off(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+        writer.write(b"POST /calibrate HTTP/1.1\r\nHost: localhost\r\nContent-Length: 10\r\n\r\n{")
+        with pytest.raises(ConnectionResetError):
+            while await asyncio.wait_for(reader.read(), 5):
+                pass
+            raise ConnectionResetError  # closed in order is as good
+        assert not bench.robot.goals
+
+
+async def test_a_request_that_waits_for_its_answer_is_left_alone(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+        writer.write(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        await asyncio.wait_for(reader.readuntil(b"what happens in the cell\n\n"), 5)
+        await asyncio.sleep(3 * QUICK.idle_s)
+        bench.application.events.publish("test", {})
+        assert await asyncio.wait_for(reader.readuntil(b"data: {}"), 5)
+
+
+async def test_half_open_connections_make_room_for_whole_requests(tmp_path: Path) -> None:
+    """Twice as many as there may be: the oldest are closed, and health answers all the while."""
+    patient = Limits(head_s=60, connections=QUICK.connections)
+    async with serving(settings_for(tmp_path), door=Door(patient)) as bench:
+        url, writers, took_s = urlsplit(bench.url), [], []
+        for _ in range(2 * patient.connections):
+            _, writer = await asyncio.open_connection(url.hostname, url.port)
+            writer.write(b"GET / HTTP/1.1\r\nX-Half:")
+            writers.append(writer)
+        for _ in range(20):
+            began_s = time.monotonic()
+            async with connected(bench) as (reader, writer):
+                writer.write(b"GET /health HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+                assert b" 200 " in (await asyncio.wait_for(reader.read(), 5)).splitlines()[0]
+            took_s.append(time.monotonic() - began_s)
+        assert len(bench.server.server_state.connections) <= patient.connections
+        assert statistics.median(took_s) < 5
+        for writer in writers:
+            writer.close()

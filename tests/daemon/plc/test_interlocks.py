@@ -1,0 +1,55 @@
+"""The cell's interlocks are preconditions of motion at every door, and are asked again before each move."""
+
+from pathlib import Path
+from typing import Any
+
+from protocols.plc.codes import Control, Status
+from tests.daemon.cell_under_test import Parts, serving, settings_for
+from tests.daemon.plcs import MOVING, ladder, value_of
+from tests.drivers.test_interlocks import Terminal, terminal
+
+
+def settings_with(folder: Path, device: Terminal) -> Any:
+    signals = [
+        {"name": "gate closed", "kind": "discrete-input", "address": 0},
+        {"name": "part present", "kind": "coil", "address": 3},
+    ]
+    interlocks = {"address": f"tcp://127.0.0.1:{device.port}", "limit_s": 5.0, "signals": signals}
+    return settings_for(folder, plc=MOVING, interlocks=interlocks)
+
+
+async def test_an_open_gate_is_named_at_every_door(tmp_path: Path) -> None:
+    async with (
+        terminal() as device,
+        serving(settings_with(tmp_path, device)) as bench,
+        ladder(bench) as plc,
+    ):
+        device.inputs[0] = False
+        ready = (await bench.client.get("/ready")).json()
+        assert ready["calibrate"]["reasons"] == ["interlock gate closed: is 0"]
+        answer = await bench.client.post("/calibrate")
+        assert (answer.status_code, answer.json()["code"]) == (503, "interlock-open")
+        assert answer.json()["reasons"] == ["interlock gate closed: is 0"]
+        await plc.waits(Status.ONLINE, unwanted=Status.READY)
+        assert await plc.triggers(Control.TRIGGER_CALIBRATE) & Status.ERROR
+        assert value_of(await plc.image(), "error_code") == 13
+        assert not bench.robot.goals
+        device.inputs[0] = True
+        run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
+        assert run["state"] == "finished"
+
+
+async def test_a_gate_opened_between_two_moves_ends_the_run_before_the_next(tmp_path: Path) -> None:
+    parts = Parts()
+    async with terminal() as device, serving(settings_with(tmp_path, device), parts) as bench:
+
+        async def gate_opens(move: int) -> None:
+            device.inputs[0] = move != 2
+
+        parts.robot.before_move = gate_opens
+        run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
+        assert (run["state"], run["cause"]["code"]) == ("failed", "interlock-open")
+        assert "gate closed is 0" in run["cause"]["what"]
+        assert "after station 2 of 5" in run["cause"]["what"]
+        assert len(bench.robot.goals) == 2
+        assert not bench.robot.armed

@@ -1,0 +1,137 @@
+"""A backup taken in the middle of work, put back on an empty machine, gives the same answers."""
+
+import asyncio
+import io
+import json
+import sqlite3
+import tarfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.access.roles import Role
+from daemon.store.layout import DATABASE_NAME
+from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
+from daemon.store.store import Store
+from tests.daemon.access.test_access import TEST, bearer
+from tests.daemon.api.test_register import PLY, cloud
+from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.cli.test_access_commands import handeyed
+from tests.daemon.fakes import ply_of
+from tests.daemon.scans.test_scans import POSES
+from tests.daemon.scans.test_scans_killed import SETTINGS
+
+
+def a_config(folder: Path) -> Path:
+    folder.mkdir(exist_ok=True)
+    file = folder / "handeyed.toml"
+    file.write_text(SETTINGS)
+    return file
+
+
+async def answers(bench: Bench, key: str) -> dict[str, Any]:
+    """What a client sees of the past."""
+    headers, found = bearer(key), {}
+    links = ["/runs", "/calibrations", "/calibrations/current", "/scans", "/drift", "/audit"]
+    for link in links:
+        found[link] = (await bench.client.get(link, headers=headers)).raise_for_status().json()
+    for calibration in found["/calibrations"]["calibrations"]:
+        link = f"/calibrations/{calibration['id']}"
+        found[link] = (await bench.client.get(link, headers=headers)).raise_for_status().json()
+    for run in found["/runs"]["runs"]:
+        links = [run["links"]["self"], *(link for name, link in run["links"].items() if name.startswith("frame"))]
+        for link in links:
+            found[link] = (await bench.client.get(link, headers=headers)).content
+    for scan in found["/scans"]["scans"]:
+        link = f"/scans/{scan['id']}/cloud"
+        found[link] = (await bench.client.get(link, headers=headers)).content
+    return found
+
+
+async def test_a_restored_store_gives_the_same_answers(tmp_path: Path) -> None:
+    here, there, file = a_config(tmp_path / "here"), a_config(tmp_path / "there"), tmp_path / "all.tar"
+    async with serving(settings_for(tmp_path / "here" / "store", calibration={"policy": "auto"})) as bench:
+        key, _ = await bench.application.key_desk.add("Ann", Role.ADMIN, TEST)
+        headers = bearer(key)
+        run = (await bench.client.post("/calibrate?wait=30", headers=headers)).json()
+        assert run["result"]["applied"]
+        verified = (await bench.client.post("/verify?wait=30", headers=headers)).json()
+        assert verified["state"] == "finished"
+        scan = (await bench.client.post("/scans", headers=headers)).json()
+        link, sent = scan["links"]["views"], {**headers, **PLY}
+        await bench.client.post(link, params={"pose": POSES[0]}, content=ply_of(cloud(100)), headers=sent)
+        done = await asyncio.to_thread(handeyed, "backup", here, "--out", file)
+        assert done.exit_code == 0, done.output
+        before = await answers(bench, key)
+        assert len(before["/drift"]["points"]) == 1
+    assert leftovers(tmp_path) == []
+    put_back = await asyncio.to_thread(handeyed, "restore", file, there)
+    assert put_back.exit_code == 0, put_back.output
+    async with serving(settings_for(tmp_path / "there" / "store")) as bench:
+        assert await answers(bench, key) == before
+    again = await asyncio.to_thread(handeyed, "restore", file, there)
+    assert (again.exit_code, "holds a store already" in again.stderr) == (1, True)
+    assert (await asyncio.to_thread(handeyed, "audit", "verify", there)).exit_code == 0
+
+
+def leftovers(folder: Path) -> list[str]:
+    return [file.name for file in folder.iterdir() if file.name.startswith(".")]
+
+
+def a_tar(file: Path, **contents: bytes) -> Path:
+    with tarfile.open(file, "w") as archive:
+        for name, content in contents.items():
+            info = tarfile.TarInfo(name.replace("__", "/"))
+            info.size = len(content)
+            archive.addfile(info, io.BytesIO(content))
+    return file
+
+
+def test_what_is_no_backup_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
+    config = a_config(tmp_path / "here")
+    (tmp_path / "no.tar").write_text("no tar at all")
+    manifest = json.dumps({"schema": SCHEMA_VERSION, "format": 1}).encode()
+    newer = json.dumps({"schema": SCHEMA_VERSION + 1, "format": 1}).encode()
+    whole = {"handeyed-backup.json": manifest, DATABASE_NAME: b"this is no database at all " * 99}
+    bad = [
+        (tmp_path / "no.tar", "cannot be read"),
+        (tmp_path / "nowhere.tar", "no such file"),
+        (a_tar(tmp_path / "other.tar", x=b""), "is no backup"),
+        (a_tar(tmp_path / "damaged.tar", **whole), "damaged"),
+        (a_tar(tmp_path / "newer.tar", **{**whole, "handeyed-backup.json": newer}), "newer handeyed"),
+        (a_tar(tmp_path / "evil.tar", **whole, **{"..__..__evil": b"x"}), "cannot be read"),
+    ]
+    for file, says in bad:
+        refused = handeyed("restore", file, config)
+        assert (refused.exit_code, says in refused.stderr) == (1, True), (file, refused.output)
+        assert not (tmp_path / "here" / "store" / DATABASE_NAME).exists()
+    assert not (tmp_path / "evil").exists()
+    assert not list((tmp_path / "here" / "store").glob(".restoring"))
+
+
+async def test_a_migration_leaves_a_copy_that_the_older_version_can_read(tmp_path: Path) -> None:
+    old = sqlite3.connect(tmp_path / DATABASE_NAME)
+    for number, migration in enumerate(MIGRATIONS[:3], start=1):
+        old.executescript(f"BEGIN; {migration} PRAGMA user_version = {number}; COMMIT;")
+    old.execute("INSERT INTO scans VALUES ('s', '2026-11-21T09:00:00.000Z', 'door', 0)")
+    old.commit()
+    old.close()
+    store = Store(tmp_path)
+    assert (await store.scan("s")).name == "door"
+    await store.close()
+    copy = sqlite3.connect(tmp_path / f"{DATABASE_NAME}.schema-3.backup")
+    assert copy.execute("PRAGMA user_version").fetchone() == (3,)
+    assert copy.execute("SELECT name FROM scans").fetchall() == [("door",)]
+    copy.close()
+
+
+@pytest.mark.parametrize("fresh", [True, False])
+async def test_without_a_migration_there_is_no_copy(tmp_path: Path, fresh: bool) -> None:
+    for _ in range(1 if fresh else 2):
+        await Store(tmp_path).close()
+    assert not backups_in(tmp_path)
+
+
+def backups_in(folder: Path) -> list[Path]:
+    return list(folder.glob("*.backup"))

@@ -1,0 +1,161 @@
+"""The MES is told: signed, in order, at least once, also by the daemon after a kill."""
+
+import asyncio
+import base64
+import hashlib
+import hmac
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.config.server_settings import WebhookSettings
+from daemon.model.records import Applied, CalibrationRecord
+from daemon.runtime.clock import Clock
+from daemon.store.store import Store
+from daemon.webhooks.dispatcher import (
+    LONGEST_PAUSE_S,
+    TRIES_OF_NEVER_TAKEN,
+    Dispatcher,
+    pause_s,
+)
+from daemon.webhooks.errors import SecretUnusable
+from daemon.webhooks.signing import secrets_in, signature, signed_headers
+from tests.daemon.calibrations import a_calibration
+from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.webhooks.receiver import Receiver, receiving
+
+SECRET = b"0123456789abcdef0123456789abcdef"
+AT = "2026-11-21T09:00:00.000Z"
+
+
+def test_the_signature_is_that_of_the_standards_own_example() -> None:
+    """Standard Webhooks 1.0.0, reference implementations' test vector."""
+    secret = base64.b64decode("MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw")
+    expected = "g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
+    assert signature("msg_p5jXN8AQM9LWM0D4loKWxJek", 1614265330, b'{"test": 2432232314}', secret) == expected
+
+
+def test_two_secrets_make_two_signatures() -> None:
+    both = signed_headers("m", 1, b"{}", [b"a" * 32, b"b" * 32])["webhook-signature"].split(" ")
+    assert both == [f"v1,{signature('m', 1, b'{}', secret * 32)}" for secret in (b"a", b"b")]
+
+
+@pytest.mark.parametrize("content", [None, b"", b"short", b"whsec_!!!", b"0123456789abcdef0123456789abcdef\nshort"])
+def test_a_secret_that_cannot_be_one_is_told(tmp_path: Path, content: bytes | None) -> None:
+    file = tmp_path / "secret"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(SecretUnusable, match=r"openssl rand -hex 32"):
+        secrets_in(file)
+
+
+def test_pauses_double_up_to_a_limit_and_are_spread() -> None:
+    assert [pause_s(n, 1.0) for n in (1, 2, 3, 4)] == [1, 2, 4, 8]
+    assert pause_s(1000, 1.0) == LONGEST_PAUSE_S
+    assert pause_s(3, 0.0) == 2.0
+
+
+@pytest.fixture
+async def store(tmp_path: Path) -> Any:
+    store = Store(tmp_path)
+    yield store
+    await store.close()
+
+
+def webhook(folder: Path, receiver: Receiver, **changes: Any) -> WebhookSettings:
+    (folder / "secret").write_bytes(SECRET + b"\n")
+    return WebhookSettings(receiver="mes", url=receiver.url, secret_file=str(folder / "secret"), **changes)
+
+
+def dispatcher(store: Store, hook: WebhookSettings, sleep: Callable[[float], Awaitable[None]] | None = None) -> Any:
+    async def at_once(seconds: float) -> None:
+        await asyncio.sleep(0)
+
+    return Dispatcher((hook,), store.outbox, Clock(sleep=sleep or at_once), lambda: 1.0)
+
+
+async def apply_some(store: Store, *names: str) -> None:
+    for name in names:
+        await store.save_calibration(CalibrationRecord(name, None, AT, True, a_calibration(name)))
+        await store.apply(Applied(name, AT, "Ann"))
+
+
+async def test_messages_come_in_order_signed_and_with_ids_of_their_own(store: Store, tmp_path: Path) -> None:
+    async with receiving() as mes:
+        sending = dispatcher(store, webhook(tmp_path, mes))
+        await sending.start()
+        await apply_some(store, "a", "b")
+        bodies = await mes.has(4)
+        assert [body["type"] for body in bodies] == ["calibration.stored", "calibration.applied"] * 2
+        assert bodies[1]["data"] == {"calibration_id": "a", "applied_by": "Ann", "sequence": 1}
+        assert len({body["id"] for body in bodies}) == 4
+        for headers, body in mes.got:
+            content = f"{headers['webhook-id']}.{headers['webhook-timestamp']}.".encode() + body
+            expected = base64.b64encode(hmac.new(SECRET, content, hashlib.sha256).digest()).decode()
+            assert headers["webhook-signature"] == f"v1,{expected}"
+        await sending.stop()
+
+
+async def test_what_is_not_taken_comes_again_the_same_and_before_anything_later(store: Store, tmp_path: Path) -> None:
+    paused: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        paused.append(seconds)
+        await asyncio.sleep(0)
+
+    async with receiving(500, 0, 301, 429) as mes:
+        sending = dispatcher(store, webhook(tmp_path, mes, topics=("calibration.applied",)), sleep)
+        await sending.start()
+        await apply_some(store, "a", "b")
+        bodies = await mes.has(6)
+        assert bodies[:4] == [bodies[4]] * 4
+        assert [body["data"]["sequence"] for body in bodies[4:]] == [1, 2]
+        assert paused == [1, 2, 4, 8]
+        await sending.stop()
+
+
+async def test_a_message_that_is_never_taken_does_not_stop_those_behind_it(store: Store, tmp_path: Path) -> None:
+    async with receiving(*[422] * TRIES_OF_NEVER_TAKEN) as mes:
+        sending = dispatcher(store, webhook(tmp_path, mes, topics=("calibration.applied",)))
+        await sending.start()
+        await apply_some(store, "a", "b")
+        bodies = await mes.has(TRIES_OF_NEVER_TAKEN + 1)
+        assert [body["data"]["sequence"] for body in bodies] == [1] * TRIES_OF_NEVER_TAKEN + [2]
+        await sending.stop()
+
+
+async def test_a_new_receiver_is_not_told_the_past_and_a_known_one_misses_nothing(tmp_path: Path) -> None:
+    async with receiving() as mes:
+        store = Store(tmp_path)
+        await apply_some(store, "before")
+        first = dispatcher(store, webhook(tmp_path, mes, topics=("calibration.applied",)))
+        await first.start()
+        await first.stop()
+        await apply_some(store, "while nobody sends")
+        assert await store.outbox.waiting() == {"mes": 2}
+        await store.close()
+        store = Store(tmp_path)
+        second = dispatcher(store, webhook(tmp_path, mes, topics=("calibration.applied",)))
+        await second.start()
+        (told,) = await mes.has(1)
+        assert told["data"]["calibration_id"] == "while nobody sends"
+        await second.stop()
+        await store.close()
+
+
+async def test_a_run_and_a_view_are_told_by_the_running_daemon(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_bytes(SECRET)
+    async with receiving() as mes:
+        hook = {"receiver": "mes", "url": mes.url, "secret_file": str(tmp_path / "secret")}
+        settings = settings_for(tmp_path)
+        settings = settings.model_copy(update={"webhooks": (WebhookSettings.model_validate(hook),)})
+        async with serving(settings) as bench:
+            run = (await bench.client.post("/scans?wait=20", json={"capture": True, "poses": None})).json()
+            assert run["code"] == "no-poses"
+            done = (await bench.client.post("/calibrate?wait=20")).json()
+            bodies = await mes.has(2)
+            assert {body["type"] for body in bodies} == {"calibration.stored", "run.ended"}
+            ended = next(body["data"] for body in bodies if body["type"] == "run.ended")
+            assert (ended["run_id"], ended["state"]) == (done["id"], "finished")

@@ -1,0 +1,280 @@
+"""The product's own RWS driver at the mock: found by itself, read, watched, stopped; and what each fault does to it."""
+
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer, LinkLost, MoveRefused, RequestRefused
+from drivers.interfaces import Configuration, MoveGoal
+from drivers.registry import open_robot
+from drivers.robots.abb.cb_robot import CbRobot
+from drivers.robots.abb.rws.address import RwsAddress
+from drivers.robots.abb.rws.robot import RwsRobot
+from drivers.robots.tcp import TcpTransport
+from mock_robot.cabinet.panel import Mode
+from mock_robot.rws.sessions import SESSIONS_MAX
+from protocols.cb.codes import Command
+from tests.mock_robot.bench import AWAY
+from tests.mock_robot.running_cell import becomes
+from tests.mock_robot.rws_cell import RwsCell, rws_cell
+from tests.support.waiting import quick_timing
+
+VERSIONS = pytest.mark.parametrize("version", [1, 2])
+
+
+@asynccontextmanager
+async def robot_at(cell: RwsCell, version: int, options: str = "") -> AsyncIterator[RwsRobot]:
+    robot = open_robot(cell.rws(version) + options, quick_timing())
+    assert isinstance(robot, RwsRobot)
+    try:
+        await robot.connected(10.0)
+        yield robot
+    finally:
+        await robot.close()
+
+
+@VERSIONS
+async def test_it_finds_the_version_by_itself_and_reads_what_the_cb_link_reads(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        assert f"RWS {version}.0: motoron, AUTO, RAPID running" in robot.link.detail
+        other = CbRobot(TcpTransport(*cell.robot))
+        other.start()
+        try:
+            await other.connected(10.0)
+            told, here = await other.read_pose(), await robot.read_pose()
+            assert np.array_equal(told.base_T_flange[:3, 3], np.float32(here.base_T_flange[:3, 3]))
+            assert np.allclose(told.base_T_flange, here.base_T_flange, rtol=0, atol=1e-6)
+            assert told.configuration == here.configuration
+            assert told.external_axes == here.external_axes
+            assert np.allclose(await other.read_joints(), await robot.read_joints(), rtol=0, atol=1e-8)
+            assert here.still
+            status = await robot.read_status()
+            assert status.motors_on
+            assert not (status.armed or status.moving or status.emergency_stop)
+        finally:
+            await other.close()
+
+
+@VERSIONS
+async def test_the_pendants_speed_ratio_is_read_and_told(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        assert (await robot.read_state()).speed_ratio == 100.0
+        assert not (await robot.read_status()).speed_limited
+        cell.controller.panel.speed_override = 0.4
+        state = await robot.read_state()
+        assert (state.speed_ratio, str(state)) == (40.0, "motoron, AUTO, RAPID running, speed 40 %")
+        assert (await robot.read_status()).speed_limited
+
+
+@VERSIONS
+async def test_a_moving_arm_is_not_still(version: int) -> None:
+    async with rws_cell(time_scale=1.0) as cell, robot_at(cell, version) as robot:
+        arm, now_s = cell.controller.arm, cell.cell.clock()
+        arm.depart(AWAY, 100.0, False, cell.controller.robot_s(now_s))
+        assert not (await robot.read_pose()).still
+        status = await robot.read_status()
+        assert status.moving
+        assert not status.in_position
+
+
+@VERSIONS
+async def test_it_asks_for_tool0_and_wobj0_whatever_is_selected(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        before = await robot.read_pose()
+        cell.cell.breaks("rws-other-tool")
+        assert np.array_equal((await robot.read_pose()).base_T_flange, before.base_T_flange)
+
+
+@VERSIONS
+async def test_nothing_moves_over_rws_and_the_refusal_says_what_to_do(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        goal = MoveGoal(np.eye(4), Configuration(0, 0, 0, 0))
+        with pytest.raises(MoveRefused, match="--manual") as refused:
+            await robot.move_to(goal)
+        assert refused.value.status == "READ_ONLY"
+        with pytest.raises(RequestRefused, match="tcp://"):
+            await robot.set_armed(True)
+        await robot.set_armed(False)
+        assert cell.controller.arm.departures == 0
+
+
+@VERSIONS
+async def test_stop_ends_the_program_and_the_move(version: int) -> None:
+    async with rws_cell(time_scale=1.0) as cell, robot_at(cell, version) as robot:
+        cell.controller.arm.depart(AWAY, 20.0, False, cell.controller.robot_s(cell.cell.clock()))
+        await robot.stop()
+        assert not cell.controller.panel.program_running
+        await becomes(lambda: not cell.cell.flange_now().moving)
+        assert (await robot.read_event_log())[0].code == 10005
+
+
+async def test_stop_works_before_anything_was_asked() -> None:
+    async with rws_cell() as cell:
+        robot = RwsRobot(RwsAddress.parse(cell.rws(2)), quick_timing())
+        try:
+            await robot.stop()
+            assert not cell.controller.panel.program_running
+        finally:
+            await robot.close()
+
+
+@VERSIONS
+async def test_the_panel_is_told_by_the_controller(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        await becomes(lambda: robot.watching)
+        cell.controller.press_emergency_stop(True, cell.cell.clock())
+        await becomes(lambda: robot.newest_event == cell.controller.recorded)
+        assert (await robot.read_status()).emergency_stop
+        cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
+        await becomes(lambda: "MANR" in robot.link.detail)
+
+
+@VERSIONS
+async def test_modules_are_uploaded_when_asked_and_never_without_mastership(version: int) -> None:
+    modules = {"CELL_shared.sys": b"MODULE CELL_shared(SYSMODULE)\r\nENDMODULE\r\n"}
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        cell.cell.breaks("rws-mastership-held")
+        with pytest.raises(RequestRefused) as refused:
+            await robot.upload_modules(modules)
+        assert refused.value.status == "MASTERSHIP_HELD"
+        assert cell.world.volumes.files == {}
+        cell.cell.mends()
+        with pytest.raises(RequestRefused) as running:
+            await robot.upload_modules(modules, load_into="T_ROB1")
+        assert running.value.status == "WRONG_STATE"
+        await robot.stop()
+        await robot.upload_modules(modules, load_into="T_ROB1")
+        assert cell.world.volumes.files == {"HOME/handeyed/CELL_shared.sys": modules["CELL_shared.sys"]}
+        assert cell.world.memory.modules["T_ROB1"]["CELL_shared"] == "SysMod"
+        assert cell.world.mastership.holder("rapid") is None
+
+
+@VERSIONS
+async def test_reconnects_and_a_restart_leave_one_session(version: int) -> None:
+    async with rws_cell() as cell:
+        sessions = (cell.cell.rws.first if version == 1 else cell.cell.rws.second).sessions
+        for _ in range(SESSIONS_MAX - 3):
+            sessions.open("another client", cell.cell.clock())
+        for _ in range(6):
+            robot = RwsRobot(RwsAddress.parse(cell.rws(version) + f"?version={version}"), quick_timing())
+            await robot.stop()
+            await robot.close()
+        assert sessions.count == SESSIONS_MAX - 3
+        async with robot_at(cell, version) as robot:
+            cell.cell.breaks("link-restart")
+            await robot.connected(10.0)
+            await becomes(lambda: robot.watching and sessions.count == 1)
+            await robot.read_pose()
+
+
+@VERSIONS
+@pytest.mark.parametrize(
+    ("fault", "kind", "words"),
+    [
+        ("rws-401", RequestRefused, "user or password is refused"),
+        ("rws-406", RequestRefused, "media type"),
+        ("rws-503", DeviceUnreachable, "70 sessions are taken"),
+        ("rws-sessions-exhausted", DeviceUnreachable, "70 sessions are taken"),
+        ("rws-garbage", GarbledAnswer, "no answer of RWS"),
+    ],
+)
+async def test_each_fault_has_its_error_and_is_over_when_it_is_over(
+    version: int, fault: str, kind: type[DeviceError], words: str
+) -> None:
+    async with rws_cell() as cell, robot_at(cell, version, f"?version={version}") as robot:
+        cell.cell.breaks(fault)
+        with pytest.raises(DeviceError) as refused:
+            await robot.read_pose()
+        assert isinstance(refused.value, kind), refused.value
+        assert words in str(refused.value)
+        await becomes(lambda: not robot.link.connected and words in robot.link.detail)
+        cell.cell.mends()
+        await robot.connected(10.0)
+        assert (await robot.read_pose()).still
+
+
+@VERSIONS
+async def test_a_fault_of_which_no_version_is_known_is_told_in_the_controllers_words(version: int) -> None:
+    async with rws_cell() as cell:
+        cell.cell.breaks("rws-503")
+        robot = RwsRobot(RwsAddress.parse(cell.rws(version)), quick_timing())
+        with pytest.raises(DeviceUnreachable, match="503"):
+            await robot.stop()
+        await robot.close()
+
+
+async def test_nobody_there_is_told_for_both_versions_and_a_wrong_password_is_tried_once() -> None:
+    robot = RwsRobot(RwsAddress.parse("rws://127.0.0.1:9"), quick_timing())
+    with pytest.raises(DeviceUnreachable, match=r"HTTPS: nobody answers.*HTTP: nobody answers"):
+        await robot.stop()
+    await robot.close()
+    async with rws_cell() as cell:
+        robot = RwsRobot(RwsAddress.parse(cell.rws(2).replace("rws://", "rws://Admin:guess@")), quick_timing())
+        with pytest.raises(RequestRefused, match="user or password") as refused:
+            await robot.stop()
+        assert "guess" not in str(refused.value)
+        await robot.close()
+
+
+@VERSIONS
+async def test_a_subscription_that_has_gone_mute_is_noticed_and_opened_again(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        await becomes(lambda: robot.watching)
+        cell.cell.breaks("rws-subscription-gone")
+        cell.cell.mends()
+        cell.controller.switch_motors(False, cell.cell.clock())
+        await becomes(lambda: robot.newest_event < cell.controller.recorded)
+        await becomes(lambda: "motoroff" in robot.link.detail)
+        await becomes(lambda: not robot.watching)
+        await becomes(lambda: robot.watching)
+        cell.controller.switch_motors(True, cell.cell.clock())
+        await becomes(lambda: robot.newest_event == cell.controller.recorded)
+
+
+async def test_robotware_8_has_no_mastership_and_the_upload_says_so() -> None:
+    async with rws_cell() as cell, robot_at(cell, 2) as robot:
+        cell.cell.breaks("rws-410")
+        with pytest.raises(RequestRefused, match="no mastership any more") as refused:
+            await robot.upload_modules({"x.mod": b"MODULE x\nENDMODULE"})
+        assert refused.value.status == "GONE"
+
+
+async def test_a_late_answer_is_waited_for() -> None:
+    async with rws_cell() as cell, robot_at(cell, 2) as robot:
+        cell.cell.breaks("rws-slow")
+        began_s = time.monotonic()
+        await robot.read_joints()
+        assert time.monotonic() - began_s > 0.9
+
+
+async def test_a_certificate_that_is_given_is_the_only_one_that_is_trusted(tmp_path) -> None:
+    from mock_robot.rws.certificate import write_self_signed
+
+    certificate, _ = write_self_signed(tmp_path, "127.0.0.1")
+    async with rws_cell() as cell:
+        robot = RwsRobot(RwsAddress.parse(f"{cell.rws(2)}?version=2&certificate={certificate}"), quick_timing())
+        with pytest.raises(DeviceUnreachable, match="CERTIFICATE_VERIFY_FAILED"):
+            await robot.stop()
+        await robot.close()
+
+
+@VERSIONS
+async def test_the_second_way_stops_a_move_when_the_cb_link_breaks(version: int) -> None:
+    async with rws_cell(time_scale=1.0) as cell:
+        host, port = cell.robot
+        robot = open_robot(f"tcp://{host}:{port}", stop_address=cell.rws(version))
+        try:
+            await becomes(lambda: robot.link.connected and robot.link.detail.endswith("way to stop: there"))
+            await robot.set_armed(True)
+            cell.cell.breaks("link-reset", only=Command.STATUS, after_moves=1)
+            arm = cell.controller.arm.arm
+            goal = MoveGoal(arm.forward(AWAY), Configuration(*arm.configuration(AWAY)), speed_mm_s=50.0)
+            with pytest.raises(LinkLost):
+                await robot.move_to(goal)
+            await becomes(lambda: not cell.cell.flange_now().moving)
+            assert not cell.controller.panel.program_running
+        finally:
+            await robot.close()

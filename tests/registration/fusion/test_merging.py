@@ -1,0 +1,153 @@
+"""Views as one cloud: blended, without strays, with normals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calibration.transforms import Array
+from registration.errors import ScanError
+from registration.fusion.merging import NORMALS, Merge, Merger
+from registration.io.reading import open_cloud
+from registration.points.hash_index import CellIndex
+from registration.points.layout import XYZ_FLOAT32, Layout, Records
+from registration.points.voxel_grid import VoxelGrid
+from registration.report import register_scan
+from registration.scan import read_scan
+from tests.registration.clouds import RICH, cloud, xyz
+from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, poses, view_of, write_scan
+from tests.registration.test_scan import ticks
+from tests.support.cases import cases
+
+CAMERA_MM = np.array([0.0, 0.0, 400.0])
+STRAYS_MM = np.array([[200.0, 200, 90], [-150, 0, 70], [0, 0, -80]])
+
+
+def sheet(seed: int = 0, strays: bool = False) -> Records:
+    """A sheet with a bump, 200 mm wide, seen from above."""
+    x, y = np.random.default_rng(seed).uniform(-100, 100, (2, 20_000))
+    points = np.column_stack([x, y, 20 * np.exp(-(x**2 + y**2) / 2000)])
+    points = np.concatenate([points, STRAYS_MM]) if strays else points
+    return np.ascontiguousarray(points, "<f4").view(XYZ_FLOAT32.dtype)[:, 0]
+
+
+def merged(merge: Merge, *views: Records, layout: Layout = XYZ_FLOAT32) -> tuple[Records, Merger]:
+    merger = Merger(merge, layout)
+    blocks = list(merger.merged(((view[:9000], view[9000:]), CAMERA_MM) for view in views))
+    return np.concatenate([*blocks, np.empty(0, merger.layout.dtype)]), merger
+
+
+@settings(max_examples=cases(100), deadline=None)
+@given(st.lists(st.lists(st.integers(0, 60) | st.integers(0, 2**62), max_size=400), max_size=6))
+def test_equal_keys_have_one_number_and_others_another(pieces: list[list[int]]) -> None:
+    index = CellIndex()
+    numbers: dict[int, int] = {}
+    for piece in pieces:
+        found = index.numbers(np.array(piece, np.int64))
+        for key, number in zip(piece, found.tolist(), strict=True):
+            assert numbers.setdefault(key, number) == number
+    assert sorted(numbers.values()) == list(range(len(numbers))) == list(range(len(index)))
+    assert {key: number for number, key in enumerate(index.keys.tolist())} == numbers
+
+
+def test_a_table_grows_without_forgetting() -> None:
+    index, keys = CellIndex(), np.random.default_rng(0).integers(0, 1 << 62, 300_000)
+    first = [index.numbers(piece) for piece in np.split(keys, 300)]
+    assert np.array_equal(np.concatenate(first), index.numbers(keys))
+    assert np.array_equal(index.keys[index.numbers(keys)], keys)
+
+
+def test_the_bits_of_an_average_do_not_depend_on_the_blocks() -> None:
+    records = cloud(RICH, 50_000)
+    answers = []
+    for size in (50_000, 777, 12_345):
+        grid = VoxelGrid(100.0, RICH)
+        for start in range(0, len(records), size):
+            grid.add(records[start : start + size])
+        answers.append(np.concatenate(list(grid.blocks())))
+    assert answers[0].tobytes() == answers[1].tobytes() == answers[2].tobytes()
+
+
+def test_every_point_stays_unless_asked() -> None:
+    answer, _ = merged(Merge(), sheet(0), sheet(1))
+    assert answer.tobytes() == sheet(0).tobytes() + sheet(1).tobytes()
+
+
+def test_what_two_views_saw_blends() -> None:
+    once, _ = merged(Merge(5.0), sheet(0))
+    twice, _ = merged(Merge(5.0), sheet(0), sheet(1))
+    assert len(once) <= len(twice) < 1.05 * len(once)
+
+
+@pytest.mark.parametrize("outliers", ["statistical", "radius"])
+def test_strays_are_left_out_and_the_sheet_stays(outliers: str) -> None:
+    kept, _ = merged(Merge(3.0), sheet(strays=True))
+    answer, merger = merged(Merge(3.0, outliers=outliers), sheet(strays=True))  # type: ignore[arg-type]
+    assert set(map(tuple, STRAYS_MM.tolist())) <= set(map(tuple, xyz(kept).tolist()))
+    assert not set(map(tuple, STRAYS_MM.tolist())) & set(map(tuple, xyz(answer).tolist()))
+    assert merger.averaged == len(kept)
+    assert merger.left_out == len(kept) - len(answer)
+    assert len(answer) > 0.9 * len(kept)
+
+
+def test_normals_are_fitted_and_look_at_the_camera() -> None:
+    answer, merger = merged(Merge(3.0, normals=True), sheet())
+    points, normals = xyz(answer), xyz(answer, NORMALS)
+    slope = -points[:, 2:] * points[:, :2] / 1000
+    true = np.column_stack([-slope, np.ones(len(slope))])
+    true /= np.linalg.norm(true, axis=1, keepdims=True)
+    inside = np.abs(points[:, :2]).max(axis=1) < 90
+    angle_deg = np.degrees(np.arccos(np.clip(np.sum(normals * true, axis=1), -1, 1)))[inside]
+    assert merger.layout.normals == NORMALS
+    assert np.median(angle_deg) < 1.5
+    assert angle_deg.max() < 15
+
+
+def test_measured_normals_are_averaged_not_fitted() -> None:
+    records = cloud(RICH, 5000)
+    fitted, merger = merged(Merge(50.0, normals=True), records, layout=RICH)
+    plain, _ = merged(Merge(50.0), records, layout=RICH)
+    assert merger.layout == RICH
+    assert fitted.tobytes() == plain.tobytes()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_hardly_any_points_are_merged_all_the_same(count: int) -> None:
+    for outliers in ("keep", "statistical", "radius"):
+        answer, _ = merged(Merge(1.0, True, outliers), sheet()[:count])  # type: ignore[arg-type]
+        assert len(answer) == (0 if outliers == "radius" else count)
+        assert np.isfinite(xyz(answer, NORMALS)).all()
+
+
+def test_what_needs_averages_is_refused_without() -> None:
+    for merge in ({"normals": True}, {"outliers": "radius"}):
+        with pytest.raises(ScanError, match=r"no voxel is stated: state its edge"):
+            Merge(**merge)  # type: ignore[arg-type]
+    with pytest.raises(ScanError, match="outliers cannot be 'all'"):
+        Merge(1.0, outliers="all")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".bin"])
+def test_a_scan_is_written_whole_and_view_by_view(tmp_path: Path, suffix: str) -> None:
+    true = poses(3)
+    write_scan(tmp_path, [view_of(bumpy, pose @ FLANGE_T_CAMERA, index) for index, pose in enumerate(true)], true)
+    (tmp_path / "views").mkdir()
+    report = register_scan(
+        read_scan(tmp_path),
+        HAND,
+        tmp_path / f"merged{suffix}",
+        ticks(),  # type: ignore[arg-type]
+        merge=Merge(4.0, normals=True, outliers="statistical"),
+        views_out=tmp_path / "views",
+    )
+    whole = read(tmp_path / f"merged{suffix}")
+    assert len(whole) == report.points
+    assert "outliers-left-out" in [finding.code for finding in report.verdict.findings]
+    assert sum(len(read(file)) for file in (tmp_path / "views").iterdir()) == sum(view.points for view in report.views)
+
+
+def read(path: Path) -> Array:
+    with open_cloud(path) as source:
+        return np.concatenate([xyz(block) for block in source.blocks()])
