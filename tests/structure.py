@@ -1,0 +1,172 @@
+"""Counts of the structure, from the source as it stands: `python -m tests.structure`.
+
+A unit is a module or package at the root of a room; an arrow is an import from one unit to another of the same room.
+`tests/test_rooms.py` compares the counts with their limits; import-linter checks the order of the layers.
+"""
+
+import ast
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("calibration", "daemon", "drivers", "mock_robot", "protocols", "registration")
+
+MAX_UNITS = {"calibration": 23, "daemon": 22, "mock_robot": 16, "registration": 10}
+MAX_PARTICIPLE_SHARE = 0.03
+MAX_TOLD = 15
+
+IRREGULAR_PARTICIPLES = """
+begun bought brought built caught chosen dealt done drawn driven fallen forgotten found frozen given gone grown heard
+held hidden kept known laid led lit lost made met said seen sent shown sought spent spoken stood taken taught thrown
+told understood worn woven written
+"""
+NOT_PARTICIPLES = frozenset({"embed", "exceed", "feed", "need", "proceed", "seed", "shed", "speed"})
+
+Graph = dict[str, set[str]]
+
+
+@dataclass(frozen=True)
+class Room:
+    """Units at a room's root, imports between them, and the groups of units that import each other in a circle."""
+
+    name: str
+    units: int
+    arrows: int
+    cycles: list[list[str]]
+
+
+def python_files(*folders: str) -> Iterator[Path]:
+    """Python files below `folders` of the repository, sorted."""
+    for folder in folders:
+        yield from sorted((ROOT / folder).rglob("*.py"))
+
+
+def module_name(file: Path) -> str:
+    """Dotted name of `file`; a package's name for its `__init__.py`."""
+    return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def imports_of(file: Path, modules: Iterable[str]) -> set[str]:
+    """Those of `modules` that `file` imports, at any depth of its code."""
+    known, found = set(modules), set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                found.add(next((name for name in (f"{node.module}.{alias.name}", node.module) if name in known), ""))
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names} & known
+    return found - {""}
+
+
+def import_graph() -> Graph:
+    """Imports between all modules of the rooms."""
+    files = {module_name(file): file for file in python_files(*ROOMS)}
+    return {module: imports_of(file, files) for module, file in files.items()}
+
+
+def room_of(graph: Graph, name: str) -> Room:
+    """The room `name` of a module graph, its modules folded into the units at its root."""
+    units: Graph = {module.split(".")[1]: set() for module in graph if module.startswith(f"{name}.")}
+    for module, targets in graph.items():
+        for target in targets:
+            source_unit, target_unit = (dotted.split(".")[1:2] for dotted in (module, target))
+            if module.split(".")[0] == target.split(".")[0] == name and source_unit and target_unit:
+                units[source_unit[0]] |= set(target_unit) - set(source_unit)
+    return Room(name, len(units), sum(map(len, units.values())), cycles_of(units))
+
+
+def cycles_of(graph: Graph) -> list[list[str]]:
+    """Strongly connected components of more than one node, sorted."""
+    reached = {node: _reachable(graph, node) for node in graph}
+    groups = {frozenset({node, *(other for other in reached[node] if node in reached[other])}) for node in graph}
+    return sorted(sorted(group) for group in groups if len(group) > 1)
+
+
+def _reachable(graph: Graph, start: str) -> set[str]:
+    found: set[str] = set()
+    ahead = [start]
+    while ahead:
+        ahead += (new := graph.get(ahead.pop(), set()) - found)
+        found |= new
+    return found
+
+
+def participle_functions(folder: str) -> tuple[list[str], int]:
+    """`file:function` of each function of `folder` named by a past participle first, and the number of functions."""
+    names, total = [], 0
+    for file in python_files(folder):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                total += 1
+                if is_participle(node.name.strip("_").split("_")[0]):
+                    names.append(f"{file.relative_to(ROOT)}:{node.name}")
+    return names, total
+
+
+def is_participle(word: str) -> bool:
+    """Whether `word` is a past participle by its ending, or one of the irregular ones."""
+    return word in IRREGULAR_PARTICIPLES.split() or (word.endswith("ed") and word not in NOT_PARTICIPLES)
+
+
+def told_lines(*folders: str) -> list[str]:
+    """`file:line` of each line of `folders` with the word told, tell or tells, as a word or part of a name."""
+    word = re.compile(r"(?<![A-Za-z])(told|tells?)(?![A-Za-z])")
+    return [
+        f"{file.relative_to(ROOT)}:{number}"
+        for file in python_files(*folders)
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
+        if word.search(line)
+    ]
+
+
+def imports_between_tests() -> list[str]:
+    """`importer -> test module` for each import of a test module by a test or benchmark."""
+    return [
+        f"{file.relative_to(ROOT)} -> {module}"
+        for file, module in _imports_below("tests", "benchmarks")
+        if module.startswith("tests.") and module.rsplit(".", 1)[1].startswith("test_")
+    ]
+
+
+def benchmarks_in_tests() -> list[str]:
+    """`test -> benchmark` for each import of a benchmark below tests/."""
+    return [
+        f"{file.relative_to(ROOT)} -> {module}"
+        for file, module in _imports_below("tests")
+        if module.split(".")[0] == "benchmarks"
+    ]
+
+
+def _imports_below(*folders: str) -> Iterator[tuple[Path, str]]:
+    modules = {module_name(file) for file in python_files("tests", "benchmarks")} | {"benchmarks", "tests"}
+    for file in python_files(*folders):
+        for module in sorted(imports_of(file, modules)):
+            yield file, module
+
+
+def main() -> None:
+    """Print all counts beside their limits."""
+    graph = import_graph()
+    print(f"{'room':14}{'units':>6}{'limit':>7}{'arrows':>8}  cycles of units")
+    for name in ROOMS:
+        room = room_of(graph, name)
+        print(f"{name:14}{room.units:>6}{MAX_UNITS.get(name, '-'):>7}{room.arrows:>8}  {room.cycles or 'none'}")
+    print(f"cycles of files: {cycles_of(graph) or 'none'}")
+    shares: dict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
+    for name in ROOMS:
+        names, total = participle_functions(name)
+        shares[name] = len(names), total
+    found, functions = (sum(column) for column in zip(*shares.values(), strict=True))
+    print(f"functions named by a participle: {found} of {functions}, {found / functions:.1%} (at most 3 %)")
+    for name, (few, total) in shares.items():
+        print(f"    {name}: {few} of {total}, {few / total:.1%}")
+    print(f"lines with told, tell, tells: {len(told_lines(*ROOMS))} (fewer than {MAX_TOLD})")
+    print(f"imports of a test module: {len(imports_between_tests())} (none)")
+    print(f"imports of benchmarks in tests: {len(benchmarks_in_tests())} (none)")
+
+
+if __name__ == "__main__":
+    main()
