@@ -10,9 +10,9 @@ import numpy as np
 
 from calibration.likelihood.predicted_uncertainty import Scene, predict
 from calibration.planning.jog_advice import advise
-from calibration.planning.learning import Guess
 from calibration.planning.next_view import Wish, foresee, next_view
 from calibration.planning.plan import plan_poses
+from calibration.planning.scene_belief import Guess
 from calibration.planning.viewpoints import flange_poses
 from calibration.problem import Detection, Problem, View
 from calibration.transforms import Array, map_points, rotation_from_vector, transform

@@ -19,6 +19,7 @@ from calibration.likelihood.mixed_model import Variances, linearised, of_views, 
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import pixel_statistics
 from calibration.problem import Setup
+from calibration.solution import Uncertainty
 from calibration.targets import Target
 from calibration.transforms import Array, inverse, map_points, skew
 
@@ -89,6 +90,21 @@ def prediction_of(scene: Scene, information: Array, distance_mm: float) -> Predi
     rotation_rad, translation_mm = (np.sqrt(np.diagonal(block)) for block in (covariance[:3, :3], along_mount))
     return Prediction(
         covariance, rotation_rad, translation_mm, float(np.sqrt(np.einsum("ij,ji->", weights, covariance)))
+    )
+
+
+def uncertainty_of(
+    covariance: Array, mount_T_camera: Array, camera: CameraModel, target_distance_mm: float
+) -> Uncertainty:
+    """From the covariance (6, 6) of [rotation rad, translation mm] of mount_T_camera @ exp(.)."""
+    mount_R_camera = mount_T_camera[:3, :3]
+    translation = np.diagonal(mount_R_camera @ covariance[3:, 3:] @ mount_R_camera.T)
+    weights = point_weights(working_points_mm(camera, target_distance_mm))
+    return Uncertainty(
+        translation_mm=np.sqrt(translation),
+        rotation_rad=np.sqrt(np.diagonal(covariance)[:3]),
+        point_mm=float(np.sqrt(np.sum(weights * covariance))),
+        covariance=covariance,
     )
 
 

@@ -20,8 +20,8 @@ from calibration.likelihood.predicted_uncertainty import (
     working_points_mm,
 )
 from calibration.observability import motion_of
-from calibration.planning.learning import Belief, Guess, learnt
 from calibration.planning.next_view import Wish
+from calibration.planning.scene_belief import Belief, Guess, learnt
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.planning.viewpoints import Limits, allowed
 from calibration.problem import Problem

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.likelihood.predicted_uncertainty import predict
-from calibration.planning.learning import Belief, Guess, learnt
 from calibration.planning.plan import Plan, PlanningError, plan_poses
+from calibration.planning.scene_belief import Belief, Guess, learnt
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.planning.viewpoints import Limits, allowed, in_sight
 from calibration.problem import Problem

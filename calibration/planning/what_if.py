@@ -7,9 +7,9 @@ import numpy as np
 
 from calibration.kinematics.arm import Arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
-from calibration.planning.learning import LEAST_IMAGE_NOISE_PX, VIEWS_THAT_TELL_NOISE
 from calibration.planning.plan import PlanningError, plan_poses
 from calibration.planning.reachability import reachable_by
+from calibration.planning.scene_belief import LEAST_IMAGE_NOISE_PX, VIEWS_THAT_TELL_NOISE
 from calibration.planning.viewpoints import Limits
 from calibration.problem import Problem
 from calibration.solution import Finding, Solution

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from calibration.errors import UndeterminedError
 from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.uncertainty import uncertainty_of
+from calibration.likelihood.predicted_uncertainty import uncertainty_of
 from calibration.observability import axis_in_words, motion_of
 from calibration.observations.observations import Observations, Unusable, observe, scaled
 from calibration.observations.reprojection import pixel_residuals

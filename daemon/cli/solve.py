@@ -65,8 +65,8 @@ def solve(
 def _solve(folder: Path, method: str) -> "CalibrationDocument":
     from dataclasses import replace
 
+    from calibration.documents.calibration import calibration_document
     from calibration.documents.plan import NoiseExpectedDocument
-    from calibration.documents.report import calibration_document
     from calibration.planning.what_if import Alternative
     from calibration.solve import solve_hand_eye
     from calibration.verdict import judge

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 from calibration.errors import UndeterminedError
 from calibration.planning.exploration import Exploration, turned
-from calibration.planning.learning import Guess
 from calibration.planning.next_view import NextView, Wish, foresee, next_view
 from calibration.planning.plan import Plan, PlanningError
 from calibration.planning.reachability import reachable_by
+from calibration.planning.scene_belief import Guess
 from calibration.planning.viewpoints import Limits
 from calibration.problem import Problem, View
 from calibration.transforms import Array

@@ -3,8 +3,7 @@
 from dataclasses import dataclass, replace
 
 from calibration.diagnosis.findings import ExpectedMount, mount_findings
-from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.report import calibration_document
+from calibration.documents.calibration import CalibrationDocument, calibration_document
 from calibration.planning.what_if import Alternative
 from calibration.problem import Problem
 from calibration.solve import solve_hand_eye

@@ -8,8 +8,8 @@ from calibration.diagnosis.findings import ExpectedMount
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.target import TargetDocument
-from calibration.planning.learning import Guess
 from calibration.planning.next_view import Wish
+from calibration.planning.scene_belief import Guess
 from calibration.planning.viewpoints import Limits
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import CalibrationSettings, TaughtPose

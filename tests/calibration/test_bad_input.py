@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise
-from calibration.planning.learning import Guess, learnt
+from calibration.planning.scene_belief import Guess, learnt
 from calibration.problem import Detection, Problem, View
 from calibration.solve import METHODS, solve_hand_eye
 from calibration.targets import Chessboard

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.closed_forms.registry import CLOSED_FORMS
-from calibration.documents.report import calibration_document
+from calibration.documents.calibration import calibration_document
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict

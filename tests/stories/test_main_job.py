@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.documents.report import calibration_document
+from calibration.documents.calibration import calibration_document
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
 from daemon.sessions.session_reader import load_problem, open_session

@@ -8,9 +8,8 @@ import pytest
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import Scene
 from calibration.planning.exploration import ANGLES_DEG, Exploration, turned
-from calibration.planning.learning import Guess, learnt
 from calibration.planning.next_view import NextView, Wish, foresee, next_view
-from calibration.planning.scene_belief import alternatives
+from calibration.planning.scene_belief import Guess, alternatives, learnt
 from calibration.planning.viewpoints import flange_poses, target_in_view
 from calibration.planning.what_if import Alternative
 from calibration.problem import Detection, Problem, View

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.errors import DetectionError
-from calibration.observations.target_pose import target_pose
+from calibration.observations.view_poses import target_pose
 from calibration.problem import Detection
 from calibration.targets import Chessboard
 from calibration.transforms import difference, map_points, rotation_from_vector, transform
