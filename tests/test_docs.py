@@ -1,0 +1,32 @@
+"""The documents name files and folders that exist."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+TOP = "benchmarks|calibration|daemon|deploy|docs|drivers|mock_robot|protocols|registration|tests"
+PATH = re.compile(rf"(?<![\w/.-])((?:{TOP})/[\w./{{}},-]*\w/?)")
+LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
+
+
+def named_paths(document: Path) -> Iterator[str]:
+    """Paths of the repository in `document`, `{a,b}` expanded, without those that the build makes."""
+    for path in PATH.findall(document.read_text(encoding="utf-8")):
+        match = re.fullmatch(r"([^{}]*)\{([^{}]*)\}([^{}]*)", path)
+        yield from (match[1] + part + match[3] for part in match[2].split(",")) if match else [path]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_files_that_a_document_names_exist(document: Path) -> None:
+    missing = [path for path in named_paths(document) if not (ROOT / path).exists()]
+    assert missing == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_links_of_a_document_lead_somewhere(document: Path) -> None:
+    links = LINK.findall(document.read_text(encoding="utf-8"))
+    assert [link for link in links if not (document.parent / link).exists()] == []
