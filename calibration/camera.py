@@ -39,15 +39,11 @@ class CameraModel:
         xy2 = 2 * x * y
         return x * radial + p1 * xy2 + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + p2 * xy2
 
-    def distortion_jacobian(self, xy: Array) -> Array:
-        """d distort / d xy (n, 2, 2) at ideal normalised coordinates (n, 2); it is symmetric."""
-        jacobian = np.empty((len(xy), 2, 2))
-        jacobian[:, 0, 0], jacobian[:, 0, 1], jacobian[:, 1, 1] = self.distortion_slopes(xy[:, 0], xy[:, 1])
-        jacobian[:, 1, 0] = jacobian[:, 0, 1]
-        return jacobian
-
     def distortion_slopes(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Its three elements d x / d x, d x / d y = d y / d x, d y / d y, for arrays of any shape."""
+        """Derivative of `distorted` by (x, y), for arrays of any shape.
+
+        It is symmetric; its three elements are d x / d x, d x / d y = d y / d x and d y / d y.
+        """
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))

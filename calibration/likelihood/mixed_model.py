@@ -77,11 +77,6 @@ class MixedModel:
         return self.by_robot[:, :, :6]
 
     @property
-    def UA(self) -> Array:
-        """U' A (n, 6, p)"""
-        return self.by_robot[:, :, 6:-1]
-
-    @property
     def UAy(self) -> Array:
         """U' [A, y] (n, 6, p + 1)"""
         return self.by_robot[:, :, 6:]

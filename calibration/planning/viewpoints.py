@@ -27,14 +27,16 @@ class Limits:
     image_margin: float = 0.04
 
 
-PARAMETERS = ("tilt_x_rad", "tilt_y_rad", "roll_rad", "distance_mm", "aim_x", "aim_y")
-"""A viewpoint; aim is where the target's middle is meant to lie, in shares of half the image from its middle."""
-
 AIM_LIMIT = 0.4
+"""Of `aim_x` and `aim_y`, in shares of half the image from its middle."""
 
 
 def random_viewpoints(limits: Limits, count: int, rng: np.random.Generator) -> Array:
-    """(count, 6), spread evenly over what `limits` allow."""
+    """Viewpoints (count, 6), spread evenly over what `limits` allow.
+
+    A viewpoint is [tilt_x_rad, tilt_y_rad, roll_rad, distance_mm, aim_x, aim_y]; aim is where in the image the target's
+    middle is meant to lie.
+    """
     tilt = limits.tilt_rad * np.sqrt(rng.random(count))
     azimuth = rng.uniform(-np.pi, np.pi, count)
     return np.column_stack(

@@ -14,8 +14,6 @@ from calibration.transforms import Array
 Sources = dict[str, Array]
 """Directions (n, 6, k) by source."""
 
-ROBOT_SOURCES = ("robot rotation", "robot translation")
-
 
 def robot(at: Linearised) -> Sources:
     """Errors of the flange's pose in its own frame, and turns of the whole arm about its base."""
