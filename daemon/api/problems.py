@@ -4,17 +4,14 @@ from typing import Any
 
 from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel, ConfigDict
 from starlette.exceptions import HTTPException
 
 from calibration.errors import CalibrationError, DetectionError, DocumentError, DocumentProblem, UndeterminedError
 from daemon import errors
 from daemon.access import errors as access
-from daemon.http.problem_details import phrase_of
+from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, phrase_of
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
-
-MEDIA_TYPE = "application/problem+json"
 
 STATUS: dict[type[Exception], int] = {
     errors.RunInProgress: 409,
@@ -79,35 +76,6 @@ RETRY_AFTER_S = {503: "2", 504: "2"}
 HTTP_CODES = {404: ("no-such-page", "GET / lists what there is"), 405: ("method-not-allowed", "use one of: {allow}")}
 
 
-class PlaceProblem(BaseModel):
-    """One thing wrong with the request."""
-
-    place: str
-    what: str
-    fix: str
-
-
-class Problem(BaseModel):
-    """problem+json. `code` is stable, `detail` and `fix` are for people."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{
-        "type": "urn:handeyed:problem:run-in-progress", "title": "Conflict", "status": 409,
-        "code": "run-in-progress", "detail": "calibration run 20261121-090000-3f9a1c is in progress",
-        "fix": "wait for it to end, or stop it with POST /runs/20261121-090000-3f9a1c/abort",
-        "holder": "20261121-090000-3f9a1c",
-    }]})  # fmt: skip
-
-    type: str
-    title: str
-    status: int
-    code: str
-    detail: str
-    fix: str
-    holder: str | None = None
-    reasons: list[str] | None = None
-    problems: list[PlaceProblem] | None = None
-
-
 def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """For `responses=` of a route: these statuses answer a Problem."""
     return {
@@ -130,13 +98,11 @@ def problem_of(error: Exception) -> Problem:
     code, what, fix = _words(error)
     problems = getattr(error, "problems", None)
     reasons = getattr(error, "reasons", None)
-    return Problem(
-        type=f"urn:handeyed:problem:{code}",
-        title=phrase_of(status),
-        status=status,
-        code=code,
-        detail=what,
-        fix=fix,
+    return Problem.of(
+        status,
+        code,
+        what,
+        fix,
         holder=getattr(error, "holder", None),
         reasons=None if reasons is None else list(reasons),
         problems=None if problems is None else [PlaceProblem(place=p.place, what=p.what, fix=p.fix) for p in problems],
@@ -194,15 +160,6 @@ async def handle_http(_request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     code, fix = HTTP_CODES.get(error.status_code, ("http-error", "see openapi.json"))
     headers = dict(error.headers or {})
-    phrase = phrase_of(error.status_code)
-    return answer(
-        Problem(
-            type=f"urn:handeyed:problem:{code}",
-            title=phrase,
-            status=error.status_code,
-            code=code,
-            detail=str(error.detail or phrase),
-            fix=fix.format(allow=headers.get("Allow", "")),
-        ),
-        headers,
-    )
+    detail = str(error.detail or phrase_of(error.status_code))
+    problem = Problem.of(error.status_code, code, detail, fix.format(allow=headers.get("Allow", "")))
+    return answer(problem, headers)

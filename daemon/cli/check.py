@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from daemon.cli.errors import ExitStatus
-from daemon.cli.output import Json
+from daemon.cli.output import Json, Result
 
 
 def check(
@@ -20,7 +20,6 @@ def check(
     Exit status: 0 everything is well, 1 something is not, 2 the settings cannot be read.
     """
     from daemon.cli.checks import check_devices, check_storage
-    from daemon.cli.result import Result
     from daemon.config.settings import load_settings
 
     settings = load_settings(config)

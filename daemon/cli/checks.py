@@ -16,8 +16,8 @@ from daemon.cell.devices import open_devices
 from daemon.cell.vibration import Quiet
 from daemon.cli.checks_modbus import check_interlocks, check_plc
 from daemon.cli.errors import CommandError
+from daemon.cli.output import Result
 from daemon.cli.rest_client import DaemonClient
-from daemon.cli.result import Result
 from daemon.config.settings import Settings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock

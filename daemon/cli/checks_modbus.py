@@ -6,7 +6,7 @@ import termios
 
 import serial
 
-from daemon.cli.result import Result
+from daemon.cli.output import Result
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.errors import PortTaken
 from daemon.http.listen_socket import listener_at

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
@@ -41,6 +42,20 @@ class Commands(typer.core.TyperGroup):
         except (CalibrationError, DaemonError, DeviceError) as error:
             error_line(str(error))
             raise typer.Exit(ExitStatus.FAILED) from None
+
+
+@dataclass(frozen=True)
+class Result:
+    """One thing that `handeyed check` has looked at: `what` was found, and what to do when it is not well."""
+
+    name: str
+    ok: bool
+    what: str
+    fix: str = ""
+
+    def line(self) -> str:
+        """ok    robot     what"""
+        return f"{'ok' if self.ok else 'FAIL':<6}{self.name:<10}{self.what}" + (f": {self.fix}" if self.fix else "")
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from daemon.config.settings import Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
-from daemon.drift.verifications import Verifications
+from daemon.drift.samples import Verifications
 from daemon.errors import DaemonError, NoCalibration
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock

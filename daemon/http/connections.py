@@ -13,8 +13,7 @@ from typing import Any
 from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from daemon.api.problems import MEDIA_TYPE, Problem
-from daemon.http.problem_details import phrase_of
+from daemon.http.problem_details import MEDIA_TYPE, Problem
 from daemon.http.receive_buffer import Inlet, Room
 from daemon.http.tls_handshake import Handshake
 
@@ -231,10 +230,7 @@ class _PoliteTransport:
 
 def _answer(refusal: Refusal) -> bytes:
     status, code, detail, fix = refusal
-    phrase = phrase_of(status)
-    problem = Problem(
-        type=f"urn:handeyed:problem:{code}", title=phrase, status=status, code=code, detail=detail, fix=fix
-    )
+    problem = Problem.of(status, code, detail, fix)
     body = problem.model_dump_json(exclude_none=True).encode()
-    head = f"HTTP/1.1 {status} {phrase}\r\nContent-Type: {MEDIA_TYPE}\r\nContent-Length: {len(body)}\r\n"
+    head = f"HTTP/1.1 {status} {problem.title}\r\nContent-Type: {MEDIA_TYPE}\r\nContent-Length: {len(body)}\r\n"
     return f"{head}Connection: close\r\n\r\n".encode() + body

@@ -1,6 +1,10 @@
-"""What a status is called: as in RFC 9110, whichever Python this is. Some names changed with it, and in Python 3.13."""
+"""Problem details (RFC 9457), the body of every refusal; reason phrases of RFC 9110, whichever Python this is."""
 
 from http import HTTPStatus
+
+from pydantic import BaseModel, ConfigDict
+
+MEDIA_TYPE = "application/problem+json"
 
 _RENAMED = {
     413: "Content Too Large",
@@ -8,8 +12,56 @@ _RENAMED = {
     416: "Range Not Satisfiable",
     422: "Unprocessable Content",
 }
+"""Python 3.13 changed these names."""
 
 
 def phrase_of(status: int) -> str:
     """Not Found"""
     return _RENAMED.get(status) or HTTPStatus(status).phrase
+
+
+class PlaceProblem(BaseModel):
+    """One thing wrong with the request."""
+
+    place: str
+    what: str
+    fix: str
+
+
+class Problem(BaseModel):
+    """problem+json. `code` is stable, `detail` and `fix` are for people."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{
+        "type": "urn:handeyed:problem:run-in-progress", "title": "Conflict", "status": 409,
+        "code": "run-in-progress", "detail": "calibration run 20261121-090000-3f9a1c is in progress",
+        "fix": "wait for it to end, or stop it with POST /runs/20261121-090000-3f9a1c/abort",
+        "holder": "20261121-090000-3f9a1c",
+    }]})  # fmt: skip
+
+    type: str
+    title: str
+    status: int
+    code: str
+    detail: str
+    fix: str
+    holder: str | None = None
+    reasons: list[str] | None = None
+    problems: list[PlaceProblem] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        status: int,
+        code: str,
+        detail: str,
+        fix: str,
+        *,
+        holder: str | None = None,
+        reasons: list[str] | None = None,
+        problems: list[PlaceProblem] | None = None,
+    ) -> "Problem":
+        """With the `type` and `title` that follow from code and status."""
+        return cls(
+            type=f"urn:handeyed:problem:{code}", title=phrase_of(status), status=status, code=code, detail=detail,
+            fix=fix, holder=holder, reasons=reasons, problems=problems,
+        )  # fmt: skip

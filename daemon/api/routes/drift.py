@@ -9,7 +9,7 @@ from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import drift_in_words
 from daemon.api.problems import documented
 from daemon.api.schemas.drift import DriftDocument
-from daemon.drift.verifications import MOST
+from daemon.drift.samples import MOST
 
 router = APIRouter(tags=["calibrate"])
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from daemon.cli.checks_modbus import check_interlocks, check_line, check_plc, check_port
-from daemon.cli.result import Result
+from daemon.cli.output import Result
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from tests.daemon.cli.running import handeyed
 from tests.daemon.scans.test_scans_killed import SETTINGS

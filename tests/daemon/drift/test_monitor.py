@@ -15,9 +15,8 @@ import pytest
 from calibration.monitoring.control_chart import DriftStanding
 from calibration.transforms import Array, transform
 from daemon.drift.monitor import DriftWatch
-from daemon.drift.samples import belongs
+from daemon.drift.samples import Verifications, belongs
 from daemon.drift.schedule import RETRY_S, DriftSchedule
-from daemon.drift.verifications import Verifications
 from daemon.errors import CellBusy
 from daemon.model.records import Applied, RunRecord
 from daemon.model.run_states import RunState
@@ -148,7 +147,7 @@ async def test_the_chart_is_told_over_rest_with_every_verification_that_is_over(
 
 async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also past a run that is in progress, or whose end could not be stored yet."""
-    monkeypatch.setattr("daemon.drift.verifications.PAGE", 2)
+    monkeypatch.setattr("daemon.drift.samples.PAGE", 2)
     async with calibrated(tmp_path) as (bench, _):
         for _ in range(5):
             await verifies(bench)
