@@ -2,7 +2,8 @@
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
@@ -17,16 +18,17 @@ from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPo
 from daemon.model.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanView
 from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
 from daemon.model.run_states import RunState
-from daemon.runs.calibration_run import Calibrating
-from daemon.runs.manual_sequence import ManualRoute
+from daemon.runs.adaptive_sequence import AdaptiveSequence
+from daemon.runs.calibration_run import CalibrationRun
+from daemon.runs.manual_sequence import ManualRoute, ManualSequence
 from daemon.runs.operator_requests import Desk
 from daemon.runs.operator_requests import Wish as Asked
 from daemon.runs.pose_selection import Known, adaptive_route, expected_mount, planning_limits, taught
-from daemon.runs.pose_sequence import Itinerary
+from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
-from daemon.runs.scan_run import Scanning
+from daemon.runs.scan_run import ScanRun
 from daemon.runs.supervisor import Departure, Ending, Supervisor
-from daemon.runs.verification_run import Verifying
+from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import Scans
@@ -36,8 +38,8 @@ from daemon.store.store import Store
 VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
 
-
-Route = TypeVar("Route")
+MakeSequence = Callable[[SessionLog, RunLog], PoseSequence]
+OpenSession = Callable[[RunLog], SessionLog]
 
 
 @dataclass(frozen=True)
@@ -55,28 +57,25 @@ class Operations:
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run. Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, StorageError."""
-        target = request.target or self.settings.target
+        settings, target = self.settings.calibration, request.target or self.settings.target
+        session = self._session("calibration", target, self.settings.camera.intrinsics)
 
         async def prepare() -> Departure:
             await self._require_ready(self.cell.looking_obstacles() if request.manual else await self.cell.obstacles())
-            settings, intrinsics = self.settings.calibration, self.settings.camera.intrinsics
-            better = Alternative(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
-            auto = settings.policy == "auto"
-            expected = expected_mount(settings)
-            run = Calibrating(self.cell, self.store, self.workers, self.clock, auto, better, expected)
             poses = () if request.manual else request.poses or taught(settings, request.count)
             if poses:
-                await self._require_allowed(poses)
-                itinerary = Itinerary(poses, self.rules)
-                return self._with_session(itinerary, len(poses), target, intrinsics, run.drive, "calibration")
+                sequence = await self._fixed(poses)
+                return _departure(len(poses), sequence, session, self._calibration_run(compared=True).drive)
             count = request.count or settings.count
             wish = Wish(count, request.uncertainty_mm or settings.uncertainty_mm)
             route = adaptive_route(settings, self.rules, target, await self._known(), wish)
             if request.manual:
                 by_hand = ManualRoute(route, desk := Desk(), settings.manual_wait_s)
-                begun = self._with_session(by_hand, count, target, intrinsics, run.drive_manually, "calibration")
+                sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
+                begun = _departure(count, sequence, session, self._calibration_run(compared=True).drive)
                 return replace(begun, first_state=RunState.WAITING, desk=desk)
-            return self._with_session(route, count, target, intrinsics, run.drive_adaptively, "calibration")
+            sequence = partial(AdaptiveSequence, route, self.cell, self.workers)
+            return _departure(count, sequence, session, self._calibration_run(compared=False).drive)
 
         return await self._start("calibration", request, prepare)
 
@@ -90,22 +89,23 @@ class Operations:
 
     async def verify(self, request: VerifyRequest) -> RunRecord:
         """Start a verify run. Raises as `calibrate`, and NoCalibration."""
-        target = request.target or self.settings.target
+        settings, target = self.settings.calibration, request.target or self.settings.target
 
         async def prepare() -> Departure:
             calibration = await self.current_document()
             await self._require_ready(await self.cell.obstacles())
-            run, settings = Verifying(self.cell, self.workers, calibration), self.settings.calibration
+            run = VerificationRun(self.workers, calibration)
+            session = self._session("verify", target, calibration.camera)
             poses = request.poses or taught(settings, VERIFY_POSITIONS)
             if poses:
-                await self._require_allowed(poses)
-                itinerary = Itinerary(poses, self.rules)
-                return self._with_session(itinerary, len(poses), target, calibration.camera, run.drive, "verify")
+                return _departure(len(poses), await self._fixed(poses), session, run.drive)
             wish = Wish(VERIFY_POSITIONS)
             route = adaptive_route(settings, self.rules, target, Known.by(calibration), wish)
-            return self._with_session(
-                route, VERIFY_POSITIONS, target, calibration.camera, run.drive_adaptively, "verify"
-            )
+
+            def planned(session: SessionLog, log: RunLog) -> PoseSequence:
+                return WithoutFirstView(AdaptiveSequence(route, self.cell, self.workers, session, log))
+
+            return _departure(VERIFY_POSITIONS, planned, session, run.drive)
 
         return await self._start("verify", request, prepare)
 
@@ -124,7 +124,7 @@ class Operations:
                 )
             await self._require_allowed(poses)
             created.append(await self.scans.create(request.name, request.refine))
-            run = Scanning(self.cell, self.scans, self.rules, created[0].id)
+            run = ScanRun(self.cell, self.scans, self.rules, created[0].id)
             return Departure(len(poses), lambda log: run.drive(poses, log))
 
         run = await self._start("scan", request, prepare)
@@ -186,24 +186,38 @@ class Operations:
         joints = await self.cell.robot.read_joints() if self.rules.arm else None
         self.rules.require_allowed(poses, joints)
 
-    def _with_session(
-        self,
-        route: Route,
-        stations: int,
-        target: TargetDocument,
-        camera: CameraDocument | None,
-        drive: Callable[[Route, SessionLog, RunLog], Awaitable[Ending]],
-        kind: str,
-    ) -> Departure:
-        """A run that keeps a session folder under its own id."""
+    async def _fixed(self, poses: tuple[TaughtPose, ...]) -> MakeSequence:
+        await self._require_allowed(poses)
+        return partial(FixedSequence, poses, self.rules, self.cell)
+
+    def _calibration_run(self, *, compared: bool) -> CalibrationRun:
+        """`compared`: the verdict says what planned poses would have given."""
+        settings = self.settings.calibration
+        better = Alternative(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
+        auto, expected = settings.policy == "auto", expected_mount(settings)
+        return CalibrationRun(self.store, self.workers, self.clock, auto, better if compared else None, expected)
+
+    def _session(self, kind: str, target: TargetDocument, camera: CameraDocument | None) -> OpenSession:
+        """A session folder under the run's own id."""
         intrinsics = None if camera is None else CameraDocument.of(camera.camera())
 
-        async def with_session(log: RunLog) -> Ending:
+        def opened(log: RunLog) -> SessionLog:
             source = f"{kind} run {log.id}"
-            session = SessionLog(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
-            return await drive(route, session, log)
+            return SessionLog(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
 
-        return Departure(stations, with_session)
+        return opened
+
+
+def _departure(
+    stations: int,
+    sequence: MakeSequence,
+    session: OpenSession,
+    drive: Callable[[PoseSequence, RunLog], Awaitable[Ending]],
+) -> Departure:
+    async def drive_sequence(log: RunLog) -> Ending:
+        return await drive(sequence(session(log), log), log)
+
+    return Departure(stations, drive_sequence)
 
 
 def require_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

@@ -1,4 +1,4 @@
-"""A tour that plans as it goes: look, learn from what was seen, choose the next pose, move; until enough is known."""
+"""Poses planned one after the other: look, learn from what was seen, choose the next, move; until enough is known."""
 
 import asyncio
 from dataclasses import dataclass, field, replace
@@ -55,18 +55,18 @@ class _Progress:
 
 
 @dataclass(frozen=True)
-class AdaptiveTour:
-    """One such tour: the arm is armed on entry, and left stopped and disarmed, whatever happened."""
+class AdaptiveSequence:
+    """Poses planned after each view. The arm is armed on entry, and left stopped and disarmed, whatever happened."""
 
     route: AdaptiveRoute
     cell: Cell
     workers: Workers
     session: SessionLog
     log: RunLog
-    _at: _Progress = field(default_factory=_Progress)
+    _at: _Progress = field(default_factory=_Progress, init=False)
 
-    async def drive(self, fewest: int) -> Problem:
-        """Every picture stored and searched. Raises TargetNotSeen, NoPoses, PoseRefused, DeviceError, DaemonError."""
+    async def run(self, min_views: int) -> Problem:
+        """As PoseSequence. Raises NoPoses and PoseRefused too."""
         self._at.wish, self._at.stations = self.route.wish, self.route.wish.views_left
         self._at.planning = Planning(note=self.route.assumed)
         async with self.cell.motion_lease(f"run {self.log.id}") as robot:
@@ -80,7 +80,7 @@ class AdaptiveTour:
                     self._missed()
             self._at.stations = self.log.run.station
             await self._told(E.ENOUGH, found)
-        require_seen(self._at.views, fewest)
+        require_seen(self._at.views, min_views)
         await self.log.took(E.DETECTED)
         return self.session.problem(self._at.views)
 

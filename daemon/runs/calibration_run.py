@@ -8,32 +8,28 @@ from calibration.planning.what_if import Alternative
 from calibration.problem import Problem
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
-from daemon.cell.cell import Cell
 from daemon.model.records import Applied, CalibrationRecord
 from daemon.model.run_states import RunEvent as E
-from daemon.runs.adaptive_sequence import AdaptiveRoute, AdaptiveTour
-from daemon.runs.manual_sequence import ManualRoute, ManualTour
-from daemon.runs.pose_sequence import Itinerary, look_from_everywhere
+from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.supervisor import Ending
 from daemon.runtime.clock import Clock
 from daemon.runtime.version import SOFTWARE
 from daemon.runtime.workers import Workers
-from daemon.sessions.session_writer import SessionLog
 from daemon.store.store import Store
 
-FEWEST_VIEWS = 3
+MIN_VIEWS = 3
 """Two motions: fewer cannot determine X (paper, section 2)."""
 
 
 @dataclass(frozen=True)
-class Calibrating:
-    """What the run needs besides its itinerary. `apply_when_accepted` is the policy "auto".
+class CalibrationRun:
+    """What the run needs besides its poses. `apply_when_accepted` is the policy "auto".
 
-    `better`: within which limits poses could have been planned instead; `expected`: where the camera should sit.
+    `better`: within which limits poses could have been planned instead, None where they were planned; `expected`: where
+    the camera should sit.
     """
 
-    cell: Cell
     store: Store
     workers: Workers
     clock: Clock
@@ -41,23 +37,10 @@ class Calibrating:
     better: Alternative | None = None
     expected: ExpectedMount | None = None
 
-    async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
+    async def drive(self, sequence: PoseSequence, log: RunLog) -> Ending:
         """From the first move to the stored calibration, whose id is the run's."""
-        problem = await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS)
-        return await self._conclude(problem, log, self.better)
-
-    async def drive_adaptively(self, route: AdaptiveRoute, session: SessionLog, log: RunLog) -> Ending:
-        """The same, from poses that are planned after each view."""
-        problem = await AdaptiveTour(route, self.cell, self.workers, session, log).drive(FEWEST_VIEWS)
-        return await self._conclude(problem, log, None)
-
-    async def drive_manually(self, route: ManualRoute, session: SessionLog, log: RunLog) -> Ending:
-        """The same, from poses that the operator jogs to."""
-        problem = await ManualTour(route, self.cell, self.workers, session, log).attend(FEWEST_VIEWS)
-        return await self._conclude(problem, log, self.better)
-
-    async def _conclude(self, problem: Problem, log: RunLog, better: Alternative | None) -> Ending:
-        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp(), better, self.expected)
+        problem = await sequence.run(MIN_VIEWS)
+        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp(), self.better, self.expected)
         log.conclude()
         applied = await self._keep(document, log.id)
         return E.SOLVED, {

@@ -1,4 +1,4 @@
-"""A tour without a driver: the operator jogs, asks for a view where the arm stands, and is told where to go next.
+"""Poses that an operator jogs to: he asks for a view where the arm stands, and is advised where to go next.
 
 Nothing here commands the robot: it is only read, so any driver that reads will do, and none needs to be armed.
 """
@@ -46,21 +46,21 @@ class _Progress:
 
 
 @dataclass(frozen=True)
-class ManualTour:
-    """One such tour. The cell is held, and never armed."""
+class ManualSequence:
+    """Poses that an operator jogs to. The cell is held, and never armed."""
 
     route: ManualRoute
     cell: Cell
     workers: Workers
     session: SessionLog
     log: RunLog
-    _at: _Progress = field(default_factory=_Progress)
+    _at: _Progress = field(default_factory=_Progress, init=False)
 
-    async def attend(self, fewest: int) -> Problem:
-        """Every view the operator asked for, until the end is asked for. Raises OperatorGone, StorageError."""
+    async def run(self, min_views: int) -> Problem:
+        """As PoseSequence: every view the operator asks for, until the end is asked for. Raises OperatorGone too."""
         try:
             async with self.cell.held_by(f"run {self.log.id}"):
-                while not await self._served(await self._next(), fewest):
+                while not await self._served(await self._next(), min_views):
                     pass
         finally:
             self.route.desk.close()
@@ -76,11 +76,11 @@ class ManualTour:
                 "start again when somebody is at the cell; or allow more in [calibration] manual_wait_s",
             ) from None
 
-    async def _served(self, asked: Asked, fewest: int) -> bool:
+    async def _served(self, asked: Asked, min_views: int) -> bool:
         """Whether that was the end. What is refused is told, and leaves the run as it was."""
         try:
             if asked.wish == "the end":
-                self._require_enough(fewest)
+                self._require_enough(min_views)
                 await self.log.took(E.ENOUGH, stations=self.log.run.station)
             else:
                 await self._take()
@@ -95,9 +95,11 @@ class ManualTour:
         asked.grant()
         return asked.wish == "the end"
 
-    def _require_enough(self, fewest: int) -> None:
-        if (seen := len(self._at.seen)) < fewest:
-            raise TooFewViews(f"{seen} views show the target, {fewest} are needed", self._at.planning.advice or BEGIN)
+    def _require_enough(self, min_views: int) -> None:
+        if (seen := len(self._at.seen)) < min_views:
+            raise TooFewViews(
+                f"{seen} views show the target, {min_views} are needed", self._at.planning.advice or BEGIN
+            )
 
     async def _take(self) -> None:
         await self.log.took(E.ASKED)

@@ -1,59 +1,96 @@
-"""A tour with the camera: store each station at once, search it for the target while the arm moves on."""
+"""From which poses a run looks at the target, whoever chooses them; and how the arm is driven through given ones."""
 
 import asyncio
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from calibration.problem import Problem, View
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
+from daemon.cell.settling import require_arrived
 from daemon.config.settings import TaughtPose
 from daemon.errors import TargetNotSeen
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.run_log import RunLog
-from daemon.runs.tour import tour
 from daemon.sessions.session_writer import SessionLog
 from drivers.interfaces import PoseReading
 
+AtStation = Callable[[PoseReading], Awaitable[None]]
+
+
+class PoseSequence(Protocol):
+    """Poses given beforehand, planned after each view, or jogged to by an operator."""
+
+    async def run(self, min_views: int) -> Problem:
+        """The pictures from every pose, stored and searched.
+
+        Raises TargetNotSeen when fewer than `min_views` show the target, DeviceError, DaemonError.
+        """
+        ...
+
 
 @dataclass(frozen=True)
-class Itinerary:
-    """Where a run goes, and by which rules."""
+class FixedSequence:
+    """Poses given beforehand. Each picture is stored at once, and searched while the arm moves on."""
 
-    stations: tuple[TaughtPose, ...]
+    poses: tuple[TaughtPose, ...]
     rules: MotionRules
+    cell: Cell
+    session: SessionLog
+    log: RunLog
+
+    async def run(self, min_views: int) -> Problem:
+        """As PoseSequence."""
+        searches: list[asyncio.Task[View]] = []
+
+        async def at_station(reading: PoseReading) -> None:
+            index = await self.session.add(await self.cell.picture(reading), reading)
+            searches.append(asyncio.create_task(self.session.view(index)))
+
+        try:
+            await visit_poses(self.poses, self.cell, self.rules, self.log, at_station, last=E.ALL_CAPTURED)
+            views = [await search for search in searches]
+        finally:
+            for search in searches:
+                search.cancel()
+            await asyncio.gather(*searches, return_exceptions=True)
+        require_seen(views, min_views)
+        await self.log.took(E.DETECTED)
+        return self.session.problem(views)
 
 
-async def look_from_everywhere(
-    itinerary: Itinerary, cell: Cell, session: SessionLog, log: RunLog, fewest: int
-) -> Problem:
-    """Every station's picture, stored and searched. Raises TargetNotSeen when fewer than `fewest` show the target."""
-    searches: list[asyncio.Task[View]] = []
+async def visit_poses(
+    poses: tuple[TaughtPose, ...], cell: Cell, rules: MotionRules, log: RunLog, at_station: AtStation, last: E | None
+) -> None:
+    """Move, settle, `at_station`, for each; `last` is the event after the last one, None when the run ends there.
 
-    async def at_station(reading: PoseReading) -> None:
-        index = await session.add(await cell.picture(reading), reading)
-        searches.append(asyncio.create_task(session.view(index)))
+    The arm is armed on entry, and left stopped and disarmed. Raises DeviceError, DaemonError, and what `at_station`
+    raises.
+    """
+    async with cell.motion_lease(f"run {log.id}") as robot:
+        for station, pose in enumerate(poses, start=1):
+            goal = await rules.goal(station, pose, robot)
+            await cell.move_to(goal)
+            await log.took(E.ARRIVED)
+            reading = await cell.settled_pose()
+            require_arrived(goal.base_T_flange, reading)
+            await log.took(E.SETTLED)
+            await at_station(reading)
+            event = E.CAPTURED if station < len(poses) else last
+            if event is not None:
+                await log.took(event)
 
-    try:
-        await tour(itinerary.stations, cell, itinerary.rules, log, at_station, last=E.ALL_CAPTURED)
-        views = [await search for search in searches]
-    finally:
-        for search in searches:
-            search.cancel()
-        await asyncio.gather(*searches, return_exceptions=True)
-    require_seen(views, fewest)
-    await log.took(E.DETECTED)
-    return session.problem(views)
 
-
-def require_seen(views: list[View], fewest: int) -> None:
+def require_seen(views: list[View], min_views: int) -> None:
     """Raises TargetNotSeen, naming every station that does not show it."""
     missing = [view for view in views if view.detection is None]
-    if len(views) - len(missing) >= fewest:
+    if len(views) - len(missing) >= min_views:
         return
     stations = ", ".join(str(view.index + 1) for view in missing)
     reason = missing[0].missing[1] if missing[0].missing else "it was not found"
     raise TargetNotSeen(
-        f"the target was seen from {len(views) - len(missing)} of {len(views)} stations, {fewest} are needed;"
+        f"the target was seen from {len(views) - len(missing)} of {len(views)} stations, {min_views} are needed;"
         f" not from station {stations}: {reason}",
         "look at the pictures (GET /runs/{id}/frames/{k}); check target, light, focus and poses",
     )

@@ -7,28 +7,28 @@ from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import TaughtPose
 from daemon.model.run_states import RunEvent as E
+from daemon.runs.pose_sequence import visit_poses
 from daemon.runs.run_log import RunLog
 from daemon.runs.supervisor import Ending
-from daemon.runs.tour import tour
 from daemon.scans.scan_service import Scans
 from drivers.interfaces import PoseReading
 
 
 @dataclass(frozen=True)
-class Scanning:
-    """What the run needs besides its stations."""
+class ScanRun:
+    """What the run needs besides its poses."""
 
     cell: Cell
     scans: Scans
     rules: MotionRules
     scan_id: str
 
-    async def drive(self, stations: tuple[TaughtPose, ...], log: RunLog) -> Ending:
-        """From the first move to the last stored cloud; the run ends with the tour."""
+    async def drive(self, poses: tuple[TaughtPose, ...], log: RunLog) -> Ending:
+        """From the first move to the last stored cloud; the run ends with the last pose."""
 
         async def at_station(reading: PoseReading) -> None:
             cloud = await self.cell.cloud(reading)
             await self.scans.keep_scanned(self.scan_id, cloud, PoseDocument.of(reading.base_T_flange))
 
-        await tour(stations, self.cell, self.rules, log, at_station, last=None)
-        return E.ALL_STORED, {"scan_id": self.scan_id, "views": len(stations)}
+        await visit_poses(poses, self.cell, self.rules, log, at_station, last=None)
+        return E.ALL_STORED, {"scan_id": self.scan_id, "views": len(poses)}

@@ -6,39 +6,39 @@ from typing import Any
 from calibration.documents.calibration import CalibrationDocument
 from calibration.monitoring.target_scatter import Verification, verify
 from calibration.problem import Problem
-from daemon.cell.cell import Cell
 from daemon.model.run_states import RunEvent as E
-from daemon.runs.adaptive_sequence import AdaptiveRoute, AdaptiveTour
-from daemon.runs.pose_sequence import Itinerary, look_from_everywhere
+from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.supervisor import Ending
 from daemon.runtime.workers import Workers
-from daemon.sessions.session_writer import SessionLog
 
-FEWEST_VIEWS = 2
+MIN_VIEWS = 2
 """A scatter needs two."""
 
 
 @dataclass(frozen=True)
-class Verifying:
-    """What the run needs besides its itinerary."""
+class WithoutFirstView:
+    """A sequence whose first view is no position of the table: it was taken where the arm stood, to plan from."""
 
-    cell: Cell
+    sequence: PoseSequence
+
+    async def run(self, min_views: int) -> Problem:
+        """As PoseSequence; the views that follow the first are numbered from 0."""
+        problem = await self.sequence.run(min_views + 1)
+        views = tuple(replace(view, index=view.index - 1) for view in problem.views[1:])
+        return replace(problem, views=views)
+
+
+@dataclass(frozen=True)
+class VerificationRun:
+    """What the run needs besides its poses."""
+
     workers: Workers
     calibration: CalibrationDocument
 
-    async def drive(self, itinerary: Itinerary, session: SessionLog, log: RunLog) -> Ending:
+    async def drive(self, sequence: PoseSequence, log: RunLog) -> Ending:
         """From the first move to the table."""
-        return await self._conclude(await look_from_everywhere(itinerary, self.cell, session, log, FEWEST_VIEWS), log)
-
-    async def drive_adaptively(self, route: AdaptiveRoute, session: SessionLog, log: RunLog) -> Ending:
-        """The same, from poses that are planned after each view; the first look is no position of the table."""
-        tour = AdaptiveTour(route, self.cell, self.workers, session, log)
-        problem = await tour.drive(FEWEST_VIEWS + 1)
-        positions = tuple(replace(view, index=view.index - 1) for view in problem.views[1:])
-        return await self._conclude(replace(problem, views=positions), log)
-
-    async def _conclude(self, problem: Problem, log: RunLog) -> Ending:
+        problem = await sequence.run(MIN_VIEWS)
         found = await self.workers.run(_verified, problem, self.calibration)
         log.conclude()
         return E.SOLVED, {"calibration_id": self.calibration.id, "verification": document_of(found, self.calibration)}
