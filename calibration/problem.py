@@ -23,6 +23,16 @@ from calibration.transforms import Array, inverse
 Setup = Literal["eye-in-hand", "eye-to-hand"]
 
 
+def anchor_T_mount_of(setup: Setup, base_T_flange: Array) -> Array:
+    """anchor_T_mount (..., 4, 4) of robot poses base_T_flange (..., 4, 4)."""
+    return base_T_flange if setup == "eye-in-hand" else inverse(base_T_flange)
+
+
+def base_T_flange_of(setup: Setup, anchor_T_mount: Array) -> Array:
+    """The robot poses (..., 4, 4) that put the mount there: the inverse of `anchor_T_mount_of`."""
+    return anchor_T_mount if setup == "eye-in-hand" else inverse(anchor_T_mount)
+
+
 @dataclass(frozen=True, eq=False)
 class Detection:
     """Target points seen in one image: `ids` (n,) index into `target.points_mm`, `corners_px` (n, 2)."""
@@ -56,5 +66,5 @@ class Problem:
     views: tuple[View, ...]
 
     def anchor_T_mount(self, view: View) -> Array:
-        """(4, 4), see the module's table."""
-        return view.base_T_flange if self.setup == "eye-in-hand" else inverse(view.base_T_flange)
+        """(4, 4) of one view."""
+        return anchor_T_mount_of(self.setup, view.base_T_flange)

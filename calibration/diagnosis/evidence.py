@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from calibration.camera import CameraModel
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import PixelStatistics, pixel_statistics
-from calibration.problem import Problem, Setup
-from calibration.transforms import Array, inverse
+from calibration.problem import Problem, Setup, anchor_T_mount_of
+from calibration.transforms import Array
 
 SMALLEST_PIXEL = 1e-4
 """Pixels that fit better than this come from a simulation; the robot's error is what remains."""
@@ -57,7 +57,7 @@ class Evidence:
 
     def anchor_T_mount(self) -> Array:
         """(n, 4, 4), see `calibration.problem`."""
-        return self.base_T_flange if self.setup == "eye-in-hand" else inverse(self.base_T_flange)
+        return anchor_T_mount_of(self.setup, self.base_T_flange)
 
     def scaled(self, factor: float) -> "Evidence":
         """As if the target were `factor` times as large."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
-from calibration.problem import Setup
+from calibration.problem import Setup, base_T_flange_of
 from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, transform, vector_from_rotation
 
 ITERATIONS = 8
@@ -172,7 +172,7 @@ def likeliest_fit(evidence: Evidence) -> Fit:
 def predicted_base_T_flange(evidence: Evidence, fitted: Fit, view: int) -> Array:
     """Where the robot must have stood in a view (4, 4), judging by its image and the fit."""
     anchor_T_mount = fitted.anchor_T_target[0] @ inverse(fitted.mount_T_camera[0] @ evidence.camera_T_target[view])
-    return anchor_T_mount if evidence.setup == "eye-in-hand" else inverse(anchor_T_mount)
+    return base_T_flange_of(evidence.setup, anchor_T_mount)
 
 
 def applied(evidence: Evidence, fitted: Fit) -> Fit:

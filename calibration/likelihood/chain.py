@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.problem import Setup
+from calibration.problem import Setup, anchor_T_mount_of, base_T_flange_of
 from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, skew, transform, vector_from_rotation
 
 
@@ -31,9 +31,7 @@ class Chain:
 
     def camera_T_target(self) -> Array:
         """(n, 4, 4)"""
-        anchor_T_mount = self.corrected_base_T_flange()
-        if self.setup == "eye-to-hand":
-            anchor_T_mount = inverse(anchor_T_mount)
+        anchor_T_mount = anchor_T_mount_of(self.setup, self.corrected_base_T_flange())
         return inverse(anchor_T_mount @ self.mount_T_camera) @ self.anchor_T_target
 
     def by_shared(self, camera_T_target: Array) -> Array:
@@ -52,7 +50,7 @@ class Chain:
     def with_corrections_from(self, camera_T_target: Array) -> "Chain":
         """The corrections that make the chain reproduce the given poses exactly."""
         anchor_T_mount = self.anchor_T_target @ inverse(self.mount_T_camera @ camera_T_target)
-        base_T_flange = anchor_T_mount if self.setup == "eye-in-hand" else inverse(anchor_T_mount)
+        base_T_flange = base_T_flange_of(self.setup, anchor_T_mount)
         correction = inverse(self.base_T_flange) @ base_T_flange
         vectors = np.concatenate([vector_from_rotation(correction[:, :3, :3]), correction[:, :3, 3]], axis=1)
         return replace(self, corrections=vectors)

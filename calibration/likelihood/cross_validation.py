@@ -16,8 +16,9 @@ from calibration.likelihood.leave_one_out import LeftOut, leave_one_out, without
 from calibration.observations.observations import Observations, scaled
 from calibration.observations.reprojection import PixelStatistics
 from calibration.observations.view_poses import moved
+from calibration.problem import anchor_T_mount_of
 from calibration.solution import HoldOut
-from calibration.transforms import Array, inverse, map_points
+from calibration.transforms import Array, map_points
 
 FEWEST_VIEWS = 4
 """Three views without one are two, which determine nothing."""
@@ -48,8 +49,7 @@ def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> Hold
 
 def base_errors(seen: Observations, chain: Chain, camera_T_target: Array) -> Array:
     """Where the target's points are seen minus where the chain has them, in the anchor (n, m, 3), mm."""
-    base_T_flange = chain.corrected_base_T_flange()
-    anchor_T_mount = base_T_flange if chain.setup == "eye-in-hand" else inverse(base_T_flange)
+    anchor_T_mount = anchor_T_mount_of(chain.setup, chain.corrected_base_T_flange())
     by_view = map_points(anchor_T_mount @ chain.mount_T_camera @ camera_T_target, seen.points_mm)
     errors: Array = by_view - map_points(chain.anchor_T_target, seen.points_mm)
     return errors

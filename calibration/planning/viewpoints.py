@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.likelihood.predicted_uncertainty import Scene
+from calibration.problem import base_T_flange_of
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 
 
@@ -65,8 +66,7 @@ def flange_poses(scene: Scene, viewpoints: Array) -> Array:
     """base_T_flange (n, 4, 4) that takes the camera to each viewpoint, if the guesses hold."""
     target_T_camera = inverse(camera_T_target(scene, viewpoints))
     anchor_T_mount = scene.anchor_T_target @ target_T_camera @ inverse(scene.mount_T_camera)
-    base_T_flange: Array = anchor_T_mount if scene.setup == "eye-in-hand" else inverse(anchor_T_mount)
-    return base_T_flange
+    return base_T_flange_of(scene.setup, anchor_T_mount)
 
 
 def camera_T_target(scene: Scene, viewpoints: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import as_rotation, kronecker
-from calibration.problem import Setup
+from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, skew, transform, vector_from_rotation
 
 
@@ -35,7 +35,7 @@ class PosePairs:
 
     def anchor_T_mount(self) -> Array:
         """(n, 4, 4), see `calibration.problem`."""
-        return self.base_T_flange if self.setup == "eye-in-hand" else inverse(self.base_T_flange)
+        return anchor_T_mount_of(self.setup, self.base_T_flange)
 
 
 @dataclass(frozen=True, eq=False)

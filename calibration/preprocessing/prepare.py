@@ -17,8 +17,8 @@ from calibration.preprocessing.corner_outliers import without_bad_corners
 from calibration.preprocessing.image_weights import weighted_by_view
 from calibration.preprocessing.pose_ambiguity import best_readings
 from calibration.preprocessing.target_shape import TargetShape, deviates, shaped
-from calibration.problem import Problem, Setup
-from calibration.transforms import Array, inverse
+from calibration.problem import Problem, Setup, anchor_T_mount_of
+from calibration.transforms import Array
 
 IMAGE_DISAGREES = Unusable("image-disagrees", "its corners do not lie as the corners of this target do")
 
@@ -47,7 +47,7 @@ class Prepared:
     @property
     def anchor_T_mount(self) -> Array:
         """(n, 4, 4)"""
-        return self.seen.base_T_flange if self.setup == "eye-in-hand" else inverse(self.seen.base_T_flange)
+        return anchor_T_mount_of(self.setup, self.seen.base_T_flange)
 
     def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> "Prepared":
         """Only the chosen views."""
@@ -71,7 +71,7 @@ def prepare(problem: Problem) -> Prepared:
     if len(kept) < len(seen):
         require_determined(seen.base_T_flange[kept])
     seen, candidates = clean.seen.take(kept), np.stack([clean.camera_T_target, poses[:, 1]], axis=1)[kept]
-    anchor_T_mount = seen.base_T_flange if problem.setup == "eye-in-hand" else inverse(seen.base_T_flange)
+    anchor_T_mount = anchor_T_mount_of(problem.setup, seen.base_T_flange)
     read = best_readings(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)
     drawn = Prepared(
         problem.setup, problem.target.points_mm, read.seen, camera, free, read.camera_T_target, read.turned, refused

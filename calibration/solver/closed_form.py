@@ -16,6 +16,7 @@ from calibration.observations.observations import scaled
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.observations.view_poses import moved, refined_poses
 from calibration.preprocessing.prepare import Prepared
+from calibration.problem import anchor_T_mount_of
 from calibration.solution import HoldOut
 from calibration.solver.initial_guess import closed_form_chain
 from calibration.solver.view_outliers import Selection
@@ -81,7 +82,7 @@ def _covariance(rows: Prepared, best: Estimate, chain: Chain, method: str) -> Ar
     for _ in range(draws):
         poses = moved(exact, (image @ rng.standard_normal((n, 6, 1)))[..., 0])
         base_T_flange = rows.seen.base_T_flange @ correction_transforms(robot * rng.standard_normal((n, 6)))
-        anchor_T_mount = base_T_flange if rows.setup == "eye-in-hand" else inverse(base_T_flange)
+        anchor_T_mount = anchor_T_mount_of(rows.setup, base_T_flange)
         step = inverse(chain.mount_T_camera) @ CLOSED_FORMS[method](anchor_T_mount, poses)
         steps.append(np.concatenate([vector_from_rotation(step[:3, :3]), step[:3, 3]]))
     return np.cov(np.array(steps).T)
