@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.kinematics.robot_accuracy import MAX_USUAL_NOISE
 from calibration.observability import motion_of
 from calibration.problem import Problem
 from calibration.solution import Finding, Solution, Verdict
@@ -17,8 +18,8 @@ class Limits:
     point_mm: float = 2.0
     point_warning_mm: float = 0.5
     axis_angle_rad: float = float(np.radians(15.0))
-    robot_translation_mm: float = 1.0
-    robot_rotation_rad: float = float(np.radians(0.1))
+    robot_translation_mm: float = MAX_USUAL_NOISE.translation_mm
+    robot_rotation_rad: float = MAX_USUAL_NOISE.rotation_rad
     image_px: float = 0.5
     rejected_share: float = 0.34
     hold_out_ratio: float = 3.0

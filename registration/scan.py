@@ -12,12 +12,13 @@ import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.validation import parse_document
+from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, MIN_POSE_NOISE, RobotNoise
 from calibration.transforms import Array
 from registration.documents import ScanDocument
 from registration.errors import ScanError
 from registration.fusion.merging import Merger
 from registration.fusion.overlap import Agreement, agreement
-from registration.fusion.pose_adjustment import DEFAULT_NOISE, Refinement, RobotNoise, refine_poses
+from registration.fusion.pose_adjustment import Refinement, refine_poses
 from registration.io.columns import shared_layout
 from registration.io.convert import move_file, moved_blocks
 from registration.io.durable_file import GuardedFile
@@ -27,9 +28,6 @@ from registration.points.rigid_motion import Motion, scale_to_mm
 from registration.points.surface import Surface, sample_points
 
 DOCUMENT_LIMIT = 1 << 26
-
-LEAST_NOISE = RobotNoise(0.02, float(np.deg2rad(0.002)))
-"""No robot is better; an estimate of zero from few views must not freeze the poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +45,7 @@ class Hand:
 
     calibration_id: str
     flange_T_camera: Array
-    noise: RobotNoise = field(default=DEFAULT_NOISE)
+    noise: RobotNoise = field(default=ABSOLUTE_NOISE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +90,10 @@ def hand_of(document: CalibrationDocument) -> Hand:
         )
     translation_mm, rotation_deg = document.noise.robot_translation_mm, document.noise.robot_rotation_deg
     noise = RobotNoise(
-        DEFAULT_NOISE.translation_mm if translation_mm is None else max(translation_mm, LEAST_NOISE.translation_mm),
-        DEFAULT_NOISE.rotation_rad if rotation_deg is None else max(np.deg2rad(rotation_deg), LEAST_NOISE.rotation_rad),
+        ABSOLUTE_NOISE.translation_mm if translation_mm is None else max(translation_mm, MIN_POSE_NOISE.translation_mm),
+        ABSOLUTE_NOISE.rotation_rad
+        if rotation_deg is None
+        else max(np.deg2rad(rotation_deg), MIN_POSE_NOISE.rotation_rad),
     )
     return Hand(document.id, document.flange_T_camera.transform(), noise)
 

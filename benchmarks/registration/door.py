@@ -4,13 +4,14 @@ import time
 
 import numpy as np
 
+from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, skew, transform
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.scanner_view import ScannerModel, scan
 from mock_robot.truth.part_views import DISTANCE_MM
 from mock_robot.truth.truth import CellTruth
 from registration.fusion.overlap import agreement
-from registration.fusion.pose_adjustment import RobotNoise, correction_of, refine_poses
+from registration.fusion.pose_adjustment import correction_of, refine_poses
 from registration.points.layout import XYZ_FLOAT32
 from registration.points.surface import Surface, sample_points
 

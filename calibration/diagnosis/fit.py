@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
+from calibration.kinematics.robot_accuracy import MIN_REPEATABILITY
 from calibration.problem import Setup, base_T_flange_of
 from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, transform, vector_from_rotation
 
@@ -23,8 +24,8 @@ WORST = -1e15
 SETTLED = 1e-2
 """A change of the log-likelihood that decides nothing."""
 
-SMALLEST_VARIANCE = np.square([float(np.radians(0.001)), 0.01])
-"""rad², mm²: no robot repeats its poses better. What disagrees by less is the images' affair, and nobody's fault."""
+SMALLEST_VARIANCE = MIN_REPEATABILITY.levels() ** 2
+"""rad², mm²"""
 
 LARGEST_VARIANCE = np.array([1.0**2, 1e5**2])
 """rad², mm²: beyond any robot; a wrong assumption needs no better number."""

@@ -13,10 +13,8 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, inverted
 from calibration.diagnosis.hypothesis import few_views_factor, price_of
 from calibration.diagnosis.view_hypotheses import STRETCH
+from calibration.kinematics.robot_accuracy import MAX_USUAL_NOISE
 from calibration.transforms import Array
-
-USUAL_MM, USUAL_RAD = 1.0, float(np.radians(0.1))
-"""A robot with larger errors than these is a poor one, or its poses are in another convention."""
 
 FEW_VIEWS = 20
 """So few are diagnosed at once: it takes less than a tenth of a second, and estimates of gains are poor."""
@@ -28,7 +26,11 @@ where the pixels' noise hides the robot's, fewer residuals take the blame than i
 
 def suspicious(evidence: Evidence, fitted: Fit) -> bool:
     """Might a diagnosis find something that is wrong with these views?"""
-    if len(evidence) <= FEW_VIEWS or fitted.robot_translation_mm > USUAL_MM or fitted.robot_rotation_rad > USUAL_RAD:
+    unusual = (
+        fitted.robot_translation_mm > MAX_USUAL_NOISE.translation_mm
+        or fitted.robot_rotation_rad > MAX_USUAL_NOISE.rotation_rad
+    )
+    if len(evidence) <= FEW_VIEWS or unusual:
         return True
     return any(gain > limit for gain, limit in _gains(evidence, fitted))
 

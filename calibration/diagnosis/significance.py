@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.diagnosis.fit import SMALLEST_INFORMATION, SMALLEST_VARIANCE, Fit, inverted
-from calibration.likelihood.noise_marginalisation import STATED_DEVIATIONS, STATED_FACTOR
+from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
 from calibration.transforms import Array
 
 GRIDS = (5, 5, 7)
@@ -78,7 +78,7 @@ class Background:
         square = np.sum(weighted_residuals * fitted.residuals, axis=(1, 2)) + np.sum(steps * gradient, axis=1)
         determinants = np.linalg.slogdet(covariance)[1].sum(axis=1) + np.linalg.slogdet(scaled)[1]
         determinants -= 2 * np.log(scale).sum(axis=1)
-        stated = np.sum(((logs - np.log(STATED_DEVIATIONS)) / np.log(STATED_FACTOR)) ** 2, axis=1)
+        stated = np.sum(((logs - np.log(PRIOR_NOISE.levels())) / np.log(PRIOR_FACTOR)) ** 2, axis=1)
         likely = -0.5 * (determinants + square + stated)
         weights = np.exp(likely - likely.max())
         return cls(fitted, weights / weights.sum(), variances, steps, shared)

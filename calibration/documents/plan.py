@@ -9,6 +9,7 @@ from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
+from calibration.kinematics.robot_accuracy import PLANNING_NOISE
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Prediction, Scene
 from calibration.planning.plan import Plan
 from calibration.planning.viewpoints import Limits
@@ -18,8 +19,8 @@ class NoiseExpectedDocument(Document):
     """One standard deviation per axis; the defaults are a good camera and a good robot."""
 
     image_px: PositiveFloat = 0.05
-    robot_rotation_deg: NonNegativeFloat = 0.005
-    robot_translation_mm: NonNegativeFloat = 0.05
+    robot_rotation_deg: NonNegativeFloat = float(np.degrees(PLANNING_NOISE.rotation_rad))
+    robot_translation_mm: NonNegativeFloat = PLANNING_NOISE.translation_mm
 
     def noise(self) -> ExpectedNoise:
         return ExpectedNoise(self.image_px, float(np.deg2rad(self.robot_rotation_deg)), self.robot_translation_mm)

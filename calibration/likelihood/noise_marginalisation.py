@@ -12,18 +12,13 @@ from itertools import product
 
 import numpy as np
 
+from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
 from calibration.likelihood.mixed_model import MixedModel, Variances, summed_products
 from calibration.likelihood.variance_components import redundancy
 from calibration.transforms import Array
 
 MOST_STATED_VIEWS = 7
 """More views know the levels better than anybody states them."""
-
-STATED_DEVIATIONS = np.array([np.radians(0.02), 0.2])
-"""An industrial robot in its working volume: rad and mm, per axis."""
-
-STATED_FACTOR = 4.0
-"""One deviation of what robots are like: a quarter to four times the stated level."""
 
 EXACT = 0.1
 """How likely rotations are exact, translations are, and both: each once in ten cells, simulated ones among them."""
@@ -60,7 +55,7 @@ class _At:
 
 def averaged(model: MixedModel, variances: Variances) -> Averaged:
     """Over the robot's two levels, about the given estimate; the pixels are many, and their level is known."""
-    estimates = np.maximum(np.sqrt([variances.rotation, variances.translation]), 1e-2 * STATED_DEVIATIONS)
+    estimates = np.maximum(np.sqrt([variances.rotation, variances.translation]), 1e-2 * PRIOR_NOISE.levels())
     branches = [np.array(present) for present in product((True, False), repeat=2)]
     first = _at(model, variances, np.array([np.where(present, estimates, 0.0) for present in branches]))
     worth = first.log_likelihood > first.log_likelihood.max() - HOPELESS
@@ -89,24 +84,24 @@ def _nodes(model: MixedModel, variances: Variances, estimates: Array, present: A
     share = steps[1] - steps[0] if count > 1 else np.sqrt(2 * np.pi)
     grid = np.array(list(product(*(steps if here else [0.0] for here in present))))
     at = logs + widths * grid
-    prior = -0.5 * (_from_stated(at) ** 2) - np.log(np.log(STATED_FACTOR) * np.sqrt(2 * np.pi))
+    prior = -0.5 * (_from_stated(at) ** 2) - np.log(np.log(PRIOR_FACTOR) * np.sqrt(2 * np.pi))
     weight = ((prior + np.log(share * widths)) * present).sum(axis=1)
     return np.where(present, np.exp(at), 0.0), weight + np.log(1 - 3 * EXACT if np.all(present) else EXACT)
 
 
 def _from_stated(logs: Array) -> Array:
     """In deviations of what robots are like."""
-    off: Array = (logs - np.log(STATED_DEVIATIONS)) / np.log(STATED_FACTOR)
+    off: Array = (logs - np.log(PRIOR_NOISE.levels())) / np.log(PRIOR_FACTOR)
     return off
 
 
 def _likeliest(model: MixedModel, variances: Variances, logs: Array, present: Array) -> tuple[Array, Array]:
     """Logarithms (2,) of the likeliest levels and their deviations (2,), by Fisher scoring."""
-    prior = 1 / np.log(STATED_FACTOR) ** 2
+    prior = 1 / np.log(PRIOR_FACTOR) ** 2
     for _ in range(ITERATIONS):
         levels = np.where(present, np.exp(2 * logs), 0.0)
         found = redundancy(model, replace(variances, rotation=float(levels[0]), translation=float(levels[1])))
-        gradient = levels * (found.quadratic - found.trace) - prior * (logs - np.log(STATED_DEVIATIONS))
+        gradient = levels * (found.quadratic - found.trace) - prior * (logs - np.log(PRIOR_NOISE.levels()))
         information = 2 * levels[:, None] * found.fisher * levels + prior * np.eye(2)
         step = np.where(present, np.linalg.solve(information, gradient * present), 0.0)
         logs = logs + np.clip(step, -1.0, 1.0)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.likelihood.noise_marginalisation import STATED_DEVIATIONS
+from calibration.kinematics.robot_accuracy import PRIOR_NOISE
 from calibration.transforms import Array
 
 WIDELY = 10.0
@@ -21,8 +21,8 @@ class Known:
 
 
 KNOWN = {
-    "robot rotation": Known(float(STATED_DEVIATIONS[0])),
-    "robot translation": Known(float(STATED_DEVIATIONS[1])),
+    "robot rotation": Known(PRIOR_NOISE.rotation_rad),
+    "robot translation": Known(PRIOR_NOISE.translation_mm),
     "arm": Known(float(np.radians(0.002))),
     "camera rotation": Known(float(np.radians(0.05))),
     "camera roll": Known(0.5, 3.0, of="camera rotation"),

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.closed_forms.three_pose import solve_three_pose
-from calibration.likelihood.noise_marginalisation import MOST_STATED_VIEWS, STATED_DEVIATIONS
+from calibration.kinematics.robot_accuracy import PRIOR_NOISE
+from calibration.likelihood.noise_marginalisation import MOST_STATED_VIEWS
 from calibration.observability import distinct_stations
 from calibration.preprocessing.prepare import IMAGE_DISAGREES, Prepared
 from calibration.problem import Problem
@@ -139,12 +140,12 @@ def _estimate(prepared: Prepared, start: Start, selection: Selection) -> Iterato
             "look at the views' errors for one that does not belong, or add views",
         )
     if np.count_nonzero(selection.used) <= MOST_STATED_VIEWS:
-        rotation, translation = STATED_DEVIATIONS
+        translation_mm, rotation_deg = PRIOR_NOISE.translation_mm, np.degrees(PRIOR_NOISE.rotation_rad)
         yield Finding(
             "noise-assumed",
             "info",
             f"{np.count_nonzero(selection.used)} views cannot tell the robot's noise well: levels around"
-            f" {translation:g} mm and {np.degrees(rotation):g} degrees were assumed as likely",
+            f" {translation_mm:g} mm and {rotation_deg:g} degrees were assumed as likely",
             "take eight or more views to have it measured",
         )
 

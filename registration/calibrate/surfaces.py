@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.errors import UndeterminedError
+from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
 from calibration.observability import require_determined
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, adjoint, difference, rotation_from_vector, skew, transform
@@ -23,8 +24,6 @@ from registration.calibrate.outcome import determined, undetermined
 from registration.fusion.overlap import agreement, reach_of
 from registration.fusion.pair_information import PairEvidence
 from registration.fusion.pose_adjustment import (
-    DEFAULT_NOISE,
-    RobotNoise,
     all_pairs,
     at_flange_of,
     correction_of,
@@ -53,7 +52,11 @@ FIX = "add overlapping views of a part with relief, the flange turned by 30 degr
 
 
 def solve_surface_scan(
-    views: Sequence[ScanView], flange_T_camera: Array, noise: RobotNoise = DEFAULT_NOISE, *, rough_mm: float = ROUGH_MM
+    views: Sequence[ScanView],
+    flange_T_camera: Array,
+    noise: RobotNoise = ABSOLUTE_NOISE,
+    *,
+    rough_mm: float = ROUGH_MM,
 ) -> Solution:
     """X from overlapping views, from a rough one; `mount_T_camera` is None when they do not fix it.
 
@@ -90,7 +93,7 @@ def solve_from_surfaces(
     surfaces: Sequence[Surface],
     base_T_flange: Array,
     flange_T_camera: Array,
-    noise: RobotNoise = DEFAULT_NOISE,
+    noise: RobotNoise = ABSOLUTE_NOISE,
     rough_mm: float = ROUGH_MM,
 ) -> SurfaceSolution:
     """Gauss-Newton over X and all motions while the search narrows; `noise` is where its estimate begins.

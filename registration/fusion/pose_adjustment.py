@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
 from calibration.transforms import Array, map_points, rotation_from_vector, skew, transform, vector_from_rotation
 from registration.fusion.overlap import correspond, reach_of
 from registration.fusion.pair_information import PairEvidence, evidence
@@ -18,18 +19,6 @@ from registration.points.surface import Surface
 ITERATIONS = 25
 SETTLED_MM = 2e-3
 LEAST_FRACTION = 0.05
-
-
-@dataclass(frozen=True)
-class RobotNoise:
-    """One standard deviation of a robot pose, per axis."""
-
-    translation_mm: float = 1.0
-    rotation_rad: float = np.deg2rad(0.15)
-
-
-DEFAULT_NOISE = RobotNoise()
-"""What articulated robots do over a metre (0.5 to 2 mm on real data), where a calibration gives no estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +49,7 @@ def refine_poses(
     surfaces: Sequence[Surface],
     base_T_camera: Sequence[Array],
     base_T_flange: Sequence[Array],
-    noise: RobotNoise = DEFAULT_NOISE,
+    noise: RobotNoise = ABSOLUTE_NOISE,
 ) -> Refinement:
     """Corrections that bring the views together as far as the robot's noise explains."""
     motions = [np.eye(4) for _ in surfaces]

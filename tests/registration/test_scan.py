@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from calibration.errors import DocumentError
+from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import Array, inverse, map_points, rotation_angle_rad
 from registration.documents import RegistrationReportDocument
 from registration.errors import CloudIOError, CloudUnsupported, ScanError
 from registration.fusion.merging import Merge
 from registration.fusion.overlap import agreement
-from registration.fusion.pose_adjustment import RobotNoise, refine_poses
+from registration.fusion.pose_adjustment import refine_poses
 from registration.io.reading import open_cloud
 from registration.points.layout import XYZ_FLOAT32
 from registration.points.surface import PointSample, Surface, sample_points

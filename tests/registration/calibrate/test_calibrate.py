@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.solution import Solution
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
 from registration.calibrate.outcome import judge_scan, scan_calibration_document
 from registration.calibrate.sphere import solve_sphere_scan
 from registration.calibrate.surfaces import solve_surface_scan
-from registration.fusion.pose_adjustment import RobotNoise
 from registration.scan import hand_of, read_scan
 from tests.registration.parts import FLANGE_T_CAMERA, bumpy, flat, poses, view_of, write_scan, wrong
 from tests.registration.points.test_sphere_fit import CENTRE_IN_BASE, cap, looks

@@ -1,0 +1,53 @@
+"""How accurate robots are: every assumption made where the data do not show it. One standard deviation per axis.
+
+From the smallest to the largest (translation, rotation), and what each is for:
+
+    MIN_REPEATABILITY    0.01 mm, 0.001 deg   floor of a noise level while hypotheses are compared
+    MIN_POSE_NOISE       0.02 mm, 0.002 deg   floor of an estimated noise level that weighs robot against clouds
+    PLANNING_NOISE       0.05 mm, 0.005 deg   default of `noise` in plans: a good robot, close to its last poses
+    PRIOR_NOISE          0.2 mm,  0.02 deg    median of the prior on the noise level in a working volume
+    MAX_USUAL_NOISE      1.0 mm,  0.1 deg     an estimated level above it is reported
+    ABSOLUTE_NOISE       1.0 mm,  0.15 deg    assumed over a metre where no calibration has estimated it
+
+The first two bound what is estimated, the last two bound what is believed. The planner's default is below the prior's
+median: it is the user's statement about one robot, which the estimate replaces once there are enough views.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.transforms import Array
+
+
+@dataclass(frozen=True)
+class RobotNoise:
+    """One standard deviation of a robot pose, per axis, of its translation (mm) and of its rotation (rad)."""
+
+    translation_mm: float
+    rotation_rad: float
+
+    def levels(self) -> Array:
+        """(2,): rotation in rad, translation in mm, the order in which noise levels are estimated."""
+        return np.array([self.rotation_rad, self.translation_mm])
+
+
+MIN_REPEATABILITY = RobotNoise(0.01, float(np.radians(0.001)))
+"""No robot repeats its poses better. Contradictions below it are the images' errors, and no fault is sought there."""
+
+MIN_POSE_NOISE = RobotNoise(0.02, float(np.radians(0.002)))
+"""An estimate of zero from few views must not freeze the poses when clouds are registered."""
+
+PLANNING_NOISE = RobotNoise(0.05, float(np.radians(0.005)))
+
+PRIOR_NOISE = RobotNoise(0.2, float(np.radians(0.02)))
+"""An industrial robot in its working volume."""
+
+PRIOR_FACTOR = 4.0
+"""One deviation of the log-normal prior about PRIOR_NOISE: a quarter of it to four times it."""
+
+MAX_USUAL_NOISE = RobotNoise(1.0, float(np.radians(0.1)))
+"""A robot with larger errors is a poor one, or its poses are in another convention."""
+
+ABSOLUTE_NOISE = RobotNoise(1.0, float(np.radians(0.15)))
+"""Absolute accuracy of articulated robots over a metre: 0.5 to 2 mm on real data."""
