@@ -20,33 +20,23 @@ DaemonError
 ├── RunStalled            a run did not get any further, though nothing said why
 ├── CursorUnknown         a page before something that is not there
 ├── AppliedMeanwhile      something else is in force than the request expects
-├── KeyReused             an Idempotency-Key that came with another request before
-├── RequestInFlight       the request with this Idempotency-Key is still being answered; `holder`
-├── HostNotAllowed        the request names a host that the daemon does not answer for
 ├── BackupUnusable        a backup that cannot be restored, or not there
 ├── NoCalibration         nothing is applied yet
 ├── CalibrationUnusable   a calibration that must not, or cannot, be applied
 ├── TargetNotSeen         too few stations saw the target
 ├── NoScanner             the settings name no scanner
 ├── ScanEmpty             a scan without views has no cloud
-├── RequestRefused        the request cannot be understood; `problems`
-├── BodyTooLarge          more bytes than the limit
-├── BodyMalformed         the body is not JSON
-├── UnknownMediaType      the body is of a kind that is not taken here
-├── NotAcceptable         the answer exists in none of the kinds that were asked for
-├── CloudTooLarge         a cloud of so many points does not travel as JSON
-├── CrossOrigin           a page of somebody else's asks the browser to move the robot
 ├── StorageError          the store could not be read or written; nothing stored before is lost
 │   ├── StorageFull       the disk is full
+│   ├── StorageInUse      another daemon keeps its store there
 │   └── StorageTooNew     written by a newer handeyed
 ├── PortTaken             the daemon cannot listen where the settings say
 ├── (access/errors.py)    keys, roles, certificates
+├── (api/http_errors.py)  what only an HTTP request can do wrong
 └── Stopping              the daemon is shutting down
 """
 
 from typing import ClassVar
-
-from calibration.errors import DocumentProblem
 
 
 class DaemonError(Exception):
@@ -169,43 +159,6 @@ class AppliedMeanwhile(DaemonError):
         )
 
 
-class KeyReused(DaemonError):
-    """An Idempotency-Key that came with another request before."""
-
-    code = "idempotency-key-reused"
-
-    def __init__(self) -> None:
-        super().__init__(
-            "this Idempotency-Key came with another request before",
-            "use a new key for each request, the same for its retries",
-        )
-
-
-class RequestInFlight(DaemonError):
-    """The request with this Idempotency-Key is still being answered; `holder` is the run it started."""
-
-    code = "request-in-flight"
-
-    def __init__(self, holder: str | None) -> None:
-        self.holder = holder
-        follow = f"follow it with GET /runs/{holder}, or " if holder else ""
-        super().__init__(
-            "the first request with this Idempotency-Key is still being answered", f"{follow}ask again later"
-        )
-
-
-class HostNotAllowed(DaemonError):
-    """The request names a host that the daemon does not answer for."""
-
-    code = "host-not-allowed"
-
-    def __init__(self, host: str) -> None:
-        super().__init__(
-            f"the daemon does not answer for host {host[:80]!r}",
-            "use its address, or add the name to [server] allowed_hosts in the settings",
-        )
-
-
 class BackupUnusable(DaemonError):
     """A backup that cannot be restored, or not there."""
 
@@ -290,59 +243,6 @@ class ScanEmpty(DaemonError):
     """A scan without views has no cloud."""
 
     code = "scan-empty"
-
-
-class RequestRefused(DaemonError):
-    """The request cannot be understood; `problems` lists every place."""
-
-    code = "request-refused"
-
-    def __init__(self, problems: list[DocumentProblem]) -> None:
-        self.problems = problems
-        super().__init__("; ".join(f"{p.place}: {p.what}" for p in problems), "; ".join(p.fix for p in problems))
-
-
-class BodyTooLarge(DaemonError):
-    """More bytes than the limit."""
-
-    code = "body-too-large"
-
-    def __init__(self, limit_bytes: int) -> None:
-        self.limit_bytes = limit_bytes
-        super().__init__(
-            f"the body is larger than {limit_bytes} bytes",
-            "send less, or raise [server] body_limit_mb in the settings for clouds",
-        )
-
-
-class BodyMalformed(DaemonError):
-    """The body is not JSON."""
-
-    code = "body-malformed"
-
-
-class UnknownMediaType(DaemonError):
-    """The body is of a kind that is not taken here."""
-
-    code = "unknown-media-type"
-
-
-class NotAcceptable(DaemonError):
-    """The answer exists in none of the kinds that were asked for."""
-
-    code = "not-acceptable"
-
-
-class CloudTooLarge(DaemonError):
-    """A cloud of so many points does not travel as JSON."""
-
-    code = "cloud-too-large-for-json"
-
-
-class CrossOrigin(DaemonError):
-    """A page of somebody else's asks the browser to do something here."""
-
-    code = "cross-origin"
 
 
 class StorageError(DaemonError):

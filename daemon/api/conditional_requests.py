@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import Header
 
 from calibration.errors import DocumentProblem
-from daemon.errors import RequestRefused
+from daemon.api.http_errors import RequestRefused
 
 TAG = re.compile(r'"applied-([0-9]{1,18})"')
 ANY = range(1, 2**62)

@@ -10,8 +10,8 @@ from pydantic import BaseModel
 
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
+from daemon.api.http_errors import BodyMalformed, RequestRefused
 from daemon.application import Application
-from daemon.errors import BodyMalformed, RequestRefused
 
 Model = TypeVar("Model", bound=BaseModel)
 

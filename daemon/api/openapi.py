@@ -10,7 +10,7 @@ from daemon.access.policy import role_needed
 from daemon.access.roles import Role
 from daemon.api.middleware.idempotency import KEY, KEY_LIMIT
 from daemon.api.openapi_examples import example_of
-from daemon.api.schemas.documents import Answer
+from daemon.api.schemas.answer import Answer
 from daemon.http.problem_details import MEDIA_TYPE, Problem, phrase_of
 from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, SetupRequest, VerifyRequest
 

@@ -5,8 +5,10 @@ from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import summary
-from daemon.api.schemas.documents import CalibrateStatus, CurrentCalibration, ReadyDocument, RobotDocument
+from daemon.api.schemas.calibrations import CalibrateStatus, CurrentCalibration
+from daemon.api.schemas.cell import RobotDocument
 from daemon.api.schemas.drift import DriftDocument
+from daemon.api.schemas.health import ReadyDocument
 from daemon.model.records import RunRecord
 from daemon.runs.run_log import predicted_in_words
 

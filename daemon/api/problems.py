@@ -9,6 +9,7 @@ from starlette.exceptions import HTTPException
 from calibration.errors import CalibrationError, DetectionError, DocumentError, DocumentProblem, UndeterminedError
 from daemon import errors
 from daemon.access import errors as access
+from daemon.api import http_errors
 from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, phrase_of
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
@@ -26,11 +27,11 @@ STATUS: dict[type[Exception], int] = {
     errors.ScanEmpty: 409,
     errors.NoPoses: 409,
     errors.NotStill: 409,
-    errors.RequestInFlight: 409,
+    http_errors.RequestInFlight: 409,
     errors.AppliedMeanwhile: 412,
-    errors.KeyReused: 422,
+    http_errors.KeyReused: 422,
     errors.CursorUnknown: 422,
-    errors.HostNotAllowed: 421,
+    http_errors.HostNotAllowed: 421,
     access.KeyMissing: 401,
     access.RoleTooLow: 403,
     access.SetupRefused: 403,
@@ -38,18 +39,18 @@ STATUS: dict[type[Exception], int] = {
     errors.CellNotReady: 503,
     errors.Stopping: 503,
     errors.PoseRefused: 422,
-    errors.RequestRefused: 422,
+    http_errors.RequestRefused: 422,
     errors.TargetNotSeen: 422,
     errors.PictureUnusable: 502,
     errors.ElsewhereThanSent: 502,
     errors.SameAgain: 502,
     errors.NotFound: 404,
-    errors.CrossOrigin: 403,
-    errors.BodyTooLarge: 413,
-    errors.BodyMalformed: 400,
-    errors.UnknownMediaType: 415,
-    errors.NotAcceptable: 406,
-    errors.CloudTooLarge: 413,
+    http_errors.CrossOrigin: 403,
+    http_errors.BodyTooLarge: 413,
+    http_errors.BodyMalformed: 400,
+    http_errors.UnknownMediaType: 415,
+    http_errors.NotAcceptable: 406,
+    http_errors.CloudTooLarge: 413,
     errors.StorageFull: 507,
     errors.StorageError: 500,
     errors.DaemonError: 500,
@@ -152,7 +153,7 @@ async def handle_validation(_request: Request, error: Exception) -> Response:
         DocumentProblem(".".join(str(part) for part in detail["loc"]), detail["msg"], "correct the value")
         for detail in error.errors()
     ]
-    return answer(problem_of(errors.RequestRefused(problems)))
+    return answer(problem_of(http_errors.RequestRefused(problems)))
 
 
 async def handle_http(_request: Request, error: Exception) -> Response:

@@ -15,11 +15,12 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calibration.errors import DocumentProblem
+from daemon.api.http_errors import KeyReused, RequestInFlight, RequestRefused
 from daemon.api.middleware.idempotency_replay import rebuilt
 from daemon.api.problems import answer, problem_of
 from daemon.api.streaming.request_body import pieces
 from daemon.application import Application
-from daemon.errors import DaemonError, KeyReused, RequestInFlight, RequestRefused, StorageError
+from daemon.errors import DaemonError, StorageError
 from daemon.store.actor import Behalf, KeyedRequest, current_behalf, on_behalf_of
 from daemon.store.idempotency_keys import Remembered
 

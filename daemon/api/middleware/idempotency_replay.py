@@ -4,7 +4,9 @@ from collections.abc import Awaitable, Callable
 
 from pydantic import BaseModel
 
-from daemon.api.schemas.documents import AppliedDocument, RunDocument, ScanDocument, ScanViewDocument
+from daemon.api.schemas.calibrations import AppliedDocument
+from daemon.api.schemas.runs import RunDocument
+from daemon.api.schemas.scans import ScanDocument, ScanViewDocument
 from daemon.application import Application
 
 Answer = tuple[int, dict[str, str], bytes]

@@ -6,9 +6,9 @@ import socket
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from daemon.api.http_errors import BodyTooLarge, CrossOrigin, HostNotAllowed
 from daemon.api.problems import answer, problem_of
 from daemon.config.server_settings import ServerSettings
-from daemon.errors import BodyTooLarge, CrossOrigin, HostNotAllowed
 from daemon.runtime.logs import about_request
 from daemon.runtime.metrics import Metrics
 

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Depends, Query, Request
 
 from daemon.api.dependencies import App, Limit, body_of, takes
 from daemon.api.problems import documented
-from daemon.api.schemas.documents import AuditDocument, AuditList, NewKeyDocument
+from daemon.api.schemas.access import AuditDocument, AuditList, NewKeyDocument
 from daemon.model.requests import SetupRequest
 
 router = APIRouter(tags=["access"])

@@ -10,7 +10,8 @@ from daemon.api.plain_text import status_in_words
 from daemon.api.problems import documented
 from daemon.api.routes.health import readiness
 from daemon.api.routes.runs import STARTED, started_answer
-from daemon.api.schemas.documents import AppliedDocument, CalibrateStatus, CalibrationSummary, RunDocument
+from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
+from daemon.api.schemas.runs import RunDocument
 from daemon.application import Application
 from daemon.config.settings import CalibrationSettings
 from daemon.errors import NoCalibration

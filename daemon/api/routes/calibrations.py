@@ -22,7 +22,7 @@ from daemon.api.middleware.authentication import caller_of
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import current_in_words
 from daemon.api.problems import documented
-from daemon.api.schemas.documents import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
+from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.errors import NoCalibration, NotFound
 from daemon.model.requests import ApplyRequest
 

@@ -9,7 +9,7 @@ from daemon.api.dependencies import App
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import robot_in_words
 from daemon.api.problems import documented
-from daemon.api.schemas.documents import RobotDocument
+from daemon.api.schemas.cell import RobotDocument
 from daemon.sessions.session_writer import png_of
 
 router = APIRouter(tags=["cell"])

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 from daemon.api.dependencies import App
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import ready_in_words
-from daemon.api.schemas.documents import HealthDocument, Readiness, ReadyDocument, Welcome
+from daemon.api.schemas.health import HealthDocument, Readiness, ReadyDocument, Welcome
 from daemon.application import Application
 from daemon.errors import NoCalibration
 from daemon.model.records import RunKind

@@ -9,7 +9,7 @@ from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, page_o
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import run_in_words
 from daemon.api.problems import documented
-from daemon.api.schemas.documents import RunDocument, RunList
+from daemon.api.schemas.runs import RunDocument, RunList
 from daemon.application import Application
 from daemon.model.records import RunRecord
 from daemon.sessions.session_writer import image_name

@@ -11,9 +11,10 @@ from starlette.background import BackgroundTask
 
 from calibration.documents.pose import PoseDocument
 from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, body_of, page_of, takes
+from daemon.api.http_errors import CloudTooLarge
 from daemon.api.problems import documented
 from daemon.api.routes.register import Which
-from daemon.api.schemas.documents import CloudDocument, RegistrationState, ScanDocument, ScanList, ScanViewDocument
+from daemon.api.schemas.scans import CloudDocument, RegistrationState, ScanDocument, ScanList, ScanViewDocument
 from daemon.api.streaming.cloud_request import (
     ANSWERED,
     BINARY,
@@ -26,7 +27,7 @@ from daemon.api.streaming.cloud_request import (
     parse_pose,
 )
 from daemon.application import Application
-from daemon.errors import CloudTooLarge, NotFound
+from daemon.errors import NotFound
 from daemon.model.records import RunRecord, ScanView
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import Report

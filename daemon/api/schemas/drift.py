@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from daemon.api.schemas.documents import EXAMPLE_AT, EXAMPLE_ID, Answer, example
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart
 

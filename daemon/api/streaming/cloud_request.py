@@ -7,8 +7,8 @@ from fastapi import Query, Request
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
+from daemon.api.http_errors import NotAcceptable, RequestRefused, UnknownMediaType
 from daemon.api.negotiation import weight_of
-from daemon.errors import NotAcceptable, RequestRefused, UnknownMediaType
 from daemon.scans.upload import LAZ, SUFFIXES
 
 POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"

@@ -14,10 +14,11 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
+from daemon.api.http_errors import BodyTooLarge
 from daemon.api.problems import answer, problem_of
 from daemon.api.streaming.request_body import pieces
 from daemon.api.streaming.spool import Spool
-from daemon.errors import BodyTooLarge, StorageError
+from daemon.errors import StorageError
 from registration.errors import CloudTooLong, CloudTruncated, RegistrationError
 from registration.fusion.concatenation import with_frame
 from registration.io.stream import CloudStream

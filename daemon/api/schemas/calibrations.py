@@ -1,0 +1,75 @@
+"""Calibrations: one line of the list, the one in force, and where calibration stands. Lengths mm."""
+
+from typing import Literal
+
+from calibration.documents.calibration import CalibrationDocument
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
+from daemon.api.schemas.runs import RunDocument
+from daemon.model.records import Applied, CalibrationRecord
+
+
+class CalibrationSummary(Answer):
+    """One line of the list."""
+
+    model_config = example(
+        id=EXAMPLE_ID, run_id=EXAMPLE_ID, created_at=EXAMPLE_AT, accepted=True, current=True, point_mm=0.06
+    )
+
+    id: str
+    run_id: str | None
+    created_at: str
+    accepted: bool
+    current: bool
+    point_mm: float | None
+
+    @classmethod
+    def of(cls, record: CalibrationRecord, current_id: str | None) -> "CalibrationSummary":
+        uncertainty = record.document.uncertainty
+        return cls(
+            id=record.id, run_id=record.run_id, created_at=record.created_at, accepted=record.accepted,
+            current=record.id == current_id, point_mm=uncertainty.point_mm if uncertainty else None,
+        )  # fmt: skip
+
+
+class AppliedDocument(Answer):
+    """A calibration became current. `sequence` counts everything that was ever applied."""
+
+    model_config = example(calibration_id=EXAMPLE_ID, applied_at=EXAMPLE_AT, applied_by="Ann", sequence=7)
+
+    calibration_id: str
+    applied_at: str
+    applied_by: str
+    sequence: int
+
+    @classmethod
+    def of(cls, applied: Applied) -> "AppliedDocument":
+        return cls(**vars(applied))
+
+
+class CalibrationList(Answer):
+    """The newest first, and the last calibrations that were applied."""
+
+    calibrations: list[CalibrationSummary]
+    applied: list[AppliedDocument]
+    next: str | None
+
+
+class CurrentCalibration(Answer):
+    """The calibration in force, since when and by whom."""
+
+    applied: AppliedDocument
+    calibration: CalibrationDocument
+
+
+class CalibrateStatus(Answer):
+    """Where calibration stands, and how to start."""
+
+    current: CalibrationSummary | None
+    applied: AppliedDocument | None
+    in_progress: RunDocument | None
+    last_run: RunDocument | None
+    ready: bool
+    reasons: list[str]
+    policy: Literal["operator", "auto"]
+    poses: str
+    how_to_start: str

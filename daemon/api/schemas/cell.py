@@ -1,0 +1,23 @@
+"""The robot as it is now. Lengths mm, angles deg, quaternions scalar first."""
+
+from calibration.documents.pose import PoseDocument
+from daemon.api.schemas.answer import Answer
+
+
+class RobotDocument(Answer):
+    """Where the arm stands and what the controller says of itself."""
+
+    connected: bool
+    detail: str
+    base_T_flange: PoseDocument
+    configuration: tuple[int, int, int, int]
+    joints_deg: list[float]
+    still: bool
+    motors_on: bool
+    automatic: bool
+    emergency_stop: bool
+    moving: bool
+    armed: bool
+    program_running: bool
+    speed_limited: bool
+    held_by: str | None

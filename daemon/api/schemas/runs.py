@@ -1,0 +1,101 @@
+"""A run, as the interface answers it."""
+
+from typing import Any, Literal
+
+from calibration.documents.pose import PoseDocument
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
+from daemon.model.records import Planning, RunRecord
+from daemon.model.run_states import RunState
+from daemon.runs.run_log import predicted_in_words
+
+
+class CauseDocument(Answer):
+    """Why a run ended badly, and how to go on."""
+
+    code: str
+    what: str
+    fix: str
+
+
+class PlanningDocument(Answer):
+    """What a run that plans as it goes expects, one sigma of a mapped point.
+
+    `now_mm`: from the views so far, null before they determine X; `planned_mm`: with the `ahead` views planned next.
+    `advice`: what an operator should do before the next view of a manual run; `next_pose`: where that leads, if known.
+    """
+
+    now_mm: float | None
+    planned_mm: float | None
+    ahead: int
+    predicted: str | None
+    note: str
+    advice: str
+    next_pose: PoseDocument | None
+
+    @classmethod
+    def of(cls, planning: Planning) -> "PlanningDocument":
+        return cls(
+            now_mm=planning.now_mm, planned_mm=planning.planned_mm, ahead=planning.ahead,
+            predicted=predicted_in_words(planning), note=planning.note, advice=planning.advice,
+            next_pose=None if planning.next_pose is None else PoseDocument.model_validate(planning.next_pose),
+        )  # fmt: skip
+
+
+class RunDocument(Answer):
+    """One run. `station` counts the stations captured so far; `result` depends on `kind`."""
+
+    model_config = example(
+        id=EXAMPLE_ID,
+        kind="calibration",
+        state="finished",
+        over=True,
+        station=3,
+        stations=3,
+        created_at=EXAMPLE_AT,
+        updated_at=EXAMPLE_AT,
+        cause=None,
+        request={"count": 3},
+        result={"calibration_id": EXAMPLE_ID, "accepted": True, "applied": False},
+        planning=None,
+        links={"self": f"/runs/{EXAMPLE_ID}", "calibration": f"/calibrations/{EXAMPLE_ID}"},
+    )
+
+    id: str
+    kind: Literal["calibration", "verify", "scan"]
+    state: RunState
+    over: bool
+    station: int
+    stations: int
+    created_at: str
+    updated_at: str
+    cause: CauseDocument | None
+    request: dict[str, Any]
+    result: dict[str, Any] | None
+    planning: PlanningDocument | None
+    links: dict[str, str]
+
+    @classmethod
+    def of(cls, run: RunRecord) -> "RunDocument":
+        cause = None if run.cause is None else CauseDocument(**vars(run.cause))
+        links = {"self": f"/runs/{run.id}"}
+        if not run.over:
+            links["abort"] = f"/runs/{run.id}/abort"
+            if run.request.get("manual"):
+                links |= {"stations": f"/runs/{run.id}/stations", "finish": f"/runs/{run.id}/finish"}
+        for key, folder in (("calibration_id", "calibrations"), ("scan_id", "scans")):
+            if run.result and key in run.result:
+                links[key.removesuffix("_id")] = f"/{folder}/{run.result[key]}"
+        if run.kind != "scan":
+            links.update({f"frame {k}": f"/runs/{run.id}/frames/{k}" for k in range(run.pictures)})
+        return cls(
+            id=run.id, kind=run.kind, state=run.state, over=run.over, station=run.station, stations=run.stations,
+            created_at=run.created_at, updated_at=run.updated_at, cause=cause, request=run.request, result=run.result,
+            planning=None if run.planning is None else PlanningDocument.of(run.planning), links=links,
+        )  # fmt: skip
+
+
+class RunList(Answer):
+    """The newest first; `next` asks for those before them."""
+
+    runs: list[RunDocument]
+    next: str | None

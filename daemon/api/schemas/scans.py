@@ -1,0 +1,85 @@
+"""Scans, their views and clouds. Lengths mm."""
+
+from typing import Literal
+
+from calibration.documents.pose import PoseDocument
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
+from daemon.api.schemas.runs import RunDocument
+from daemon.model.records import RunRecord, ScanRecord, ScanView
+
+
+class ScanViewDocument(Answer):
+    """One cloud of a scan."""
+
+    view: int
+    file: str
+    unit: Literal["mm", "m"]
+    base_T_flange: PoseDocument
+    created_at: str
+
+    @classmethod
+    def of(cls, view: ScanView) -> "ScanViewDocument":
+        return cls(**vars(view))
+
+
+class ScanDocument(Answer):
+    """A part looked at from several sides; `run` fills it when the daemon drives the scanner."""
+
+    model_config = example(
+        id=EXAMPLE_ID,
+        name="door 4711",
+        refine=False,
+        created_at=EXAMPLE_AT,
+        views=[],
+        run=None,
+        links={
+            "self": f"/scans/{EXAMPLE_ID}",
+            "views": f"/scans/{EXAMPLE_ID}/views",
+            "cloud": f"/scans/{EXAMPLE_ID}/cloud",
+        },
+    )
+
+    id: str
+    name: str
+    refine: bool
+    created_at: str
+    views: list[ScanViewDocument]
+    run: RunDocument | None = None
+    links: dict[str, str]
+
+    @classmethod
+    def of(cls, scan: ScanRecord, views: list[ScanView], run: RunRecord | None = None) -> "ScanDocument":
+        links = {
+            "self": f"/scans/{scan.id}",
+            "views": f"/scans/{scan.id}/views",
+            "cloud": f"/scans/{scan.id}/cloud",
+            "report": f"/scans/{scan.id}/report",
+        }
+        return cls(
+            id=scan.id, name=scan.name, refine=scan.refine, created_at=scan.created_at,
+            views=[ScanViewDocument.of(view) for view in views],
+            run=None if run is None else RunDocument.of(run), links=links,
+        )  # fmt: skip
+
+
+class RegistrationState(Answer):
+    """A registration that is still in progress; `links.self` has it when it is done."""
+
+    state: Literal["in progress"]
+    links: dict[str, str]
+
+
+class CloudDocument(Answer):
+    """A small cloud, in the base frame."""
+
+    frame: Literal["base"]
+    unit: Literal["mm"]
+    calibration_id: str
+    points: list[tuple[float, float, float]]
+
+
+class ScanList(Answer):
+    """The newest first; `next` asks for those before them."""
+
+    scans: list[ScanDocument]
+    next: str | None
