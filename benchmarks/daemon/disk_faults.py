@@ -107,7 +107,7 @@ async def _look(folder: Path, done: list[str]) -> list[str]:
     from daemon.errors import NoCalibration, NotFound
     from daemon.model.run_states import RunState
     from daemon.store.audit_log import found_flaws
-    from daemon.store.layout import DATABASE_NAME
+    from daemon.store.database import DATABASE_NAME
     from daemon.store.store import Store
 
     store = Store(folder)

@@ -62,10 +62,6 @@ class Cell:
     def holder(self) -> str | None:
         return self._holder
 
-    @property
-    def has_scanner(self) -> bool:
-        return self._scanner is not None
-
     @asynccontextmanager
     async def held_by(self, holder: str) -> AsyncIterator["Cell"]:
         """The cell for one holder that does not move the arm. Raises CellBusy at once, never waits."""

@@ -90,17 +90,3 @@ class MotionRules:
         if self.arm is None or joints_now_rad is None:
             return None
         return reachable_by(self.arm, joints_now_rad, np.radians(min(self.robot.joint_travel_deg, PLANNED_TRAVEL_DEG)))
-
-    def reachable(self, base_T_flange: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Which of the poses (n, 4, 4) the arm can take, as far as the daemon knows the arm."""
-        if self.arm is None:
-            return np.ones(len(base_T_flange), bool)
-        return np.array([_has_solution(self.arm, pose) for pose in base_T_flange], bool)
-
-
-def _has_solution(arm: Arm, base_T_flange: Array) -> bool:
-    try:
-        arm.inverse(base_T_flange)
-    except OutOfJoint:
-        return False
-    return True

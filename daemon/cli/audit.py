@@ -34,7 +34,7 @@ def verify(
     """
     from daemon.config.settings import load_settings
     from daemon.store.audit_log import found_flaws
-    from daemon.store.layout import DATABASE_NAME
+    from daemon.store.database import DATABASE_NAME
 
     database = Path(load_settings(config).storage.folder) / DATABASE_NAME
     rows, found = found_flaws(database, [_anchor(text) for text in anchor or []])

@@ -16,8 +16,7 @@ from pathlib import Path
 from daemon.errors import BackupUnusable, StorageError
 from daemon.runtime.durable_files import fsync_folder, settle_file
 from daemon.store.audit_log import ANCHOR_NAME, found_flaws
-from daemon.store.database import Database, copy_database, storage_errors
-from daemon.store.layout import DATABASE_NAME
+from daemon.store.database import DATABASE_NAME, Database, copy_database, storage_errors
 from daemon.store.lock import FolderHold
 from daemon.store.schema import SCHEMA_VERSION
 

@@ -16,6 +16,9 @@ from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
 
 Answer = TypeVar("Answer")
 
+DATABASE_NAME = "handeyed.sqlite"
+"""In the store's folder."""
+
 _FULL_ERRNOS = frozenset({errno.ENOSPC, errno.EDQUOT})
 _FREE_SOME = "free some space there; what was stored before is unharmed"
 

@@ -6,8 +6,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from daemon.errors import StorageError, StorageInUse
-from daemon.store.database import Database
-from daemon.store.layout import DATABASE_NAME
+from daemon.store.database import DATABASE_NAME, Database
 from daemon.store.lock import FolderHold
 
 

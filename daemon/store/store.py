@@ -17,10 +17,9 @@ from daemon.runtime.failpoints import NEVER, Failpoints
 from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import current_behalf, note
 from daemon.store.audit_log import AuditLog
-from daemon.store.database import Database
+from daemon.store.database import DATABASE_NAME, Database
 from daemon.store.event_log import KeptEvents
 from daemon.store.idempotency_keys import KeyedRequests
-from daemon.store.layout import DATABASE_NAME
 from daemon.store.lock import FolderHold
 from daemon.store.outbox import Outbox
 

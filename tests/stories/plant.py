@@ -10,17 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
+from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.documents.plan import PlanDocument
 from calibration.documents.validation import validate_document
 from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.arm import Arm, PoseRefused
 from calibration.planning.plan import plan_poses
+from calibration.transforms import Array
 from daemon.application import Application
 from daemon.cell.devices import open_devices
-from daemon.cell.motion_rules import MotionRules
 from daemon.composition import build
-from daemon.config.settings import RobotSettings, Settings, TaughtPose
+from daemon.config.settings import Settings, TaughtPose
 from daemon.server import Server
 from mock_robot.announcement import Announcement
 from mock_robot.truth.truth import CellTruth
@@ -83,9 +86,21 @@ def poses_taught_for(seed: int) -> tuple[TaughtPose, ...]:
             "limits": {"box_mm": sheet["box_mm"]},
         }
     )
-    rules = MotionRules(RobotSettings(address="tcp://x:1", box_mm=sheet["box_mm"]), arm_named(sheet["arm"]))
-    plan = plan_poses(question.scene(), question.limits.limits(), 8, reachable=rules.reachable)
+    arm = arm_named(sheet["arm"])
+
+    def reachable(base_T_flange: Array) -> NDArray[np.bool_]:
+        return np.array([_has_solution(arm, pose) for pose in base_T_flange], bool)
+
+    plan = plan_poses(question.scene(), question.limits.limits(), 8, reachable=reachable)
     return tuple(TaughtPose.of(pose) for pose in plan.base_T_flange)
+
+
+def _has_solution(arm: Arm, base_T_flange: Array) -> bool:
+    try:
+        arm.inverse(base_T_flange)
+    except PoseRefused:
+        return False
+    return True
 
 
 @dataclass

@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from daemon.store.layout import DATABASE_NAME
+from daemon.store.database import DATABASE_NAME
 
 LAST_RUNS = 50
 

@@ -10,7 +10,7 @@ from daemon.access.roles import Role
 from daemon.model.records import CalibrationRecord
 from daemon.store.actor import Behalf
 from daemon.store.audit_log import found_flaws
-from daemon.store.layout import DATABASE_NAME
+from daemon.store.database import DATABASE_NAME
 from daemon.store.store import Store
 from tests.daemon.access.test_access import TEST, bearer, with_keys
 from tests.daemon.calibrations import a_calibration

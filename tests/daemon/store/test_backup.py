@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from daemon.access.roles import Role
-from daemon.store.layout import DATABASE_NAME
+from daemon.store.database import DATABASE_NAME
 from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
 from daemon.store.store import Store
 from tests.daemon.access.test_access import TEST, bearer

@@ -14,7 +14,7 @@ from daemon.errors import NoCalibration, NotFound, StorageError, StorageFull, St
 from daemon.model.records import Applied, CalibrationRecord, Cause, RunRecord, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.durable_files import write_durably
-from daemon.store.layout import DATABASE_NAME
+from daemon.store.database import DATABASE_NAME
 from daemon.store.schema import SCHEMA_VERSION
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration

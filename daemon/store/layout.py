@@ -1,3 +1,0 @@
-"""Names in the store's folder."""
-
-DATABASE_NAME = "handeyed.sqlite"
