@@ -1,1 +1,1 @@
-"""Pure mathematics of eye-in-hand calibration: arrays in, results out. No socket, clock or file."""
+"""Hand-eye calibration: pure functions of arrays. No socket, clock or file."""

@@ -29,10 +29,10 @@ class CameraModel:
 
     def distort(self, xy: Array) -> Array:
         """Distorted normalised coordinates (n, 2) of ideal ones (n, 2)."""
-        return np.column_stack(self.distorted(xy[:, 0], xy[:, 1]))
+        return np.column_stack(self.distort_components(xy[:, 0], xy[:, 1]))
 
-    def distorted(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """The same for coordinates in arrays of any shape."""
+    def distort_components(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Distorted x and y of ideal normalised x and y, arrays of any one shape."""
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -40,10 +40,7 @@ class CameraModel:
         return x * radial + p1 * xy2 + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + p2 * xy2
 
     def distortion_slopes(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Derivative of `distorted` by (x, y), for arrays of any shape.
-
-        It is symmetric; its three elements are d x / d x, d x / d y = d y / d x and d y / d y.
-        """
+        """Jacobian of `distort_components`, symmetric: its elements xx, xy = yx and yy, arrays of any one shape."""
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -56,24 +53,24 @@ class CameraModel:
         )
 
     def normalise(self, pixels: Array) -> Array:
-        """Ideal normalised coordinates (n, 2) of pixels (n, 2): the inverse of matrix and distortion, by Newton.
+        """Ideal normalised coordinates (n, 2) of pixels (n, 2): the inverse of `project`, by Newton's method.
 
-        NaN where the iteration does not settle: such a pixel lies outside what the distortion model can invert.
+        NaN where the iteration does not converge: the distortion model has no inverse at such a pixel.
         """
         (fx, skew, cx), (_, fy, cy), _ = self.matrix
         goal_y = (pixels[:, 1] - cy) / fy
         goal_x = (pixels[:, 0] - cx - skew * goal_y) / fx
         x, y = goal_x.copy(), goal_y.copy()
-        # Pixels that no ray of this lens reaches lead anywhere; they are found out at the end.
+        # The iteration may diverge at pixels that no ray of this lens reaches; the check after it finds them.
         with np.errstate(all="ignore"):
             for _ in range(20):
-                off_x, off_y = np.subtract(self.distorted(x, y), (goal_x, goal_y))
+                off_x, off_y = np.subtract(self.distort_components(x, y), (goal_x, goal_y))
                 if np.all(np.abs(off_x) < 1e-13) and np.all(np.abs(off_y) < 1e-13):
                     break
                 xx, xy, yy = self.distortion_slopes(x, y)
                 determinant = xx * yy - xy * xy
                 x = x - (yy * off_x - xy * off_y) / determinant
                 y = y - (xx * off_y - xy * off_x) / determinant
-            off_x, off_y = np.subtract(self.distorted(x, y), (goal_x, goal_y))
-            settled = np.maximum(np.abs(off_x), np.abs(off_y)) < 1e-9
-        return np.where(settled[:, None], np.column_stack([x, y]), np.nan)
+            off_x, off_y = np.subtract(self.distort_components(x, y), (goal_x, goal_y))
+            converged = np.maximum(np.abs(off_x), np.abs(off_y)) < 1e-9
+        return np.where(converged[:, None], np.column_stack([x, y]), np.nan)

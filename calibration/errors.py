@@ -1,37 +1,37 @@
-"""Errors of the calibration room.
+"""Errors of the calibration package.
 
 CalibrationError
-├── DocumentError          a JSON or TOML document is not what it should be
+├── DocumentError          a JSON or TOML document is not valid
 ├── DetectionError         the target was not found, or what was found is not the target
-├── GeometryError          a number is not what the mathematics needs (not a rotation, not finite)
-└── UndeterminedError      the motions cannot determine X; there is no transform to give
+├── GeometryError          a number is outside a function's domain (not a rotation, not finite)
+└── UndeterminedError      the motions do not determine X, so there is no transform to return
 """
 
 from dataclasses import dataclass
 from typing import Any
 
 
-class Portable(Exception):
-    """An error that may be told in another process than it happened in, whatever its constructor takes."""
+class PicklableError(Exception):
+    """An exception that can be pickled, and so cross processes, whatever arguments its constructor takes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (type(self), self.args, self.__dict__)
+        return _rebuild, (type(self), self.args, self.__dict__)
 
 
-def _again(kind: type[Portable], arguments: tuple[Any, ...], data: dict[str, Any]) -> Portable:
+def _rebuild(kind: type[PicklableError], arguments: tuple[Any, ...], data: dict[str, Any]) -> PicklableError:
     error = kind.__new__(kind)
     error.args = arguments
     error.__dict__.update(data)
     return error
 
 
-class CalibrationError(Portable):
-    """Root of the room's errors."""
+class CalibrationError(PicklableError):
+    """Base of all errors of this package."""
 
 
 @dataclass(frozen=True)
 class DocumentProblem:
-    """One thing wrong with a document: where it stands, what is wrong, what to do."""
+    """One defect of a document: its place, what is wrong, and how to fix it."""
 
     place: str
     what: str
@@ -42,7 +42,7 @@ class DocumentProblem:
 
 
 class DocumentError(CalibrationError):
-    """A document cannot be used. `origin` is the file (or 'request body'); each problem says place, what and fix."""
+    """A document cannot be used. `origin`: the file (or 'request body'); `problems`: every defect found."""
 
     def __init__(self, origin: str, problems: list[DocumentProblem]) -> None:
         self.origin = origin
@@ -51,7 +51,7 @@ class DocumentError(CalibrationError):
 
 
 class DetectionError(CalibrationError):
-    """The target was not found in an image. `code` is stable, `what` and `fix` are for people."""
+    """The target was not found in an image. `code` is stable; `what` and `fix` are sentences for people."""
 
     def __init__(self, code: str, what: str, fix: str) -> None:
         self.code, self.what, self.fix = code, what, fix
@@ -59,11 +59,11 @@ class DetectionError(CalibrationError):
 
 
 class GeometryError(CalibrationError):
-    """A number is not what the mathematics needs."""
+    """A number is outside a function's domain: not a rotation, not finite, no axis."""
 
 
 class UndeterminedError(CalibrationError):
-    """The motions cannot determine X. `code` names why, `what` and `fix` are for people."""
+    """The motions do not determine X. `code` is stable; `what` and `fix` are sentences for people."""
 
     def __init__(self, code: str, what: str, fix: str) -> None:
         self.code, self.what, self.fix = code, what, fix

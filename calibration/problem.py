@@ -1,13 +1,13 @@
-"""What a hand-eye solver is given.
+"""Input of the hand-eye solver.
 
-Two set-ups, one mathematics. The camera is fixed in its *mount*, the target in its *anchor*:
+Both set-ups are one problem. The camera is fixed in its *mount*, the target in its *anchor*:
 
     eye-in-hand    mount = flange    anchor = base      anchor_T_mount = base_T_flange
     eye-to-hand    mount = base      anchor = flange    anchor_T_mount = flange_T_base
 
     anchor_T_target = anchor_T_mount @ mount_T_camera @ camera_T_target        for every view
 
-so a solver sees `anchor_T_mount` only, and X is `mount_T_camera`. (The seed's X is its inverse, `camera_T_flange`.)
+so a solver uses `anchor_T_mount` only, and X is `mount_T_camera`. (The X of Song et al. is its inverse.)
 """
 
 from dataclasses import dataclass
@@ -43,9 +43,9 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One station: the robot's pose and what the camera saw there.
+    """One station: the robot's pose (4, 4) and the target's detection there.
 
-    `detection` is None when the target was not found; `missing` then says why (a code and a sentence).
+    `detection` is None when the target was not found; `missing` is then the reason: a code and a sentence.
     """
 
     index: int

@@ -1,4 +1,4 @@
-"""What a hand-eye solver answers. Judging it is `calibration.verdict`'s work."""
+"""Output of the hand-eye solver. `calibration.verdict` decides whether it may be used."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -12,7 +12,7 @@ Severity = Literal["error", "warning", "info"]
 
 @dataclass(frozen=True)
 class Finding:
-    """Something a person should know: a stable `code`, a sentence, and what to do."""
+    """A message for people: a stable `code`, what was found, and how to fix it."""
 
     code: str
     severity: Severity
@@ -22,7 +22,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class ViewResult:
-    """How one view fits. `robot_correction`: (3,) mm and rotation vector (3,) rad."""
+    """The fit of one view. `robot_correction`: estimated error of its pose, (3,) mm and rotation vector (3,) rad."""
 
     index: int
     image: str | None
@@ -37,9 +37,9 @@ class ViewResult:
 class Uncertainty:
     """One standard deviation of X and of a mapped point (`point_mm`).
 
-    `translation_mm` (3,): of X's translation along the mount's axes; `rotation_rad` (3,): about the camera's axes.
-
-    `covariance` (6, 6) of [rotation rad, translation mm], of mount_T_camera @ exp(.), in the camera frame.
+    translation_mm : (3,) of X's translation along the mount's axes.
+    rotation_rad : (3,) about the camera's axes.
+    covariance : (6, 6) of [rotation rad, translation mm] of mount_T_camera @ exp(.), in the camera frame.
     """
 
     translation_mm: Array
@@ -50,7 +50,7 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations estimated from the data, per axis; None where they cannot be."""
+    """Standard deviations per axis, estimated from the data; None where the data do not determine one."""
 
     image_px: float | None
     robot_rotation_rad: float | None
@@ -59,7 +59,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Observability:
-    """How well the motions determine X. `axis_spread`: 0 all rotation axes parallel .. 1 evenly spread."""
+    """How well the motions determine X. `axis_spread`: 0 when all rotation axes are parallel, 1 when evenly spread."""
 
     views_used: int
     max_rotation_rad: float
@@ -77,7 +77,7 @@ class HoldOut:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """`mount_T_camera` is None when the motions cannot determine it: never a wrong one. See `calibration.problem`."""
+    """The result of a solve; frames as in `calibration.problem`. `mount_T_camera` is None when it is not determined."""
 
     setup: Setup
     method: str
@@ -95,7 +95,7 @@ class Solution:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a solution may be used, and everything found on the way."""
+    """Whether a solution may be used, and all findings of solver and rules."""
 
     accepted: bool
     findings: tuple[Finding, ...]

@@ -8,7 +8,7 @@ from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import explained
 from calibration.errors import UndeterminedError
 from calibration.likelihood.augmented_model import widened
-from calibration.observability import require_determined
+from calibration.observability import require_observable
 from calibration.preprocessing.prepare import Prepared, prepare, with_real_target
 from calibration.problem import Problem
 from calibration.solution import Solution
@@ -55,7 +55,7 @@ def estimated(problem: Problem) -> tuple[Prepared, Start, Selection]:
     prepared = prepare(problem)
     used = agreeing_rows(prepared)
     if not np.all(used):
-        require_determined(prepared.seen.base_T_flange[used])
+        require_observable(prepared.seen.base_T_flange[used])
     start = best_start(prepared.take(used))
     selection = select(prepared, used, start.chain, start.variances)
     wider = widened(prepared.take(selection.used).seen, selection.best)

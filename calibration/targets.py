@@ -1,4 +1,4 @@
-"""Planar targets: where their points lie, in millimetres, in the target's own frame.
+"""Planar targets: the coordinates of their points in mm, in the target's frame.
 
 x runs along a row (columns count along it), y runs down the columns, z points into the board, away from the
 camera that looks at it. The id of a point is its index, row by row.

@@ -15,13 +15,13 @@ from calibration.errors import GeometryError
 Array = NDArray[np.float64]
 
 QUATERNION_NORM_TOLERANCE = 2e-3
-"""A text quaternion with 3 decimals is off by up to 9e-4; anything further is another order, or torn text."""
+"""Largest error of a norm. Text with 3 decimals gives up to 9e-4; more means another order or damaged text."""
 
-LARGEST_SIMPLE_RAD = 3.0
-"""Beyond, close to half a turn, the sine says little about the axis."""
+MAX_SINE_ANGLE_RAD = 3.0
+"""Beyond this angle, close to half a turn, the sine determines the axis poorly and the general conversion is used."""
 
-SMALLEST_SINE = 1e-12
-"""Below, a rotation vector is half the difference of the matrix and its transpose to all digits."""
+MIN_DOUBLE_SINE = 1e-12
+"""Below it a rotation vector equals half the difference of the matrix and its transpose, in double precision."""
 
 
 def transform(rotation: ArrayLike, translation_mm: ArrayLike) -> Array:
@@ -60,29 +60,32 @@ def rotation_from_quaternion(quaternion_wxyz: ArrayLike) -> Array:
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> Array:
-    """Scalar-first quaternion (..., 4) with w >= 0."""
+    """Scalar-first quaternion (..., 4), w >= 0, of a rotation (..., 3, 3)."""
     quaternion: Array = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
     return quaternion
 
 
 def transform_from_quaternion(translation_mm: ArrayLike, quaternion_wxyz: ArrayLike) -> Array:
-    """a_T_b from a translation in mm and a scalar-first quaternion, as ABB prints a pose."""
+    """a_T_b (..., 4, 4) from a translation (..., 3) in mm and a scalar-first quaternion (..., 4), ABB's pose format.
+
+    Raises GeometryError as `rotation_from_quaternion`.
+    """
     return transform(rotation_from_quaternion(quaternion_wxyz), translation_mm)
 
 
 def rotation_from_vector(rotation_vector_rad: ArrayLike) -> Array:
-    """exp: rotation (..., 3, 3) of a rotation vector (..., 3) in radians."""
+    """Rotation (..., 3, 3) of a rotation vector (..., 3) in rad: exp."""
     matrix: Array = Rotation.from_rotvec(rotation_vector_rad).as_matrix()
     return matrix
 
 
 def vector_from_rotation(rotation: ArrayLike) -> Array:
-    """log: rotation vector (..., 3) in radians, angle in [0, pi]."""
+    """Rotation vector (..., 3) in rad of a rotation (..., 3, 3), angle in [0, pi]: log."""
     rotation = np.asarray(rotation, float)
     vector, double_sine, angle = _turn(rotation)
-    small = double_sine < SMALLEST_SINE
+    small = double_sine < MIN_DOUBLE_SINE
     vector *= np.where(small, 0.5, angle / np.where(small, 1.0, double_sine))[..., None]
-    far = angle > LARGEST_SIMPLE_RAD
+    far = angle > MAX_SINE_ANGLE_RAD
     if np.any(far):
         vector[far] = Rotation.from_matrix(rotation[far]).as_rotvec()
     return vector
@@ -100,12 +103,15 @@ def _turn(rotation: Array) -> tuple[Array, Array, Array]:
 
 
 def rotation_angle_rad(rotation: ArrayLike) -> Any:
-    """Angle of a rotation (..., 3, 3) in [0, pi]; a float for one, an array for a stack."""
+    """Angle of a rotation (..., 3, 3) in rad, in [0, pi]; a float for one, an array for a stack."""
     return _turn(np.asarray(rotation, float))[2]
 
 
 def nearest_rotation(matrix: ArrayLike) -> tuple[Array, float]:
-    """The rotation nearest to a 3×3 matrix in the Frobenius norm (SVD), and that distance."""
+    """The rotation nearest to a matrix (3, 3) in the Frobenius norm, by SVD, and that distance.
+
+    Raises GeometryError for elements that are not finite.
+    """
     matrix = np.asarray(matrix, float)
     if not np.all(np.isfinite(matrix)):
         raise GeometryError("a matrix with non-finite elements has no nearest rotation")
@@ -132,6 +138,6 @@ def adjoint(a_T_b: Array) -> Array:
 
 
 def difference(a_T_b: Array, a_T_c: Array) -> tuple[float, float]:
-    """How far two transforms are apart: (translation in mm, rotation in rad)."""
+    """Distance between two transforms (4, 4): (translation in mm, rotation in rad)."""
     b_T_c = inverse(a_T_b) @ a_T_c
     return float(np.linalg.norm(b_T_c[:3, 3])), float(rotation_angle_rad(b_T_c[:3, :3]))

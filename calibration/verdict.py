@@ -1,4 +1,4 @@
-"""May a solution be used? A table of rules over the solution; judging never solves."""
+"""Acceptance of a solution, by a table of rules over it; nothing is solved again."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.kinematics.robot_accuracy import MAX_USUAL_NOISE
-from calibration.observability import motion_of
+from calibration.observability import summarise_motion
 from calibration.problem import Problem
 from calibration.solution import Finding, Solution, Verdict
 
 
 @dataclass(frozen=True)
-class Limits:
-    """What is still acceptable. `point_mm` decides; the others warn of what usually stands behind a poor one."""
+class VerdictLimits:
+    """Limits of acceptance. Beyond `point_mm` a solution is rejected; the others raise warnings of likely causes."""
 
     point_mm: float = 2.0
     point_warning_mm: float = 0.5
@@ -25,23 +25,23 @@ class Limits:
     hold_out_ratio: float = 3.0
 
 
-DEFAULT_LIMITS = Limits()
+DEFAULT_VERDICT_LIMITS = VerdictLimits()
 
 CONTRADICTIONS = ("pose-disagrees", "image-disagrees")
-"""Reasons for which a view in which a target was found is still not used."""
+"""Reasons for rejecting a view although the target was found in it."""
 
-Rule = Callable[[Problem, Solution, Limits], Iterator[Finding]]
+Rule = Callable[[Problem, Solution, VerdictLimits], Iterator[Finding]]
 
 
-def judge(problem: Problem, solution: Solution, limits: Limits = DEFAULT_LIMITS) -> Verdict:
-    """The solution's own findings and those of the rules; accepted when there is X and no finding is an error."""
+def judge(problem: Problem, solution: Solution, limits: VerdictLimits = DEFAULT_VERDICT_LIMITS) -> Verdict:
+    """The verdict: the solution's findings and those of the rules; accepted when X exists and none is an error."""
     rules = RULES if solution.mount_T_camera is not None else ()
     findings = (*solution.findings, *(finding for rule in rules for finding in rule(problem, solution, limits)))
     accepted = solution.mount_T_camera is not None and not any(finding.severity == "error" for finding in findings)
     return Verdict(accepted, findings)
 
 
-def _point(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+def _point(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     if solution.uncertainty is None:
         return
     point_mm = solution.uncertainty.point_mm
@@ -55,10 +55,10 @@ def _point(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Fin
         )
 
 
-def _axes(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     used = {view.index for view in solution.views if view.status != "rejected"}
     poses = np.array([view.base_T_flange for view in problem.views if view.index in used])
-    angle = motion_of(poses).axis_angle_rad
+    angle = summarise_motion(poses).axis_angle_rad
     if angle < limits.axis_angle_rad:
         yield Finding(
             "axes-nearly-parallel",
@@ -68,7 +68,7 @@ def _axes(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Find
         )
 
 
-def _robot(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+def _robot(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     rotation, translation = solution.noise.robot_rotation_rad, solution.noise.robot_translation_mm
     if (translation or 0.0) > limits.robot_translation_mm or (rotation or 0.0) > limits.robot_rotation_rad:
         yield Finding(
@@ -79,7 +79,7 @@ def _robot(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Fin
         )
 
 
-def _image(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     if (solution.noise.image_px or 0.0) > limits.image_px:
         yield Finding(
             "image-noise",
@@ -89,7 +89,7 @@ def _image(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Fin
         )
 
 
-def _rejections(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+def _rejections(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     seen = [view for view in solution.views if view.status != "rejected" or view.reason in CONTRADICTIONS]
     rejected = sum(view.status == "rejected" for view in seen)
     if rejected > limits.rejected_share * len(seen):
@@ -101,7 +101,7 @@ def _rejections(problem: Problem, solution: Solution, limits: Limits) -> Iterato
         )
 
 
-def _hold_out(problem: Problem, solution: Solution, limits: Limits) -> Iterator[Finding]:
+def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     if solution.hold_out is None:
         yield Finding(
             "nothing-held-out",
@@ -110,7 +110,7 @@ def _hold_out(problem: Problem, solution: Solution, limits: Limits) -> Iterator[
             "take four or more views to have the solution checked",
         )
         return
-    expected = _expected_base_error(solution)
+    expected = _typical_base_error(solution)
     if expected and solution.hold_out.base_error_mm > limits.hold_out_ratio * expected:
         yield Finding(
             "hold-out-large",
@@ -120,7 +120,7 @@ def _hold_out(problem: Problem, solution: Solution, limits: Limits) -> Iterator[
         )
 
 
-def _expected_base_error(solution: Solution) -> float | None:
+def _typical_base_error(solution: Solution) -> float | None:
     errors = [view.base_error_mm for view in solution.views if view.status != "rejected" and view.base_error_mm]
     return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
 

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array
 from mock_robot.announcement import Announcement
 from mock_robot.arm.simulated_arm import RobotNoise, SimulatedArm
@@ -78,7 +78,7 @@ class MockCell:
         clock: Callable[[], float] = monotonic,
         program: RobotProgram = "python",
     ) -> None:
-        arm = arm_named(truth.arm)
+        arm = find_arm(truth.arm)
         noise = RobotNoise(truth.noise.robot_translation_mm, np.radians(truth.noise.robot_rotation_deg), truth.seed)
         self.truth, self.clock = truth, clock
         self._wires: Wires = _WIRES[program](

@@ -13,10 +13,10 @@ RegistrationError
 └── SphereError            the points are not a sphere of the stated radius
 """
 
-from calibration.errors import Portable
+from calibration.errors import PicklableError
 
 
-class RegistrationError(Portable):
+class RegistrationError(PicklableError):
     """Root of the room's errors. `code` is stable; `what` and `fix` are for people."""
 
     code = "registration-error"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.monitoring.control_chart import DriftRules, DriftStanding, Sample, chart
+from calibration.monitoring.control_chart import ChartSample, DriftRules, DriftStanding, chart
 from calibration.transforms import Array
 
 POSITIONS = 3
@@ -33,17 +33,17 @@ class Cell:
 
     x_error_mm: float
 
-    def verifications(self, shift_mm: Array, rng: np.random.Generator) -> list[Sample]:
+    def verifications(self, shift_mm: Array, rng: np.random.Generator) -> list[ChartSample]:
         """One for each of `shift_mm` (n,)."""
         own = rng.normal(0, self.x_error_mm, (POSITIONS, 3))
         direction = rng.normal(size=3)
         direction /= np.linalg.norm(direction)
         seen = own + rng.normal(0, NOISE_MM, (len(shift_mm), POSITIONS, 3)) + shift_mm[:, None, None] * direction
         scatter = np.sqrt(np.mean(np.var(seen, axis=1, ddof=1), axis=1))
-        return [Sample(row.mean(axis=0), float(s), POSITIONS) for row, s in zip(seen, scatter, strict=True)]
+        return [ChartSample(row.mean(axis=0), float(s), POSITIONS) for row, s in zip(seen, scatter, strict=True)]
 
 
-def first_alarm(samples: list[Sample], rules: DriftRules, after: int = 0) -> int | None:
+def first_alarm(samples: list[ChartSample], rules: DriftRules, after: int = 0) -> int | None:
     """The number of the first alarm from number `after` on; None when there is none."""
     entries = chart(samples, rules)
     return next((n for n in range(after, len(entries)) if entries[n].standing is DriftStanding.DRIFTING), None)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from drivers.errors import DeviceError
 from drivers.interfaces import Configuration, MoveGoal
 from drivers.robots.abb.cb_robot import CbRobot
@@ -26,7 +26,7 @@ from mock_robot.rapid.controller import RapidController
 from mock_robot.truth.truth import CellTruth
 
 STRIKES = tuple(name for name, fault in FAULTS.items() if fault.area in ("link", "robot"))
-ARM = arm_named("IRB 1600-6/1.45")
+ARM = find_arm("IRB 1600-6/1.45")
 CELLS = 12
 TIME_SCALE = 30.0
 SETTLED_S = 12.0

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from calibration.closed_forms.motions import Motions, all_pairs
-from calibration.closed_forms.quaternions import multiply_left
+from calibration.closed_forms.motions import MotionPairs, all_pairs
+from calibration.closed_forms.quaternions import left_product_matrix
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, skew, transform
 
 
 def daniilidis(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     """X (4, 4), rotation and translation at once as a unit dual quaternion."""
-    motions = all_pairs(anchor_T_mount, camera_T_target).turning()
+    motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
     real, dual = _from_null_space(np.linalg.svd(_equations(motions), full_matrices=False)[2])
     rotation = rotation_from_quaternion(real)
     # t = 2 q' conj(q): the vector part of the product (Eq. 12).
@@ -17,7 +17,7 @@ def daniilidis(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     return transform(rotation, translation)
 
 
-def _equations(motions: Motions) -> Array:
+def _equations(motions: MotionPairs) -> Array:
     """T (6k, 8) of Eqs. 31 and 33, with lengths scaled so that rotation and translation weigh alike."""
     a, a_dual = _dual_quaternions(motions.mount)
     b, b_dual = _dual_quaternions(motions.camera)
@@ -33,7 +33,7 @@ def _dual_quaternions(motions: Array) -> tuple[Array, Array]:
     """q and q' = t q / 2 of transforms (k, 4, 4), with q's scalar part not negative (Eq. 9)."""
     real = quaternion_from_rotation(motions[:, :3, :3])
     pure = np.concatenate([np.zeros((len(motions), 1)), motions[:, :3, 3]], axis=1)
-    return real, (multiply_left(pure) @ real[..., None])[..., 0] / 2
+    return real, (left_product_matrix(pure) @ real[..., None])[..., 0] / 2
 
 
 def _from_null_space(vt: Array) -> tuple[Array, Array]:

@@ -3,15 +3,15 @@
 import numpy as np
 
 from calibration.closed_forms.motions import all_pairs, with_translation
-from calibration.closed_forms.quaternions import multiply_left, multiply_right
+from calibration.closed_forms.quaternions import left_product_matrix, right_product_matrix
 from calibration.transforms import Array, rotation_from_quaternion
 
 
 def horaud(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     """X (4, 4): the unit quaternion q with the least sum |n_A q - q n_B|² over the turns' axes n (Eqs. 30 to 33)."""
-    motions = all_pairs(anchor_T_mount, camera_T_target).turning()
+    motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
     alpha, beta = (_pure(vectors / np.linalg.norm(vectors, axis=1, keepdims=True)) for vectors in motions.vectors())
-    difference = multiply_left(alpha) - multiply_right(beta)
+    difference = left_product_matrix(alpha) - right_product_matrix(beta)
     quadratic = np.einsum("kji,kjl->il", difference, difference)
     quaternion = np.linalg.eigh(quadratic)[1][:, 0]
     return with_translation(motions, rotation_from_quaternion(quaternion))

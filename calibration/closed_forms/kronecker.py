@@ -1,4 +1,4 @@
-"""All pairs of views at once, at a cost linear in the number of views.
+"""Least squares over all pairs of views, at a cost linear in the number of views.
 
 The sum over all pairs of |R_Aij R - R R_Bij|² equals, after turning every term back by the two orientations of its
 pair, 2 n sum_i |K_i vec R - mean|² with K_i = R_i ⊗ S_i' (R_i of anchor_T_mount, S_i of camera_T_target). The K_i are
@@ -13,12 +13,12 @@ from calibration.transforms import Array, transform
 
 
 def kronecker(anchor_T_mount: Array, camera_T_target: Array) -> Array:
-    """X (..., 4, 4) of poses (..., n, 4, 4): rotation over all pairs, then translation where the target scatters least.
+    """X (..., 4, 4) of poses (..., n, 4, 4): rotation over all pairs, then the translation of least target scatter.
 
     Leading dimensions are separate sessions.
     """
     turned = anchor_T_mount[..., :3, :3]
-    products = summed_products(turned, camera_T_target[..., :3, :3])
+    products = kronecker_sum(turned, camera_T_target[..., :3, :3])
     vectors = np.linalg.svd(products)[2][..., 0, :]
     rotation = as_rotation(vectors.reshape(*vectors.shape[:-1], 3, 3))
     # R_i t + R_i R s_i + t_i is the target's origin in the anchor, the same for every view: remove its mean.
@@ -29,7 +29,7 @@ def kronecker(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     return transform(rotation, (np.linalg.pinv(normal, rcond=1e-12, hermitian=True) @ right_hand)[..., 0])
 
 
-def summed_products(anchor_R_mount: Array, camera_R_target: Array) -> Array:
+def kronecker_sum(anchor_R_mount: Array, camera_R_target: Array) -> Array:
     """sum_i R_i ⊗ S_i' (..., 9, 9), so that it maps vec(X), row by row, to vec(sum_i R_i X S_i)."""
     lead, n = anchor_R_mount.shape[:-3], anchor_R_mount.shape[-3]
     left = np.swapaxes(anchor_R_mount.reshape(*lead, n, 9), -1, -2)

@@ -12,46 +12,46 @@ import numpy as np
 
 from calibration.transforms import Array, inverse, rotation_angle_rad, transform, vector_from_rotation
 
-SMALLEST_TURN_RAD = np.radians(0.5)
-"""A motion that turns less has no axis worth the name."""
+MIN_TURN_RAD = np.radians(0.5)
+"""The axis of a smaller rotation is not determined in practice."""
 
-LARGEST_TURN_RAD = np.radians(175.0)
-"""Near half a turn noise decides which way round the axis points."""
+MAX_TURN_RAD = np.radians(175.0)
+"""Near half a turn the sign of the axis depends on noise."""
 
 
 @dataclass(frozen=True, eq=False)
-class Motions:
+class MotionPairs:
     """Pairs of views: `mount` A (k, 4, 4) and `camera` B (k, 4, 4)."""
 
     mount: Array
     camera: Array
 
-    def turning(self) -> "Motions":
-        """Those with an axis whose sense is certain: neither too small a turn nor, if others remain, half a turn."""
+    def with_clear_axes(self) -> "MotionPairs":
+        """The pairs with a certain axis: rotations above MIN_TURN_RAD and, if two remain, below MAX_TURN_RAD."""
         mount, camera = rotation_angle_rad(self.mount[:, :3, :3]), rotation_angle_rad(self.camera[:, :3, :3])
-        turns = np.minimum(mount, camera) > SMALLEST_TURN_RAD
-        certain = turns & (np.maximum(mount, camera) < LARGEST_TURN_RAD)
+        turns = np.minimum(mount, camera) > MIN_TURN_RAD
+        certain = turns & (np.maximum(mount, camera) < MAX_TURN_RAD)
         kept = certain if np.count_nonzero(certain) >= 2 else turns
-        return Motions(self.mount[kept], self.camera[kept])
+        return MotionPairs(self.mount[kept], self.camera[kept])
 
     def vectors(self) -> tuple[Array, Array]:
         """Rotation vectors (k, 3) of A and of B."""
         return vector_from_rotation(self.mount[:, :3, :3]), vector_from_rotation(self.camera[:, :3, :3])
 
 
-def all_pairs(anchor_T_mount: Array, camera_T_target: Array) -> Motions:
+def all_pairs(anchor_T_mount: Array, camera_T_target: Array) -> MotionPairs:
     """Every pair i < j: n (n - 1) / 2 motions."""
     i, j = np.triu_indices(len(anchor_T_mount), 1)
-    return Motions(inverse(anchor_T_mount[j]) @ anchor_T_mount[i], camera_T_target[j] @ inverse(camera_T_target[i]))
+    return MotionPairs(inverse(anchor_T_mount[j]) @ anchor_T_mount[i], camera_T_target[j] @ inverse(camera_T_target[i]))
 
 
-def translation_of(motions: Motions, rotation: Array) -> Array:
+def translation_of(motions: MotionPairs, rotation: Array) -> Array:
     """t (3,) of X from (R_A - I) t = R t_B - t_A over all motions, by least squares (Tsai & Lenz 1989, Eq. 15)."""
     coefficients: Array = (motions.mount[:, :3, :3] - np.eye(3)).reshape(-1, 3)
     right_hand: Array = (motions.camera[:, :3, 3] @ rotation.T - motions.mount[:, :3, 3]).reshape(-1)
     return np.asarray(np.linalg.lstsq(coefficients, right_hand, rcond=None)[0])
 
 
-def with_translation(motions: Motions, rotation: Array) -> Array:
-    """X (4, 4) of its rotation and the translation that fits it best."""
+def with_translation(motions: MotionPairs, rotation: Array) -> Array:
+    """X (4, 4) of its rotation (3, 3) and the least-squares translation of it, `translation_of`."""
     return transform(rotation, translation_of(motions, rotation))

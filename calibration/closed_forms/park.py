@@ -6,7 +6,7 @@ from calibration.transforms import Array, nearest_rotation
 
 def park(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     """X (4, 4): the rotation that carries the camera's rotation vectors onto the mount's (Eq. 20)."""
-    motions = all_pairs(anchor_T_mount, camera_T_target).turning()
+    motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
     alpha, beta = motions.vectors()
     # (M' M)^(-1/2) M' with M = sum beta alpha' is the polar factor; by SVD it also exists for two motions.
     rotation, _ = nearest_rotation(alpha.T @ beta)

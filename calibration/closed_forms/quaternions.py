@@ -1,16 +1,16 @@
-"""Products of scalar-first quaternions as matrices: p q = multiply_left(p) @ q = multiply_right(q) @ p."""
+"""Products of scalar-first quaternions as matrices: p q = left_product_matrix(p) @ q = right_product_matrix(q) @ p."""
 
 import numpy as np
 
 from calibration.transforms import Array, skew
 
 
-def multiply_left(quaternions: Array) -> Array:
+def left_product_matrix(quaternions: Array) -> Array:
     """(k, 4, 4) of quaternions (k, 4)."""
     return _product_matrix(quaternions, 1.0)
 
 
-def multiply_right(quaternions: Array) -> Array:
+def right_product_matrix(quaternions: Array) -> Array:
     """(k, 4, 4) of quaternions (k, 4)."""
     return _product_matrix(quaternions, -1.0)
 

@@ -1,8 +1,7 @@
-"""The seed's method: three robot poses, two motions, Eqs. 7 to 9.
+"""Song et al., "Multi-view coordinate system transformation based on robot": three poses, two motions, Eqs. 7 to 9.
 
-Song et al., "Multi-view coordinate system transformation based on robot". With M = camera_T_target_1 @
-camera_T_target_2^-1 and A = anchor_T_mount_1^-1 @ anchor_T_mount_2 the paper writes M X = X A (Eq. 2), so its X maps
-mount to camera coordinates: it is camera_T_mount, the inverse of everybody else's mount_T_camera.
+With M = camera_T_target_1 @ camera_T_target_2^-1 and A = anchor_T_mount_1^-1 @ anchor_T_mount_2 the paper writes
+M X = X A (Eq. 2), so its X maps mount to camera coordinates: camera_T_mount, the inverse of the usual mount_T_camera.
 """
 
 from dataclasses import dataclass
@@ -15,25 +14,30 @@ from calibration.transforms import Array, inverse, nearest_rotation, rotation_an
 
 @dataclass(frozen=True, eq=False)
 class ThreePose:
-    """The paper's X (camera_T_mount) with a true rotation, and what Eq. 7 gave.
+    """The paper's X with a proper rotation, and the matrix of Eq. 7.
 
-    `equation_7` (3, 3) is a rotation only without noise; `distance` is how far it was from one (Frobenius).
-    `axis_angle_rad`: between the axes of the robot's two motions.
+    camera_T_mount : (4, 4).
+    equation_7 : (3, 3), a rotation only in the absence of noise.
+    distance_from_rotation : Frobenius distance of `equation_7` from the nearest rotation.
+    axis_angle_rad : angle between the axes of the robot's two motions.
     """
 
     camera_T_mount: Array
     equation_7: Array
-    distance: float
+    distance_from_rotation: float
     axis_angle_rad: float
 
 
 def three_pose(anchor_T_mount: Array, camera_T_target: Array) -> Array:
-    """mount_T_camera (4, 4) from the first three views."""
+    """mount_T_camera (4, 4) from the first three views. Raises GeometryError as `solve_three_pose`."""
     return inverse(solve_three_pose(anchor_T_mount, camera_T_target).camera_T_mount)
 
 
 def solve_three_pose(anchor_T_mount: Array, camera_T_target: Array) -> ThreePose:
-    """Eqs. 7 to 9 on the first three views, with the rotation projected to SO(3) before Eqs. 8 and 9."""
+    """Eqs. 7 to 9 on the first three views, with the rotation projected to SO(3) before Eqs. 8 and 9.
+
+    Raises GeometryError when a motion has no rotation or both have the same axis.
+    """
     mount = inverse(anchor_T_mount[:1]) @ anchor_T_mount[1:3]  # A_a, A_b
     camera = camera_T_target[:1] @ inverse(camera_T_target[1:3])  # M_a, M_b
     k_mount, k_camera = _axes(mount), _axes(camera)

@@ -1,8 +1,8 @@
 """R. Tsai & R. Lenz, "A new technique for fully autonomous and efficient 3D robotics hand/eye calibration", T-RA 1989.
 
-The axis of X's rotation comes as P' = tan(theta / 2) times its direction, which is infinite for a turn of 180 degrees,
-a common mounting. So the same equations are also solved with the camera's frame turned by 180 degrees about each of
-its axes beforehand (one of the four turns by at most 120 degrees), and the solution that fits the turns best is kept.
+The rotation of X is found as P' = tan(theta / 2) times its axis, which is infinite at 180 degrees, a common mounting.
+So the same equations are also solved with the camera's frame turned by 180 degrees about each of its axes (X turns by
+at most 120 degrees in one of the four), and the solution that fits the rotations best is kept.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ HALF_TURNS = (np.eye(3), np.diag([1.0, -1, -1]), np.diag([-1.0, 1, -1]), np.diag
 
 def tsai(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     """X (4, 4), rotation and then translation."""
-    motions = all_pairs(anchor_T_mount, camera_T_target).turning()
+    motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
     alpha, beta = motions.vectors()
     mount, camera = _modified_rodrigues(alpha), _modified_rodrigues(beta)
     # R carries the turned camera axes turn' k onto the mount's; X's rotation is R turn', and turn is symmetric.

@@ -1,1 +1,1 @@
-"""From an image to the target's points, gated: a wrong detection is worse than none."""
+"""Detection of a target's points in an image, to a fraction of a pixel; a doubtful detection is refused."""

@@ -1,4 +1,4 @@
-"""AprilTag grids: tags read by OpenCV, their corners where the fitted edges cross. Any tags in view will do."""
+"""AprilTag grids: tags are read by OpenCV, their corners are the crossings of fitted edges. Any tags suffice."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.detection.image import Grey, at_full_size, reduced
+from calibration.detection.image import Grey, downscale, to_full_size
 from calibration.detection.tag_edges import refine_squares
 from calibration.errors import DetectionError
 from calibration.problem import Detection
@@ -20,37 +20,42 @@ DICTIONARIES = {
     "tag36h11": cv2.aruco.DICT_APRILTAG_36h11,
 }
 SEARCH_PIXELS = (2.0e6, np.inf)
-CLEAR_OF_MODULE = 0.8
+"""Pixels of the image that is searched, one after the other until all tags are found."""
+EDGE_REACH_OF_MODULE = 0.8
+"""Width of the band on either side of an edge that is read, as a share of a module or of the gap, if narrower."""
 
 
 def detect_apriltags(image: Grey, target: AprilTagGrid) -> Detection:
-    """Four corners of every tag in view. Raises DetectionError `not-found`, `unknown-dictionary`."""
+    """Four corners of every tag in view, ids as in AprilTagGrid.
+
+    Raises DetectionError `not-found`, `unknown-dictionary`.
+    """
     if target.family not in DICTIONARIES:
         what = f"the tag family {target.family!r} is not known"
         raise DetectionError("unknown-dictionary", what, f"use one of {', '.join(DICTIONARIES)}")
     dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[target.family])
-    tags, rough = _read(image, dictionary, target.columns * target.rows)
+    tags, rough = _read_tags(image, dictionary, target.columns * target.rows)
     if len(tags) == 0:
         what = f"no {target.family} tag of the grid was found"
         raise DetectionError("not-found", what, "bring the grid into view, without glare; check family, columns, rows")
     modules = dictionary.markerSize + 2
-    clear = CLEAR_OF_MODULE * min(1 / modules, target.gap_mm / target.tag_mm)
+    clear = EDGE_REACH_OF_MODULE * min(1 / modules, target.gap_mm / target.tag_mm)
     ids = 4 * tags[:, None] + np.arange(4)
     corners = refine_squares(image, target.points_mm[ids, :2], rough, clear)
     return Detection(ids.ravel(), corners.reshape(-1, 2))
 
 
-def _read(image: Grey, dictionary: Any, count: int) -> tuple[NDArray[np.intp], Array]:
-    """Numbers (n,) and rough corners (n, 4, 2) of the tags in view, each number once."""
+def _read_tags(image: Grey, dictionary: Any, count: int) -> tuple[NDArray[np.intp], Array]:
+    """Numbers (n,) and rough corners (n, 4, 2) px of the tags in view; a number found more than once is left out."""
     detector = cv2.aruco.ArucoDetector(dictionary)
     tags, corners = np.zeros(0, np.intp), np.zeros((0, 4, 2))
     for pixels in SEARCH_PIXELS:
-        small, factor = reduced(image, pixels)
+        small, factor = downscale(image, pixels)
         found, numbers, _ = detector.detectMarkers(small)
         if numbers is not None:
             tags, first, times = np.unique(np.ravel(numbers), return_index=True, return_counts=True)
             kept = (times == 1) & (tags < count)
-            corners = at_full_size(np.array(found, float).reshape(-1, 4, 2)[first][kept], factor)
+            corners = to_full_size(np.array(found, float).reshape(-1, 4, 2)[first][kept], factor)
             tags = tags[kept].astype(np.intp)
         if len(tags) == count or factor == 1:
             break

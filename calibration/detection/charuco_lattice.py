@@ -1,7 +1,7 @@
-"""Where on a ChArUco board a lattice of its corners lies, read from all markers between them at once.
+"""Identification of a lattice of corners on a ChArUco board, by correlation with all markers between them at once.
 
-A marker alone is found by its outline and must be right in every bit; of a dozen pixels, noisy or seen aslant, it
-seldom is. Between corners that are known every bit has its place, and the markers need to agree only together.
+Reading a marker alone needs its outline and every bit, which fails at about a dozen pixels a marker, under noise or at
+a grazing angle. Between known corners the place of every bit is known, and only the sum over all markers has to agree.
 """
 
 from collections.abc import Iterator
@@ -20,24 +20,24 @@ from calibration.targets import Charuco
 from calibration.transforms import Array
 
 QUARTER_TURNS = np.array([[[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]]])
-FEWEST_MARKERS = 3
-STRAY_OF_DIAGONAL = 0.25
-"""A corner further from the lattice's plane, in half a square's diagonal, is a marker's and not the board's."""
-LEAST_AGREEMENT, LEAST_LEAD = 0.5, 0.25
-"""Mean correlation of the markers' bits with what is seen, 0 anywhere else on the board; and ahead of the next best."""
+MIN_MARKERS = 3
+MAX_OFFSET_OF_DIAGONAL = 0.25
+"""A corner further from the lattice's plane, in half a square's diagonal, belongs to a marker, not to the board."""
+MIN_CORRELATION, MIN_LEAD = 0.5, 0.25
+"""Mean correlation of the markers' bits with the image (0 at a wrong place), and its lead over the next best place."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bits:
-    """The markers' bits: `places` (m, b, 2) of their middles, in squares from the first corner; `values` (m, b) with
-    mean 0 and norm 1 for each marker."""
+class MarkerBits:
+    """The markers' bits: `centres` (m, b, 2) in squares from the first inner corner; `values` (m, b), for each marker
+    with mean 0 and norm 1."""
 
-    places: Array
+    centres: Array
     values: Array
 
     @classmethod
-    def of(cls, board: Any, square_mm: float) -> "Bits":
-        """Of OpenCV's `board`, borders left out."""
+    def of(cls, board: Any, square_mm: float) -> "MarkerBits":
+        """The bits of OpenCV's `board`, without the markers' borders."""
         dictionary, size = board.getDictionary(), board.getDictionary().markerSize
         values = [
             cv2.aruco.generateImageMarker(dictionary, int(marker), size + 2, borderBits=1)[1:-1, 1:-1]
@@ -49,30 +49,34 @@ class Bits:
         places = (
             corners[:, 0, None, None] + step[:, None] * right[:, None, None] + step[:, None, None] * down[:, None, None]
         )
-        return cls(places.reshape(len(corners), -1, 2), _scaled(np.array(values, float).reshape(len(corners), -1)))
+        return cls(
+            places.reshape(len(corners), -1, 2), _normalise_rows(np.array(values, float).reshape(len(corners), -1))
+        )
 
 
-def numbered(image: Grey, target: Charuco, bits: Bits, lattice: Lattice, view: PlaneView) -> Detection | None:
-    """The lattice's corners with the board's numbers, strays left out; None when the markers are not clear about them.
+def assign_ids(image: Grey, target: Charuco, bits: MarkerBits, lattice: Lattice, view: PlaneView) -> Detection | None:
+    """The lattice's corners with the board's ids, without outliers; None when the markers do not identify them.
 
-    `view`: the lattice's cells to pixels.
+    `view` maps the lattice's cells to pixels.
     """
     smooth = np.asarray(cv2.GaussianBlur(image, (3, 3), 0), np.uint8)
     places = list(_alignments(lattice, target))
-    agreement = [_agreement(smooth, bits, (bits.places - shift) @ turn, lattice, view) for turn, shift in places]
+    agreement = [
+        _mean_correlation(smooth, bits, (bits.centres - shift) @ turn, lattice, view) for turn, shift in places
+    ]
     order = np.argsort(agreement)[::-1]
     best, next_best = [*(agreement[k] for k in order[:2]), 0.0, 0.0][:2]
-    if best < LEAST_AGREEMENT or best - next_best < LEAST_LEAD:
+    if best < MIN_CORRELATION or best - next_best < MIN_LEAD:
         return None
     turn, shift = places[order[0]]
     expected, beside = view.map(lattice.cells.astype(float)), view.map(lattice.cells + np.array([0.5, 0.5]))
-    kept = np.hypot(*(lattice.points - expected).T) < STRAY_OF_DIAGONAL * np.hypot(*(beside - expected).T)
+    kept = np.hypot(*(lattice.points - expected).T) < MAX_OFFSET_OF_DIAGONAL * np.hypot(*(beside - expected).T)
     column, row = (lattice.cells[kept] @ turn.T + shift).T
     return Detection(row * (target.columns - 1) + column, lattice.points[kept])
 
 
 def _alignments(lattice: Lattice, target: Charuco) -> Iterator[tuple[Array, Array]]:
-    """Every turn and shift that puts the lattice's cells onto the board's corners."""
+    """Every rotation (2, 2) and shift (2,) that puts the lattice's cells onto the board's corners."""
     for turn in QUARTER_TURNS:
         turned = lattice.cells @ turn.T
         low, high = turned.min(axis=0), turned.max(axis=0)
@@ -81,18 +85,21 @@ def _alignments(lattice: Lattice, target: Charuco) -> Iterator[tuple[Array, Arra
             yield turn, np.array(shift) - low
 
 
-def _agreement(image: Grey, bits: Bits, cells: Array, lattice: Lattice, view: PlaneView) -> float:
-    """Mean correlation of the markers between the lattice's corners, and one square around, with the image."""
+def _mean_correlation(image: Grey, bits: MarkerBits, cells: Array, lattice: Lattice, view: PlaneView) -> float:
+    """Mean correlation, -1 to 1, of the image with the markers on the lattice and one square around it.
+
+    `cells` (m, b, 2): the markers' bits in the lattice's cells. 0 where fewer than MIN_MARKERS are in the image.
+    """
     near = np.all((cells > -1) & (cells < lattice.cells.max(axis=0) + 1), axis=(1, 2))
     pixels = view.map(cells[near].reshape(-1, 2)).reshape(-1, *cells.shape[1:])
     inside = np.all((pixels >= 0) & (pixels <= np.array(image.shape[::-1]) - 1), axis=(1, 2))
-    if inside.sum() < FEWEST_MARKERS:
+    if inside.sum() < MIN_MARKERS:
         return 0.0
     seen = cv2.remap(image, pixels[inside].astype(np.float32), None, cv2.INTER_LINEAR)  # type: ignore[call-overload]
-    return float((_scaled(np.asarray(seen, float)) * bits.values[near][inside]).sum(axis=1).mean())
+    return float((_normalise_rows(np.asarray(seen, float)) * bits.values[near][inside]).sum(axis=1).mean())
 
 
-def _scaled(rows: Array) -> Array:
+def _normalise_rows(rows: Array) -> Array:
     """Rows with mean 0 and norm 1; a row without contrast becomes 0."""
     centred = rows - rows.mean(axis=1, keepdims=True)
     return np.asarray(centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1.0))

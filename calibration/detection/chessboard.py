@@ -1,7 +1,7 @@
-"""Chessboards: crossings of a reduced image joined into a lattice, every corner then refined and checked at full size.
+"""Chessboards: edge crossings of a reduced image joined into a lattice, corners then refined and checked at full size.
 
 Neither a white margin nor whole outer squares are needed. A board with more corners than the target's is refused, not
-cut down: the first corner would be a wrong one.
+cropped: the origin would be ambiguous.
 """
 
 from collections.abc import Iterator
@@ -11,32 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.detection.crossings import find_crossings
-from calibration.detection.image import Grey, at_full_size, reduced
+from calibration.detection.image import Grey, downscale, to_full_size
 from calibration.detection.lattice import Lattice, grow_lattices
-from calibration.detection.origin_corner import canonical
+from calibration.detection.origin_corner import canonical_order
 from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.detection.saddle import refine_saddles
-from calibration.detection.squares import corner_contrast, narrowest_side, window_px
+from calibration.detection.squares import corner_contrast, half_window_px, narrowest_side
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import Chessboard
 from calibration.transforms import Array
 
 SEARCHES = ((1.3e6, 4.0), (1.3e6, 2.5), (1.3e7, 4.0), (1.3e7, 2.5))
-"""(pixels of the reduced image, radius of the crossings' ring): the next is tried when the board was not found."""
-LEAST_SHARE_JOINED, LEAST_SHARE_OF_LINE = 0.5, 0.5
-MOST_MISSING_SHARE, MOST_MISSING_SHARE_OF_FEW, FEW = 0.25, 0.125, 40
-"""A board of few corners has no evidence to spare: noise makes three by two of them."""
+"""(pixels of the reduced image, ring radius of the crossing detector in px): tried in turn until the board is found."""
+MIN_SHARE_JOINED, MIN_SHARE_OF_LINE = 0.5, 0.5
+MAX_MISSING_SHARE, MAX_MISSING_SHARE_OF_FEW, FEW_CORNERS = 0.25, 0.125, 40
+"""Largest share of missing corners; smaller for boards of fewer than FEW_CORNERS, since noise may form 3 by 2."""
 LINES_AROUND = 2
-"""Lines of corners looked for around the lattice: one that was missed, one more that must not be there."""
-STRAY_OF_SPACING, NEAR_OF_SPACING, NEAR_PX = 0.25, 0.15, 0.6
-LEAST_CONTRAST_OF_MEDIAN = 0.35
+"""Lines of corners searched around the lattice: one may have been missed, a second one reveals a larger board."""
+MAX_RESIDUAL_OF_SPACING, MAX_OFFSET_OF_SPACING, MAX_OFFSET_PX = 0.25, 0.15, 0.6
+MIN_CONTRAST_OF_MEDIAN = 0.35
 FAR_PX = 1e6
 
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """What was found of a board: `points` (v, u, 2) in px, `found` (v, u), colour as in `order`."""
+    """Part of a board: `points` (v, u, 2) in px, `found` (v, u), `black_first` as in `canonical_order`."""
 
     points: Array
     found: NDArray[np.bool_]
@@ -46,10 +46,10 @@ class Board:
 def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
     """The inner corners, at most a quarter of them missing. Raises DetectionError `not-found`, `other-board`."""
     other: tuple[int, ...] | None = None
-    for board in _boards(image, target):
+    for board in _find_boards(image, target):
         if sorted(board.found.shape) == sorted((target.columns, target.rows)):
-            if (~board.found).sum() <= _most_missing(target.columns * target.rows):
-                order = canonical(board.points, board.black_first, target.columns, target.rows).ravel()
+            if (~board.found).sum() <= _max_missing(target.columns * target.rows):
+                order = canonical_order(board.points, board.black_first, target.columns, target.rows).ravel()
                 ids = np.flatnonzero(board.found.ravel()[order])
                 return Detection(ids, board.points.reshape(-1, 2)[order[ids]])
         elif min(board.found.shape) >= 2:
@@ -62,80 +62,85 @@ def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
     raise DetectionError("not-found", what, "bring the whole board into view, without glare; check columns and rows")
 
 
-def _most_missing(count: int) -> int:
-    return int(count * (MOST_MISSING_SHARE if count >= FEW else MOST_MISSING_SHARE_OF_FEW))
+def _max_missing(count: int) -> int:
+    """Corners of `count` that may be missing."""
+    return int(count * (MAX_MISSING_SHARE if count >= FEW_CORNERS else MAX_MISSING_SHARE_OF_FEW))
 
 
-def _boards(image: Grey, target: Chessboard) -> Iterator[Board]:
+def _find_boards(image: Grey, target: Chessboard) -> Iterator[Board]:
+    """Every board found at each of SEARCHES, of whatever size."""
     tried = set()
-    fewest = max(4, int(LEAST_SHARE_JOINED * target.columns * target.rows))
+    min_corners = max(4, int(MIN_SHARE_JOINED * target.columns * target.rows))
     for pixels, ring_radius_px in SEARCHES:
-        small, factor = reduced(image, pixels)
+        small, factor = downscale(image, pixels)
         if (factor, ring_radius_px) not in tried:
             tried.add((factor, ring_radius_px))
-            for lattice in grow_lattices(find_crossings(small, ring_radius_px), fewest):
-                board = confirmed_board(image, Lattice(lattice.cells, at_full_size(lattice.points, factor)))
+            for lattice in grow_lattices(find_crossings(small, ring_radius_px), min_corners):
+                board = verify_board(image, Lattice(lattice.cells, to_full_size(lattice.points, factor)))
                 if board is not None:
                     yield board
 
 
-def confirmed_board(image: Grey, lattice: Lattice) -> Board | None:
-    """The lattice and what lies around it, with every corner looked for where the plane puts it."""
-    lattice = without_loose_lines(lattice)
-    view = plane_through(lattice, (image.shape[1], image.shape[0]))
+def verify_board(image: Grey, lattice: Lattice) -> Board | None:
+    """The board of a lattice: corners refined at full size, searched up to LINES_AROUND beyond it. None if not planar.
+
+    A corner counts as found when it is a saddle near its predicted place, with the contrast and colour of the others.
+    """
+    lattice = drop_sparse_lines(lattice)
+    view = fit_lattice_plane(lattice, (image.shape[1], image.shape[0]))
     if view is None:
         return None
     columns, rows = lattice.cells.max(axis=0) + 1 + 2 * LINES_AROUND
     v, u = np.indices((rows, columns)).reshape(2, -1)
     cells = np.column_stack([u, v]) - float(LINES_AROUND)
-    expected, beside, below = (_finite(view.map(cells + np.array(step))) for step in ((0, 0), (0.5, 0), (0, 0.5)))
+    expected, beside, below = (_clip_far(view.map(cells + np.array(step))) for step in ((0, 0), (0.5, 0), (0, 0.5)))
     along_u, along_v = 2 * (beside - expected), 2 * (below - expected)
     spacing = narrowest_side(along_u, along_v)
     joined = np.zeros((rows, columns), bool)
     joined[tuple(lattice.cells.T[::-1] + LINES_AROUND)] = True
-    half = window_px(spacing[joined.ravel()], 1.0)
+    half = half_window_px(spacing[joined.ravel()], 1.0)
     refined, settled = refine_saddles(image, expected, half)
     contrast = corner_contrast(image, refined, along_u, along_v) * np.where((u + v) % 2 == 0, 1, -1)
     level = float(np.median(contrast[joined.ravel()]))
-    found = settled & (np.hypot(*(refined - expected).T) < NEAR_PX + NEAR_OF_SPACING * spacing)
-    found &= contrast * np.sign(level) > LEAST_CONTRAST_OF_MEDIAN * abs(level)
+    found = settled & (np.hypot(*(refined - expected).T) < MAX_OFFSET_PX + MAX_OFFSET_OF_SPACING * spacing)
+    found &= contrast * np.sign(level) > MIN_CONTRAST_OF_MEDIAN * abs(level)
     found &= np.all((expected > half) & (expected < np.array(image.shape[::-1]) - 1 - half), axis=1)
     points = np.where(found[:, None], refined, expected).reshape(rows, columns, 2)
-    top, bottom, left, right = _filled_block(found.reshape(rows, columns))
+    top, bottom, left, right = _trim_sparse_lines(found.reshape(rows, columns))
     block = slice(top, bottom), slice(left, right)
     return Board(points[block], found.reshape(rows, columns)[block], (level > 0) == ((top + left) % 2 == 0))
 
 
-def _finite(pixels: Array) -> Array:
-    """Far outside the lattice the horizon may lie, and the lens's polynomial run away: there, just far away."""
+def _clip_far(pixels: Array) -> Array:
+    """Pixels clipped to ± FAR_PX: far outside the lattice the homography and the lens's polynomial may diverge."""
     return np.asarray(np.clip(np.nan_to_num(pixels, nan=-FAR_PX), -FAR_PX, FAR_PX))
 
 
-def without_loose_lines(lattice: Lattice) -> Lattice:
-    """What stays when outer lines of mostly missing corners are taken off."""
+def drop_sparse_lines(lattice: Lattice) -> Lattice:
+    """The lattice without outer lines that hold less than MIN_SHARE_OF_LINE of their corners."""
     columns, rows = lattice.cells.max(axis=0) + 1
     occupied = np.zeros((rows, columns), bool)
     occupied[tuple(lattice.cells.T[::-1])] = True
-    top, bottom, left, right = _filled_block(occupied)
+    top, bottom, left, right = _trim_sparse_lines(occupied)
     low, high = np.array([left, top]), np.array([right, bottom])
     kept = np.all((lattice.cells >= low) & (lattice.cells < high), axis=1)
     return Lattice(lattice.cells[kept] - low, lattice.points[kept])
 
 
-def _filled_block(occupied: NDArray[np.bool_]) -> tuple[int, int, int, int]:
-    """top, bottom, left, right of what stays when the emptiest outer lines are taken off one by one."""
+def _trim_sparse_lines(occupied: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """top, bottom, left, right of the block that is left after removing sparse outer lines, the emptiest first."""
     top, bottom, left, right = 0, occupied.shape[0], 0, occupied.shape[1]
     while bottom - top > 1 and right - left > 1:
         block = occupied[top:bottom, left:right]
         share = (block[0].mean(), block[-1].mean(), block[:, 0].mean(), block[:, -1].mean())
         side = int(np.argmin(share))
-        if share[side] >= LEAST_SHARE_OF_LINE:
+        if share[side] >= MIN_SHARE_OF_LINE:
             break
         top, bottom, left, right = top + (side == 0), bottom - (side == 1), left + (side == 2), right - (side == 3)
     return top, bottom, left, right
 
 
-def plane_through(lattice: Lattice, image_size: tuple[int, int]) -> PlaneView | None:
+def fit_lattice_plane(lattice: Lattice, image_size: tuple[int, int]) -> PlaneView | None:
     """The plane through most of the lattice's points; None when they lie in no plane."""
     cells, points = lattice.cells.astype(float), lattice.points
     for _ in range(3):
@@ -146,7 +151,7 @@ def plane_through(lattice: Lattice, image_size: tuple[int, int]) -> PlaneView | 
         except DetectionError:
             return None
         spacing = np.sqrt(abs(np.linalg.det(view.jacobian(cells.mean(axis=0)))))
-        near = np.hypot(*residual.T) < STRAY_OF_SPACING * spacing
+        near = np.hypot(*residual.T) < MAX_RESIDUAL_OF_SPACING * spacing
         if near.all():
             return view
         cells, points = cells[near], points[near]

@@ -1,7 +1,7 @@
-"""How far the centroid of a circle's image lies from the image of the circle's centre.
+"""Offset of the centroid of a circle's image from the image of its centre, due to perspective and lens distortion.
 
-Perspective and lens distortion move it. Source: Heikkilä, "Geometric camera calibration using circular control
-points", 2000; here the rim is mapped point by point, so any camera will do.
+Source: Heikkilä, "Geometric camera calibration using circular control points", 2000; here the rim is mapped point by
+point, so any camera model can be used.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Circle grids: dots joined into a lattice, laid over the target, measured at full size, perspective's bias removed."""
+"""Circle grids: dots joined into a lattice, matched to the target, measured at full size, perspective bias removed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from calibration.detection.circle_bias import circle_centre_bias
 from calibration.detection.dot_centroid import refine_dots
 from calibration.detection.dot_lattice import grow_dot_lattices
 from calibration.detection.dots import Dots, find_dots
-from calibration.detection.image import Grey, at_full_size, reduced
+from calibration.detection.image import Grey, downscale, to_full_size
 from calibration.detection.lattice import Lattice
 from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.errors import DetectionError
@@ -20,14 +20,14 @@ from calibration.targets import CircleGrid
 from calibration.transforms import Array
 
 SEARCH_PIXELS = (1.3e6, 1.3e7)
-LEAST_SHARE_FOUND = 0.75
-LARGE_DOT_RATIO = 1.25
-"""The origin's radius over the others', at least."""
+MIN_SHARE_FOUND = 0.75
+MIN_LARGE_DOT_RATIO = 1.25
+"""Least radius of the origin's dot over the median radius."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Which target point `ids` (n,) each of the lattice's dots is, -1 for none; `outside` dots that fit nowhere."""
+    """`ids` (n,): the target point of each of the lattice's dots, -1 for none; `outside`: how many have none."""
 
     ids: NDArray[np.intp]
     outside: int
@@ -46,18 +46,18 @@ def detect_circles(image: Grey, target: CircleGrid) -> Detection:
         "bring the whole grid into view, without glare; check columns, rows and the dots' colour",
     )
     for pixels in SEARCH_PIXELS:
-        small, factor = reduced(ink, pixels)
+        small, factor = downscale(ink, pixels)
         dots = find_dots(small)
-        for lattice, index in grow_dot_lattices(dots, int(LEAST_SHARE_FOUND * target.columns * target.rows)):
-            layouts = _layouts(lattice, target)
+        for lattice, index in grow_dot_lattices(dots, int(MIN_SHARE_FOUND * target.columns * target.rows)):
+            layouts = _fit_layouts(lattice, target)
             if not layouts:
                 continue
             if layouts[0].outside >= max(2, min(target.columns, target.rows) // 2):
-                refusal = _other_board(layouts[0], target)
+                refusal = _other_board_error(layouts[0], target)
                 continue
             found = _at_full_size(dots, index, factor)
             try:
-                return _measured(found, refine_dots(ink, found), layouts, target, size)
+                return _measure_grid(found, refine_dots(ink, found), layouts, target, size)
             except DetectionError as error:
                 refusal = error
         if factor == 1:
@@ -65,24 +65,25 @@ def detect_circles(image: Grey, target: CircleGrid) -> Detection:
     raise refusal
 
 
-def _measured(
+def _measure_grid(
     seen: Dots, dots: Dots, layouts: list[Layout], target: CircleGrid, image_size: tuple[int, int]
 ) -> Detection:
     """The detection by the layout whose origin is the large dot, or whose rows run most to the right.
 
-    `dots` are those `seen`, measured; a dot cut off by the image's edge cannot be, but may still be the large one.
+    `dots`: those `seen`, refined at full size; NaN for a dot cut off by the image's edge, which may still be the
+    origin. Raises DetectionError `not-found`, `origin-not-found`.
     """
     candidates = []
     for layout in layouts:
         kept = (layout.ids >= 0) & np.isfinite(dots.areas)
         ids, centres = layout.ids[kept], dots.centres[kept]
-        if len(ids) < LEAST_SHARE_FOUND * target.columns * target.rows:
+        if len(ids) < MIN_SHARE_FOUND * target.columns * target.rows:
             continue
         points = target.points_mm[ids, :2]
         view, _ = fit_plane_view(points, centres, image_size)
         radii = _radii(view, points, dots.areas[kept])
         rank = _rightward(view, points) if target.origin is None else _origin_ratio(view, layout, seen, target)
-        usual = np.abs(np.log(radii / np.median(radii))) < np.log(LARGE_DOT_RATIO)
+        usual = np.abs(np.log(radii / np.median(radii))) < np.log(MIN_LARGE_DOT_RATIO)
         bias = circle_centre_bias(view.map, points, np.where(usual, np.median(radii), radii))
         order = np.argsort(ids)
         candidates.append((rank, Detection(ids[order], (centres - bias)[order])))
@@ -90,7 +91,7 @@ def _measured(
         what = "too many dots of the grid could not be measured"
         raise DetectionError("not-found", what, "bring the whole grid into view, without glare")
     rank, detection = max(candidates, key=lambda candidate: candidate[0])
-    if target.origin is not None and rank < LARGE_DOT_RATIO:
+    if target.origin is not None and rank < MIN_LARGE_DOT_RATIO:
         what = f"the grid has no larger dot at a corner (the largest there has {rank:.2f} times the usual radius)"
         raise DetectionError(
             "origin-not-found", what, "bring the large dot into view, or set the target's origin to null"
@@ -100,10 +101,11 @@ def _measured(
 
 def _at_full_size(dots: Dots, index: NDArray[np.intp], factor: int) -> Dots:
     area = factor**2
-    return Dots(at_full_size(dots.centres[index], factor), dots.shapes[index] * area, dots.areas[index] * area)
+    return Dots(to_full_size(dots.centres[index], factor), dots.shapes[index] * area, dots.areas[index] * area)
 
 
 def _rightward(view: PlaneView, points: Array) -> float:
+    """Change of the pixel's column along the target's rows, at the middle of `points`."""
     return float(view.jacobian(points.mean(axis=0))[0, 0])
 
 
@@ -116,17 +118,17 @@ def _origin_ratio(view: PlaneView, layout: Layout, seen: Dots, target: CircleGri
 
 
 def _radii(view: PlaneView, points: Array, areas_px: Array) -> Array:
-    """Radii (n,) in the plane's unit."""
+    """Radii (n,) in the plane's unit, of dots with areas (n,) px² at plane points (n, 2)."""
     step = 1e-3 * float(np.abs(points - points.mean(axis=0)).max())
     u = (view.map(points + np.array([step, 0])) - view.map(points - np.array([step, 0]))) / (2 * step)
     v = (view.map(points + np.array([0, step])) - view.map(points - np.array([0, step]))) / (2 * step)
     return np.asarray(np.sqrt(areas_px / (np.pi * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]))))
 
 
-def _layouts(lattice: Lattice, target: CircleGrid) -> list[Layout]:
-    """Every way to lay the target over the lattice that covers most of it; none when a line of it is missing."""
+def _fit_layouts(lattice: Lattice, target: CircleGrid) -> list[Layout]:
+    """Every placement of the target on the lattice with the largest overlap; none when an outer line is missing."""
     best: list[tuple[int, Layout]] = []
-    for cells in _turned(_square_cells(target)):
+    for cells in _quarter_turns(_square_cells(target)):
         numbers = np.full(cells.max(axis=0)[::-1] + 1, -1)
         numbers[tuple(cells.T[::-1])] = np.arange(len(cells))
         occupied = np.zeros(lattice.cells.max(axis=0)[::-1] + 1)
@@ -137,7 +139,7 @@ def _layouts(lattice: Lattice, target: CircleGrid) -> list[Layout]:
             inside = np.all((at >= 0) & (at < numbers.shape), axis=1)
             ids = np.full(len(at), -1)
             ids[inside] = numbers[tuple(at[inside].T)]
-            if _every_border_seen(ids[ids >= 0], target):
+            if _covers_every_border(ids[ids >= 0], target):
                 best.append((int(overlap.max()), Layout(ids, int((ids < 0).sum()))))
     most = max((count for count, _ in best), default=0)
     return [layout for count, layout in best if count == most]
@@ -152,21 +154,21 @@ def _square_cells(target: CircleGrid) -> NDArray[np.intp]:
     return np.column_stack([(x + v) // 2, (v - x) // 2])
 
 
-def _turned(cells: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """The cells turned by 0 to 3 quarter turns, the least of each coordinate 0."""
+def _quarter_turns(cells: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """The cells (n, 2) after 0, 1, 2 and 3 quarter turns, shifted so that the least of each coordinate is 0."""
     for _ in range(4):
         yield cells - cells.min(axis=0)
         cells = np.column_stack([-cells[:, 1], cells[:, 0]])
 
 
-def _every_border_seen(ids: NDArray[np.intp], target: CircleGrid) -> bool:
-    """Whether at least half of every outer line of the target is there: else it might as well lie one line off."""
+def _covers_every_border(ids: NDArray[np.intp], target: CircleGrid) -> bool:
+    """Whether at least half of every outer line of the target was found; otherwise a shift by a line is possible."""
     seen = np.zeros(target.rows * target.columns, bool)
     seen[ids] = True
     grid = seen.reshape(target.rows, target.columns)
     return bool(min(grid[0].mean(), grid[-1].mean(), grid[:, 0].mean(), grid[:, -1].mean()) >= 0.5)
 
 
-def _other_board(layout: Layout, target: CircleGrid) -> DetectionError:
+def _other_board_error(layout: Layout, target: CircleGrid) -> DetectionError:
     what = f"a grid with {layout.outside} more dots than {target.columns}×{target.rows} was found"
     return DetectionError("other-board", what, "set the target's columns and rows to those of the grid")

@@ -1,8 +1,8 @@
-"""Where an image looks like the crossing of two edges, as at a chessboard's inner corners.
+"""Detection of crossings of two edges, as at a chessboard's inner corners.
 
-Candidates are maxima of the saddle strength Ixy² - Ixx Iyy. Each is kept when the grey values on a ring around it go
-bright, dark, bright, dark, and opposite edges lie half a turn apart. This finds corners one by one and so needs
-neither whole squares nor a white margin around the board.
+Candidates are maxima of the saddle strength Ixy² - Ixx Iyy. Each is kept when the grey values on a ring around it are
+bright, dark, bright, dark, and opposite edges lie half a turn apart. Corners are found one by one, so neither whole
+squares nor a white margin around the board are needed.
 """
 
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 from calibration.detection.image import Grey
 from calibration.transforms import Array
 
-MOST_CANDIDATES = 2500
-FAINTEST_LEVELS = 10
-"""Grey levels between bright and dark on the ring."""
+MAX_CANDIDATES = 2500
+MIN_CONTRAST_LEVELS = 10
+"""Least difference of grey levels between bright and dark on the ring."""
 RING_SAMPLES = 32
 HALF_TURN_TOLERANCE_RAD = 0.45
 
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """`points` (n, 2) in px. Turning from x to y around a point the image gets dark at the angle `entering_dark` (n,)
-    in [0, pi), next bright at `leaving_dark` (n,), and so again half a turn on."""
+    """`points` (n, 2) in px. Going around a point from x to y, the image turns dark at the angle `entering_dark` (n,)
+    in [0, pi) and bright at `leaving_dark` (n,), and both again half a turn later; rad."""
 
     points: Array
     entering_dark: Array
@@ -32,7 +32,7 @@ class Crossings:
 
 
 def find_crossings(image: Grey, ring_radius_px: float) -> Crossings:
-    """All crossings, strongest first."""
+    """All crossings, strongest first; at most MAX_CANDIDATES."""
     smooth = cv2.GaussianBlur(image, (0, 0), 0.3 * ring_radius_px)
     points = _saddle_maxima(np.asarray(smooth, np.uint8), int(np.ceil(ring_radius_px)) + 2)
     angle = np.arange(RING_SAMPLES) * (2 * np.pi / RING_SAMPLES)
@@ -42,7 +42,7 @@ def find_crossings(image: Grey, ring_radius_px: float) -> Crossings:
     levels = levels - (brightest + darkest)[:, None] / 2
     following = np.roll(levels, -1, axis=1)
     changes = (levels > 0) != (following > 0)
-    kept = (changes.sum(axis=1) == 4) & (brightest - darkest >= FAINTEST_LEVELS)
+    kept = (changes.sum(axis=1) == 4) & (brightest - darkest >= MIN_CONTRAST_LEVELS)
     points, levels, following, changes = points[kept], levels[kept], following[kept], changes[kept]
     at = np.nonzero(changes)[1].reshape(-1, 4)
     here, there = np.take_along_axis(levels, at, 1), np.take_along_axis(following, at, 1)
@@ -61,10 +61,10 @@ def _saddle_maxima(smooth: Grey, margin: int) -> Array:
     xx, yy, xy = (cv2.Sobel(smooth, cv2.CV_32F, a, b, ksize=3) for a, b in ((2, 0), (0, 2), (1, 1)))
     strength = cv2.multiply(xy, xy) - cv2.multiply(xx, yy)
     is_maximum = strength >= cv2.dilate(strength, np.ones((5, 5), np.uint8))
-    is_maximum &= strength > FAINTEST_LEVELS**2
+    is_maximum &= strength > MIN_CONTRAST_LEVELS**2
     is_maximum[:margin], is_maximum[-margin:], is_maximum[:, :margin], is_maximum[:, -margin:] = 0, 0, 0, 0
     row, column = np.nonzero(is_maximum)
-    order = np.argsort(-strength[row, column], kind="stable")[:MOST_CANDIDATES]
+    order = np.argsort(-strength[row, column], kind="stable")[:MAX_CANDIDATES]
     row, column = row[order], column[order]
     return np.column_stack([column + _peak(strength, row, column, 0, 1), row + _peak(strength, row, column, 1, 0)])
 

@@ -1,4 +1,4 @@
-"""From an image to the target's points in it."""
+"""Detection of a target in an image: picks the target's detector and validates what it finds."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,8 +11,8 @@ from calibration.detection.charuco import detect_charuco
 from calibration.detection.chessboard import detect_chessboard
 from calibration.detection.circles import detect_circles
 from calibration.detection.image import Grey, grey_image
-from calibration.detection.opencv_logging import quiet_opencv
-from calibration.detection.validation import gate
+from calibration.detection.opencv_logging import silence_opencv
+from calibration.detection.validation import validate_detection
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
@@ -28,15 +28,15 @@ DETECTORS: dict[type, Detector] = {
 
 
 def detect(image: NDArray[Any], target: Target) -> Detection:
-    """The target's points in an 8-bit image (h, w) or (h, w, 3), refined to a fraction of a pixel and gated.
+    """The target's points in an 8-bit image (h, w) or (h, w, 3), refined to a fraction of a pixel and validated.
 
-    Raises DetectionError; its codes are named where they are raised (`image`, each detector, `gate`).
+    Raises DetectionError; the codes stand in `grey_image`, each detector and `validate_detection`.
     """
     grey = grey_image(image)
     try:
-        with quiet_opencv():
+        with silence_opencv():
             found = DETECTORS[type(target)](grey, target)
     except cv2.error as error:
         what = f"OpenCV could not search the image ({error.err})"
         raise DetectionError("not-found", what, "check the target's description and the image") from error
-    return gate(found, target, (grey.shape[1], grey.shape[0]))
+    return validate_detection(found, target, (grey.shape[1], grey.shape[0]))

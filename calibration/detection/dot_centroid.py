@@ -1,21 +1,21 @@
-"""Sub-pixel centroids and areas of dots from grey values, which blur does not move.
+"""Sub-pixel centroids and areas of dots from grey values; blur does not bias them.
 
-Each pixel's share of the dot is read from its grey value between paper and ink, in a band along the rim only: further
-inside it is 1, further outside 0, so that noise, stains and neighbours there do not count.
+The share of a pixel that the dot covers follows from its grey value between paper and ink, in a band along the rim
+only. Further inside it is set to 1, further outside to 0, so that noise, stains and neighbours there have no effect.
 """
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from calibration.detection.dots import Dots
-from calibration.detection.image import Grey, at_full_size, reduced_by
+from calibration.detection.image import Grey, downscale_by, to_full_size
 from calibration.transforms import Array
 
 ITERATIONS = 3
-COMFORTABLE_RADIUS_PX = 12.0
-"""Larger dots are measured in a reduced image: averaging pixels moves no centroid."""
-BAND_OF_RADIUS, BAND_OF_CLEARANCE, NARROWEST_BAND_PX, WIDEST_BAND_PX = 0.5, 0.5, 1.2, 5.0
-PAPER_OF_CLEARANCE, NARROWEST_PAPER_PX, WIDEST_PAPER_PX = 0.3, 1.2, 2.5
+SUFFICIENT_RADIUS_PX = 12.0
+"""Larger dots are measured in a reduced image: averaging pixels does not bias a centroid."""
+BAND_OF_RADIUS, BAND_OF_CLEARANCE, MIN_BAND_PX, MAX_BAND_PX = 0.5, 0.5, 1.2, 5.0
+PAPER_OF_CLEARANCE, MIN_PAPER_PX, MAX_PAPER_PX = 0.3, 1.2, 2.5
 """Width of the ring outside the band in which the paper's brightness is read; both keep clear of the next dot."""
 NEIGHBOURS = 6
 GROUP_RATIO = 1.6
@@ -24,8 +24,8 @@ GROUP_RATIO = 1.6
 def refine_dots(image: Grey, dots: Dots) -> Dots:
     """The dots with centroids and areas from grey values, shapes scaled to their areas; NaN where it failed."""
     radius = np.sqrt(np.linalg.det(dots.shapes)) ** 0.5
-    factor = max(1, int(np.median(radius) / COMFORTABLE_RADIUS_PX))
-    small = reduced_by(image, factor)
+    factor = max(1, int(np.median(radius) / SUFFICIENT_RADIUS_PX))
+    small = downscale_by(image, factor)
     centres, shapes = (dots.centres + 0.5) / factor - 0.5, dots.shapes / factor**2
     areas = np.full(len(radius), np.nan)
     clearance = _clearance(centres, shapes)
@@ -35,7 +35,7 @@ def refine_dots(image: Grey, dots: Dots) -> Dots:
             centres[members], areas[members] = _measure(small, centres[members], shapes[members], clearance[members])
             grown = areas[members] / (np.pi * np.sqrt(np.linalg.det(shapes[members])))
             shapes[members] *= np.where(np.isfinite(grown), grown, 1.0)[:, None, None]
-    return Dots(at_full_size(centres, factor), shapes * factor**2, areas * factor**2)
+    return Dots(to_full_size(centres, factor), shapes * factor**2, areas * factor**2)
 
 
 def _clearance(centres: Array, shapes: Array) -> Array:
@@ -52,11 +52,11 @@ def _clearance(centres: Array, shapes: Array) -> Array:
 
 
 def _measure(image: Grey, centres: Array, shapes: Array, clearance: Array) -> tuple[Array, Array]:
-    """Centroids (n, 2) and areas (n,) of the ink near ellipses; NaN where paper and ink cannot be told apart."""
+    """Centroids (n, 2) px and areas (n,) px² of the ink near ellipses; NaN where paper and ink are not distinct."""
     minor = np.sqrt(np.linalg.eigvalsh(shapes)[:, 0])
     room = np.minimum(BAND_OF_RADIUS * minor, BAND_OF_CLEARANCE * clearance)
-    band = np.clip(room, NARROWEST_BAND_PX, WIDEST_BAND_PX)[:, None, None]
-    ring = np.clip(PAPER_OF_CLEARANCE * clearance, NARROWEST_PAPER_PX, WIDEST_PAPER_PX)[:, None, None]
+    band = np.clip(room, MIN_BAND_PX, MAX_BAND_PX)[:, None, None]
+    ring = np.clip(PAPER_OF_CLEARANCE * clearance, MIN_PAPER_PX, MAX_PAPER_PX)[:, None, None]
     half = int(np.ceil(np.sqrt(shapes[:, [0, 1], [0, 1]].max()) + (band + ring).max() + 1))
     usable = np.all(np.isfinite(centres), axis=1)
     base = np.rint(np.where(usable[:, None], centres, 0.0)).astype(np.intp)

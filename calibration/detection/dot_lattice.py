@@ -1,8 +1,8 @@
 """Dots joined into square lattices.
 
-A dot's ellipse tells how its surroundings are foreshortened: in the ellipse's own metric the lattice is square, so
-the four nearest dots lie at equal distances in four directions a quarter turn apart. From there the lattice is
-followed, each step predicted from the last. An asymmetric circle grid is a square lattice too, standing on its corner.
+A dot's ellipse gives the local foreshortening: in the ellipse's metric the lattice is square, so the four nearest dots
+lie at equal distances in four directions a quarter turn apart. From such a seed the lattice is followed, each step
+predicted from the last. An asymmetric circle grid is a square lattice as well, turned by 45 degrees.
 """
 
 from collections.abc import Iterator
@@ -15,18 +15,18 @@ from calibration.detection.dots import Dots
 from calibration.detection.lattice import Lattice
 from calibration.transforms import Array
 
-NEAREST = 14
-SIMILAR_AREA = 1.8
-SIMILAR_LENGTH, RIGHT_ANGLE_TOLERANCE = 0.35, 0.35
-NEAR_OF_STEP = 0.22
-LARGE_DOT_AREA = 8.0
-"""A dot may be this much larger than its neighbours: the origin's."""
+NEIGHBOURS = 14
+MAX_AREA_RATIO = 1.8
+LENGTH_TOLERANCE, RIGHT_ANGLE_TOLERANCE = 0.35, 0.35
+STEP_TOLERANCE = 0.22
+LARGE_DOT_AREA_RATIO = 8.0
+"""Largest ratio of the areas of neighbours: the origin's dot may be larger."""
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
-def grow_dot_lattices(dots: Dots, fewest: int) -> Iterator[tuple[Lattice, NDArray[np.intp]]]:
-    """Lattices of at least `fewest` dots with the indices of their dots; columns turn towards rows as x towards y."""
-    if len(dots.centres) < fewest:
+def grow_dot_lattices(dots: Dots, min_dots: int) -> Iterator[tuple[Lattice, NDArray[np.intp]]]:
+    """Lattices of at least `min_dots` dots, each with the indices (n,) of its dots; right-handed in image axes."""
+    if len(dots.centres) < min_dots:
         return
     tree = cKDTree(dots.centres)
     free = np.ones(len(dots.centres), bool)
@@ -35,16 +35,16 @@ def grow_dot_lattices(dots: Dots, fewest: int) -> Iterator[tuple[Lattice, NDArra
             cells = _walk(seed, u, v, dots, tree)
             index, cell = np.array(list(cells)), np.array(list(cells.values()))
             free[index] = False
-            if len(index) >= fewest:
+            if len(index) >= min_dots:
                 yield Lattice(cell - cell.min(axis=0), dots.centres[index]), index
 
 
 def _seeds(dots: Dots, tree: cKDTree) -> Iterator[tuple[int, Array, Array]]:
-    """Dots with neighbours all around, and the steps (2,) to two of them a quarter turn apart."""
-    _, others = tree.query(dots.centres, k=min(NEAREST, len(dots.centres)))
+    """Dots with four neighbours a quarter turn apart: index, and the steps (2,) in px along columns and rows."""
+    _, others = tree.query(dots.centres, k=min(NEIGHBOURS, len(dots.centres)))
     to_metric = np.linalg.inv(np.linalg.cholesky(dots.shapes))
     for seed, near in enumerate(others):
-        alike = near[1:][np.abs(np.log(dots.areas[near[1:]] / dots.areas[seed])) < np.log(SIMILAR_AREA)]
+        alike = near[1:][np.abs(np.log(dots.areas[near[1:]] / dots.areas[seed])) < np.log(MAX_AREA_RATIO)]
         steps = dots.centres[alike] - dots.centres[seed]
         metric = steps @ to_metric[seed].T
         length = np.hypot(*metric.T)
@@ -60,7 +60,7 @@ def _seeds(dots: Dots, tree: cKDTree) -> Iterator[tuple[int, Array, Array]]:
             ]
         )
         nearest = quarter.argmin(axis=1)
-        if np.all(quarter.min(axis=1) < max(SIMILAR_LENGTH, RIGHT_ANGLE_TOLERANCE) * length[first]):
+        if np.all(quarter.min(axis=1) < max(LENGTH_TOLERANCE, RIGHT_ANGLE_TOLERANCE) * length[first]):
             yield seed, (steps[first] - steps[nearest[1]]) / 2, (steps[nearest[0]] - steps[nearest[2]]) / 2
 
 
@@ -69,14 +69,14 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _walk(seed: int, u: Array, v: Array, dots: Dots, tree: cKDTree) -> dict[int, tuple[int, int]]:
-    """Cell of every dot reached from the seed, breadth first, the step to the next dot being that of the last."""
+    """Cell (column, row) by index of every dot reached from the seed, breadth first; each step predicts the next."""
     if _cross(u, v) < 0:
         v = -v
     cells, at, steps = {seed: (0, 0)}, {(0, 0): seed}, {seed: (u, v)}
     queue = [seed]
     for here in queue:
         u, v = steps[here]
-        reach = NEAR_OF_STEP * min(np.hypot(*u), np.hypot(*v))
+        reach = STEP_TOLERANCE * min(np.hypot(*u), np.hypot(*v))
         for column, row in STEPS:
             cell = (cells[here][0] + column, cells[here][1] + row)
             step = column * u + row * v
@@ -84,7 +84,7 @@ def _walk(seed: int, u: Array, v: Array, dots: Dots, tree: cKDTree) -> dict[int,
             if cell in at or not np.isfinite(distance) or there in cells:
                 continue
             ratio = dots.areas[there] / dots.areas[here]
-            if 1 / LARGE_DOT_AREA < ratio < LARGE_DOT_AREA:
+            if 1 / LARGE_DOT_AREA_RATIO < ratio < LARGE_DOT_AREA_RATIO:
                 taken = (dots.centres[there] - dots.centres[here]) * (column + row)
                 steps[there] = (taken, v) if column else (u, taken)
                 cells[there], at[cell] = cell, there

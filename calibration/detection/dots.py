@@ -1,7 +1,7 @@
-"""Elliptic blobs: what the dots of a circle grid look like, at any size.
+"""Detection of dark elliptic blobs, the images of a circle grid's dots, of any size.
 
-Outlines come from thresholds that follow the light, at several window sizes. An outline is an ellipse when its area
-is that of the ellipse with the same second moments, 4 pi sqrt(det M).
+Outlines come from adaptive thresholds at several window sizes. An outline counts as an ellipse when its area is that
+of the ellipse with the same second moments, 4 pi sqrt(det M).
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from calibration.transforms import Array
 WINDOWS_OF_SIDE = (0.04, 0.1, 0.25)
 """Side of the threshold's window over the image's shorter side: each suits dots up to about its size."""
 LEVELS_BELOW_MEAN = 6
-SMALLEST_AREA_PX, LARGEST_AREA_SHARE = 12.0, 0.05
+MIN_AREA_PX, MAX_AREA_SHARE = 12.0, 0.05
 ELLIPSE_TOLERANCE, ELLIPSE_TOLERANCE_PX = 0.02, 2.0
-"""Of the area, and what an outline of few pixels may add; a square's area is off by 0.045."""
+"""Largest error of the area: a share of it plus px² for small outlines. The share of a square is 0.045."""
 CUT_TOLERANCE = 0.12
-"""For dots that the image's edge cuts: they are not measured, but may be the origin."""
-NARROWEST = 0.12
+"""The same share for dots cut by the image's edge: they are not measured, but one may be the origin."""
+MIN_AXIS_RATIO = 0.12
 """Least ratio of an ellipse's axes."""
-SAME_DOT_RADIUS = 0.5
-"""A much smaller outline inside another is a dot of its own: the other may be the sheet."""
+SAME_DOT_RADIUS_RATIO = 0.5
+"""Outlines about one centre are one dot above this ratio of radii; below it, the outer one may be the sheet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Dots:
 
 
 def find_dots(image: Grey) -> Dots:
-    """All dark elliptic blobs."""
+    """All dark elliptic blobs, the largest first."""
     rows = [row for window in WINDOWS_OF_SIDE for row in _ellipses(image, window)]
     table = np.array(sorted(rows, key=lambda row: -row[2])).reshape(-1, 6)
     table = table[_distinct(table)]
@@ -59,7 +59,7 @@ def _ellipses(image: Grey, window_of_side: float) -> list[tuple[float, ...]]:
             continue
         m = cv2.moments(outline)
         area = m["m00"]
-        if not SMALLEST_AREA_PX <= area <= LARGEST_AREA_SHARE * image.size:
+        if not MIN_AREA_PX <= area <= MAX_AREA_SHARE * image.size:
             continue
         xx, xy, yy = m["mu20"] / area, m["mu11"] / area, m["mu02"] / area
         determinant, trace = xx * yy - xy * xy, xx + yy
@@ -69,18 +69,18 @@ def _ellipses(image: Grey, window_of_side: float) -> list[tuple[float, ...]]:
         if determinant <= 0 or abs(area - 4 * np.pi * np.sqrt(determinant)) > tolerance:
             continue
         short2_over_long2 = (trace - np.sqrt(max(trace**2 - 4 * determinant, 0))) / trace
-        if short2_over_long2 > 2 * NARROWEST**2:
+        if short2_over_long2 > 2 * MIN_AXIS_RATIO**2:
             found.append((m["m10"] / area, m["m01"] / area, area, xx, xy, yy))
     return found
 
 
 def _distinct(table: Array) -> Array:
-    """Which rows (n,) to keep: of outlines of one dot the largest, which comes first."""
+    """Mask (n,) of the rows to keep: of several outlines of one dot the largest, which comes first."""
     keep = np.ones(len(table), bool)
     if len(table) == 0:
         return keep
     radius = np.sqrt(table[:, 2] / np.pi)
     for i, close in enumerate(cKDTree(table[:, :2]).query_ball_point(table[:, :2], 0.5 * radius)):
         if keep[i]:
-            keep[[j for j in close if j > i and radius[j] > SAME_DOT_RADIUS * radius[i]]] = False
+            keep[[j for j in close if j > i and radius[j] > SAME_DOT_RADIUS_RATIO * radius[i]]] = False
     return keep

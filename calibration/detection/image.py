@@ -1,4 +1,4 @@
-"""What every detector asks of an image, and images made smaller."""
+"""Checks and conversion of images for the detectors, and downscaling."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ from calibration.transforms import Array
 
 Grey = NDArray[np.uint8]
 
-SMALLEST_SIDE_PX = 32
-FEWEST_GREY_LEVELS = 12
-"""A target whose black and white lie closer than this cannot be told from noise."""
+MIN_SIDE_PX = 32
+MIN_GREY_LEVELS = 12
+"""Least difference between black and white of a target; below it the target does not stand out from noise."""
 
 
 def grey_image(image: NDArray[Any]) -> Grey:
@@ -29,8 +29,8 @@ def grey_image(image: NDArray[Any]) -> Grey:
         raise DetectionError(
             "image-shape", f"the image has shape {image.shape}", "give (height, width) or (height, width, 3)"
         )
-    if min(image.shape[:2]) < SMALLEST_SIDE_PX:
-        what = f"the image is {image.shape[1]}×{image.shape[0]} px, the least is {SMALLEST_SIDE_PX}×{SMALLEST_SIDE_PX}"
+    if min(image.shape[:2]) < MIN_SIDE_PX:
+        what = f"the image is {image.shape[1]}×{image.shape[0]} px, the least is {MIN_SIDE_PX}×{MIN_SIDE_PX}"
         raise DetectionError("image-too-small", what, "check that the camera delivers whole images")
     if image.ndim == 3:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)) if image.shape[2] == 3 else image[:, :, 0]
@@ -41,26 +41,26 @@ def grey_image(image: NDArray[Any]) -> Grey:
 
 def _require_contrast(sample: Grey) -> None:
     dark, bright = (int(level) for level in np.percentile(sample, [0.1, 99.9]))
-    if bright < FEWEST_GREY_LEVELS:
+    if bright < MIN_GREY_LEVELS:
         raise DetectionError(
             "image-black", f"the image is black (brightest {bright} of 255)", "check lens cap, light, exposure"
         )
-    if dark > 255 - FEWEST_GREY_LEVELS:
+    if dark > 255 - MIN_GREY_LEVELS:
         raise DetectionError("image-saturated", f"the image is white (darkest {dark} of 255)", "shorten the exposure")
-    if bright - dark < FEWEST_GREY_LEVELS:
+    if bright - dark < MIN_GREY_LEVELS:
         raise DetectionError(
             "image-flat", f"the image has {bright - dark} grey levels", "check that the camera sees the target"
         )
 
 
-def reduced(image: Grey, pixels: float) -> tuple[Grey, int]:
-    """The image made smaller by the least whole factor that leaves at most `pixels`, and that factor."""
+def downscale(image: Grey, pixels: float) -> tuple[Grey, int]:
+    """The image reduced by the least whole factor that leaves at most `pixels` pixels, and that factor."""
     factor = max(1, int(np.ceil(np.sqrt(image.size / pixels))))
-    return reduced_by(image, factor), factor
+    return downscale_by(image, factor), factor
 
 
-def reduced_by(image: Grey, factor: int) -> Grey:
-    """The image with each `factor`² pixels averaged; what is left over at the right and below is cut off."""
+def downscale_by(image: Grey, factor: int) -> Grey:
+    """The image (h // factor, w // factor) of means over `factor`² pixels; incomplete blocks are cut off."""
     if factor == 1:
         return image
     height, width = image.shape[0] // factor, image.shape[1] // factor
@@ -68,6 +68,6 @@ def reduced_by(image: Grey, factor: int) -> Grey:
     return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def at_full_size(points_px: Array, factor: int) -> Array:
-    """Points (n, 2) found in an image reduced by `factor`, in the full image's pixels."""
+def to_full_size(points_px: Array, factor: int) -> Array:
+    """Points (n, 2) of an image reduced by `factor`, in the full image's pixels."""
     return (points_px + 0.5) * factor - 0.5

@@ -1,8 +1,8 @@
-"""Crossings joined into chessboards.
+"""Crossings joined into chessboard lattices.
 
 Along an edge the colours swap from one corner to the next: the line that enters the dark at one leaves it at the
 other. So two crossings are neighbours when the line between them is an edge of opposite kind at each, none is nearer,
-and both agree. Whatever is joined so gets integer coordinates, outward from the best connected.
+and the relation is mutual. Joined crossings get integer coordinates, starting from the best connected one.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from calibration.detection.crossings import Crossings
 from calibration.transforms import Array
 
-NEAREST = 48
+NEIGHBOURS = 48
 DIRECTION_TOLERANCE_RAD = 0.2
 
 
@@ -26,9 +26,9 @@ class Lattice:
     points: Array
 
 
-def grow_lattices(crossings: Crossings, fewest: int) -> list[Lattice]:
-    """Lattices of at least `fewest` corners, the largest first."""
-    if len(crossings.points) < fewest:
+def grow_lattices(crossings: Crossings, min_corners: int) -> list[Lattice]:
+    """Lattices of at least `min_corners` corners, the largest first."""
+    if len(crossings.points) < min_corners:
         return []
     neighbours = _neighbours(crossings)
     links = neighbours.tolist()
@@ -39,7 +39,7 @@ def grow_lattices(crossings: Crossings, fewest: int) -> list[Lattice]:
         if free[start]:
             cells = _walk(start, links)
             free[list(cells)] = False
-            if len(cells) >= fewest:
+            if len(cells) >= min_corners:
                 index, cell = np.array(list(cells)), np.array(list(cells.values()))
                 lattices.append(Lattice(cell - cell.min(axis=0), crossings.points[index]))
     return sorted(lattices, key=lambda lattice: -len(lattice.points))
@@ -49,7 +49,7 @@ def _neighbours(crossings: Crossings) -> NDArray[np.intp]:
     """(n, 4) the neighbour along +enter, +leave, -enter, -leave of each crossing's edges; -1 where there is none."""
     points, edges = crossings.points, np.column_stack([crossings.entering_dark, crossings.leaving_dark])
     count = len(points)
-    distance, other = cKDTree(points).query(points, k=min(NEAREST, count))
+    distance, other = cKDTree(points).query(points, k=min(NEIGHBOURS, count))
     distance, other = distance[:, 1:], other[:, 1:]
     heading = np.arctan2(*np.moveaxis((points[other] - points[:, None])[..., ::-1], -1, 0))
     nearest = np.full((count, 4), -1)
@@ -73,7 +73,7 @@ def _angle_between_lines(a: Array, b: Array) -> Array:
 
 
 def _walk(start: int, links: list[list[int]]) -> dict[int, tuple[int, int]]:
-    """Cell of every crossing reached from `start`, breadth first; a crossing that would take a taken cell is left."""
+    """Cell (column, row) of every crossing reached from `start`, breadth first; one whose cell is taken is left out."""
     cells, taken, frames = {start: (0, 0)}, {(0, 0)}, {start: 0}
     queue = [start]
     for here in queue:

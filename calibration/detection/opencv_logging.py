@@ -1,4 +1,4 @@
-"""OpenCV without its own voice: what it has to say, an error of ours says."""
+"""Silencing of OpenCV's log; failures are reported as DetectionError instead."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,8 +7,8 @@ import cv2
 
 
 @contextmanager
-def quiet_opencv() -> Iterator[None]:
-    """Nothing from OpenCV on standard error meanwhile."""
+def silence_opencv() -> Iterator[None]:
+    """Context manager: OpenCV writes nothing to standard error inside it."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:

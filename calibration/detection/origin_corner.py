@@ -1,10 +1,10 @@
-"""Which corner of a chessboard is the first.
+"""Choice of the first corner of a chessboard.
 
-A grid of corners can be read in eight ways. Mirrored ones are impossible (the board is seen from its front), and
-`columns` × `rows` must come out. What is left is decided by colour: the square outside the first corner is black.
-Where the board looks the same after half a turn (columns and rows both odd or both even) colour cannot tell; the
-reading is taken whose rows run most to the right in the image, and a solver that sees the robot move can tell when
-that was the other one.
+A grid of corners can be read in eight orders. The mirrored ones are impossible (the board is seen from its front), and
+the order must have `columns` × `rows`. Of the others the colour decides: the square outside the first corner is black.
+Where the board looks the same after half a turn (columns and rows both odd or both even) colour does not decide; then
+the order is taken whose rows run most to the right in the image, and the solver, which knows the robot's motion,
+corrects the views for which that was wrong.
 """
 
 from collections.abc import Iterator
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from calibration.transforms import Array
 
 
-def canonical(grid: Array, black_first: bool, columns: int, rows: int) -> NDArray[np.intp]:
-    """Indices (rows, columns) into the flattened grid (v, u, 2), in the target's order.
+def canonical_order(grid: Array, black_first: bool, columns: int, rows: int) -> NDArray[np.intp]:
+    """Indices (rows, columns) into the flattened grid (v, u, 2) px, in the target's order.
 
     `black_first`: the square outside the grid's corner [0, 0] is black.
     """

@@ -1,7 +1,8 @@
-"""A plane seen through a lens: eight numbers for the homography and two for the lens's radial distortion.
+"""A plane seen through a lens: a homography (8 parameters) and two coefficients of radial distortion.
 
-It predicts where points of a target lie before the camera is known, and its residual tells a target from something
-else. The distortion's centre is the image's; the coefficients are held near zero where few points see them.
+It predicts where points of a target lie before the camera is known, and its residual shows whether points are those of
+a plane. The distortion's centre is the image's; a weak prior keeps the coefficients near zero where few points
+determine them.
 """
 
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ class PlaneView:
     scale_px: float
 
     def map(self, points: Array) -> Array:
-        """Pixels (n, 2) of plane points (n, 2); not finite on the horizon, nonsense beyond it."""
+        """Pixels (n, 2) of plane points (n, 2); not finite on the horizon, meaningless beyond it."""
         uvw = np.column_stack([points, np.ones(len(points))]) @ self.homography.T
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             ideal = uvw[:, :2] / uvw[:, 2:]
@@ -36,14 +37,14 @@ class PlaneView:
             return np.asarray(self.centre_px + self.scale_px * distorted)
 
     def jacobian(self, point: Array) -> Array:
-        """d pixel / d plane (2, 2) at a plane point (2,), without the lens."""
+        """d pixel / d plane (2, 2) at a plane point (2,), without the distortion."""
         u, v, w = self.homography @ np.append(point, 1.0)
         slope = (self.homography[:2, :2] - np.outer([u, v], self.homography[2, :2]) / w) / w
         return np.asarray(self.scale_px * slope)
 
 
 def fit_plane_view(points: Array, pixels: Array, image_size: tuple[int, int]) -> tuple[PlaneView, Array]:
-    """Least squares over plane points (n, 2) and their pixels (n, 2), and the residuals (n, 2) in px.
+    """The least-squares view of plane points (n, 2) at pixels (n, 2), and the residuals (n, 2) in px.
 
     Raises DetectionError `not-planar` when no homography maps one to the other.
     """

@@ -12,11 +12,11 @@ from calibration.detection.image import Grey
 from calibration.transforms import Array
 
 ITERATIONS = 6
-SETTLED_PX = 2e-3
+STEP_TOLERANCE_PX = 2e-3
 
 
 def refine_saddles(image: Grey, corners_px: Array, half_window_px: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Saddles (n, 2) near `corners_px` (n, 2), and which of them (n,) settled inside their window on a saddle."""
+    """Saddles (n, 2) px near `corners_px` (n, 2), and which of them (n,) are saddles inside their window."""
     corners = corners_px.astype(float).copy()
     settled = np.zeros(len(corners), bool)
     inside = np.ones(len(corners), bool)
@@ -26,13 +26,13 @@ def refine_saddles(image: Grey, corners_px: Array, half_window_px: int) -> tuple
             break
         step, is_saddle = _saddle_step(image, corners[active], half_window_px)
         corners[active] += step
-        settled[active] = is_saddle & (np.abs(step).max(axis=1) < SETTLED_PX)
+        settled[active] = is_saddle & (np.abs(step).max(axis=1) < STEP_TOLERANCE_PX)
         inside[active] = is_saddle & (np.abs(corners[active] - corners_px[active]).max(axis=1) <= half_window_px)
     return corners, inside
 
 
 def _saddle_step(image: Grey, corners: Array, half: int) -> tuple[Array, NDArray[np.bool_]]:
-    """From each corner to the stationary point of the quadratic fitted around it, and whether that is a saddle."""
+    """Step (n, 2) px to the stationary point of the quadratic fitted around each corner; mask (n,) of the saddles."""
     patches, weights = sample(image, corners, half)
     u, v = np.meshgrid(np.arange(-half, half + 1.0), np.arange(-half, half + 1.0))
     u, v, w = u.ravel() / half, v.ravel() / half, weights

@@ -1,4 +1,4 @@
-"""The squares around chessboard corners: which are black, how much room they leave a corner."""
+"""Squares around chessboard corners: which are black, and how large a window fits between them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,19 +6,19 @@ from numpy.typing import NDArray
 from calibration.detection.image import Grey
 from calibration.transforms import Array
 
-WINDOW_OF_ROOM = 0.3
-SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX = 2, 9
-PROBE = 0.25
-"""How far along both sides of the square from its corner a colour is read: clear of blur, and of ChArUco markers."""
+HALF_WINDOW_OF_SQUARE = 0.3
+MIN_HALF_WINDOW_PX, MAX_HALF_WINDOW_PX = 2, 9
+PROBE_OF_SIDE = 0.25
+"""Where a square's colour is read: this share of both sides from the corner, clear of blur and ChArUco markers."""
 
 
 def corner_contrast(image: Grey, corners: Array, along_u: Array, along_v: Array) -> Array:
-    """White minus black (n,) at the darkest white and the brightest black around each corner (n, 2).
+    """Darkest white minus brightest black (n,), in grey levels, of the four squares around each corner (n, 2) px.
 
     Positive when the square between +u and +v is black, negative when it is white, 0 when the four squares do not
     alternate. `along_u`, `along_v` (n, 2): the sides of the square, in px.
     """
-    u, v = PROBE * along_u, PROBE * along_v
+    u, v = PROBE_OF_SIDE * along_u, PROBE_OF_SIDE * along_v
     same = [_level(image, corners + u + v), _level(image, corners - u - v)]
     other = [_level(image, corners + u - v), _level(image, corners - u + v)]
     black_first = np.minimum(*other) - np.maximum(*same)
@@ -38,7 +38,7 @@ def narrowest_side(along_u: Array, along_v: Array) -> Array:
     return np.asarray(area / np.maximum(np.maximum(np.hypot(*along_u.T), np.hypot(*along_v.T)), 1e-9))
 
 
-def window_px(narrowest_px: Array, clear_of_square: float) -> int:
-    """Half the side of the window a corner is fitted in: within the squares, and no larger than pays."""
-    share = min(WINDOW_OF_ROOM, clear_of_square)
-    return int(np.clip(round(share * float(narrowest_px.min())), SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX))
+def half_window_px(narrowest_px: Array, clear_of_square: float) -> int:
+    """Half the side in px of the window a corner is fitted in: a share of the narrowest square, within bounds."""
+    share = min(HALF_WINDOW_OF_SQUARE, clear_of_square)
+    return int(np.clip(round(share * float(narrowest_px.min())), MIN_HALF_WINDOW_PX, MAX_HALF_WINDOW_PX))

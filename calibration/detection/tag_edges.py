@@ -1,7 +1,7 @@
 """Sub-pixel corners of black squares: the crossings of their edges, each fitted along its length.
 
-A square's corner itself is rounded off by blur; its edges are not moved. Each edge is compared with where the plane
-puts it, so a lens that bends it does no harm.
+Blur rounds a square's corner but does not move its edges. Each edge is measured relative to its place in the plane's
+view, which includes the lens's distortion.
 """
 
 import numpy as np
@@ -11,29 +11,30 @@ from calibration.detection.image import Grey
 from calibration.detection.plane_view import fit_plane_view
 from calibration.transforms import Array
 
-FROM_CORNER, FEWEST_SAMPLES, MOST_SAMPLES = 0.08, 16, 160
-REACHES_PX, SHORTEST_REACH_PX = (7.0, 4.0), 1.5
-"""First wide, to catch the edge; then no wider than blur needs, since all else is noise."""
-PLATEAU = 0.6
-"""Beyond this share of the reach to either side the grey value is the ink's or the paper's."""
+CORNER_MARGIN, MIN_SAMPLES, MAX_SAMPLES = 0.08, 16, 160
+REACHES_PX, MIN_REACH_PX = (7.0, 4.0), 1.5
+"""Half widths of the profile across an edge: wide to capture it, then as narrow as blur allows, for less noise."""
+PLATEAU_OF_REACH = 0.6
+"""Beyond this share of the reach the grey value is the ink's on one side, the paper's on the other."""
 
 
 def refine_squares(image: Grey, plane: Array, corners_px: Array, clear_of_side: float) -> Array:
     """Corners (n, 4, 2) in px of squares with `plane` corners (n, 4, 2), in order around them.
 
-    `clear_of_side`: how far, as a share of the side, ink and paper reach to both sides of an edge.
+    `clear_of_side`: width of plain ink and of plain paper beside an edge, as a share of the side. Squares too small
+    for that are returned as they are.
     """
     corners = corners_px.astype(float)
     side_px = float(np.median(np.hypot(*np.moveaxis(np.roll(corners, -1, axis=1) - corners, -1, 0))))
-    if clear_of_side * side_px < SHORTEST_REACH_PX:
+    if clear_of_side * side_px < MIN_REACH_PX:
         return corners
-    along = np.linspace(FROM_CORNER, 1 - FROM_CORNER, int(np.clip(side_px, FEWEST_SAMPLES, MOST_SAMPLES)))
+    along = np.linspace(CORNER_MARGIN, 1 - CORNER_MARGIN, int(np.clip(side_px, MIN_SAMPLES, MAX_SAMPLES)))
     for reach_px in REACHES_PX:
-        corners = _refined(image, plane, corners, along, min(reach_px, clear_of_side * side_px))
+        corners = _refine_once(image, plane, corners, along, min(reach_px, clear_of_side * side_px))
     return corners
 
 
-def _refined(image: Grey, plane: Array, corners: Array, along: Array, reach_px: float) -> Array:
+def _refine_once(image: Grey, plane: Array, corners: Array, along: Array, reach_px: float) -> Array:
     view, _ = fit_plane_view(plane.reshape(-1, 2), corners.reshape(-1, 2), (image.shape[1], image.shape[0]))
     start, side = plane[:, :, None], (np.roll(plane, -1, axis=1) - plane)[:, :, None]
     on_edge = view.map((start + along[:, None] * side).reshape(-1, 2)).reshape(*plane.shape[:2], len(along), 2)
@@ -42,7 +43,7 @@ def _refined(image: Grey, plane: Array, corners: Array, along: Array, reach_px: 
     shift = _edge_shift(image, on_edge, outward, along, reach_px)
     slope, middle = _line(along, shift)
     at_start, at_end = middle - slope * 0.5, middle + slope * 0.5
-    # a corner is where the edge that ends in it and the edge that starts in it cross
+    # A corner is the crossing of the edge that ends in it and the edge that starts in it.
     normals = np.stack([np.roll(outward[:, :, -1], 1, axis=1), outward[:, :, 0]], axis=2)
     shifts = np.stack([np.roll(at_end, 1, axis=1), at_start], axis=2)
     move = np.linalg.solve(normals, shifts[..., None])[..., 0]
@@ -52,20 +53,20 @@ def _refined(image: Grey, plane: Array, corners: Array, along: Array, reach_px: 
 
 
 def _edge_shift(image: Grey, on_edge: Array, outward: Array, along: Array, reach_px: float) -> Array:
-    """How far outward (n, 4, samples) of `on_edge` the edge lies in px, from the paper's share of a profile across."""
+    """Outward offset (n, 4, samples) in px of the edge from `on_edge`, from the paper's share of a profile across."""
     count = int(np.ceil(2 * reach_px))
     across = (np.arange(count) + 0.5) / count * 2 * reach_px - reach_px
     at = on_edge[..., None, :] + across[:, None] * outward[..., None, :]
     level = map_coordinates(image, [at[..., 1], at[..., 0]], order=1, mode="nearest", output=float)
-    ink = _along_the_edge(along, level[..., across < -PLATEAU * reach_px].mean(axis=3))[..., None]
-    paper = _along_the_edge(along, level[..., across > PLATEAU * reach_px].mean(axis=3))[..., None]
+    ink = _along_the_edge(along, level[..., across < -PLATEAU_OF_REACH * reach_px].mean(axis=3))[..., None]
+    paper = _along_the_edge(along, level[..., across > PLATEAU_OF_REACH * reach_px].mean(axis=3))[..., None]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(paper > ink, (level - ink) / (paper - ink), np.nan).mean(axis=3)
     return np.asarray(reach_px - 2 * reach_px * share)
 
 
 def _along_the_edge(along: Array, level: Array) -> Array:
-    """The line (n, 4, samples) through grey values along each edge: light falls unevenly, noise is left behind."""
+    """The line (n, 4, samples) through grey values along each edge: keeps uneven lighting, removes noise."""
     slope, middle = _line(along, level)
     return middle[..., None] + slope[..., None] * (along - 0.5)
 

@@ -1,4 +1,4 @@
-"""Whether what was found is the target: no wrong detection gets through, and a reason is given."""
+"""Validation of a detection: enough points, in one plane, not edge-on, not too small. A refusal names the reason."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,62 +9,63 @@ from calibration.problem import Detection
 from calibration.targets import Target
 from calibration.transforms import Array
 
-FEWEST_POINTS = 6
-LARGEST_RMS_PX, LARGEST_RMS_OF_PITCH = 0.3, 0.012
-"""The gate's width: what blur and noise may do, and what a bent board or the rest of a lens's distortion may."""
-LEAST_FORESHORTENING = 0.08
-"""Beyond about 85° from frontal the points along the short axis fall together."""
-SMALLEST_PITCH_PX = 4.0
-STRAY_OF_MEDIAN, LEAST_STRAY_PX = 6.0, 0.3
-"""A point is astray when it lies this many times further off than most do: glare, something in front of it."""
-LARGEST_STRAY_SHARE, LARGEST_STRAY_SHARE_OF_FEW, FEW = 0.4, 0.125, 40
-"""Few points have no evidence to spare."""
-WRONG_OF_PITCH, LARGEST_WRONG_SHARE = 0.2, 0.08
-"""Further off than this it is not that point at all; of those there may be very few."""
+MIN_POINTS = 6
+MAX_RMS_PX, MAX_RMS_OF_PITCH = 0.3, 0.012
+"""Largest RMS residual: a constant for blur and noise, plus a share of the pitch for a bent board and the lens."""
+MIN_FORESHORTENING = 0.08
+"""Least ratio of the short to the long axis, about 85° from frontal; beyond, points along the short axis merge."""
+MIN_PITCH_PX = 4.0
+OUTLIER_OF_MEDIAN, MIN_OUTLIER_PX = 6.0, 0.3
+"""A point is an outlier beyond this many times the median residual, at least: glare, something in front of it."""
+MAX_OUTLIER_SHARE, MAX_OUTLIER_SHARE_OF_FEW, FEW_POINTS = 0.4, 0.125, 40
+"""Largest share of outliers; smaller below FEW_POINTS points, where the others prove less."""
+GROSS_ERROR_OF_PITCH, MAX_GROSS_ERROR_SHARE = 0.2, 0.08
+"""A residual beyond this share of the pitch is a gross error, not that point at all; the largest share of those."""
 
 
-def gate(detection: Detection, target: Target, image_size: tuple[int, int]) -> Detection:
-    """The detection without its few stray points.
+def validate_detection(detection: Detection, target: Target, image_size: tuple[int, int]) -> Detection:
+    """The detection without its few outliers.
 
     Raises DetectionError `too-few-points`, `points-in-a-line`, `edge-on`, `too-far-away`, `not-planar`.
     """
     points, pixels = target.points_mm[detection.ids, :2], detection.corners_px
-    keep, wrong = np.ones(len(points), bool), 0
+    keep, gross = np.ones(len(points), bool), 0
     while True:
         _require_enough(points[keep])
         view, residual_px = fit_plane_view(points[keep], pixels[keep], image_size)
         pitch_px, foreshortening = _scale(view, points[keep], pixels[keep])
-        strays = _strays(residual_px, pitch_px)
-        if not strays.any():
+        outliers = _find_outliers(residual_px, pitch_px)
+        if not outliers.any():
             break
-        keep[np.flatnonzero(keep)[strays]] = False
-        wrong += int((np.hypot(*residual_px[strays].T) > WRONG_OF_PITCH * pitch_px).sum())
-        share = LARGEST_STRAY_SHARE if len(points) >= FEW else LARGEST_STRAY_SHARE_OF_FEW
-        if (~keep).sum() > share * len(points) or wrong > LARGEST_WRONG_SHARE * len(points):
+        keep[np.flatnonzero(keep)[outliers]] = False
+        gross += int((np.hypot(*residual_px[outliers].T) > GROSS_ERROR_OF_PITCH * pitch_px).sum())
+        share = MAX_OUTLIER_SHARE if len(points) >= FEW_POINTS else MAX_OUTLIER_SHARE_OF_FEW
+        if (~keep).sum() > share * len(points) or gross > MAX_GROSS_ERROR_SHARE * len(points):
             what = f"{(~keep).sum()} of the {len(points)} points found do not lie where a plane would have them"
             raise DetectionError("not-planar", what, "check the target's description, that it is flat, and for glare")
-    if foreshortening < LEAST_FORESHORTENING:
+    if foreshortening < MIN_FORESHORTENING:
         what = f"the target is seen edge-on ({np.degrees(np.arccos(foreshortening)):.0f}° from frontal)"
         raise DetectionError("edge-on", what, "turn the target towards the camera")
-    if pitch_px < SMALLEST_PITCH_PX:
-        what = f"the target's points lie {pitch_px:.1f} px apart, the least is {SMALLEST_PITCH_PX:g} px"
+    if pitch_px < MIN_PITCH_PX:
+        what = f"the target's points lie {pitch_px:.1f} px apart, the least is {MIN_PITCH_PX:g} px"
         raise DetectionError("too-far-away", what, "bring the camera nearer or use a target with larger squares")
     return Detection(detection.ids[keep], pixels[keep])
 
 
-def _strays(residual_px: Array, pitch_px: float) -> NDArray[np.bool_]:
-    """Which points (n,) do not belong."""
+def _find_outliers(residual_px: Array, pitch_px: float) -> NDArray[np.bool_]:
+    """Mask (n,) of the outliers; the worst point when the RMS is too large though no point stands out."""
     distance = np.hypot(*residual_px.T)
-    strays = distance > max(STRAY_OF_MEDIAN * float(np.median(distance)), LEAST_STRAY_PX)
+    outliers = distance > max(OUTLIER_OF_MEDIAN * float(np.median(distance)), MIN_OUTLIER_PX)
     rms_px = float(np.sqrt(np.mean(distance**2) / 2))
-    if rms_px > LARGEST_RMS_PX + LARGEST_RMS_OF_PITCH * pitch_px and not strays.any():
-        strays = distance == distance.max()
-    return np.asarray(strays)
+    if rms_px > MAX_RMS_PX + MAX_RMS_OF_PITCH * pitch_px and not outliers.any():
+        outliers = distance == distance.max()
+    return np.asarray(outliers)
 
 
 def _require_enough(points: Array) -> None:
-    if len(points) < FEWEST_POINTS:
-        what = f"only {len(points)} points of the target were found, the least is {FEWEST_POINTS}"
+    """Raises DetectionError `too-few-points`, `points-in-a-line`."""
+    if len(points) < MIN_POINTS:
+        what = f"only {len(points)} points of the target were found, the least is {MIN_POINTS}"
         raise DetectionError("too-few-points", what, "bring more of the target into view")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-6 * spread[0]:
@@ -74,10 +75,10 @@ def _require_enough(points: Array) -> None:
 
 
 def _scale(view: PlaneView, points: Array, pixels: Array) -> tuple[float, float]:
-    """Distance between neighbouring points in px, and how much shorter the short axis is than the long one."""
+    """Distance between neighbouring points in px, and the ratio of the view's short to its long axis."""
     long, short = np.linalg.svd(view.jacobian(points.mean(axis=0)), compute_uv=False)
     away = np.abs(points - points[0]).max(axis=1)
     pitch_mm = float(away[away > 1e-9 * away.max()].min())
-    # a homography fitted to nonsense may be of any scale, the points themselves are not
+    # A homography fitted to wrong points may have any scale; the extent of the points bounds it.
     overall = float(np.hypot(*np.ptp(pixels, axis=0)) / np.hypot(*np.ptp(points, axis=0)))
     return min(float(np.sqrt(long * short)), 2 * overall) * pitch_mm, float(short / long)

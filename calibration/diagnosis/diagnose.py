@@ -23,7 +23,7 @@ from calibration.diagnosis.view_hypotheses import (
     turned_trials,
 )
 from calibration.errors import UndeterminedError
-from calibration.observability import require_determined
+from calibration.observability import require_observable
 from calibration.transforms import Array
 
 FEWEST_VIEWS = 5
@@ -113,7 +113,7 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis 
 def _determined(base_T_flange: Array) -> bool:
     """Could X be found from the motions between these poses (n, 4, 4)?"""
     try:
-        require_determined(base_T_flange)
+        require_observable(base_T_flange)
     except UndeterminedError:
         return False
     return True

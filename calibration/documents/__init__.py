@@ -1,1 +1,1 @@
-"""The JSON documents that people and programs exchange, as strict pydantic models (mm, degrees, w first)."""
+"""The JSON documents as strict pydantic models: mm, degrees, quaternions with w first."""

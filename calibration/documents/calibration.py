@@ -15,7 +15,7 @@ TRANSFORM_NAMES = {
     "eye-in-hand": ("flange_T_camera", "base_T_target"),
     "eye-to-hand": ("base_T_camera", "flange_T_target"),
 }
-"""What `mount_T_camera` and `anchor_T_target` are called in each set-up."""
+"""Document keys of `mount_T_camera` and `anchor_T_target` in each set-up."""
 
 
 class EstimatedCameraDocument(CameraDocument):
@@ -116,7 +116,7 @@ class CalibrationDocument(Document):
 def calibration_document(
     problem: Problem, solution: Solution, verdict: Verdict, *, calibration_id: str, created_at: str, software: str
 ) -> CalibrationDocument:
-    """The whole of calibration.json; the transforms are null when the motions could not determine them."""
+    """The calibration.json of a solution and its verdict; the transforms are null when they are not determined."""
     transforms = zip(TRANSFORM_NAMES[problem.setup], (solution.mount_T_camera, solution.anchor_T_target), strict=True)
     return CalibrationDocument.model_validate(
         {

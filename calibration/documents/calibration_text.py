@@ -1,4 +1,4 @@
-"""A calibration in words: what a person reads after `solve` and `calibrate`."""
+"""A calibration as plain text, as `solve` and `calibrate` print it."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -11,12 +11,12 @@ TRANSFORMS = ("flange_T_camera", "base_T_target", "base_T_camera", "flange_T_tar
 
 
 def summary(title: str, document: CalibrationDocument) -> str:
-    """A dozen lines, the verdict first."""
+    """A calibration in about a dozen lines, the verdict first."""
     return "\n".join([f"{title}  {verdict_word(document)}", *(f"  {line}" for line in _lines(document))])
 
 
 def verdict_word(document: CalibrationDocument) -> str:
-    """accepted, not accepted, or refused (no transform)."""
+    """`accepted`, `not accepted`, or `refused` when there is no transform."""
     if document.verdict.accepted:
         return "accepted"
     return "not accepted" if document.flange_T_camera or document.base_T_camera else "refused"
@@ -51,7 +51,7 @@ def _lines(document: CalibrationDocument) -> Iterable[str]:
 
 
 def finding_line(finding: FindingDocument) -> str:
-    """One finding: its weight and what it is; on a line below, what to do."""
+    """A finding: a mark of its severity and the message; the fix on a second line."""
     return f"{MARKS[finding.severity]} {finding.message}" + (f"\n    -> {finding.fix}" if finding.fix else "")
 
 

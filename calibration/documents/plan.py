@@ -35,7 +35,7 @@ class LimitsDocument(Document):
     box_mm: tuple[Vector, Vector] | None = None
 
     @model_validator(mode="after")
-    def _ordered(self) -> "LimitsDocument":
+    def _check_order(self) -> "LimitsDocument":
         if self.distance_mm[0] > self.distance_mm[1]:
             raise ValueError("distance_mm is [nearest, furthest]")
         if self.box_mm is not None and any(

@@ -1,4 +1,4 @@
-"""A pose on the wire: {"translation_mm": [x, y, z], "quaternion_wxyz": [w, x, y, z]}."""
+"""The document of a pose: {"translation_mm": [x, y, z], "quaternion_wxyz": [w, x, y, z]}."""
 
 import math
 from typing import Annotated, Self

@@ -1,4 +1,4 @@
-"""session.json: what a calibration run saw (a folder with its images)."""
+"""session.json: robot poses and images or detections of a calibration run, in the folder with its images."""
 
 from typing import Annotated, Literal
 

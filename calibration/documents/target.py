@@ -1,4 +1,4 @@
-"""A target on the wire; the field `kind` tells which."""
+"""The document of a target; the field `kind` selects its model."""
 
 from typing import Annotated, Literal
 

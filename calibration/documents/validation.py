@@ -1,4 +1,4 @@
-"""From bytes to a validated model, with errors that say place, what and fix."""
+"""Parsing and validation of documents; errors carry place, what and fix of every defect."""
 
 import difflib
 import json
@@ -23,9 +23,9 @@ def parse_document(model: type[Model], content: bytes, origin: str) -> Model:
     try:
         data = json.loads(content)
     except UnicodeDecodeError as error:
-        raise _broken(origin, f"byte {error.start}", "not UTF-8 text") from None
+        raise _syntax_error(origin, f"byte {error.start}", "not UTF-8 text") from None
     except json.JSONDecodeError as error:
-        raise _broken(origin, f"line {error.lineno}, column {error.colno}", f"not JSON ({error.msg})") from None
+        raise _syntax_error(origin, f"line {error.lineno}, column {error.colno}", f"not JSON ({error.msg})") from None
     return validate_document(model, data, origin)
 
 
@@ -37,7 +37,7 @@ def validate_document(model: type[Model], data: Any, origin: str) -> Model:
         raise DocumentError(origin, [_problem(model, detail) for detail in error.errors()]) from None
 
 
-def _broken(origin: str, place: str, what: str) -> DocumentError:
+def _syntax_error(origin: str, place: str, what: str) -> DocumentError:
     return DocumentError(origin, [DocumentProblem(place, what, "restore the file, or write it again")])
 
 
@@ -45,7 +45,7 @@ def _problem(model: type[BaseModel], detail: Any) -> DocumentProblem:
     location = detail["loc"]
     match detail["type"]:
         case "extra_forbidden":
-            nearest = difflib.get_close_matches(str(location[-1]), _known_keys(model), n=1, cutoff=0.5)
+            nearest = difflib.get_close_matches(str(location[-1]), _all_keys(model), n=1, cutoff=0.5)
             fix = f"did you mean '{nearest[0]}'?" if nearest else "remove it"
             return DocumentProblem(_place(location), "unknown key", fix)
         case "missing":
@@ -66,8 +66,8 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _known_keys(model: type[BaseModel]) -> set[str]:
-    """Every key that may stand anywhere in the document."""
+def _all_keys(model: type[BaseModel]) -> set[str]:
+    """Every key of the model and of the models within it."""
     keys: set[str] = set()
     pending: list[Any] = [model]
     seen: set[Any] = set()

@@ -15,15 +15,15 @@ from calibration.observations.view_poses import moved
 from calibration.transforms import Array
 
 CENTRE_SIGMA_OF_SIZE = 0.05
-"""Lenses are mounted this well; it is all that frontal views tell about the principal point."""
+"""Prior of the principal point about the image's centre, per axis, as a share of the image's size."""
 LENS_SIGMA = (1.0, 3.0, 0.05, 0.05, 10.0)
-"""Larger k1, k2, p1, p2, k3 belong to no lens that the model describes."""
-ITERATIONS, SETTLED = 60, 1e-10
-LARGEST_DAMPING = 1e8
+"""Prior of k1, k2, p1, p2, k3 about 0: the range of lenses that the model describes."""
+MAX_ITERATIONS, COST_TOLERANCE = 60, 1e-10
+MAX_DAMPING = 1e8
 
 
 @dataclass(frozen=True, eq=False)
-class Adjusted:
+class BundleFit:
     """`poses` (n, 4, 4) camera_T_target; `covariance` (9, 9) of the intrinsics; `variance` of a pixel coordinate."""
 
     camera: CameraModel
@@ -45,11 +45,11 @@ class _Normal:
     variance: float
 
 
-def adjust(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_]) -> Adjusted:
-    """The camera and poses that fit best when only the `free` (9,) intrinsics change."""
+def adjust(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_]) -> BundleFit:
+    """Least-squares camera and poses, from initial `camera` and `poses` (n, 4, 4); `free` (9,) intrinsics change."""
     damping = 1e-3
     normal = _normal(seen, camera, poses, free, 1.0)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         step, pose_steps = _solve(normal, damping)
         change = np.zeros(INTRINSICS)
         change[free] = step
@@ -57,22 +57,22 @@ def adjust(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[
         sane = np.all(np.isfinite(change)) and min(trial.matrix[0, 0], trial.matrix[1, 1]) > 0
         there = _normal(seen, trial, trial_poses, free, normal.variance) if sane else None
         if there is not None and there.cost <= normal.cost:
-            settled = normal.cost - there.cost <= SETTLED * normal.cost
+            settled = normal.cost - there.cost <= COST_TOLERANCE * normal.cost
             camera, poses, damping = trial, trial_poses, max(damping * 0.1, 1e-12)
             normal = _normal(seen, camera, poses, free, there.variance)
             if settled:
                 break
-        elif damping > LARGEST_DAMPING:
+        elif damping > MAX_DAMPING:
             break
         else:
             damping *= 10.0
     covariance = np.zeros((INTRINSICS, INTRINSICS))
     covariance[np.ix_(free, free)] = normal.variance * np.linalg.pinv(_schur(normal, 0.0)[0], hermitian=True)
-    return Adjusted(camera, poses, covariance, normal.variance)
+    return BundleFit(camera, poses, covariance, normal.variance)
 
 
 def _normal(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_], variance: float) -> _Normal:
-    """`variance` weighs what is known of lenses against the pixels."""
+    """The normal equations at a point. `variance` of a pixel coordinate weighs the prior against the pixels."""
     sums = pixel_statistics(seen, camera, poses, free_intrinsics=True)
     every = np.concatenate([np.ones(6, bool), free])
     matrix = sums.normal[:, every][:, :, every]
@@ -93,7 +93,7 @@ def _normal(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
 
 
 def _prior(camera: CameraModel) -> tuple[Array, Array]:
-    """Inverse variances (9,) of what is known of any lens, and how far (9,) the camera is from it."""
+    """Inverse variances (9,) of the prior of the intrinsics, and the camera's deviations (9,) from its mean."""
     width, height = camera.image_size
     sigma = np.array([CENTRE_SIGMA_OF_SIZE * width, CENTRE_SIGMA_OF_SIZE * height, *LENS_SIGMA])
     centre = camera.matrix[:2, 2] - (np.array([width, height]) - 1) / 2

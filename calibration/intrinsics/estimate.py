@@ -1,7 +1,7 @@
-"""The camera that took a set of detections.
+"""Estimation of a camera's intrinsics from detections of one target.
 
-Lens coefficients that the views cannot tell from zero are zero, views and points that contradict the rest are left
-out, and a focal length that the views do not determine is refused rather than guessed.
+Lens coefficients that do not differ significantly from zero are set to zero, outlying views and points are left out,
+and views that do not determine the focal length are refused.
 """
 
 from collections.abc import Sequence
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.errors import UndeterminedError
-from calibration.intrinsics.bundle_adjustment import Adjusted, adjust
-from calibration.intrinsics.zhang_init import first_camera, plane_views
+from calibration.intrinsics.bundle_adjustment import BundleFit, adjust
+from calibration.intrinsics.zhang_init import initial_camera, plane_views
 from calibration.observations.observations import Observations, observe
 from calibration.observations.reprojection import INTRINSICS, pixel_residuals
 from calibration.observations.view_poses import candidate_poses
@@ -21,24 +21,24 @@ from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
 from calibration.transforms import Array
 
-FEWEST_VIEWS = 3
-LARGEST_FOCAL_SIGMA = 0.05
-"""Of the focal length: beyond it the views are as good as frontal."""
+MIN_VIEWS = 3
+MAX_FOCAL_SIGMA_SHARE = 0.05
+"""Largest standard deviation of the focal length over itself; more means that the views are nearly frontal."""
 LENS_TERMS = {"k3": (8,), "p1, p2": (6, 7), "k2": (5,), "k1": (4,)}
-"""In the order in which the camera is tried without them."""
+"""Indices of the intrinsics, in the order in which the fit is tried without them."""
 SIGNIFICANT_CHI2 = {1: 10.8, 2: 13.8}
-"""Exceeded by chance once in a thousand, by the number of coefficients."""
-STRAY_VIEW_OF_MEDIAN, STRAY_POINT_SIGMAS = 4.0, 6.0
-LEAST_NOISE_PX = 0.03
-"""Nothing is called astray for less than a few times this, however well the rest fits."""
-ROUNDS = 5
+"""Chi-square threshold at a false-alarm probability of 0.001, by the number of coefficients."""
+OUTLIER_VIEW_OF_MEDIAN, OUTLIER_POINT_SIGMA = 4.0, 6.0
+MIN_NOISE_PX = 0.03
+"""Floor of the pixel noise in the outlier thresholds."""
+MAX_ROUNDS = 5
 
 
 @dataclass(frozen=True, eq=False)
 class CameraEstimate:
-    """`covariance` (9, 9) of fx fy cx cy k1 k2 p1 p2 k3, 0 where held at 0; `rms_px` per axis.
+    """`covariance` (9, 9) of fx fy cx cy k1 k2 p1 p2 k3, 0 where fixed at 0; `rms_px` per axis.
 
-    `positions` (n,): which of the detections were used; `camera_T_target` (n, 4, 4) and `views_rms_px` (n,) are theirs.
+    `positions` (n,): indices of the detections used, with their `camera_T_target` (n, 4, 4) and `views_rms_px` (n,).
     """
 
     camera: CameraModel
@@ -50,7 +50,7 @@ class CameraEstimate:
 
 
 def estimate_camera(target: Target, detections: Sequence[Detection], image_size: tuple[int, int]) -> CameraEstimate:
-    """Intrinsics from views of one target; `image_size` is width, height.
+    """Intrinsics from views of one target; `image_size` (width, height) in px.
 
     Raises UndeterminedError `too-few-views`, `no-tilt`.
     """
@@ -59,12 +59,12 @@ def estimate_camera(target: Target, detections: Sequence[Detection], image_size:
     planes = plane_views(seen, image_size)
     seen = seen.take(np.array([plane is not None for plane in planes], bool))
     _require_views(seen)
-    camera = first_camera([plane for plane in planes if plane is not None], image_size)
+    camera = initial_camera([plane for plane in planes if plane is not None], image_size)
     free = np.ones(INTRINSICS, bool)
-    free[6:] = False  # the first rounds only sort views and points; a plain lens does for that
-    for _ in range(ROUNDS):
+    free[6:] = False  # the first rounds only remove outliers; two radial coefficients suffice for that
+    for _ in range(MAX_ROUNDS):
         fit = _best_poses(seen, camera, free)
-        camera, kept = fit.camera, _without_strays(seen, fit)
+        camera, kept = fit.camera, _without_outliers(seen, fit)
         if kept is None:
             break
         seen = kept
@@ -76,28 +76,28 @@ def estimate_camera(target: Target, detections: Sequence[Detection], image_size:
 
 
 def _require_views(seen: Observations) -> None:
-    if len(seen) < FEWEST_VIEWS:
-        what = f"{len(seen)} usable views cannot determine the camera, the least is {FEWEST_VIEWS}"
+    if len(seen) < MIN_VIEWS:
+        what = f"{len(seen)} usable views cannot determine the camera, the least is {MIN_VIEWS}"
         raise UndeterminedError("too-few-views", what, "take more views of the target, tilted in different directions")
 
 
-def _require_focal(fit: Adjusted) -> None:
+def _require_focal(fit: BundleFit) -> None:
     share = float(np.sqrt(fit.covariance[0, 0]) / fit.camera.matrix[0, 0])
-    if not share <= LARGEST_FOCAL_SIGMA:
+    if not share <= MAX_FOCAL_SIGMA_SHARE:
         what = f"the views leave the focal length uncertain by {100 * share:.0f} %"
         fix = "tilt the target by 20° to 40° in several directions, or give the camera's intrinsics"
         raise UndeterminedError("no-tilt", what, fix)
 
 
-def _best_poses(seen: Observations, camera: CameraModel, free: NDArray[np.bool_]) -> Adjusted:
-    """Adjusted from the better of each view's two poses, chosen again once the camera is known better."""
+def _best_poses(seen: Observations, camera: CameraModel, free: NDArray[np.bool_]) -> BundleFit:
+    """The fit from the better of each view's two candidate poses, chosen once more with the camera of the first fit."""
     fit = adjust(seen, camera, candidate_poses(seen, camera)[0][:, 0], free)
     again = adjust(seen, fit.camera, candidate_poses(seen, fit.camera)[0][:, 0], free)
     return min(fit, again, key=lambda adjusted: adjusted.variance)
 
 
-def _without_insignificant(seen: Observations, fit: Adjusted, free: NDArray[np.bool_]) -> Adjusted:
-    """The fit with every lens term that differs from zero by chance held at zero."""
+def _without_insignificant(seen: Observations, fit: BundleFit, free: NDArray[np.bool_]) -> BundleFit:
+    """The fit with every lens term fixed at zero that does not differ significantly from it; `free` is updated."""
     for term in LENS_TERMS.values():
         index = list(term)
         values, block = fit.camera.distortion[np.array(index) - 4], fit.covariance[np.ix_(index, index)]
@@ -109,23 +109,23 @@ def _without_insignificant(seen: Observations, fit: Adjusted, free: NDArray[np.b
     return fit
 
 
-def _without_strays(seen: Observations, fit: Adjusted) -> Observations | None:
-    """The observations less the worse half of the stray views, else less the stray points; None when there are none."""
+def _without_outliers(seen: Observations, fit: BundleFit) -> Observations | None:
+    """The observations without the worse half of the outlying views, else without outlying points; None if none."""
     distance = np.hypot(*np.moveaxis(pixel_residuals(seen, fit.camera, fit.poses), -1, 0))
     used = seen.weights > 0
     typical = np.array([np.median(row[mask]) for row, mask in zip(distance, used, strict=True)])
-    stray_views = typical > STRAY_VIEW_OF_MEDIAN * max(float(np.median(typical)), LEAST_NOISE_PX)
+    stray_views = typical > OUTLIER_VIEW_OF_MEDIAN * max(float(np.median(typical)), MIN_NOISE_PX)
     if stray_views.any():
         return seen.take(typical < np.median(typical[stray_views]))
-    noise_px = max(1.2 * float(np.median(distance[used])), LEAST_NOISE_PX)
-    stray_points = used & (distance > STRAY_POINT_SIGMAS * noise_px)
+    noise_px = max(1.2 * float(np.median(distance[used])), MIN_NOISE_PX)
+    stray_points = used & (distance > OUTLIER_POINT_SIGMA * noise_px)
     if not stray_points.any():
         return None
     weights = np.where(stray_points, 0.0, seen.weights)
     return seen.weighted(weights).take((weights > 0).sum(axis=1) >= 4)
 
 
-def _estimate(seen: Observations, fit: Adjusted) -> CameraEstimate:
+def _estimate(seen: Observations, fit: BundleFit) -> CameraEstimate:
     residual = pixel_residuals(seen, fit.camera, fit.poses) * np.sqrt(seen.weights)[..., None]
     square, count = (residual**2).sum(axis=(1, 2)), 2 * seen.weights.sum(axis=1)
     rms_px = float(np.sqrt(square.sum() / count.sum()))

@@ -1,4 +1,4 @@
-"""A first camera in closed form: Z. Zhang, "A flexible new technique for camera calibration", 2000."""
+"""Initial intrinsics in closed form: Z. Zhang, "A flexible new technique for camera calibration", 2000."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.errors import DetectionError
 from calibration.observations.observations import Observations
 
-USUAL_FOCAL_OF_WIDTH = 1.2
+DEFAULT_FOCAL_OF_WIDTH = 1.2
 FOCAL_RANGE_OF_WIDTH = (0.3, 20.0)
-LARGEST_RMS_OF_EXTENT = 0.02
-"""No lens bends a plane's image by more of its size, beyond two radial coefficients."""
+MAX_RMS_OF_EXTENT = 0.02
+"""Largest RMS residual of a plane's view with two radial coefficients, as a share of the view's extent."""
 
 
 def plane_views(seen: Observations, image_size: tuple[int, int]) -> list[PlaneView | None]:
-    """Each view's homography; None where the points are no plane's."""
+    """The homography of each view; None where the points do not fit a plane."""
     return [_plane_view(seen, row, image_size) for row in range(len(seen))]
 
 
@@ -26,11 +26,11 @@ def _plane_view(seen: Observations, row: int, image_size: tuple[int, int]) -> Pl
     except DetectionError:
         return None
     rms_px = float(np.sqrt(np.mean(residual**2)))
-    return view if rms_px < LARGEST_RMS_OF_EXTENT * float(np.ptp(pixels, axis=0).max()) else None
+    return view if rms_px < MAX_RMS_OF_EXTENT * float(np.ptp(pixels, axis=0).max()) else None
 
 
-def first_camera(views: list[PlaneView], image_size: tuple[int, int]) -> CameraModel:
-    """One focal length about the image's centre, no distortion: Eqs. (3) and (4), linear in 1 / f²."""
+def initial_camera(views: list[PlaneView], image_size: tuple[int, int]) -> CameraModel:
+    """A camera with one focal length about the image's centre, no distortion: Eqs. (3) and (4), linear in 1 / f²."""
     products = []
     for view in views:
         h1, h2 = (view.homography[:, :2] / np.linalg.norm(view.homography[:, :2])).T
@@ -39,7 +39,7 @@ def first_camera(views: list[PlaneView], image_size: tuple[int, int]) -> CameraM
     in_image, along_axis = np.array(products).T
     inverse_f2 = -(in_image @ along_axis) / max(float(in_image @ in_image), 1e-300)
     width, scale = image_size[0], float(np.hypot(*image_size)) / 2
-    focal = scale / np.sqrt(inverse_f2) if inverse_f2 > 1e-12 else USUAL_FOCAL_OF_WIDTH * width
+    focal = scale / np.sqrt(inverse_f2) if inverse_f2 > 1e-12 else DEFAULT_FOCAL_OF_WIDTH * width
     centre = (np.array(image_size) - 1) / 2
     shortest, longest = FOCAL_RANGE_OF_WIDTH
     focal = min(max(float(focal), shortest * width), longest * width)

@@ -1,11 +1,11 @@
-"""Published arms by name: ABB's arms of six axes in a row with a spherical wrist.
+"""ABB's published serial six-axis arms with a spherical wrist, by name.
 
-Lengths and limits as RobotComponents' presets (ABB.Presets) list them; a test holds each against the reach in its name.
+Lengths and limits as RobotComponents' presets (ABB.Presets) list them; a test compares each with the reach in its name.
 Where ros-industrial's abb and abb_experimental (abb_*_support/urdf; the speeds are theirs) describe the same arm, they
-agree, but for the IRB 1600: the presets give the limits of the long one to the short one and the other way round. Here
-they are as in ABB's product specification 3HAC023604-001.
-Not here: arms with a parallel rod, whose axis 3 is limited together with axis 2 (IRB 2400, 4400), with an offset wrist
-(CRB 15000), and any whose published lengths do not give its reach (IRB 6700-245).
+agree, but for the IRB 1600, where the presets swap the limits of the long and the short arm; here they are as in ABB's
+product specification 3HAC023604-001.
+Not included: arms with a parallel rod, whose axis 3 is limited together with axis 2 (IRB 2400, 4400), with an offset
+wrist (CRB 15000), and any whose published lengths do not give its reach (IRB 6700-245).
 """
 
 import difflib
@@ -77,7 +77,7 @@ IRB 7600-340/2.8    |    410    780   1075    165   1306    250 | 180   -60/85  
 IRB 7600-325/3.1    |    410    780   1075    165   1556    250 | 180   -60/85  -180/60      300      100 360
 IRB 7600-150/3.5    |    410    780   1075    165   2012    250 | 180   -60/85  -180/60      300      100 360
 """
-"""From the base to axis 2 forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange, mm; limits, deg."""
+"""Base to axis 2 forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange in mm; limits in deg."""
 
 _SPEEDS = {
     "IRB 120-3/0.6": "250 250 250 320 320 420",
@@ -90,7 +90,7 @@ _SPEEDS = {
     "IRB 6700-235/2.65": "100 90 90 170 120 190",
     "IRB 7600-150/3.5": "100 60 60 100 100 190",
 }
-"""Of the axes, deg/s, where the sources have them; the others get the slowest. Only the mock moves by them."""
+"""Speeds of axes 1 to 6 in deg/s where the sources have them; the others get the slowest. Only the mock uses them."""
 _SLOWEST = "90 60 60 100 100 190"
 
 
@@ -113,7 +113,7 @@ def _arm(line: str) -> Arm:
 
 
 def _range(limit: str) -> tuple[float, float]:
-    """`170` is as far either way, `-75/125` from the one to the other."""
+    """Lower and upper limit: `170` means ± 170, `-75/125` from -75 to 125."""
     lower, _, upper = limit.partition("/")
     return (float(lower), float(upper)) if upper else (-float(lower), float(lower))
 
@@ -125,8 +125,8 @@ def _radians(degrees: Iterable[float]) -> tuple[float, ...]:
 ARMS: Mapping[str, Arm] = MappingProxyType({arm.name: arm for arm in map(_arm, _SHEET.splitlines()[2:])})
 
 
-def arm_named(name: str) -> Arm:
-    """The arm of that name, however its letters and spaces are written; raises GeometryError naming the nearest."""
+def find_arm(name: str) -> Arm:
+    """The arm of that name, ignoring case, spaces and trailing zeros. Raises GeometryError with the nearest names."""
     known = {_plain(each): arm for each, arm in ARMS.items()}
     try:
         return known[_plain(name)]
@@ -137,5 +137,5 @@ def arm_named(name: str) -> Arm:
 
 
 def _plain(name: str) -> str:
-    """IRB 2600ID-8/2.00 and irb2600id-8/2.0 are the same."""
+    """A name in capitals without spaces and trailing zeros: IRB 2600ID-8/2.00 and irb2600id-8/2.0 agree."""
     return re.sub(r"(\.\d*?)0+(?=\D|$)", r"\1", re.sub(r"\s", "", name.upper()))

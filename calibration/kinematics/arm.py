@@ -19,10 +19,10 @@ from calibration.transforms import Array, transform
 LIMIT_SLACK_RAD = 1e-7
 """A joint this far beyond its limit still counts as inside: float32 on the wire may push it there."""
 QUADRANT_SLACK_RAD = 1e-4
-"""A joint this near a quarter turn counts as on either side: the wire's rounding must not change the posture."""
+"""A joint this near a quarter turn counts as on either side: float32 rounding must not change the posture."""
 SINGULAR_EXACT = 1e-10
 SINGULAR_ON_THE_WIRE = 1e-6
-"""Below this sine of axis 5 a float32 quaternion no longer tells axis 4 from axis 6."""
+"""Sine of axis 5 below which a float32 quaternion no longer determines axes 4 and 6 separately."""
 
 RIGID_TOLERANCE = 1e-6
 _BEHIND_AXIS_1, _BEHIND_LOWER_ARM, _AXIS_5_NEGATIVE = 4, 2, 1
@@ -45,16 +45,16 @@ class Configuration(NamedTuple):
     cfx: int
 
 
-class PoseRefused(CalibrationError):
-    """The arm cannot stand there. `what` and `fix` are for people."""
+class UnreachablePoseError(CalibrationError):
+    """The arm cannot take a pose. `what` and `fix` are sentences for people."""
 
     def __init__(self, what: str, fix: str) -> None:
         self.what, self.fix = what, fix
         super().__init__(f"{what}: {fix}")
 
 
-class OutOfReach(PoseRefused):
-    """The wrist centre is `excess_mm` too far out, or too near the shoulder."""
+class OutOfReach(UnreachablePoseError):
+    """The wrist centre is `excess_mm` beyond the reach, or too near the shoulder."""
 
     def __init__(self, arm: str, excess_mm: float, too_near: bool) -> None:
         self.excess_mm, self.too_near = excess_mm, too_near
@@ -62,8 +62,8 @@ class OutOfReach(PoseRefused):
         super().__init__(f"wrist centre {excess_mm:.1f} mm {where} of {arm}", f"move the pose {fix} the robot")
 
 
-class OutsideJointLimits(PoseRefused):
-    """Reachable by length, but axis `axis` (1..6) would stand `excess_rad` beyond its limit at best."""
+class OutsideJointLimits(UnreachablePoseError):
+    """Within reach, but axis `axis` (1..6) would stand `excess_rad` beyond its limit at best."""
 
     def __init__(self, arm: str, axis: int, excess_rad: float) -> None:
         self.axis, self.excess_rad = axis, excess_rad
@@ -73,8 +73,8 @@ class OutsideJointLimits(PoseRefused):
         )
 
 
-class OtherConfiguration(PoseRefused):
-    """Reachable, but not in the configuration asked for; `available` lists those in which it is."""
+class OtherConfiguration(UnreachablePoseError):
+    """Reachable, but not in the `wanted` configuration; `available` lists those in which it is."""
 
     def __init__(self, wanted: Configuration, available: tuple[Configuration, ...]) -> None:
         self.wanted, self.available = wanted, available
@@ -140,8 +140,8 @@ class Arm:
     ) -> Array:
         """All eight closed-form solutions (..., 8, 6) of poses (..., 4, 4), row = cfx, angles in (-pi, pi].
 
-        Joint limits are not looked at; rows out of reach are NaN. Where the wrist is stretched (sine of axis 5 below
-        `singular`) or the wrist centre stands on axis 1, the free joint is taken from `near_rad` (default zeros).
+        Joint limits are ignored; rows out of reach are NaN. Where the wrist is straight (sine of axis 5 below
+        `singular`) or the wrist centre lies on axis 1, the free joint is taken from `near_rad` (default zeros).
         """
         pose = _poses(base_T_flange)
         near = np.zeros(6) if near_rad is None else _joints(near_rad)
@@ -155,10 +155,10 @@ class Arm:
         n = np.swapaxes(_rx(q4), -1, -2) @ m  # Ry(q5) Rx(q6): the rest is exact even where q4 is free
         q5 = np.arctan2(-n[..., 2, 0], n[..., 0, 0])
         q6 = np.arctan2(-n[..., 1, 2], n[..., 1, 1])
-        return _wrapped(np.stack([q1, q2, q3, q4, q5, q6], -1))
+        return _wrap(np.stack([q1, q2, q3, q4, q5, q6], -1))
 
     def _positioning(self, wrist: Array, near: Array) -> tuple[Array, Array, Array]:
-        """Axes 1 to 3 (..., 8) that bring the wrist centre there; NaN where the arm is too short or too long."""
+        """Axes 1 to 3 (..., 8) rad for a wrist centre (..., 3) mm; NaN where it is out of reach."""
         reach, rest = self._elbow_to_wrist
         radius = np.hypot(wrist[..., 0], wrist[..., 1])[..., None]
         azimuth = np.where(radius < 1e-9, near[..., :1], np.arctan2(wrist[..., 1], wrist[..., 0])[..., None])
@@ -172,14 +172,14 @@ class Arm:
         return q1, q2, bend - rest
 
     def inverse(self, base_T_flange: ArrayLike, near_rad: ArrayLike | None = None) -> Array:
-        """Every joint vector (n, 6), n >= 1, within the limits that brings the flange there, turns included.
+        """Every joint vector (n, 6), n >= 1, within the limits, with every possible number of whole turns.
 
         Raises OutOfReach or OutsideJointLimits when there is none.
         """
         return self._within_limits(np.asarray(base_T_flange, float), near_rad, SINGULAR_EXACT)
 
     def nearest(self, base_T_flange: ArrayLike, joints_now_rad: ArrayLike) -> Array:
-        """The solution (6,) whose largest joint travel from `joints_now_rad` is smallest. Raises as `inverse`."""
+        """The solution (6,) with the smallest largest joint travel from `joints_now_rad` (6,). Raises as `inverse`."""
         now = _joints(joints_now_rad)
         solutions = self._within_limits(np.asarray(base_T_flange, float), now, SINGULAR_ON_THE_WIRE)
         best: Array = solutions[np.argmin(np.abs(solutions - now).max(-1))]
@@ -188,16 +188,16 @@ class Arm:
     def matching(
         self, base_T_flange: ArrayLike, configuration: tuple[int, int, int, int], near_rad: ArrayLike | None = None
     ) -> Array:
-        """The solution (6,) in that configuration, nearest to `near_rad` where the slack leaves a choice.
+        """The solution (6,) in that configuration (cf1, cf4, cf6, cfx); nearest to `near_rad` where several qualify.
 
-        Raises as `inverse`, and OtherConfiguration when the pose can only be reached with another one.
+        Raises as `inverse`, and OtherConfiguration when the pose is only reachable in another configuration.
         """
         if len(configuration) != 4:
             raise GeometryError(f"confdata has four numbers (cf1, cf4, cf6, cfx), got {len(configuration)}")
         wanted = Configuration(*configuration)
         near = _middle_of(wanted) if near_rad is None else _joints(near_rad)
         solutions = self._within_limits(np.asarray(base_T_flange, float), near, SINGULAR_ON_THE_WIRE)
-        fitting = solutions[[self._answers(joints, wanted) for joints in solutions]]
+        fitting = solutions[[self._has_configuration(joints, wanted) for joints in solutions]]
         if not len(fitting):
             raise OtherConfiguration(wanted, tuple(dict.fromkeys(self.configuration(joints) for joints in solutions)))
         best: Array = fitting[np.argmin(np.abs(fitting - near).max(-1))]
@@ -212,7 +212,7 @@ class Arm:
         return Configuration(cf1, cf4, cf6, cfx)
 
     def singularity_clearance(self, joints_rad: ArrayLike) -> Array:
-        """How far joints (..., 6) are from the nearest singularity: 0 on it, at most 1 (dimensionless).
+        """Distance (...) of joints (..., 6) from the nearest singularity: 0 on it, at most 1 (dimensionless).
 
         The smallest of |sin axis 5|, |sin| of the angle between lower arm and forearm, and the wrist centre's
         distance from axis 1 over the reach.
@@ -222,11 +222,11 @@ class Arm:
 
     @property
     def reach_mm(self) -> float:
-        """Wrist centre from axis 1 with the arm stretched forward, the reach in the arm's name."""
+        """Distance of the wrist centre from axis 1 with the arm stretched forward: the reach in the arm's name."""
         return self.shoulder_forward_mm + self.lower_arm_mm + self._elbow_to_wrist[0]
 
     def require_within_limits(self, joints_rad: ArrayLike) -> None:
-        """Raises OutsideJointLimits naming the axis that is furthest beyond."""
+        """Raises OutsideJointLimits for the axis of joints (6,) that is furthest beyond its limits."""
         excess = self._excess_rad(_joints(joints_rad))
         if excess.max() > LIMIT_SLACK_RAD:
             raise OutsideJointLimits(self.name, int(excess.argmax()) + 1, float(excess.max()))
@@ -238,8 +238,8 @@ class Arm:
         forward = self.shoulder_forward_mm + self.lower_arm_mm * np.sin(q[..., 1]) + reach * np.sin(bend)
         return np.stack([forward / self.reach_mm, np.sin(q[..., 2] + rest), np.sin(q[..., 4])], -1)
 
-    def _answers(self, joints: Array, wanted: Configuration) -> bool:
-        """Do these joints stand in that configuration, to within the wire's rounding?"""
+    def _has_configuration(self, joints: Array, wanted: Configuration) -> bool:
+        """Whether joints (6,) have that configuration, within QUADRANT_SLACK_RAD."""
         quarters = joints[[0, 3, 5]] / (np.pi / 2) - np.array(wanted[:3])
         slack = QUADRANT_SLACK_RAD
         in_quadrants = np.all((quarters >= -slack) & (quarters <= 1 + slack))
@@ -274,7 +274,7 @@ class Arm:
         return [np.array(combination) for combination in product(*choices)]
 
     def _least_excess(self, joints: Array) -> Array:
-        """Per axis, how far beyond its limits the best turn of the angle is."""
+        """Excess (6,) rad beyond the limits of each axis, with the best number of whole turns."""
         least: Array = self._excess_rad(joints + 2 * np.pi * np.arange(-2, 3)[:, None]).min(0)
         return least
 
@@ -316,13 +316,13 @@ def _middle_of(configuration: Configuration) -> Array:
     return middle
 
 
-def _wrapped(angles: Array) -> Array:
-    """Into (-pi, pi]."""
+def _wrap(angles: Array) -> Array:
+    """Angles in (-pi, pi]."""
     return angles - 2 * np.pi * np.ceil((angles - np.pi) / (2 * np.pi))
 
 
 def _distinct(solutions: Array) -> Array:
-    """Drop repeated rows: at a singularity branches coincide."""
+    """The rows (n, 6) without repetitions: at a singularity branches coincide."""
     _, first = np.unique(np.round(solutions, 9), axis=0, return_index=True)
     return solutions[np.sort(first)]
 

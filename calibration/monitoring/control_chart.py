@@ -1,21 +1,21 @@
-"""Has the cell drifted since it was calibrated? A control chart of where a fixed target is seen.
+"""Control chart of a fixed target's centre in the base, for detecting drift of the cell since its calibration.
 
 The chart is Lowry, Woodall, Champ and Rigdon's multivariate exponentially weighted moving average ("A Multivariate
-Exponentially Weighted Moving Average Control Chart", Technometrics 34, 1992) of the target's centre, less where it was
-in the first verifications. With weight w, after k points, of noise s in each axis and m points to learn from:
+Exponentially Weighted Moving Average Control Chart", Technometrics 34, 1992) of the centre, less its mean over the
+first verifications. With weight w, after k points, noise s per axis and m points to learn from:
 
     z_k = w d_k + (1 - w) z_(k-1)                                                            their Eq. (2)
     var z_k = s² ( w / (2 - w) (1 - (1 - w)^2k) + (1 - (1 - w)^k)² / m )                     their Eq. (3), and the m
-    alarm when |z_k| > allowed + sqrt(3 F var z_k),     F the quantile of F(3, dof) at 1 - chance
+    alarm when |z_k| > allowed + sqrt(3 F var z_k),     F the quantile of F(3, dof) at 1 - p
 
-False alarms of an average come in clumps of about 1 / w: chance = 1 / (w runs_between_false_alarms).
+False alarms of an average come in groups of about 1 / w, so p = 1 / (w runs_between_false_alarms).
 
-s is not known beforehand: the scatter of one verification over its positions bounds it from above (it holds X's own
-error, too), the differences of successive verifications tell it better the more there are. The newest difference is
-left out: a step must not hide itself.
+s is not known beforehand: the scatter of a verification over its positions is an upper bound (it contains the error of
+X as well), and the differences of successive verifications estimate it better the more there are. The newest
+difference is left out, since it would contain the step to be detected.
 
-Apart from the chart, one verification disagrees with its calibration when the target scatters over the positions by
-more than the calibration's own uncertainty and the robot's noise explain.
+Apart from the chart, a verification disagrees with its calibration when the target scatters over the positions by more
+than the calibration's uncertainty and the robot's noise explain.
 """
 
 from collections.abc import Sequence
@@ -29,15 +29,21 @@ from scipy.special import chdtri, fdtri
 from calibration.transforms import Array, nearest_rotation
 
 PRIOR_DOF = 6.0
-"""How many degrees of freedom the scatter counts for: as much as a few verifications."""
+"""Degrees of freedom that the scatter counts for in the estimate of s; those of a few verifications."""
 
-DOF_A_DIFFERENCE = 2.0
-"""Three axes, of which overlapping differences keep two thirds."""
+DOF_PER_DIFFERENCE = 2.0
+"""Degrees of freedom of one difference: three axes, of which overlapping differences keep two thirds."""
 
 
 @dataclass(frozen=True)
 class DriftRules:
-    """How the chart is drawn; `runs_between_false_alarms` of a steady cell, at least."""
+    """Parameters of the chart.
+
+    weight : of the newest point in the moving average.
+    learn : number of first verifications whose mean is the reference.
+    allowed_mm : shift that is tolerated.
+    runs_between_false_alarms : mean number of verifications of a steady cell between two, at least.
+    """
 
     weight: float = 0.2
     learn: int = 5
@@ -45,16 +51,16 @@ class DriftRules:
     runs_between_false_alarms: float = 1000.0
 
     @property
-    def chance(self) -> float:
-        """Of a point of a steady cell to lie outside; such points come 1 / weight at a time."""
+    def false_alarm_probability(self) -> float:
+        """Probability that a point of a steady cell lies beyond the limit."""
         return min(0.5, 1.0 / (self.weight * self.runs_between_false_alarms))
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
-    """One verification: the target's centre (3,) in base as seen on average, and how it scatters over the positions.
+class ChartSample:
+    """One verification: the target's mean centre (3,) in the base, and its scatter.
 
-    `scatter_mm`: standard deviation in one axis, over `positions` positions.
+    `scatter_mm`: standard deviation of the centre per axis, over `positions` positions.
     """
 
     centre_mm: Array
@@ -63,7 +69,7 @@ class Sample:
 
 
 class DriftStanding(Enum):
-    """What the chart says."""
+    """State of the chart: still learning its reference, within its limit, or beyond it."""
 
     LEARNING = "learning"
     STEADY = "steady"
@@ -71,8 +77,8 @@ class DriftStanding(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
-    """One point of the chart: the shift (3,) of this verification, its moving average (3,), and how far that may go."""
+class ChartPoint:
+    """One point of the chart: a verification's shift (3,), the moving average (3,), and the limit of its length."""
 
     standing: DriftStanding
     shift_mm: Array
@@ -81,14 +87,14 @@ class Entry:
 
     @property
     def drift_mm(self) -> float:
-        """How far the target seems to have moved."""
+        """Length of the moving average: the estimated movement of the target."""
         return float(np.linalg.norm(self.average_mm))
 
 
-def sample_of(points_base_mm: Array, points_target_mm: Array, middle_mm: Array) -> Sample:
-    """From the target's points (positions, points, 3) as they lie in base, and (points, 3) on the target.
+def sample_of(points_base_mm: Array, points_target_mm: Array, middle_mm: Array) -> ChartSample:
+    """The sample of points (positions, points, 3) in the base that lie at (points, 3) on the target.
 
-    `middle_mm` (3,) on the target: the same one whichever points are seen.
+    `middle_mm` (3,) on the target is the charted centre; it does not depend on which points were seen.
     """
     flat = points_target_mm - points_target_mm.mean(axis=0)
     centres = []
@@ -99,52 +105,52 @@ def sample_of(points_base_mm: Array, points_target_mm: Array, middle_mm: Array) 
         centres.append(mean + rotation @ (middle_mm - points_target_mm.mean(axis=0)))
     spread = np.asarray(centres)
     scatter = float(np.sqrt(np.mean(np.var(spread, axis=0, ddof=1)))) if len(spread) > 1 else 0.0
-    return Sample(spread.mean(axis=0), scatter, len(spread))
+    return ChartSample(spread.mean(axis=0), scatter, len(spread))
 
 
-def chart(samples: Sequence[Sample], rules: DriftRules) -> list[Entry]:
-    """Every point of the chart, from the first verification after a calibration was put into force."""
+def chart(samples: Sequence[ChartSample], rules: DriftRules) -> list[ChartPoint]:
+    """Every point of the chart; `samples` begin with the first verification after the calibration was activated."""
     if not samples:
         return []
     centres = np.array([sample.centre_mm for sample in samples])
     shifts = centres - centres[: rules.learn].mean(axis=0)
     variances, dofs = _noise(samples, centres)
-    entries = [Entry(DriftStanding.LEARNING, shift, np.zeros(3), float("inf")) for shift in shifts[: rules.learn]]
+    entries = [ChartPoint(DriftStanding.LEARNING, shift, np.zeros(3), float("inf")) for shift in shifts[: rules.learn]]
     average = np.zeros(3)
     for number in range(rules.learn, len(samples)):
         average = rules.weight * shifts[number] + (1 - rules.weight) * average
         limit = _limit_mm(number + 1 - rules.learn, float(variances[number]), float(dofs[number]), rules)
         drifting = float(np.linalg.norm(average)) > limit
         standing = DriftStanding.DRIFTING if drifting else DriftStanding.STEADY
-        entries.append(Entry(standing, shifts[number], average, limit))
+        entries.append(ChartPoint(standing, shifts[number], average, limit))
     return entries
 
 
 def _limit_mm(since: int, variance: float, dof: float, rules: DriftRules) -> float:
-    """How far the average may go, `since` verifications after the last that was learnt from."""
+    """Limit of the average's length, `since` verifications after the last of the reference."""
     forgotten = 1 - (1 - rules.weight) ** since
     of_average = rules.weight / (2 - rules.weight) * (1 - (1 - rules.weight) ** (2 * since))
     of_reference = forgotten**2 / rules.learn
-    height = 3.0 * float(fdtri(3.0, dof, 1 - rules.chance))
+    height = 3.0 * float(fdtri(3.0, dof, 1 - rules.false_alarm_probability))
     return rules.allowed_mm + sqrt(height * (of_average + of_reference) * variance)
 
 
-def _noise(samples: Sequence[Sample], centres: Array) -> tuple[Array, Array]:
-    """(n,) variance of a verification's centre in one axis, and its degrees of freedom, as known before each one."""
+def _noise(samples: Sequence[ChartSample], centres: Array) -> tuple[Array, Array]:
+    """Variance (n,) of a verification's centre per axis and its degrees of freedom (n,), from those before each."""
     count = np.arange(len(samples))
     scatter = np.cumsum([0.0, *(s.scatter_mm**2 / max(s.positions, 1) for s in samples[:-1])])
     prior = scatter / np.maximum(count, 1)
     differences = np.cumsum([0.0, 0.0, *np.sum(np.diff(centres[:-1], axis=0) ** 2, axis=1)])[: len(samples)]
     known = np.maximum(count - 1, 0)
-    told = differences / (6 * np.maximum(known, 1))
-    dof = DOF_A_DIFFERENCE * known
-    return (PRIOR_DOF * prior + dof * told) / (PRIOR_DOF + dof), PRIOR_DOF + dof
+    from_differences = differences / (6 * np.maximum(known, 1))
+    dof = DOF_PER_DIFFERENCE * known
+    return (PRIOR_DOF * prior + dof * from_differences) / (PRIOR_DOF + dof), PRIOR_DOF + dof
 
 
-def scatter_limit_mm(point_mm: float, robot_mm: float, positions: int, chance: float) -> float:
-    """The largest scatter in one axis that a calibration explains whose mapped point is known to `point_mm`.
+def scatter_limit_mm(point_mm: float, robot_mm: float, positions: int, false_alarm_probability: float) -> float:
+    """Largest scatter per axis that is explained by the calibration and the robot's noise at the target.
 
-    `point_mm` and `robot_mm` (the robot's noise at the target) are in three axes together.
+    `point_mm`: uncertainty of a mapped point, `robot_mm`: the robot's noise, both over three axes together.
     """
     dof = 3.0 * (positions - 1)
-    return sqrt((point_mm**2 + robot_mm**2) / 3 * float(chdtri(dof, chance)) / dof)
+    return sqrt((point_mm**2 + robot_mm**2) / 3 * float(chdtri(dof, false_alarm_probability)) / dof)

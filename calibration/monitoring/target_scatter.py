@@ -1,6 +1,7 @@
-"""The seed's Tab. 1: the target's points in base coordinates as seen from each position, and how far they scatter.
+"""Scatter of the target's points in the base over several positions, as in Tab. 1 of Song et al.
 
-Eq. (10), with the direction of X that its own numbers show: P_base = base_T_flange @ flange_T_camera @ P_camera.
+Eq. (10) of the paper, with X in the direction that the paper's numbers show:
+P_base = base_T_flange @ flange_T_camera @ P_camera.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from calibration.transforms import Array, map_points
 
 
 class VerificationError(CalibrationError):
-    """The positions share no point of the target."""
+    """The positions share no point of the target, or a pose of the target is not finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class Verification:
         return sigma
 
     def cross(self) -> NDArray[np.intp]:
-        """Up to five columns of `points_base_mm` that span the target as the seed's cross does: ends and middle."""
+        """Up to five columns of `points_base_mm` for a report: four corners of the target and its middle."""
         mean = self.points_base_mm.mean(axis=0)
         offset = mean - mean.mean(axis=0)
         _, _, axes = np.linalg.svd(offset, full_matrices=False)
@@ -53,13 +54,13 @@ class Verification:
 
 
 def verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
-    """Where `calibration` puts the target's points in the base, seen from each view. Raises VerificationError."""
+    """The target's points in the base, from each view by `calibration`. Raises VerificationError."""
     assert problem.camera is not None
     assert calibration.flange_T_camera is not None
     seen, _ = observe(problem)
     poses, _ = candidate_poses(seen, problem.camera)
     base_T_target = seen.base_T_flange @ calibration.flange_T_camera.transform() @ poses[:, 0]
-    ids = _shared_ids(problem, seen.positions)
+    ids = _common_ids(problem, seen.positions)
     points = map_points(base_T_target, problem.target.points_mm[ids])
     stations = tuple(problem.views[position].index + 1 for position in seen.positions)
     if not isfinite(float(points.sum())):
@@ -67,8 +68,8 @@ def verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
     return Verification(stations, ids, points)
 
 
-def _shared_ids(problem: Problem, positions: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Ids seen in every view."""
+def _common_ids(problem: Problem, positions: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Ids (n,) of the points detected in every view. Raises VerificationError when there are none."""
     sets = [set(view.detection.ids.tolist()) for p in positions if (view := problem.views[p]).detection is not None]
     shared = set.intersection(*sets) if sets else set()
     if len(sets) < 2 or not shared:

@@ -103,7 +103,7 @@ def _columns(
         columns[:, 1, row] = z * a - x * c
         columns[:, 2, row] = x * b - y * a
         columns[:, 3, row], columns[:, 4, row], columns[:, 5, row] = a, b, c
-    along, across = camera.distorted(u, v)
+    along, across = camera.distort_components(u, v)
     for column, slopes in enumerate(_by_intrinsics(chosen, (fx, fy), u, v, along, across), start=6):
         columns[:, column, 0], columns[:, column, 1] = slopes
     if free_scale:

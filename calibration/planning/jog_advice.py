@@ -19,7 +19,7 @@ from calibration.likelihood.predicted_uncertainty import (
     view_information,
     working_points_mm,
 )
-from calibration.observability import motion_of
+from calibration.observability import summarise_motion
 from calibration.planning.next_view import Wish
 from calibration.planning.scene_belief import Belief, Guess, learnt
 from calibration.planning.viewpoint_selection import Reachable
@@ -153,7 +153,7 @@ def _blind(problem: Problem) -> Advice:
 
 def _least_turned(taken: Array) -> list[str]:
     """The flange's axes, the one about which the views differ least first."""
-    motion = motion_of(taken)
+    motion = summarise_motion(taken)
     along = np.abs(motion.main_axis)
     return [tuple(AXES)[index] for index in np.argsort(along, kind="stable")]
 

@@ -12,9 +12,9 @@ from scipy.optimize import least_squares
 from calibration.camera import CameraModel
 from calibration.closed_forms.kronecker import kronecker
 from calibration.errors import DetectionError, UndeterminedError
-from calibration.intrinsics.zhang_init import USUAL_FOCAL_OF_WIDTH
+from calibration.intrinsics.zhang_init import DEFAULT_FOCAL_OF_WIDTH
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, covariance_of, predict, view_information
-from calibration.observability import motion_of
+from calibration.observability import summarise_motion
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import target_pose
 from calibration.problem import Problem, Setup, View
@@ -109,7 +109,7 @@ def alternatives(a_T_b: Array, covariance: Array) -> list[Array]:
 def rough_camera(image_size: tuple[int, int]) -> CameraModel:
     """A camera of the usual field of view, when nothing is known of it."""
     width, height = image_size
-    focal = USUAL_FOCAL_OF_WIDTH * width
+    focal = DEFAULT_FOCAL_OF_WIDTH * width
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
     return CameraModel(matrix, np.zeros(5), image_size)
 
@@ -194,7 +194,7 @@ def _rough(guess: Guess, problem: Problem, seen: list[View], camera: CameraModel
 def _rough_mount(guess: Guess, anchor_T_mount: Array, camera_T_target: Array) -> Array:
     """X from the guess and what two views or more agree on; from the views alone when there is no guess."""
     if guess.mount_T_camera is None:
-        motion = motion_of(anchor_T_mount)
+        motion = summarise_motion(anchor_T_mount)
         if motion.distinct < 3 or motion.axis_angle_rad < LEAST_AXIS_ANGLE_RAD:
             raise UndeterminedError(
                 "mount-unknown",

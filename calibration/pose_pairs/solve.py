@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.errors import UndeterminedError
-from calibration.observability import axis_in_words, motion_of, require_determined
+from calibration.observability import describe_axis, require_observable, summarise_motion
 from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_white, outlying
 from calibration.pose_pairs.noise_marginalisation import MOST_VIEWS, averaged
 from calibration.pose_pairs.noise_models import CAMERAS
@@ -128,10 +128,10 @@ def _require_poses(base_T_flange: Array, camera_T_target: Array) -> None:
 
 
 def _require_axes(base_T_flange: Array) -> None:
-    require_determined(base_T_flange)
-    motion = motion_of(base_T_flange)
+    require_observable(base_T_flange)
+    motion = summarise_motion(base_T_flange)
     if motion.axis_spread < LEAST_AXIS_SPREAD:
-        axis = axis_in_words(motion.main_axis, base_T_flange)
+        axis = describe_axis(motion.main_axis, base_T_flange)
         raise UndeterminedError(
             "parallel-axes",
             f"all turns are about one axis, but for noise: translation along {axis} is not determined",

@@ -9,7 +9,7 @@ from calibration.camera import CameraModel
 from calibration.intrinsics.estimate import estimate_camera
 from calibration.likelihood.estimate import HELD
 from calibration.likelihood.systematic_errors import NO_DOUBT, Doubt
-from calibration.observability import require_determined
+from calibration.observability import require_observable
 from calibration.observations.observations import Observations, Unusable, observe, scaled
 from calibration.observations.reprojection import INTRINSICS
 from calibration.observations.view_poses import candidate_poses, refined_poses
@@ -62,14 +62,14 @@ class Prepared:
 def prepare(problem: Problem) -> Prepared:
     """Raises UndeterminedError when the views' poses, or their images, cannot determine X or the camera."""
     seen, refused = observe(problem)
-    require_determined(seen.base_T_flange)
+    require_observable(seen.base_T_flange)
     camera, free = _camera(problem, seen)
     poses, errors = candidate_poses(seen, camera)
     clean = without_bad_corners(seen, camera, poses[:, 0])
     kept = np.setdiff1d(np.arange(len(seen)), clean.refused)
     refused |= {int(seen.positions[row]): IMAGE_DISAGREES for row in clean.refused}
     if len(kept) < len(seen):
-        require_determined(seen.base_T_flange[kept])
+        require_observable(seen.base_T_flange[kept])
     seen, candidates = clean.seen.take(kept), np.stack([clean.camera_T_target, poses[:, 1]], axis=1)[kept]
     anchor_T_mount = anchor_T_mount_of(problem.setup, seen.base_T_flange)
     read = best_readings(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)

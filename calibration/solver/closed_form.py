@@ -11,7 +11,7 @@ from calibration.likelihood.chain import Chain, correction_transforms
 from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.mixed_model import covariance_of
-from calibration.observability import require_determined
+from calibration.observability import require_observable
 from calibration.observations.observations import scaled
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.observations.view_poses import moved, refined_poses
@@ -44,7 +44,7 @@ def closed_form_solution(prepared: Prepared, selection: Selection, method: str) 
     used = selection.used.copy()
     if method == THREE_POSE:
         used[np.flatnonzero(used)[3:]] = False
-        require_determined(prepared.seen.base_T_flange[used])
+        require_observable(prepared.seen.base_T_flange[used])
     best = selection.best
     rows = _at(prepared.take(used), best)
     chain = _solved(rows, method)

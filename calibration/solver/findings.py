@@ -159,7 +159,8 @@ def method_findings(method: str, rows: Prepared) -> tuple[Finding, ...]:
         Finding(
             "three-pose",
             "info",
-            f"Eq. 7 gave a matrix {seed.distance:.2g} from a rotation (Frobenius norm), which was projected to one;"
+            f"Eq. 7 gave a matrix {seed.distance_from_rotation:.2g} from a rotation (Frobenius norm),"
+            " which was projected to one;"
             f" the axes of the two motions are {np.degrees(seed.axis_angle_rad):.1f} degrees apart;"
             " the paper's X is camera_T_flange, the inverse of the transform given here",
             "use the method auto, which is more accurate from the same views",

@@ -7,7 +7,7 @@ from calibration.errors import UndeterminedError
 from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.predicted_uncertainty import uncertainty_of
-from calibration.observability import axis_in_words, motion_of
+from calibration.observability import describe_axis, summarise_motion
 from calibration.observations.observations import Observations, Unusable, observe, scaled
 from calibration.observations.reprojection import pixel_residuals
 from calibration.observations.view_poses import refined_poses
@@ -56,7 +56,7 @@ def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start,
 def refused_solution(problem: Problem, method: str, why: UndeterminedError) -> Solution:
     """No transform, and the reason."""
     seen, refused = observe(problem)
-    motion = motion_of(seen.base_T_flange)
+    motion = summarise_motion(seen.base_T_flange)
     return Solution(
         setup=problem.setup,
         method=method,
@@ -81,13 +81,13 @@ def _noise(best: Estimate) -> Noise:
 
 
 def _observability(problem: Problem, rows: Prepared, best: Estimate, covariance: Array) -> Observability:
-    motion = motion_of(rows.seen.base_T_flange)
+    motion = summarise_motion(rows.seen.base_T_flange)
     weakest = np.linalg.eigh(covariance[3:, 3:])[1][:, -1]
     direction = best.chain.mount_T_camera[:3, :3] @ weakest
     words = (
-        axis_in_words(direction, rows.seen.base_T_flange)
+        describe_axis(direction, rows.seen.base_T_flange)
         if problem.setup == "eye-in-hand"
-        else axis_in_words(np.linalg.inv(rows.seen.base_T_flange[0, :3, :3]) @ direction, rows.seen.base_T_flange)
+        else describe_axis(np.linalg.inv(rows.seen.base_T_flange[0, :3, :3]) @ direction, rows.seen.base_T_flange)
     )
     return Observability(len(rows.seen), motion.max_rotation_rad, motion.axis_spread, f"translation along {words}")
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm import PoseRefused as OutOfJoint
+from calibration.kinematics.arm import UnreachablePoseError as OutOfJoint
 from calibration.planning.reachability import reachable_by
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
@@ -27,7 +27,7 @@ class MotionRules:
 
     @classmethod
     def of(cls, robot: RobotSettings) -> "MotionRules":
-        return cls(robot, arm_named(robot.model) if robot.model else None)
+        return cls(robot, find_arm(robot.model) if robot.model else None)
 
     def require_allowed(self, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> None:
         """Every pose lies in the box and, when the arm is known, can be reached. Raises PoseRefused."""

@@ -39,10 +39,10 @@ def read_question(file: Path) -> "PlanDocument":
 
 def _arm(name: str, file: Path) -> "Arm":
     from calibration.errors import DocumentError, DocumentProblem, GeometryError
-    from calibration.kinematics.abb_arms import arm_named
+    from calibration.kinematics.abb_arms import find_arm
 
     try:
-        return arm_named(name)
+        return find_arm(name)
     except GeometryError as error:
         problem = DocumentProblem("robot", str(error), "correct it, or leave it out")
         raise DocumentError(str(file), [problem]) from None

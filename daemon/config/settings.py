@@ -14,7 +14,7 @@ from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array
 from daemon.config.plc_settings import InterlockSettings, PlcSettings
 from daemon.config.server_settings import ServerSettings, WebhookSettings
@@ -42,7 +42,7 @@ Box = tuple[Vector, Vector]
 
 def _known_arm(name: str) -> str:
     try:
-        return arm_named(name).name
+        return find_arm(name).name
     except GeometryError as error:
         raise ValueError(f"{error}; leave it out for any other") from None
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.monitoring.control_chart import DriftRules, DriftStanding, Entry, chart, scatter_limit_mm
+from calibration.monitoring.control_chart import ChartPoint, DriftRules, DriftStanding, chart, scatter_limit_mm
 from calibration.transforms import Array
 from daemon.config.settings import DriftSettings, Settings
 from daemon.drift.samples import Verified, robot_noise_mm
@@ -83,7 +83,7 @@ def chart_of(entries: Sequence[Verified], document: CalibrationDocument, setting
     return DriftChart(report, points)
 
 
-def _point(entry: Verified, drawn: Entry) -> DriftPoint:
+def _point(entry: Verified, drawn: ChartPoint) -> DriftPoint:
     """To a nanometre, which is below any robot's noise."""
     return DriftPoint(
         entry.run_id,
@@ -114,10 +114,12 @@ def _explained_mm(
     if document.uncertainty is None or entry.sample.positions < 2:
         return None
     robot_mm = robot_noise_mm(document, settings.calibration)
-    return scatter_limit_mm(document.uncertainty.point_mm, robot_mm, entry.sample.positions, rules.chance)
+    return scatter_limit_mm(
+        document.uncertainty.point_mm, robot_mm, entry.sample.positions, rules.false_alarm_probability
+    )
 
 
-def _alarm(last: Entry, scatter_mm: float, limit_mm: float | None) -> str:
+def _alarm(last: ChartPoint, scatter_mm: float, limit_mm: float | None) -> str:
     if last.standing is DriftStanding.DRIFTING:
         return (
             f"drift: the fixed target seems to have moved by {last.drift_mm:.3f} mm, by chance at most"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.monitoring.control_chart import Sample, sample_of
+from calibration.monitoring.control_chart import ChartSample, sample_of
 from calibration.transforms import Array
 from daemon.config.settings import CalibrationSettings
 from daemon.model.records import Applied, RunRecord
@@ -30,7 +30,7 @@ class Verified:
 
     run_id: str
     at: str
-    sample: Sample
+    sample: ChartSample
 
 
 def belongs(run: RunRecord, applied: Applied, target_points: int) -> bool:

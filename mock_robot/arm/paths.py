@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from calibration.kinematics.arm import Arm, PoseRefused
+from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.transforms import Array, rotation_from_vector, transform, vector_from_rotation
 
 LINE_STEPS = 24
@@ -63,7 +63,7 @@ class LinePath:
         for along in np.linspace(0.0, 1.0, LINE_STEPS + 1)[1:]:
             try:
                 joints = self.arm.nearest(self.base_T_flange_at(float(along)), followed[-1])
-            except PoseRefused:
+            except UnreachablePoseError:
                 break
             if np.abs(joints - followed[-1]).max() > WRIST_JUMP_RAD:
                 break

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from calibration.errors import GeometryError
-from calibration.kinematics.arm import OtherConfiguration, PoseRefused
+from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
 from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
 from mock_robot.arm.simulated_arm import IN_POSITION_S
 from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
@@ -171,7 +171,7 @@ class Controller(Cabinet):
         try:
             here = self.arm.joints_at(robot_s)
             there = self.arm.arm.matching(base_T_flange, request.configuration, near_rad=here)
-        except PoseRefused as error:
+        except UnreachablePoseError as error:
             code = 50080 if isinstance(error, OtherConfiguration) else 50050
             return self._refuse(now_s, Status.UNREACHABLE, error.what, code)
         cap = MANUAL_SPEED_MM_S if self.panel.mode is Mode.MANR else SPEED_MAX_MM_S

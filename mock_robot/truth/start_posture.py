@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calibration.kinematics.arm import Arm, PoseRefused
+from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.printed_target import printed
 from mock_robot.truth.truth import CellTruth
@@ -40,8 +40,10 @@ def start_joints(arm: Arm, truth: CellTruth) -> Array:
         pose = base_T_camera_above(truth, START_DISTANCE_MM, float(roll_rad)) @ camera_T_flange
         try:
             candidates += [joints for joints in arm.inverse(pose) if arm.configuration(joints).cfx in (0, 1)]
-        except PoseRefused:
+        except UnreachablePoseError:
             continue
     if not candidates:
-        raise PoseRefused(f"{arm.name} cannot look at the target of this cell", "put the target nearer to the robot")
+        raise UnreachablePoseError(
+            f"{arm.name} cannot look at the target of this cell", "put the target nearer to the robot"
+        )
     return max(candidates, key=comfort)

@@ -8,10 +8,10 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import point_weights
-from calibration.observability import motion_of
+from calibration.observability import summarise_motion
 from calibration.solution import Finding, Noise, Observability, Solution, Uncertainty, Verdict, ViewResult
 from calibration.transforms import Array
-from calibration.verdict import CONTRADICTIONS, DEFAULT_LIMITS, Limits
+from calibration.verdict import CONTRADICTIONS, DEFAULT_VERDICT_LIMITS, VerdictLimits
 
 FIX = "add views turned by 30 degrees or more about different axes"
 
@@ -73,7 +73,7 @@ def undetermined(method: str, views: Sequence[ViewResult], base_T_flange: Array,
 
 
 def _observability(base_T_flange: Array, weakest: str) -> Observability:
-    motion = motion_of(base_T_flange)
+    motion = summarise_motion(base_T_flange)
     return Observability(len(base_T_flange), motion.max_rotation_rad, motion.axis_spread, weakest)
 
 
@@ -85,7 +85,7 @@ def _weakest(covariance: Array, seen_mm: Array) -> str:
     return f"{'rotation about' if worst < 3 else 'translation along'} the camera's {'xyz'[worst % 3]}"
 
 
-def judge_scan(solution: Solution, limits: Limits = DEFAULT_LIMITS) -> Verdict:
+def judge_scan(solution: Solution, limits: VerdictLimits = DEFAULT_VERDICT_LIMITS) -> Verdict:
     """May X from clouds be used? The same limits and codes as with images."""
     findings = [*solution.findings]
     if solution.uncertainty is not None:

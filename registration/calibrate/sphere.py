@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.errors import UndeterminedError
-from calibration.observability import require_determined
+from calibration.observability import require_observable
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, map_points
 from registration.calibrate.outcome import determined, undetermined
@@ -32,7 +32,7 @@ def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
     found = list(centres)
     poses = np.array([views[index].base_T_flange for index in found]).reshape(-1, 4, 4)
     try:
-        require_determined(poses)
+        require_observable(poses)
         answer = solve_from_sphere([SphereView(centres[index], views[index].base_T_flange) for index in found])
     except UndeterminedError as error:
         results = [_missing(index, reasons.get(index, error.code)) for index in range(len(views))]

@@ -17,7 +17,7 @@ import numpy as np
 
 from calibration.errors import UndeterminedError
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
-from calibration.observability import require_determined
+from calibration.observability import require_observable
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, adjoint, difference, rotation_from_vector, skew, transform
 from registration.calibrate.outcome import determined, undetermined
@@ -65,7 +65,7 @@ def solve_surface_scan(
     samples = sample_views(views)
     poses = np.array([view.base_T_flange for view in views])
     try:
-        require_determined(poses)
+        require_observable(poses)
         found = solve_from_surfaces([sample.surface for sample in samples], poses, flange_T_camera, noise, rough_mm)
     except UndeterminedError as error:
         results = [ViewResult(index, None, "rejected", error.code, None, None, None) for index in range(len(views))]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.errors import UndeterminedError
-from calibration.observability import require_determined
+from calibration.observability import require_observable
 from calibration.transforms import Array, rotation_from_vector, transform
 
 
@@ -21,7 +21,7 @@ def test_jitter_is_no_second_axis(jitter_deg: float) -> None:
     rng = np.random.default_rng(5)
     for _ in range(50):
         with pytest.raises(UndeterminedError) as refused:
-            require_determined(about_one_axis(rng, jitter_deg))
+            require_observable(about_one_axis(rng, jitter_deg))
         assert refused.value.code == "parallel-axes"
 
 
@@ -29,4 +29,4 @@ def test_a_second_axis_is_one() -> None:
     rng = np.random.default_rng(6)
     poses = about_one_axis(rng, 0.05)
     poses[0, :3, :3] = poses[0, :3, :3] @ rotation_from_vector(np.radians(np.array([20.0, -15.0, 10.0])))
-    require_determined(poses)
+    require_observable(poses)

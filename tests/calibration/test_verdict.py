@@ -7,7 +7,7 @@ import pytest
 
 from calibration.solution import Finding, HoldOut, Noise, Solution, Uncertainty
 from calibration.solve import solve_hand_eye
-from calibration.verdict import Limits, judge
+from calibration.verdict import VerdictLimits, judge
 from tests.simulated.spoiled_sessions import cell
 
 GOOD = cell(21, 10)
@@ -58,4 +58,4 @@ def test_what_is_said_of_a_solution(what: str) -> None:
 
 
 def test_limits_can_be_set() -> None:
-    assert not judge(GOOD.problem, uncertain(0.49), Limits(point_mm=0.3, point_warning_mm=0.1)).accepted
+    assert not judge(GOOD.problem, uncertain(0.49), VerdictLimits(point_mm=0.3, point_warning_mm=0.1)).accepted

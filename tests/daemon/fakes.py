@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from calibration.camera import CameraModel
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, LinkLost
@@ -81,7 +81,7 @@ class FakeRobot:
 
     async def read_joints(self) -> Array:
         self._alive()
-        return arm_named("IRB 1600-6/1.45").inverse(self.base_T_flange)[0]
+        return find_arm("IRB 1600-6/1.45").inverse(self.base_T_flange)[0]
 
     async def read_status(self) -> RobotStatus:
         self._alive()

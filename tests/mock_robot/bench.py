@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array, quaternion_from_rotation
 from mock_robot.arm.simulated_arm import RobotNoise, SimulatedArm
 from mock_robot.cabinet.cabinet import Box
@@ -18,7 +18,7 @@ from protocols.cb.client import ClientSession
 from protocols.cb.codes import MoveKind, Status
 from protocols.cb.events import ClientEvent, ReplyReceived
 
-ARM = arm_named("IRB 1600-6/1.45")
+ARM = find_arm("IRB 1600-6/1.45")
 HOME = np.radians([0.0, 15.0, 0.0, 0.0, 65.0, 0.0])
 AWAY = np.radians([30.0, 10.0, 10.0, 20.0, 50.0, 40.0])
 UNUSED = (9e9,) * 6

@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
-from calibration.kinematics.arm import PoseRefused
+from calibration.kinematics.arm import UnreachablePoseError
 from calibration.transforms import difference, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost, MoveFailed, MoveRefused
 from drivers.interfaces import Configuration, MoveGoal
@@ -53,7 +53,7 @@ def views_of_the_target(cell: RunningCell, count: int = 6) -> list[np.ndarray]:
                 views.append(
                     arm.nearest(base_T_camera @ inverse(truth.flange_T_camera), cell.controller.arm.joints_at(0))
                 )
-            except PoseRefused:
+            except UnreachablePoseError:
                 continue
             break
     return views

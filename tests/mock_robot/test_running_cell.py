@@ -13,7 +13,7 @@ import pytest
 
 from calibration.detection.detect import detect
 from calibration.documents.pose import PoseDocument
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array, inverse, map_points, transform
 from mock_robot.__main__ import main
 from mock_robot.cell import MockCell, RobotProgram
@@ -44,7 +44,7 @@ async def test_a_client_arms_moves_and_reads_the_pose_over_tcp(program: RobotPro
         assert await client.moves(move_to(AWAY)) is Status.OK
         pose = await client.asks(cb.GetPose())
         assert isinstance(pose, cb.Pose)
-        np.testing.assert_allclose(pose.position_mm, arm_named("IRB 1600-6/1.45").forward(AWAY)[:3, 3], atol=1e-3)
+        np.testing.assert_allclose(pose.position_mm, find_arm("IRB 1600-6/1.45").forward(AWAY)[:3, 3], atol=1e-3)
         assert cell.commanded_moves == 1
 
 

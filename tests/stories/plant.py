@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from calibration.camera import CameraModel
 from calibration.documents.plan import PlanDocument
 from calibration.documents.validation import validate_document
-from calibration.kinematics.abb_arms import arm_named
-from calibration.kinematics.arm import Arm, PoseRefused
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.planning.plan import plan_poses
 from calibration.transforms import Array
 from daemon.application import Application
@@ -86,7 +86,7 @@ def poses_taught_for(seed: int) -> tuple[TaughtPose, ...]:
             "limits": {"box_mm": sheet["box_mm"]},
         }
     )
-    arm = arm_named(sheet["arm"])
+    arm = find_arm(sheet["arm"])
 
     def reachable(base_T_flange: Array) -> NDArray[np.bool_]:
         return np.array([_has_solution(arm, pose) for pose in base_T_flange], bool)
@@ -98,7 +98,7 @@ def poses_taught_for(seed: int) -> tuple[TaughtPose, ...]:
 def _has_solution(arm: Arm, base_T_flange: Array) -> bool:
     try:
         arm.inverse(base_T_flange)
-    except PoseRefused:
+    except UnreachablePoseError:
         return False
     return True
 

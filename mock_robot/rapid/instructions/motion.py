@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Any
 
-from calibration.kinematics.arm import OtherConfiguration, PoseRefused
+from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
 from mock_robot.rapid.errors import ProgramStopped, RapidError
 from mock_robot.rapid.postures import flange_of, joints_rad
 from mock_robot.rapid.scope import Slot
@@ -18,7 +18,7 @@ def _move_to_target(task: Task, target: list[Any], speed: list[float], zone: lis
     try:
         flange = flange_of(target, tool.value, None if wobj is None else wobj.value)
         joints = unit.joints_for(flange, target[2])
-    except PoseRefused as error:
+    except UnreachablePoseError as error:
         code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH
         raise ProgramStopped(code, task.name, error.what) from error
     unit.external = [have if have >= 8.9e9 else want for have, want in zip(unit.external, target[3], strict=True)]
@@ -41,7 +41,7 @@ def move_abs_j(
     unit, joints = _own_unit(task, zone), joints_rad(target)
     try:
         unit.arm.require_within_limits(joints)
-    except PoseRefused as error:
+    except UnreachablePoseError as error:
         raise ProgramStopped(JOINT_OUT_OF_RANGE, task.name, error.what) from error
     _travel(task, unit, joints, speed, linear=False)
 

@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Any
 
-from calibration.kinematics.arm import OutOfReach, PoseRefused
+from calibration.kinematics.arm import OutOfReach, UnreachablePoseError
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.postures import flange_of, joints_rad, robax, singles, target_at
 from mock_robot.rapid.scope import Slot
@@ -47,7 +47,7 @@ def calc_joint_t(task: Task, target: list[Any], tool: Slot, wobj: Slot | None, e
             error_number.value = 0.0
         joints = unit.joints_for(flange_of(target, tool.value, _value(wobj)), target[2])
         return [robax(joints), list(target[3])]
-    except PoseRefused as error:
+    except UnreachablePoseError as error:
         name = "ERR_OUTSIDE_REACH" if isinstance(error, OutOfReach) else "ERR_ROBLIMIT"
         if error_number is None:
             raise RapidError(name, error.what) from None

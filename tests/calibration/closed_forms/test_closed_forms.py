@@ -79,9 +79,9 @@ def test_opencv_says_the_same(name: str) -> None:
 
 
 def test_the_seeds_equation_7_is_a_rotation_only_without_noise() -> None:
-    assert solve_three_pose(*chain(2, 3, ORDINARY_X)).distance < 1e-12
+    assert solve_three_pose(*chain(2, 3, ORDINARY_X)).distance_from_rotation < 1e-12
     noisy = solve_three_pose(*chain(2, 3, ORDINARY_X, noise=1.0))
-    assert 1e-4 < noisy.distance < 0.1
+    assert 1e-4 < noisy.distance_from_rotation < 0.1
     assert np.allclose(noisy.camera_T_mount[:3, :3] @ noisy.camera_T_mount[:3, :3].T, np.eye(3))
 
 

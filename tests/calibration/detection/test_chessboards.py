@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.detection.chessboard import confirmed_board
+from calibration.detection.chessboard import verify_board
 from calibration.detection.crossings import find_crossings
 from calibration.detection.detect import detect
 from calibration.detection.lattice import Lattice, grow_lattices
@@ -110,7 +110,7 @@ def test_a_line_that_was_not_joined_is_looked_for(line):
     axis, number = (0, 0) if line == "first column" else (1, lattice.cells[:, 1].max())
     kept = lattice.cells[:, axis] != number
     cells = lattice.cells[kept] - lattice.cells[kept].min(axis=0)
-    board = confirmed_board(picture.image, Lattice(cells, lattice.points[kept]))
+    board = verify_board(picture.image, Lattice(cells, lattice.points[kept]))
     assert board.found.all()
     assert board.found.size == 88
 

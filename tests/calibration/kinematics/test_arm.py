@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from calibration.errors import GeometryError
-from calibration.kinematics.abb_arms import ARMS, arm_named
+from calibration.kinematics.abb_arms import ARMS, find_arm
 from calibration.kinematics.arm import (
     SINGULAR_ON_THE_WIRE,
     Arm,
@@ -20,12 +20,12 @@ from calibration.kinematics.arm import (
 )
 from calibration.transforms import Array, inverse, transform, transform_from_quaternion
 
-LARGE = arm_named("IRB 1600-6/1.45")
-SMALL = arm_named("IRB 120-3/0.6")
+LARGE = find_arm("IRB 1600-6/1.45")
+SMALL = find_arm("IRB 120-3/0.6")
 DIFFERENT = [
     SMALL,
     LARGE,
-    *map(arm_named, ("IRB 1100-4/0.58", "IRB 2600-12/1.85", "IRB 6650S-90/3.9", "IRB 7600-150/3.5")),
+    *map(find_arm, ("IRB 1100-4/0.58", "IRB 2600-12/1.85", "IRB 6650S-90/3.9", "IRB 7600-150/3.5")),
 ]
 """Without and with a shoulder and an elbow set off; the widest, and the narrowest limits."""
 
@@ -239,9 +239,9 @@ def test_wrist_centre_on_axis_1_takes_axis_1_from_the_hint() -> None:
 
 
 def test_arms_are_found_by_name_and_unknown_ones_named() -> None:
-    assert arm_named("IRB 1600-6/1.45") is LARGE
-    assert arm_named("irb1600-6/1.450") is LARGE
+    assert find_arm("IRB 1600-6/1.45") is LARGE
+    assert find_arm("irb1600-6/1.450") is LARGE
     with pytest.raises(GeometryError, match=r"near are .*IRB 1600-6/1\.45"):
-        arm_named("IRB 1600-7/1.45")
+        find_arm("IRB 1600-7/1.45")
     with pytest.raises(GeometryError, match="`handeyed arms` lists"):
-        arm_named("KUKA")
+        find_arm("KUKA")

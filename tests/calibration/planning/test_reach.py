@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from calibration.kinematics.abb_arms import arm_named
-from calibration.kinematics.arm import PoseRefused
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm import UnreachablePoseError
 from calibration.planning.reachability import CLEARANCE, reachable_by
 
-ARM = arm_named("IRB 1600-6/1.45")
+ARM = find_arm("IRB 1600-6/1.45")
 
 
 def random_joints(count):
@@ -17,7 +17,7 @@ def random_joints(count):
 def solutions(pose):
     try:
         return ARM.inverse(pose)
-    except PoseRefused:
+    except UnreachablePoseError:
         return np.empty((0, 6))
 
 

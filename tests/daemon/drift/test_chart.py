@@ -6,15 +6,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.daemon.drift import NOISE_MM, OF_A_VERIFICATION_MM, Cell, delays, first_alarm, ramp, steady, step
-from calibration.monitoring.control_chart import DriftRules, DriftStanding, Sample, chart, sample_of, scatter_limit_mm
+from calibration.monitoring.control_chart import (
+    ChartSample,
+    DriftRules,
+    DriftStanding,
+    chart,
+    sample_of,
+    scatter_limit_mm,
+)
 from calibration.transforms import map_points, rotation_from_vector, transform
 from tests.daemon.fakes import BASE_T_TARGET, BOARD
 
 MIDDLE = BOARD.points_mm.mean(axis=0)
 
 
-def at(*centres_x_mm: float, scatter_mm: float = 0.05) -> list[Sample]:
-    return [Sample(np.array([x, 0.0, 0.0]), scatter_mm, 3) for x in centres_x_mm]
+def at(*centres_x_mm: float, scatter_mm: float = 0.05) -> list[ChartSample]:
+    return [ChartSample(np.array([x, 0.0, 0.0]), scatter_mm, 3) for x in centres_x_mm]
 
 
 def test_nothing_is_said_before_the_target_is_learnt() -> None:

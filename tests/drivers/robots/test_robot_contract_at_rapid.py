@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import pytest_asyncio
 
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRefused
 from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, Robot
 from drivers.robots.abb.cb_robot import CbRobot
@@ -20,7 +20,7 @@ from tests.mock_robot.bench import AWAY
 from tests.mock_robot.running_cell import running_cell
 from tests.support.waiting import eventually
 
-ARM = arm_named("IRB 1600-6/1.45")
+ARM = find_arm("IRB 1600-6/1.45")
 GOAL = MoveGoal(ARM.forward(AWAY), Configuration(*ARM.configuration(AWAY)), speed_mm_s=250.0)
 TIME_SCALE = 10.0
 

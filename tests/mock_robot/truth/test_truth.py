@@ -10,7 +10,7 @@ from calibration.detection.detect import detect
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import CharucoDocument
-from calibration.kinematics.abb_arms import arm_named
+from calibration.kinematics.abb_arms import find_arm
 from calibration.targets import AprilTagGrid, Chessboard, CircleGrid
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.camera_view import render
@@ -97,7 +97,7 @@ def test_the_arm_reaches_every_taught_scan_pose_inside_the_box() -> None:
         truth = CellTruth.from_seed(seed)
         joints = np.zeros(6)
         for pose in suggested_scan_poses(truth):
-            joints = arm_named(truth.arm).nearest(pose, joints)  # raises when it cannot
+            joints = find_arm(truth.arm).nearest(pose, joints)  # raises when it cannot
             assert np.all((pose[:3, 3] > low) & (pose[:3, 3] < high))
 
 
@@ -118,7 +118,7 @@ def test_a_flange_pose_that_looks_at_the_target_sees_it_in_the_middle() -> None:
     truth = CellTruth.from_seed(2)
     look = transform(np.eye(3), [0.0, 0.0, 600.0]) @ transform(np.eye(3), -middle(truth))
     base_T_flange = truth.base_T_target @ inverse(look) @ inverse(truth.flange_T_camera)
-    arm_named(truth.arm).nearest(base_T_flange, np.zeros(6))
+    find_arm(truth.arm).nearest(base_T_flange, np.zeros(6))
     camera_T_target = inverse(base_T_flange @ truth.flange_T_camera) @ truth.base_T_target
     pixels = truth.camera.project(map_points(camera_T_target, truth.target.points_mm))
     assert np.all((pixels > 0) & (pixels < truth.camera.image_size))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.detection.validation import gate
+from calibration.detection.validation import validate_detection
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import Chessboard
@@ -22,7 +22,7 @@ def seen(rotation=(0.3, -0.2, 0.5), distance_mm=450.0, height_mm=-40.0, noise_px
 
 def refusal(ids, pixels):
     with pytest.raises(DetectionError) as error:
-        gate(Detection(np.asarray(ids), np.asarray(pixels)), BOARD, SIZE)
+        validate_detection(Detection(np.asarray(ids), np.asarray(pixels)), BOARD, SIZE)
     return error.value.code
 
 
@@ -30,13 +30,13 @@ ALL = np.arange(54)
 
 
 def test_a_good_detection_passes_whole_through_a_distorting_lens():
-    assert len(gate(Detection(ALL, seen()), BOARD, SIZE).ids) == 54
+    assert len(validate_detection(Detection(ALL, seen()), BOARD, SIZE).ids) == 54
 
 
 def test_a_few_strays_are_left_out():
     pixels = seen()
     pixels[[7, 30]] += [3.0, -2.0]
-    kept = gate(Detection(ALL, pixels), BOARD, SIZE)
+    kept = validate_detection(Detection(ALL, pixels), BOARD, SIZE)
     assert set(ALL) - set(kept.ids) == {7, 30}
 
 

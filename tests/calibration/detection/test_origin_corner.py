@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.detection.origin_corner import canonical
+from calibration.detection.origin_corner import canonical_order
 from calibration.targets import Chessboard
 from calibration.transforms import map_points, rotation_from_vector, transform
 from tests.calibration.detection.sights import CAMERA
@@ -39,7 +39,7 @@ def read(grid, black_first, reading):
 def test_an_odd_by_even_board_has_one_first_corner(columns, rows, reading, roll, tilt):
     grid = grid_of(columns, rows, [tilt * 0.5, tilt, roll])
     found, black_first, numbers = read(grid, True, reading)
-    order = canonical(found, black_first, columns, rows)
+    order = canonical_order(found, black_first, columns, rows)
     assert (numbers.ravel()[order] == np.arange(columns * rows).reshape(rows, columns)).all()
 
 
@@ -50,5 +50,5 @@ def test_other_boards_are_read_alike_whatever_way_they_were_found(columns, rows,
     grid = grid_of(columns, rows, [0.2, -0.1, roll])
     plain, black, _ = read(grid, True, (False, 1, 1))
     found, black_first, _ = read(grid, True, reading)
-    order, expected = canonical(found, black_first, columns, rows), canonical(plain, black, columns, rows)
+    order, expected = canonical_order(found, black_first, columns, rows), canonical_order(plain, black, columns, rows)
     assert np.allclose(found.reshape(-1, 2)[order], plain.reshape(-1, 2)[expected])
