@@ -14,12 +14,12 @@ from daemon.errors import StorageError
 from daemon.operations import Operations
 from daemon.runs.supervisor import STEP_LIMIT_S, Supervisor
 from daemon.runtime.clock import Clock
-from daemon.runtime.event_bus import EventLog
+from daemon.runtime.event_bus import EventBus
 from daemon.runtime.metrics import Metric, Metrics
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import Scans
-from daemon.store.key_service import KeyDesk
+from daemon.store.key_service import KeyService
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -65,14 +65,14 @@ class Application:
     clock: Clock
     cell: Cell
     store: Store
-    events: EventLog
+    events: EventBus
     workers: Workers
     supervisor: Supervisor
     operations: Operations
     scans: Scans
     metrics: Metrics
     drift: DriftWatch
-    key_desk: KeyDesk
+    key_service: KeyService
     systemd: Systemd
     companions: tuple[Companion, ...] = ()
     _started_s: float = field(default=0.0, init=False)
@@ -122,7 +122,7 @@ class Application:
         self.scans.registering.stop()
         self.workers.close()
         await self.cell.close()
-        await self.events.written()
+        await self.events.flush()
         with suppress(StorageError):
             if (anchor := await self.store.audit.anchor()) is not None:
                 log.info("the audit log ends with row %d, %s", anchor.sequence, anchor.hash)
@@ -134,7 +134,7 @@ class Application:
         whoever = "whoever is on this machine may do everything" if self.settings.server.loopback else "nobody gets in"
         log.info(
             "there are no keys yet: %s. The first, an admin's: 'handeyed keys add', or POST /setup with the code %s",
-            whoever, self.key_desk.code.text,
+            whoever, self.key_service.code.text,
         )  # fmt: skip
 
     async def _anchor_the_audit_log(self) -> None:
@@ -152,5 +152,5 @@ class Application:
     async def work_is_alive(self) -> bool:
         """The event loop, the store's thread, the workers and the run in progress do their work."""
         with suppress(StorageError):  # it answers, if badly: a restart would not mend the disk
-            await self.store.alive()
+            await self.store.ping()
         return self.workers.oldest_job_s() < JOB_LIMIT_S and self.supervisor.silent_s() < STUCK_LIMIT_S

@@ -16,11 +16,11 @@ from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftWatch
 from daemon.drift.schedule import DriftSchedule
 from daemon.operations import Operations
-from daemon.plc.service import Plc
+from daemon.plc.service import PlcService
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
-from daemon.runtime.event_bus import EventLog
-from daemon.runtime.failpoints import NEVER, Failpoints
+from daemon.runtime.event_bus import EventBus
+from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.runtime.logs import log_to_stdout
 from daemon.runtime.metrics import Metrics
 from daemon.runtime.systemd import Systemd
@@ -28,10 +28,10 @@ from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import Registering
 from daemon.scans.scan_service import Scans
 from daemon.server import Announce, Server, announce_in
-from daemon.store.key_service import KeyDesk
+from daemon.store.key_service import KeyService
 from daemon.store.retention import Retention
 from daemon.store.store import Store
-from daemon.webhooks.dispatcher import Dispatcher
+from daemon.webhooks.dispatcher import WebhookDispatcher
 
 log = logging.getLogger(__name__)
 
@@ -46,12 +46,12 @@ def build(
     new_id: Callable[[Clock], str] = time_ordered_id,
     store: Store | None = None,
     systemd: Systemd | None = None,
-    at: Failpoints = NEVER,
+    at: Failpoints = NO_FAILPOINTS,
 ) -> Application:
     """Everything, joined. Inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
     clock = clock or Clock()
     store = store or Store(Path(settings.storage.folder), at=at)
-    events, workers, metrics = EventLog(store.kept_events), Workers(clock), Metrics()
+    events, workers, metrics = EventBus(store.stored_events), Workers(clock), Metrics()
     interlocks = settings.interlocks.open() if settings.interlocks else None
     cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks, at)
     supervisor = Supervisor(store, events, clock, new_id)
@@ -59,7 +59,7 @@ def build(
     rules = MotionRules.of(settings.robot)
     operations = Operations(settings, cell, store, supervisor, workers, scans, rules, clock)
     drift = DriftWatch(settings, store, events, workers, clock)
-    webhooks = Dispatcher(settings.webhooks, store.outbox, clock, random.random)
+    webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, workers, clock, settings.storage)
     companions: list[Companion] = [
         webhooks,
@@ -68,7 +68,7 @@ def build(
         DriftSchedule(operations, clock, 3600 * settings.drift.every_h),
     ]
     if settings.plc is not None:
-        companions.append(Plc.of(settings.plc, operations, drift, clock))
+        companions.append(PlcService.of(settings.plc, operations, drift, clock))
     return Application(
         settings=settings,
         clock=clock,
@@ -81,7 +81,7 @@ def build(
         scans=scans,
         metrics=metrics,
         drift=drift,
-        key_desk=KeyDesk(store.access_keys, clock),
+        key_service=KeyService(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         companions=tuple(companions),
     )

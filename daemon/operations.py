@@ -15,7 +15,7 @@ from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import Settings, TaughtPose
 from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses
-from daemon.model.records import Applied, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanView
+from daemon.model.records import AppliedCalibration, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanViewRecord
 from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
@@ -32,14 +32,14 @@ from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import Scans
-from daemon.sessions.session_writer import SessionLog
+from daemon.sessions.session_writer import SessionWriter
 from daemon.store.store import Store
 
 VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
 
-MakeSequence = Callable[[SessionLog, RunLog], PoseSequence]
-OpenSession = Callable[[RunLog], SessionLog]
+MakeSequence = Callable[[SessionWriter, RunLog], PoseSequence]
+OpenSession = Callable[[RunLog], SessionWriter]
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Operations:
             wish = Wish(VERIFY_POSITIONS)
             route = adaptive_route(settings, self.rules, target, Known.by(calibration), wish)
 
-            def planned(session: SessionLog, log: RunLog) -> PoseSequence:
+            def planned(session: SessionWriter, log: RunLog) -> PoseSequence:
                 return WithoutFirstView(AdaptiveSequence(route, self.cell, self.workers, session, log))
 
             return _departure(VERIFY_POSITIONS, planned, session, run.drive)
@@ -130,21 +130,25 @@ class Operations:
         run = await self._start("scan", request, prepare)
         return created[0], run
 
-    async def scan_here(self, scan_id: str) -> ScanView:
+    async def scan_here(self, scan_id: str) -> ScanViewRecord:
         """A cloud of the daemon's scanner from where the arm stands. Raises CellBusy, NoScanner, NotStill…"""
         async with self.cell.held_by(f"a scan of {scan_id}"):
             reading = await self.cell.settled_pose()
             cloud = await self.cell.cloud(reading)
             return await self.scans.keep_scanned(scan_id, cloud, PoseDocument.of(reading.base_T_flange))
 
-    async def apply(self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None) -> Applied:
+    async def apply(
+        self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
+    ) -> AppliedCalibration:
         """Make a calibration current. Raises NotFound, CalibrationUnusable, StorageError, AppliedMeanwhile.
 
         `expected`: only if what is in force now has one of these places in the history.
         """
         found = await self.store.calibration(calibration_id)
         require_usable(found, request)
-        return await self.store.apply(Applied(found.id, self.clock.timestamp(), request.applied_by), expected)
+        return await self.store.apply(
+            AppliedCalibration(found.id, self.clock.timestamp(), request.applied_by), expected
+        )
 
     async def current_document(self) -> CalibrationDocument:
         """The calibration in force. Raises NoCalibration."""
@@ -201,9 +205,9 @@ class Operations:
         """A session folder under the run's own id."""
         intrinsics = None if camera is None else CameraDocument.of(camera.camera())
 
-        def opened(log: RunLog) -> SessionLog:
+        def opened(log: RunLog) -> SessionWriter:
             source = f"{kind} run {log.id}"
-            return SessionLog(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
+            return SessionWriter(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
 
         return opened
 

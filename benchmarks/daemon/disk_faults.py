@@ -43,10 +43,10 @@ async def _save(folder: Path, told: Connection) -> None:
 
     from calibration.documents.pose import PoseDocument
     from daemon.errors import StorageError
-    from daemon.model.records import Applied, CalibrationRecord, ScanRecord
+    from daemon.model.records import AppliedCalibration, CalibrationRecord, ScanRecord
     from daemon.model.run_states import RunState
-    from daemon.runtime.event_bus import Event
-    from daemon.store.actor import Behalf
+    from daemon.runtime.event_bus import BusEvent
+    from daemon.store.actor import AuditContext
     from daemon.store.store import Store
     from tests.daemon.calibrations import a_calibration
     from tests.daemon.fakes import ply_of
@@ -73,12 +73,12 @@ async def _save(folder: Path, told: Connection) -> None:
         "session": lambda: store.write_file(store.run_folder("r") / "session.json", [b'{"views": 1}']),
         "session again": lambda: store.write_file(store.run_folder("r") / "session.json", [b'{"views": 2}']),
         "calibration": lambda: store.save_calibration(calibration),
-        "applied": lambda: store.apply(Applied("c", AT, "Ann")),
+        "applied": lambda: store.apply(AppliedCalibration("c", AT, "Ann")),
         "run over": lambda: store.save_run(replace(run, state=RunState.FINISHED)),
         "scan": lambda: store.save_scan(scan),
         "view": view,
-        "event": lambda: store.kept_events.keep([Event(7, "run", {})]),
-        "audit": lambda: store.audit.append(Behalf(), AT, "x", "y"),
+        "event": lambda: store.stored_events.keep([BusEvent(7, "run", {})]),
+        "audit": lambda: store.audit.append(AuditContext(), AT, "x", "y"),
         "anchor": store.audit.anchor,
     }
     (folder / "warm").write_bytes(b"")
@@ -106,7 +106,7 @@ def looking(folder: str, done: list[str], told: Connection) -> None:
 async def _look(folder: Path, done: list[str]) -> list[str]:
     from daemon.errors import NoCalibration, NotFound
     from daemon.model.run_states import RunState
-    from daemon.store.audit_log import found_flaws
+    from daemon.store.audit_log import check_audit_log
     from daemon.store.database import DATABASE_NAME
     from daemon.store.store import Store
 
@@ -147,9 +147,9 @@ async def _look(folder: Path, done: list[str]) -> list[str]:
                 wrong.append("the view is torn")
     except NotFound:
         expect("scan", False)
-    expect("event", any(event.number == 7 for event in await store.kept_events.last()))
+    expect("event", any(event.number == 7 for event in await store.stored_events.last()))
     await store.close()
-    return wrong + found_flaws(folder / DATABASE_NAME, [])[1]
+    return wrong + check_audit_log(folder / DATABASE_NAME, [])[1]
 
 
 class Disk:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 
 import uvloop
 
-from daemon.plc.tcp import Limits, ModbusTcp
+from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits
 from protocols.modbus.bank import Identification, respond
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.modbus.words import Words
@@ -85,7 +85,7 @@ class Tally:
 
 
 @contextlib.asynccontextmanager
-async def served(limits: Limits) -> AsyncIterator[ModbusTcp]:
+async def served(limits: ModbusTcpLimits) -> AsyncIterator[ModbusTcp]:
     """The front end, listening on any port."""
     server = ModbusTcp(socket.create_server(("127.0.0.1", 0)), Registers().respond_to, limits)
     await server.start()
@@ -102,7 +102,7 @@ async def fuzz(frames: int, seed: int) -> Tally:
     loop.set_exception_handler(lambda _loop, context: tally.errors.append(str(context)))
     logging.getLogger("daemon.plc.tcp").setLevel(logging.ERROR)
     began_s = time.perf_counter()
-    async with served(Limits(8, 5.0, half_frame_s=0.2)) as server:
+    async with served(ModbusTcpLimits(8, 5.0, half_frame_s=0.2)) as server:
         while tally.frames < frames:
             await _connection(server.port, chance, min(200, frames - tally.frames), tally)
     tally.seconds = time.perf_counter() - began_s

@@ -38,14 +38,14 @@ def daemon_process(folder: str, ready: Any) -> None:
 
 async def _daemon(folder: Path, ready: Any) -> None:
     from daemon.access.roles import Role
-    from daemon.store.actor import Behalf
+    from daemon.store.actor import AuditContext
     from tests.daemon.api.test_register import with_a_calibration
     from tests.daemon.cell_under_test import serving, settings_for
 
     async with serving(settings_for(folder, calibration={"manual_wait_s": 1})) as bench:
         await with_a_calibration(bench)
         end_streams_soon(bench.application.events)
-        key, _ = await bench.application.key_desk.add("schemathesis", Role.ADMIN, Behalf())
+        key, _ = await bench.application.key_service.add("schemathesis", Role.ADMIN, AuditContext())
         ready.put((bench.url, key))
         await asyncio.Event().wait()
 
@@ -54,7 +54,7 @@ def end_streams_soon(events: Any) -> None:
     """GET /events never ends by itself, and Schemathesis waits for the end of every answer."""
     listen = events.listen
 
-    async def briefly(after: int, quiet_s: float | None = None) -> Any:
+    async def briefly(after: int, idle_s: float | None = None) -> Any:
         async for event in listen(after, 0.02):
             yield event
             if event is None:

@@ -1,1 +1,1 @@
-"""Who may do what: roles, keys, the set-up code, certificates."""
+"""Authentication and authorisation: roles, keys, the set-up code, certificates, the chain of the audit log."""

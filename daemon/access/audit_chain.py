@@ -1,17 +1,17 @@
-"""Each row's hash covers the row and the hash before it: an edited, removed or reordered row breaks the chain."""
+"""Hash chain of the audit log: each row's hash covers the row and the previous hash, which reveals any change."""
 
 import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-FIRST_LINK = "0" * 64
-"""What the first row is chained to."""
+GENESIS_HASH = "0" * 64
+"""The previous hash of the first row."""
 
 
 @dataclass(frozen=True)
 class AuditRow:
-    """Somebody did something. `sequence` counts from 1 without gaps; `hash` is hexadecimal SHA-256."""
+    """One row of the audit log. `sequence` counts from 1 without gaps; `hash` is hexadecimal SHA-256."""
 
     sequence: int
     at: str
@@ -24,29 +24,29 @@ class AuditRow:
 
 
 @dataclass(frozen=True)
-class Anchor:
-    """How far the log had come when somebody wrote it down: the log must still hold this row."""
+class AuditAnchor:
+    """Sequence and hash of a row noted outside the database: the log must still contain it."""
 
     sequence: int
     hash: str
 
 
-def hash_of(row: AuditRow, before: str) -> str:
-    """SHA-256 over the hash before and every field, as JSON so that no two rows look alike."""
+def hash_row(row: AuditRow, before: str) -> str:
+    """SHA-256 over the previous hash and every field, encoded as JSON so that different rows never give equal bytes."""
     fields = [before, row.sequence, row.at, row.actor, row.role, row.action, row.subject, row.detail]
     return hashlib.sha256(json.dumps(fields, ensure_ascii=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def flaws(rows: Iterable[AuditRow], anchors: Iterable[Anchor] = ()) -> list[str]:
-    """What is wrong with the log, in words; nothing when it is whole up to every anchor."""
+def find_flaws(rows: Iterable[AuditRow], anchors: Iterable[AuditAnchor] = ()) -> list[str]:
+    """One sentence for each fault of the log; empty when the chain is intact and contains every anchor."""
     wanted: dict[int, set[str]] = {}
     for anchor in anchors:
         wanted.setdefault(anchor.sequence, set()).add(anchor.hash)
-    found, before, last = [], FIRST_LINK, 0
+    found, before, last = [], GENESIS_HASH, 0
     for row in rows:
         if row.sequence != last + 1:
             found.append(f"row {row.sequence} follows row {last}: rows were removed or reordered")
-        if row.hash != hash_of(row, before):
+        if row.hash != hash_row(row, before):
             found.append(f"row {row.sequence} ({row.at} {row.action}) was changed, or one before it removed")
         if wanted.pop(row.sequence, {row.hash}) != {row.hash}:
             found.append(f"row {row.sequence} is another one than the anchor says: the log was rewritten")

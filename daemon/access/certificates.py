@@ -1,6 +1,6 @@
-"""TLS with a certificate of one's own: an authority made for this one certificate, whose key is thrown away.
+"""Self-issued TLS certificates: an authority made for one certificate, whose private key is then discarded.
 
-Clients trust `authority.pem`. Nobody can make a second certificate that it vouches for: there is no key left to do it.
+Clients trust `authority.pem`. No second certificate can be issued under it, because its key no longer exists.
 """
 
 import ipaddress
@@ -20,20 +20,24 @@ from daemon.runtime.durable_files import fsync_folder, make_folder
 
 CERTIFICATE, PRIVATE_KEY, AUTHORITY = "certificate.pem", "private_key.pem", "authority.pem"
 DEFAULT_DAYS = 3650
-"""A cell runs for years; whoever has the key file has the machine."""
+"""Ten years: cells run that long, and whoever can read the key file controls the machine anyway."""
 
-CLOCKS_DIFFER = timedelta(days=1)
+CLOCK_TOLERANCE = timedelta(days=1)
+"""The certificate is valid from this long before now, for clients whose clock is slow."""
 
 
 def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: int = DEFAULT_DAYS) -> None:
-    """Three files for `hosts`, names and addresses. Raises CertificateUnusable, rather than overwrite one."""
+    """Write certificate, private key and authority for `hosts` (names or addresses) into `folder`.
+
+    Raises CertificateUnusable, also when one of the files exists: none is overwritten.
+    """
     for name in (CERTIFICATE, PRIVATE_KEY, AUTHORITY):
         if (folder / name).exists():
             raise CertificateUnusable(f"{folder / name} is there already", "move it away first, or give another --out")
     authority_key, key = ec.generate_private_key(ec.SECP256R1()), ec.generate_private_key(ec.SECP256R1())
     authority = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"handeyed on {hosts[0]}"[:64])])
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, hosts[0][:64])])
-    begins, ends = now - CLOCKS_DIFFER, now + timedelta(days=days)
+    begins, ends = now - CLOCK_TOLERANCE, now + timedelta(days=days)
     root = (
         _builder(authority, authority, authority_key, begins, ends)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
@@ -63,7 +67,7 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
 
 
 def server_context(certificate: str, private_key: str) -> ssl.SSLContext:
-    """TLS 1.2 or newer with this certificate. Raises CertificateUnusable."""
+    """A server's TLS context, version 1.2 or newer, with this certificate. Raises CertificateUnusable."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     fix = "correct [server] certificate and private_key, or make them: handeyed tls init"

@@ -1,4 +1,4 @@
-"""What can be wrong with keys, roles and certificates.
+"""Errors of keys, roles and certificates.
 
 DaemonError
 ├── KeyMissing            the request carries no key, or one that is not valid

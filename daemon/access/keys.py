@@ -1,4 +1,4 @@
-"""Keys: 256 random bits, shown once, stored as their SHA-256. So many bits need no slow hash: nobody can guess them."""
+"""API keys: 256 random bits, shown once, stored as SHA-256. A slow hash is not needed at that length."""
 
 import hashlib
 import hmac
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 PREFIX = "hek"
 KEY_BYTES = 32
-SHAPE = re.compile(rf"{PREFIX}_([0-9a-f]{{8}})_([0-9a-f]{{64}})")
+KEY_PATTERN = re.compile(rf"{PREFIX}_([0-9a-f]{{8}})_([0-9a-f]{{64}})")
 
 RandomHex = Callable[[int], str]
-"""So many random bytes, as hexadecimal: `secrets.token_hex`."""
+"""Returns n random bytes as hexadecimal, like `secrets.token_hex`."""
 
 
 @dataclass(frozen=True)
 class KeyRecord:
-    """A key as it is stored: without the key."""
+    """The stored record of a key: its hash, not the key itself."""
 
     id: str
     name: str
@@ -27,33 +27,33 @@ class KeyRecord:
     revoked_at: str | None = None
 
     def valid(self, now: str) -> bool:
-        """At `now`, an ISO timestamp in UTC as all of ours."""
+        """True when the key is neither revoked nor expired at `now`, an ISO timestamp in UTC."""
         return self.revoked_at is None and (self.expires_at is None or now < self.expires_at)
 
     def state(self, now: str) -> str:
-        """valid, expired or revoked."""
+        """One of "valid", "expired" and "revoked"."""
         if self.revoked_at is not None:
             return "revoked"
         return "valid" if self.valid(now) else "expired"
 
 
 def new_key(random_hex: RandomHex) -> tuple[str, str, str]:
-    """A key, its id and its hash. The key is never stored."""
+    """A new key, its id and its hash."""
     key_id, secret = random_hex(4), random_hex(KEY_BYTES)
     key = f"{PREFIX}_{key_id}_{secret}"
-    return key, key_id, hash_of(key)
+    return key, key_id, hash_key(key)
 
 
-def hash_of(key: str) -> str:
+def hash_key(key: str) -> str:
     return hashlib.sha256(key.encode()).hexdigest()
 
 
 def id_of(key: str) -> str | None:
-    """Of what has the shape of a key."""
-    found = SHAPE.fullmatch(key)
+    """The id within a key; None when the text does not have the form of a key."""
+    found = KEY_PATTERN.fullmatch(key)
     return found[1] if found else None
 
 
-def same(key: str, stored_hash: str) -> bool:
-    """Takes as long for a wrong key as for the right one."""
-    return hmac.compare_digest(hash_of(key), stored_hash)
+def matches(key: str, stored_hash: str) -> bool:
+    """True when `key` has this hash; compared in constant time."""
+    return hmac.compare_digest(hash_key(key), stored_hash)

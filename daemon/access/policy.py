@@ -1,12 +1,12 @@
-"""Which role a request needs: one table, the first row that fits decides."""
+"""The role that a request requires: the first matching row of POLICY decides."""
 
 from daemon.access.roles import Role
 
 ANY = "*"
 
 POLICY: tuple[tuple[str, str, Role], ...] = (
-    ("GET", "/health", Role.NOBODY),  # a monitor asks it, and it tells nothing
-    ("POST", "/setup", Role.NOBODY),  # it asks for the code that only the log shows
+    ("GET", "/health", Role.NOBODY),  # for monitors; discloses nothing
+    ("POST", "/setup", Role.NOBODY),  # protected by the set-up code in the log
     ("GET", "/audit", Role.ADMIN),
     ("GET", "/keys", Role.ADMIN),
     ("GET", ANY, Role.VIEWER),
@@ -16,11 +16,11 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
     ("POST", "/keys/", Role.ADMIN),
     (ANY, ANY, Role.OPERATOR),
 )
-"""Method, path (a path that ends with / stands for all below it), role."""
+"""Method, path (one that ends with / stands for all paths below it), role."""
 
 
-def role_needed(method: str, path: str) -> Role:
-    """The least role that may do this."""
+def role_for(method: str, path: str) -> Role:
+    """The lowest role that may make this request."""
     return next(role for verb, place, role in POLICY if verb in (method, ANY) and _fits(place, path))
 
 

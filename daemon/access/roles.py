@@ -1,11 +1,11 @@
-"""Three roles, each may do what the ones before it may."""
+"""The roles viewer, operator and admin; each includes the rights of those before it."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 
 
 class Role(IntEnum):
-    """Who may look, who may work, who may decide who may."""
+    """Viewers read, operators run the cell, admins also manage keys and read the audit log."""
 
     NOBODY = 0
     VIEWER = 1
@@ -22,13 +22,13 @@ ROLES = {role.word: role for role in Role if role is not Role.NOBODY}
 
 @dataclass(frozen=True)
 class Caller:
-    """Whoever asks: by name, as far as it is known, and in which role."""
+    """Name and role of the client that makes a request; `name` is empty when unknown."""
 
     name: str
     role: Role
 
 
 LOCAL = Caller("local", Role.ADMIN)
-"""Whoever is on this machine, while there are no keys."""
+"""The caller of every request from this machine while no keys exist."""
 
 NOBODY = Caller("", Role.NOBODY)

@@ -1,31 +1,31 @@
-"""The first key: whoever can read the daemon's log may make it, once."""
+"""The one-time set-up code in the daemon's log, with which the first key is made."""
 
 import hmac
 from collections.abc import Callable
 
 ALPHABET = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
-"""Nothing that is read as something else."""
+"""Without 0, 1, I and O, which are easily misread."""
 
 GROUPS, LETTERS = 4, 4
-"""80 bits; a few wrong guesses end it."""
+"""16 letters of 32: 80 bits."""
 
-TRIES = 5
+MAX_ATTEMPTS = 5
 
 
 class SetupCode:
-    """One code, while the daemon runs and until it is used."""
+    """A random code, valid until it is used, MAX_ATTEMPTS wrong ones were given, or the daemon ends."""
 
     def __init__(self, choice: Callable[[str], str]) -> None:
         groups = ("".join(choice(ALPHABET) for _ in range(LETTERS)) for _ in range(GROUPS))
         self.text = "-".join(groups)
-        self._tries = TRIES
+        self._tries = MAX_ATTEMPTS
 
     @property
     def usable(self) -> bool:
         return self._tries > 0
 
-    def opens(self, given: str) -> bool:
-        """Is this the code? Wrong ones are counted."""
+    def redeem(self, given: str) -> bool:
+        """Use up the code if `given` is it and return True; otherwise count a wrong attempt and return False."""
         if not self.usable:
             return False
         right = hmac.compare_digest(_plain(given), _plain(self.text))

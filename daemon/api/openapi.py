@@ -6,7 +6,7 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from daemon.access.policy import role_needed
+from daemon.access.policy import role_for
 from daemon.access.roles import Role
 from daemon.api.middleware.idempotency import KEY, KEY_LIMIT
 from daemon.api.openapi_examples import example_of
@@ -88,7 +88,7 @@ def _finish(document: dict[str, Any]) -> set[int]:
     used: set[int] = set()
     for path, item in document["paths"].items():
         for method, operation in item.items():
-            needed = role_needed(method.upper(), path)
+            needed = role_for(method.upper(), path)
             operation["x-role"] = needed.word
             operation["security"] = [] if needed is Role.NOBODY else [{"key": []}]
             if method == "post":

@@ -12,7 +12,7 @@ from daemon.cell.vibration import Quiet
 from daemon.config.settings import SettlingSettings
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.runtime.clock import Clock
-from daemon.runtime.failpoints import NEVER, Failpoints
+from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
 from drivers.interlocked_robot import InterlockedRobot
@@ -48,7 +48,7 @@ class Cell:
         settling: SettlingSettings,
         clock: Clock,
         interlocks: Interlocks | None = None,
-        at: Failpoints = NEVER,
+        at: Failpoints = NO_FAILPOINTS,
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
@@ -91,9 +91,9 @@ class Cell:
 
     async def move_to(self, goal: MoveGoal) -> None:
         """Drive the arm, for whoever has the motion lease; returns when it stands there. Raises DeviceError."""
-        self._at.reached("before move")
+        self._at.reach("before move")
         await self.robot.move_to(goal)
-        self._at.reached("after move")
+        self._at.reach("after move")
 
     async def _leave_safe(self) -> None:
         """Stop and disarm; each is tried though the other failed. The robot does the same when the link is gone."""
@@ -124,9 +124,9 @@ class Cell:
 
     async def picture(self, before: PoseReading) -> Frame:
         """A frame newer than `before`, and the arm still there afterwards. Raises NotStill, SameAgain, DeviceError."""
-        self._at.reached("before capture")
+        self._at.reach("before capture")
         frame = await self.grab(before.taken_at_s)
-        self._at.reached("after capture")
+        self._at.reach("after capture")
         require_still(before, await self.robot.read_pose(), self._settling)
         self._camera_novelty.require_new_frame(frame, before)
         return frame
@@ -138,9 +138,9 @@ class Cell:
         """
         if self._scanner is None:
             raise NoScanner
-        self._at.reached("before capture")
+        self._at.reach("before capture")
         cloud = await self._scanner.scan(before.taken_at_s)
-        self._at.reached("after capture")
+        self._at.reach("after capture")
         require_still(before, await self.robot.read_pose(), self._settling)
         self._scanner_novelty.require_new_cloud(cloud, before)
         return cloud

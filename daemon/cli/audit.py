@@ -9,7 +9,7 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Commands, Json
 
 if TYPE_CHECKING:
-    from daemon.access.audit_chain import Anchor
+    from daemon.access.audit_chain import AuditAnchor
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, help="Who did what; and whether that record is whole.")
 
@@ -33,11 +33,11 @@ def verify(
     Exit status: 0 the log is whole, 1 it is not.
     """
     from daemon.config.settings import load_settings
-    from daemon.store.audit_log import found_flaws
+    from daemon.store.audit_log import check_audit_log
     from daemon.store.database import DATABASE_NAME
 
     database = Path(load_settings(config).storage.folder) / DATABASE_NAME
-    rows, found = found_flaws(database, [_anchor(text) for text in anchor or []])
+    rows, found = check_audit_log(database, [_anchor(text) for text in anchor or []])
     if json:
         from json import dumps
 
@@ -47,11 +47,11 @@ def verify(
     raise typer.Exit(ExitStatus.FAILED if found else ExitStatus.OK)
 
 
-def _anchor(text: str) -> "Anchor":
-    from daemon.access.audit_chain import Anchor
+def _anchor(text: str) -> "AuditAnchor":
+    from daemon.access.audit_chain import AuditAnchor
 
     sequence, _, digest = text.partition(":")
     if not (sequence.isdigit() and len(digest) == 64):
         raise CommandError("--anchor", f"{text[:80]!r} is not ROW:HASH", "copy it from the daemon's log",
                            ExitStatus.UNREADABLE)  # fmt: skip
-    return Anchor(int(sequence), digest.lower())
+    return AuditAnchor(int(sequence), digest.lower())

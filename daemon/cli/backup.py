@@ -16,10 +16,10 @@ def backup(
     from daemon.config.settings import load_settings
     from daemon.runtime.clock import Clock
     from daemon.store.backup import back_up
-    from daemon.store.offline import visiting
+    from daemon.store.offline import open_offline
 
     store = Path(load_settings(config).storage.folder)
-    with visiting(store) as database:
+    with open_offline(store) as database:
         count = back_up(store, database, out, Clock().timestamp())
     typer.echo(f"{out}: {count} files, {out.stat().st_size / 1e6:.1f} MB")
 

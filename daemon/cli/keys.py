@@ -13,7 +13,7 @@ from daemon.cli.output import Commands, Json
 
 if TYPE_CHECKING:
     from daemon.access.keys import KeyRecord
-    from daemon.store.key_service import KeyDesk
+    from daemon.store.key_service import KeyService
 
 Answer = TypeVar("Answer")
 
@@ -40,7 +40,7 @@ def add(
     if role not in ROLES:
         raise CommandError("--role", f"{role[:40]!r} is no role", f"use {', '.join(ROLES)}", ExitStatus.UNREADABLE)
     _require_name(name)
-    key, record = _at_the_desk(config, lambda desk: desk.add(name, ROLES[role], _me(), days or None))
+    key, record = _with_key_service(config, lambda service: service.add(name, ROLES[role], _me(), days or None))
     _show(key, record, json)
 
 
@@ -50,7 +50,7 @@ def list_keys(config: Config, json: Json = False) -> None:
     from daemon.runtime.clock import Clock
 
     now = Clock().timestamp()
-    records = _at_the_desk(config, lambda desk: desk.keys.all())
+    records = _with_key_service(config, lambda service: service.keys.all())
     if json:
         from json import dumps
 
@@ -73,37 +73,37 @@ def rotate(
     json: Json = False,
 ) -> None:
     """Make a new key of the same name and role; the old one ends by itself."""
-    key, record = _at_the_desk(config, lambda desk: desk.rotate(name, _me(), days or None, overlap_h))
+    key, record = _with_key_service(config, lambda service: service.rotate(name, _me(), days or None, overlap_h))
     _show(key, record, json)
 
 
 @app.command()
 def revoke(config: Config, name: Name) -> None:
     """End every valid key of that name, now."""
-    ids = _at_the_desk(config, lambda desk: desk.revoke(name, _me()))
+    ids = _with_key_service(config, lambda service: service.revoke(name, _me()))
     typer.echo(f"revoked: {', '.join(ids)}")
 
 
-def _at_the_desk(config: Path, work: "Callable[[KeyDesk], Awaitable[Answer]]") -> Answer:
+def _with_key_service(config: Path, work: "Callable[[KeyService], Awaitable[Answer]]") -> Answer:
     from daemon.config.settings import load_settings
     from daemon.runtime.clock import Clock
     from daemon.store.access_keys import AccessKeys
-    from daemon.store.key_service import KeyDesk
-    from daemon.store.offline import visiting
+    from daemon.store.key_service import KeyService
+    from daemon.store.offline import open_offline
 
-    with visiting(Path(load_settings(config).storage.folder)) as database:
-        desk = KeyDesk(AccessKeys(database), Clock())
+    with open_offline(Path(load_settings(config).storage.folder)) as database:
+        service = KeyService(AccessKeys(database), Clock())
 
-        async def at_work() -> Answer:
-            return await work(desk)
+        async def run_work() -> Answer:
+            return await work(service)
 
-        return asyncio.run(at_work())
+        return asyncio.run(run_work())
 
 
 def _me() -> Any:
-    from daemon.store.actor import Behalf
+    from daemon.store.actor import AuditContext
 
-    return Behalf(getpass.getuser(), "command line")
+    return AuditContext(getpass.getuser(), "command line")
 
 
 def _require_name(name: str) -> None:

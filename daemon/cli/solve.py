@@ -72,12 +72,12 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     from calibration.verdict import judge
     from daemon.runtime.clock import Clock, time_ordered_id
     from daemon.runtime.version import SOFTWARE
-    from daemon.sessions.session_reader import load_problem, open_session, repeated_poses
+    from daemon.sessions.session_reader import find_repeated_poses, load_problem, open_session
 
     clock, session = Clock(), open_session(folder)
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
-    for line in (*repeated_poses(session.document), *unseen(problem)):
+    for line in (*find_repeated_poses(session.document), *unseen(problem)):
         error_line(f"{session.file}: {line}")
     solution = solve_hand_eye(problem, method=method)
     verdict = judge(problem, solution)

@@ -1,4 +1,4 @@
-"""[plc] and [interlocks] of the settings."""
+"""The sections [plc] and [interlocks] of the settings."""
 
 import ipaddress
 from typing import Annotated, Literal
@@ -10,7 +10,7 @@ from drivers.interlocks import Interlocks, Signal, check_interlock_address
 from protocols.modbus.words import WordOrder
 
 
-def _a_network(text: str) -> str:
+def _validate_network(text: str) -> str:
     try:
         ipaddress.ip_network(text)
     except ValueError as error:
@@ -18,7 +18,7 @@ def _a_network(text: str) -> str:
     return text
 
 
-def _an_address(text: str) -> str:
+def _validate_address(text: str) -> str:
     try:
         ipaddress.ip_address(text)
     except ValueError:
@@ -26,7 +26,7 @@ def _an_address(text: str) -> str:
     return text
 
 
-def _an_interlock_address(text: str) -> str:
+def _validate_interlock_address(text: str) -> str:
     try:
         check_interlock_address(text)
     except ValueError as error:
@@ -35,7 +35,7 @@ def _an_interlock_address(text: str) -> str:
 
 
 class PlcSerialSettings(Document):
-    """Modbus RTU. `port` is a device or a pyserial URL; whoever is on the line may write."""
+    """Modbus RTU. `port` is a device or a pyserial URL; the client on the line may write."""
 
     port: Annotated[str, Field(min_length=1)]
     baud: Annotated[int, Field(ge=1200, le=921_600)] = 19200
@@ -44,11 +44,11 @@ class PlcSerialSettings(Document):
 
 
 class PlcSettings(Document):
-    """The register map over Modbus. Without `writers` a PLC may only read; without `motion` it moves nothing."""
+    """The register map over Modbus. Without `writers` PLCs may only read; without `motion` triggers move nothing."""
 
-    host: Annotated[str, AfterValidator(_an_address)] = "127.0.0.1"
+    host: Annotated[str, AfterValidator(_validate_address)] = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 1502
-    writers: tuple[Annotated[str, AfterValidator(_a_network)], ...] = ()
+    writers: tuple[Annotated[str, AfterValidator(_validate_network)], ...] = ()
     motion: bool = False
     word_order: WordOrder = WordOrder.HIGH_FIRST
     heartbeat_limit_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
@@ -57,7 +57,7 @@ class PlcSettings(Document):
     serial: PlcSerialSettings | None = None
 
     def may_write(self, address: str) -> bool:
-        """Is the client's address among the writers?"""
+        """True when the client's address is among the writers."""
         try:
             client = ipaddress.ip_address(address.partition("%")[0])
         except ValueError:
@@ -67,7 +67,7 @@ class PlcSettings(Document):
 
 
 class SignalSettings(Document):
-    """One interlock: where it is read, and which value allows motion."""
+    """One interlock: its Modbus address, and the value that allows motion."""
 
     name: Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f]*$")]
     kind: Literal["coil", "discrete-input"] = "discrete-input"
@@ -76,14 +76,14 @@ class SignalSettings(Document):
 
 
 class InterlockSettings(Document):
-    """A Modbus device that says whether the arm may move: gate closed, part present. Not a safety function."""
+    """A Modbus device whose signals allow motion, such as gate closed or part present. Not a safety function."""
 
-    address: Annotated[str, AfterValidator(_an_interlock_address)]
+    address: Annotated[str, AfterValidator(_validate_interlock_address)]
     unit: Annotated[int, Field(ge=0, le=255)] = 1
     limit_s: Annotated[float, Field(gt=0, le=10)] = 0.5
     signals: Annotated[tuple[SignalSettings, ...], Field(min_length=1, max_length=32)]
 
     def open(self) -> Interlocks:
-        """The client; it dials when it is asked."""
+        """The Modbus client; it connects at the first reading."""
         signals = tuple(Signal(s.name, s.kind, s.address, s.allows) for s in self.signals)
         return Interlocks(self.address, self.unit, signals, self.limit_s)

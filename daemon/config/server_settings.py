@@ -1,4 +1,4 @@
-"""Settings of the doors to the network: where the REST interface listens, and who is told by webhooks."""
+"""The sections [server] and [[webhooks]] of the settings."""
 
 import ipaddress
 from pathlib import Path
@@ -13,14 +13,14 @@ Topic = Literal["run.ended", "calibration.stored", "calibration.applied", "scan.
 
 
 def is_loopback(host: str) -> bool:
-    """Only this machine can reach it."""
+    """True for addresses that only this machine can reach."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
 
 
-def _http_url(url: str) -> str:
+def _validate_http_url(url: str) -> str:
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname or parts.username or parts.fragment:
         raise ValueError("give http://HOST:PORT/PATH or https://..., without user and fragment")
@@ -31,7 +31,7 @@ HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z
 
 
 class ServerSettings(Document):
-    """Where the REST interface listens. Any other address than this machine's own needs a certificate, and keys."""
+    """The address of the REST interface. Any but a loopback address needs a certificate and keys."""
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8372
@@ -41,7 +41,7 @@ class ServerSettings(Document):
     body_limit_mb: Annotated[float, Field(gt=0, le=65536)] = 2048.0
 
     @model_validator(mode="after")
-    def _secret_unless_loopback(self) -> "ServerSettings":
+    def _check_certificate(self) -> "ServerSettings":
         if (self.certificate is None) != (self.private_key is None):
             raise ValueError("certificate and private_key belong together: give both, or neither")
         if not self.loopback and self.certificate is None:
@@ -60,7 +60,7 @@ class ServerSettings(Document):
         return int(self.body_limit_mb * 1_000_000)
 
     def beside(self, folder: Path) -> "ServerSettings":
-        """Relative files are taken from the settings file's folder."""
+        """A copy with relative files resolved against `folder`, that of the settings file."""
         if self.certificate is None or self.private_key is None:
             return self
         files = {"certificate": str(folder / self.certificate), "private_key": str(folder / self.private_key)}
@@ -68,13 +68,13 @@ class ServerSettings(Document):
 
 
 class WebhookSettings(Document):
-    """Who is told what happened. `secret_file` holds what messages are signed with, 32 bytes or more a line."""
+    """A receiver of messages. `secret_file` holds the secrets that sign them, 32 bytes or more per line."""
 
     receiver: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")]
-    url: Annotated[str, Field(max_length=2000), AfterValidator(_http_url)]
+    url: Annotated[str, Field(max_length=2000), AfterValidator(_validate_http_url)]
     secret_file: Annotated[str, Field(min_length=1)]
     topics: tuple[Topic, ...] = ()
 
     def beside(self, folder: Path) -> "WebhookSettings":
-        """A relative file is taken from the settings file's folder."""
+        """A copy with a relative file resolved against `folder`, that of the settings file."""
         return self.model_copy(update={"secret_file": str(folder / self.secret_file)})

@@ -18,29 +18,29 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array
 from daemon.config.plc_settings import InterlockSettings, PlcSettings
 from daemon.config.server_settings import ServerSettings, WebhookSettings
-from daemon.runtime.bounded_read import read_whole
+from daemon.runtime.bounded_read import read_bounded
 from drivers.errors import AddressNotUnderstood
 from drivers.registry import check_camera_address, check_robot_address, check_scanner_address, check_stop_address
 
 
-def _checked(check: Callable[[str], None]) -> AfterValidator:
-    """An address that the drivers understand."""
+def _address_validator(check: Callable[[str], None]) -> AfterValidator:
+    """A validator that accepts what `check`, a driver's parser of addresses, accepts."""
 
-    def checked(address: str) -> str:
+    def validate(address: str) -> str:
         try:
             check(address)
         except AddressNotUnderstood as error:
             raise ValueError(f"{error.what}: {error.fix}") from None
         return address
 
-    return AfterValidator(checked)
+    return AfterValidator(validate)
 
 
-Quarter = Annotated[int, Field(ge=-32, le=32)]
+QuarterTurn = Annotated[int, Field(ge=-32, le=32)]
 Box = tuple[Vector, Vector]
 
 
-def _known_arm(name: str) -> str:
+def _validate_arm(name: str) -> str:
     try:
         return find_arm(name).name
     except GeometryError as error:
@@ -50,11 +50,11 @@ def _known_arm(name: str) -> str:
 class TaughtPose(PoseDocument):
     """base_T_flange, with ABB's confdata when the posture matters: paste both from the robtarget."""
 
-    configuration: tuple[Quarter, Quarter, Quarter, Quarter] | None = None
+    configuration: tuple[QuarterTurn, QuarterTurn, QuarterTurn, QuarterTurn] | None = None
 
 
 class SettlingSettings(Document):
-    """When the arm counts as standing: two readings `gap_s` apart that agree."""
+    """The arm counts as at rest when two readings `gap_s` apart agree within these tolerances."""
 
     gap_s: Annotated[float, Field(ge=0, le=10)] = 0.1
     translation_mm: Annotated[float, Field(gt=0, le=1)] = 0.02
@@ -67,7 +67,7 @@ class SettlingSettings(Document):
 
 
 class EgmSettings(Document):
-    """The settling monitor: EGM packets that the controller sends here, and how much the flange may vibrate."""
+    """The vibration monitor: where the controller sends EGM packets, and how much the flange may vibrate."""
 
     host: str = "0.0.0.0"
     port: Annotated[int, Field(ge=0, le=65535)] = 6510
@@ -78,11 +78,11 @@ class EgmSettings(Document):
 
 
 class RobotSettings(Document):
-    """The controller, and what the daemon may ask of the arm. `stop_address`: a second way to stop it."""
+    """The controller, and the limits of motion. `stop_address`: a second connection to stop the arm."""
 
-    address: Annotated[str, _checked(check_robot_address)]
-    stop_address: Annotated[str, _checked(check_stop_address)] | None = None
-    model: Annotated[str, AfterValidator(_known_arm)] | None = None
+    address: Annotated[str, _address_validator(check_robot_address)]
+    stop_address: Annotated[str, _address_validator(check_stop_address)] | None = None
+    model: Annotated[str, AfterValidator(_validate_arm)] | None = None
     speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 100.0
     box_mm: Box
     joint_travel_deg: Annotated[float, Field(gt=0, le=720)] = 270.0
@@ -97,25 +97,25 @@ class RobotSettings(Document):
         return self
 
     def inside_box(self, base_T_flange: Array) -> bool:
-        """The flange's origin lies in the box the arm may work in."""
+        """True when the flange's origin lies in `box_mm`."""
         low, high = self.box_mm
         return all(a <= x <= b for a, x, b in zip(low, base_T_flange[:3, 3], high, strict=True))
 
 
 class CameraSettings(Document):
-    """The camera on the flange. Without intrinsics they are estimated with the rest."""
+    """The camera on the flange. Without intrinsics the calibration estimates them."""
 
-    address: Annotated[str, _checked(check_camera_address)]
+    address: Annotated[str, _address_validator(check_camera_address)]
     intrinsics: CameraDocument | None = None
 
 
 class ScannerSettings(Document):
-    """The scanner on the flange, and the poses a part is looked at from.
+    """The scanner on the flange, and the poses from which a part is scanned.
 
-    `camera_T_scanner` None: the clouds are in the frame of the calibrated camera, as those of most scanners.
+    `camera_T_scanner` None: the clouds are in the frame of the calibrated camera, as with most scanners.
     """
 
-    address: Annotated[str, _checked(check_scanner_address)]
+    address: Annotated[str, _address_validator(check_scanner_address)]
     unit: Literal["mm", "m"] = "mm"
     limit_s: Annotated[float, Field(gt=0, le=600)] = 60.0
     camera_T_scanner: PoseDocument | None = None
@@ -123,7 +123,7 @@ class ScannerSettings(Document):
 
 
 class CalibrationSettings(Document):
-    """Where to look from, and who applies the result."""
+    """The poses of a calibration, its stopping rule, and whether the operator or the daemon applies the result."""
 
     count: Annotated[int, Field(ge=3, le=100)] = 3
     uncertainty_mm: Annotated[float, Field(gt=0)] | None = None
@@ -139,7 +139,7 @@ class CalibrationSettings(Document):
 
 
 class StorageSettings(Document):
-    """The folder for everything that must survive. A relative one is taken from the settings file's folder."""
+    """The store's folder, relative to the settings file's folder, and how much of it is kept."""
 
     folder: Annotated[str, Field(min_length=1)] = "/var/lib/handeyed"
     reserve_mb: Annotated[float, Field(ge=0, le=1_000_000)] = 500.0
@@ -148,9 +148,9 @@ class StorageSettings(Document):
 
 
 class DriftSettings(Document):
-    """When the daemon itself verifies (which moves the arm), and when a drift is called one.
+    """How often the daemon verifies by itself (which moves the arm), and when a drift raises an alarm.
 
-    `every_h` 0: verifications come from the MES, the PLC or an operator. `allowed_mm`: drift that does no harm.
+    `every_h` 0: only the MES, the PLC or an operator start verifications. `allowed_mm`: drift that raises no alarm.
     """
 
     every_h: Annotated[float, Field(ge=0, le=10_000)] = 0.0
@@ -161,7 +161,7 @@ class DriftSettings(Document):
 
 
 class Settings(Document):
-    """The whole file."""
+    """The whole settings file."""
 
     robot: RobotSettings
     camera: CameraSettings
@@ -177,9 +177,9 @@ class Settings(Document):
 
 
 def load_settings(path: Path) -> Settings:
-    """The settings of a TOML file. Raises DocumentError with file, place, what and fix."""
+    """Load the settings from a TOML file. Raises DocumentError with file, place, what and fix."""
     try:
-        content = read_whole(path)
+        content = read_bounded(path)
     except OSError as error:
         raise _unreadable(path, "document", error.strerror or str(error), "give the path of a settings file") from None
     settings = parse_settings(content, str(path))
@@ -195,7 +195,7 @@ def load_settings(path: Path) -> Settings:
 
 
 def parse_settings(content: bytes, origin: str) -> Settings:
-    """The settings in the bytes of a TOML file. Raises DocumentError."""
+    """Parse the content of a TOML file. Raises DocumentError."""
     try:
         data = tomllib.loads(content.decode())
     except UnicodeDecodeError as error:

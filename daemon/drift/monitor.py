@@ -12,7 +12,7 @@ from daemon.drift.samples import Verifications
 from daemon.errors import DaemonError, NoCalibration
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
-from daemon.runtime.event_bus import EventLog
+from daemon.runtime.event_bus import EventBus
 from daemon.runtime.metrics import Metric
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
@@ -26,7 +26,7 @@ class DriftWatch:
 
     settings: Settings
     store: Store
-    events: EventLog
+    events: EventBus
     workers: Workers
     clock: Clock
     chart: DriftChart = field(default_factory=DriftChart, init=False)

@@ -12,7 +12,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.monitoring.control_chart import ChartSample, sample_of
 from calibration.transforms import Array
 from daemon.config.settings import CalibrationSettings
-from daemon.model.records import Applied, RunRecord
+from daemon.model.records import AppliedCalibration, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
@@ -33,7 +33,7 @@ class Verified:
     sample: ChartSample
 
 
-def belongs(run: RunRecord, applied: Applied, target_points: int) -> bool:
+def belongs(run: RunRecord, applied: AppliedCalibration, target_points: int) -> bool:
     """A finished verification of the calibration in force, of the fixed target, from the settings' poses.
 
     One with poses or a target of its own may look at something else, or from where the errors are others; one from
@@ -92,7 +92,7 @@ class Verifications:
     _last: str = ""
     """Up to this run everything is over, and kept."""
 
-    async def of(self, applied: Applied) -> Sequence[Verified]:
+    async def of(self, applied: AppliedCalibration) -> Sequence[Verified]:
         """The oldest first. Raises StorageError."""
         if self._applied != (applied.sequence, applied.calibration_id):
             self._applied, self._kept, self._last = (applied.sequence, applied.calibration_id), [], ""
@@ -103,7 +103,7 @@ class Verifications:
         self._kept = [*self._kept, *(entry for read in settled for entry in read.said)][-MOST:]
         return [*self._kept, *(entry for read in news[len(settled) :] for entry in read.said)]
 
-    async def _news(self, applied: Applied) -> list[_Read]:
+    async def _news(self, applied: AppliedCalibration) -> list[_Read]:
         """Runs since the last one kept, the oldest first."""
         news: list[_Read] = []
         before: str | None = None
@@ -117,7 +117,7 @@ class Verifications:
         return news[::-1]
 
 
-def _read_all(runs: list[RunRecord], applied: Applied, target_points_mm: Array) -> list[_Read]:
+def _read_all(runs: list[RunRecord], applied: AppliedCalibration, target_points_mm: Array) -> list[_Read]:
     return [
         _Read(
             run.id, run.over, (verified(run, target_points_mm),) if belongs(run, applied, len(target_points_mm)) else ()

@@ -13,7 +13,7 @@ from daemon.operations import Operations
 from daemon.runtime.clock import Clock
 from daemon.runtime.logs import about_request
 from daemon.runtime.metrics import Metric
-from daemon.store.actor import Behalf, on_behalf_of
+from daemon.store.actor import AuditContext, acting_as
 from drivers.errors import DeviceError
 
 log = logging.getLogger(__name__)
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 RETRY_S = 60.0
 """A cell that is in use, or in manual mode, is asked again after this."""
 
-SCHEDULE = Behalf(actor="the drift schedule")
+SCHEDULE = AuditContext(actor="the drift schedule")
 
 
 @dataclass(eq=False)
@@ -61,7 +61,7 @@ class DriftSchedule:
 
     async def _refusal(self) -> str | None:
         """Why it could not begin; None when it has."""
-        with on_behalf_of(SCHEDULE), about_request("drift-schedule"):
+        with acting_as(SCHEDULE), about_request("drift-schedule"):
             try:
                 run = await self.operations.verify(VerifyRequest())
             except (DaemonError, DeviceError, CalibrationError) as error:

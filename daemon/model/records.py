@@ -1,4 +1,4 @@
-"""Rows of the store, as the rest of the daemon sees them."""
+"""The records of the store: runs, calibrations, scans."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -14,7 +14,7 @@ Unit = Literal["mm", "m"]
 
 @dataclass(frozen=True)
 class Cause:
-    """Why a run ended badly: a stable code, a sentence, and how to go on."""
+    """Why a run failed or was aborted: a stable code, a sentence, and what to do."""
 
     code: str
     what: str
@@ -23,11 +23,11 @@ class Cause:
 
 @dataclass(frozen=True)
 class Planning:
-    """How far a run that plans as it goes has come.
+    """Progress of a run that plans its views one after another.
 
-    `now_mm`: what the views so far tell of a mapped point, None before they determine it; `planned_mm`: what the
-    `ahead` views planned next will. `pictures` counts the first look too. `note` says what was assumed, `advice` where
-    an operator should jog to, and `next_pose` is that as base_T_flange.
+    `now_mm`: one sigma of a mapped point with the views so far, None before they determine it; `planned_mm`: the same
+    after the next `ahead` planned views. `pictures` includes the first look. `note`: what was assumed; `advice`: where
+    the operator should jog to, in words, and `next_pose` the same as base_T_flange.
     """
 
     now_mm: float | None = None
@@ -41,7 +41,7 @@ class Planning:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run. `station` counts the stations captured so far; `result` is what it found, by kind."""
+    """One run. `station`: how many stations are captured; `result`: its result, whose keys depend on `kind`."""
 
     id: str
     kind: RunKind
@@ -61,11 +61,11 @@ class RunRecord:
 
     @property
     def pictures(self) -> int:
-        """How many pictures are stored: one a station, and the first look."""
+        """The number of stored pictures: one per station, and the first look of an adaptive run."""
         return self.planning.pictures if self.planning else self.station
 
     def row(self) -> tuple[Any, ...]:
-        """In the order of the table's columns."""
+        """The values in the order of the table's columns."""
         code, what, fix = (self.cause.code, self.cause.what, self.cause.fix) if self.cause else (None, None, None)
         result = None if self.result is None else json.dumps(self.result)
         times = (self.created_at, self.updated_at)
@@ -93,19 +93,19 @@ class CalibrationRecord:
 
 
 @dataclass(frozen=True)
-class Applied:
-    """A calibration became current."""
+class AppliedCalibration:
+    """An entry of the history: a calibration that was put in force."""
 
     calibration_id: str
     applied_at: str
     applied_by: str
     sequence: int = field(default=0, compare=False)
-    """Given by the store: counts what was ever applied."""
+    """Assigned by the store: counts from 1."""
 
 
 @dataclass(frozen=True)
 class ScanRecord:
-    """A part being looked at from several sides; `refine`: its views are fitted to each other as they come."""
+    """A scan of a part from several views; `refine`: views are registered to each other as they arrive."""
 
     id: str
     created_at: str
@@ -114,8 +114,8 @@ class ScanRecord:
 
 
 @dataclass(frozen=True)
-class ScanView:
-    """One cloud of a scan: its file in the scan's folder, and where the arm stood."""
+class ScanViewRecord:
+    """One view of a scan: the cloud's file in the scan's folder, and the pose of the arm."""
 
     view: int
     file: str

@@ -1,4 +1,4 @@
-"""Bodies of requests that start something."""
+"""Bodies of the requests that start something."""
 
 from typing import Annotated, Any
 
@@ -10,7 +10,7 @@ from daemon.config.settings import TaughtPose
 
 
 def _examples(*bodies: dict[str, Any]) -> ConfigDict:
-    """For `model_config`: shown in openapi.json."""
+    """A `model_config` with examples for openapi.json."""
     return ConfigDict(json_schema_extra={"examples": list(bodies)})
 
 
@@ -19,7 +19,7 @@ _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6,
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
 
 
-NAME = r"^[^\x00-\x1f\x7f]*$"
+NAME_PATTERN = r"^[^\x00-\x1f\x7f]*$"
 """No control characters: it is printed and logged."""
 
 
@@ -39,7 +39,7 @@ class CalibrateRequest(Document):
     manual: bool = False
 
     @model_validator(mode="after")
-    def _jogged_or_driven(self) -> "CalibrateRequest":
+    def _check_manual(self) -> "CalibrateRequest":
         if self.manual and self.poses is not None:
             raise ValueError("poses are driven to, and in a manual run nothing moves the arm: leave one of them out")
         return self
@@ -66,7 +66,7 @@ class VerifyRequest(Document):
     scan_id: Annotated[str, Field(min_length=1, max_length=64)] | None = None
 
     @model_validator(mode="after")
-    def _one_thing(self) -> "VerifyRequest":
+    def _check_kind(self) -> "VerifyRequest":
         if (self.artefact is None) != (self.scan_id is None):
             raise ValueError("a scanner is verified with artefact and scan_id: give both, or neither")
         if self.artefact is not None and (self.poses is not None or self.target is not None):
@@ -107,4 +107,4 @@ class SetupRequest(Document):
     model_config = _examples({"code": "ABCD-EFGH-JKLM-NPQR", "name": "Ann"})
 
     code: Annotated[str, Field(min_length=1, max_length=100)]
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)] = "admin"
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME_PATTERN)] = "admin"

@@ -1,13 +1,13 @@
-"""What a run may do next. Whatever changes a run's state is a row here."""
+"""State machine of a run: every transition is a row of NEXT_STATE."""
 
 from enum import StrEnum
 
 
 class RunState(StrEnum):
-    """Where a run stands."""
+    """The state of a run."""
 
     MOVING = "moving"
-    WAITING = "waiting"  # for the operator, who jogs
+    WAITING = "waiting"  # for the operator, who jogs the arm
     SETTLING = "settling"
     CAPTURING = "capturing"
     PLANNING = "planning"
@@ -19,19 +19,19 @@ class RunState(StrEnum):
 
 
 class RunEvent(StrEnum):
-    """What happens to a run."""
+    """An event that changes a run's state."""
 
     ARRIVED = "arrived"
-    ASKED = "asked"  # by the operator, for a view from where the arm stands
-    REFUSED = "refused"  # that view; the operator is told why, and the run goes on waiting
-    ADVISED = "advised"  # the view is taken, and the operator told where to go next
+    ASKED = "asked"  # the operator asks for a view from the present pose
+    REFUSED = "refused"  # that view is refused with a reason, and the run goes on waiting
+    ADVISED = "advised"  # the view is taken, and the operator has advice where to go next
     SETTLED = "settled"
-    CAPTURED = "captured"  # and there is another station
-    LOOKED = "looked"  # and where to go next depends on what was seen
+    CAPTURED = "captured"  # and there is a next station
+    LOOKED = "looked"  # and the next station is planned from what was seen
     PLANNED = "planned"
-    ENOUGH = "enough"  # what was seen determines X well enough, or as many views as asked for are taken
-    ALL_CAPTURED = "all-captured"  # the arm has nothing more to do, the computer has
-    ALL_STORED = "all-stored"  # a scan: nothing is left to do at all
+    ENOUGH = "enough"  # X is determined well enough, or the requested number of views is taken
+    ALL_CAPTURED = "all-captured"  # motion is complete, the computation begins
+    ALL_STORED = "all-stored"  # a scan: complete
     DETECTED = "detected"
     SOLVED = "solved"
     FAULT = "fault"
@@ -39,7 +39,7 @@ class RunEvent(StrEnum):
 
 
 class IllegalEvent(Exception):
-    """An event that the table does not allow: a defect of the program, never of the cell."""
+    """An event that the table does not allow: a defect of the program."""
 
     def __init__(self, state: RunState, event: RunEvent) -> None:
         self.state, self.event = state, event
@@ -47,29 +47,29 @@ class IllegalEvent(Exception):
 
 
 S, E = RunState, RunEvent
-_ENDS_BADLY = {E.FAULT: S.FAILED, E.ABORT: S.ABORTED}
+_FAILURES = {E.FAULT: S.FAILED, E.ABORT: S.ABORTED}
 
 NEXT_STATE: dict[RunState, dict[RunEvent, RunState]] = {
-    S.MOVING: {E.ARRIVED: S.SETTLING, **_ENDS_BADLY},
-    S.WAITING: {E.ASKED: S.SETTLING, E.ENOUGH: S.DETECTING, **_ENDS_BADLY},
-    S.SETTLING: {E.SETTLED: S.CAPTURING, E.REFUSED: S.WAITING, **_ENDS_BADLY},
+    S.MOVING: {E.ARRIVED: S.SETTLING, **_FAILURES},
+    S.WAITING: {E.ASKED: S.SETTLING, E.ENOUGH: S.DETECTING, **_FAILURES},
+    S.SETTLING: {E.SETTLED: S.CAPTURING, E.REFUSED: S.WAITING, **_FAILURES},
     S.CAPTURING: {
         E.REFUSED: S.WAITING,
         E.CAPTURED: S.MOVING,
         E.LOOKED: S.PLANNING,
         E.ALL_CAPTURED: S.DETECTING,
         E.ALL_STORED: S.FINISHED,
-        **_ENDS_BADLY,
+        **_FAILURES,
     },
     S.PLANNING: {
         E.PLANNED: S.MOVING,
         E.ENOUGH: S.DETECTING,
         E.ADVISED: S.WAITING,
         E.REFUSED: S.WAITING,
-        **_ENDS_BADLY,
+        **_FAILURES,
     },
-    S.DETECTING: {E.DETECTED: S.SOLVING, **_ENDS_BADLY},
-    S.SOLVING: {E.SOLVED: S.FINISHED, **_ENDS_BADLY},
+    S.DETECTING: {E.DETECTED: S.SOLVING, **_FAILURES},
+    S.SOLVING: {E.SOLVED: S.FINISHED, **_FAILURES},
     S.FINISHED: {},
     S.FAILED: {},
     S.ABORTED: {},

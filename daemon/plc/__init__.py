@@ -1,1 +1,1 @@
-"""The PLC's door: the register map served over Modbus TCP and RTU, and what its triggers start."""
+"""The PLC interface: the register map over Modbus TCP and RTU, and the runs that its triggers start."""

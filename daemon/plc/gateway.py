@@ -1,4 +1,4 @@
-"""The PLC's door: what it writes becomes calls of daemon.operations, what comes of them becomes its registers."""
+"""Gateway between the PLC's registers and `daemon.operations`: triggers become calls, results become registers."""
 
 import asyncio
 import logging
@@ -16,10 +16,17 @@ from daemon.model.records import RunRecord
 from daemon.model.requests import CalibrateRequest, ScanRequest, VerifyRequest
 from daemon.model.run_states import RunState
 from daemon.operations import Operations
-from daemon.plc.result_mapping import age_of, calibrated, ended_badly, failed, registered, verified
+from daemon.plc.result_mapping import (
+    age_of,
+    calibration_result,
+    command_failure,
+    failed_run_result,
+    registration_result,
+    verification_result,
+)
 from daemon.runtime.clock import Clock
 from daemon.runtime.logs import about_request
-from daemon.store.actor import Behalf, on_behalf_of
+from daemon.store.actor import AuditContext, acting_as
 from drivers.errors import DeviceError
 from protocols.modbus.words import Words
 from protocols.plc.bank import PlcBank
@@ -45,17 +52,17 @@ from registration.errors import RegistrationError
 
 log = logging.getLogger(__name__)
 
-BEAT_S, LOOK_S, PROGRESS_S = 0.5, 1.0, 0.2
+BEAT_S, POLL_S, PROGRESS_S = 0.5, 1.0, 0.2
 
-REFUSALS = (DaemonError, DeviceError, CalibrationError, RegistrationError)
+EXPECTED_ERRORS = (DaemonError, DeviceError, CalibrationError, RegistrationError)
 
-FAMILIES: tuple[tuple[type[Exception], str], ...] = (
+FALLBACK_CODES: tuple[tuple[type[Exception], str], ...] = (
     (DocumentError, "request-refused"),
     (CalibrationError, "calibration-error"),
     (RegistrationError, "registration-error"),
     (DeviceError, "device-error"),
 )
-"""For errors whose own code has no number."""
+"""Error codes for exceptions whose own code has no number in the register map; the first matching type decides."""
 
 DRIFT = {
     None: DriftState.OFF,
@@ -66,8 +73,8 @@ DRIFT = {
 
 
 @dataclass(eq=False)
-class PlcDoor:
-    """Owner of the handshake. Every change of it goes through `_take`, which never waits: no image is ever half."""
+class PlcGateway:
+    """Owns the handshake's state. All events go through `_take`, which never awaits: register images are consistent."""
 
     operations: Operations
     drift: DriftWatch
@@ -77,28 +84,28 @@ class PlcDoor:
     _image: Words = field(init=False)
     _by: str = field(default="a PLC", init=False)
     _tasks: set[asyncio.Task[None]] = field(default_factory=set, init=False)
-    _told: str = field(default="", init=False)
+    _last_warning: str = field(default="", init=False)
 
     def __post_init__(self) -> None:
-        # After a restart the ids begin where no PLC has seen them lately: it takes no old result for a new one.
+        # After a restart the ids begin at the time in seconds, so that the PLC cannot take an old result for a new one.
         begin = int(self.clock.utc_now().timestamp()) % COUNT_MOST + 1
         self._state = Handshake(self.rules, acquisition_id=begin, result_id=begin)
         self._image = image_of(self._state)
 
     def bank(self, client: str, may_write: bool) -> PlcBank:
-        """The registers for one client."""
+        """The register bank for one client."""
         return PlcBank(self.image, lambda words: self._write(words, client), may_write)
 
     def image(self) -> Words:
-        """The registers of this moment."""
+        """The current register values."""
         return self._image
 
     def start(self) -> None:
-        self._run(self._beat(), "PLC heartbeat")
-        self._run(self._look_around(), "PLC readiness")
+        self._run(self._send_beats(), "PLC heartbeat")
+        self._run(self._poll_cell(), "PLC readiness")
 
     async def stop(self) -> None:
-        """Nothing is followed any more; what runs was stopped by the daemon."""
+        """Stop the heartbeat and all commands in progress."""
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -121,7 +128,7 @@ class PlcDoor:
     def _do(self, effect: Effect) -> None:
         match effect:
             case Start():
-                self._run(self._command(effect), f"PLC {effect.command.name.lower()}")
+                self._run(self._carry_out(effect), f"PLC {effect.command.name.lower()}")
             case Abort(why):
                 self._run(self._abort(why), "PLC abort")
 
@@ -130,15 +137,15 @@ class PlcDoor:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    # what the PLC wants done
+    # commands of the PLC
 
-    async def _command(self, start: Start) -> None:
-        """Begin, follow, tell. Whatever happens, the PLC gets its answer."""
+    async def _carry_out(self, start: Start) -> None:
+        """Start the run, follow it and report its result. The PLC gets an answer in every case."""
         name = f"plc-{start.command.name.lower()}-{self._state.acquisition_id + 1}"
-        with about_request(name), on_behalf_of(Behalf(self._by, "operator")):
+        with about_request(name), acting_as(AuditContext(self._by, "operator")):
             try:
-                run = await self._begun(start)
-            except REFUSALS as error:
+                run = await self._begin(start)
+            except EXPECTED_ERRORS as error:
                 self._take(Refused(self._code_of(error)))
                 return
             except Exception:
@@ -146,11 +153,11 @@ class PlcDoor:
                 self._take(Refused(number_of("internal-error")))
                 return
             self._take(Accepted())
-            self._take(Ended(await self._followed(start.command, run)))
-        await self._look()
+            self._take(Ended(await self._follow(start.command, run)))
+        await self._update_cell()
 
-    async def _begun(self, start: Start) -> RunRecord:
-        """The run, by the same door as REST. Raises as daemon.operations does."""
+    async def _begin(self, start: Start) -> RunRecord:
+        """Start the run through `daemon.operations`, as REST does, and return it. Raises the same errors."""
         match start.command:
             case Command.CALIBRATE:
                 wanted = {"count": start.stations_wanted} if start.stations_wanted else {}
@@ -164,71 +171,71 @@ class PlcDoor:
                 assert run is not None  # it moves the arm
                 return run
 
-    async def _followed(self, command: Command, run: RunRecord) -> Result:
-        """The result of the run once it is over."""
+    async def _follow(self, command: Command, run: RunRecord) -> Result:
+        """Wait for the end of the run, publishing its progress, and return its result."""
         try:
             while not run.over:
                 run = await self.operations.supervisor.wait(run.id, PROGRESS_S)
                 self._take(Progressed(run.station, run.stations))
             return await self._result(command, run)
-        except REFUSALS as error:
-            return failed(command, run.id, self._code_of(error))
+        except EXPECTED_ERRORS as error:
+            return command_failure(command, run.id, self._code_of(error))
         except Exception:
             log.exception("a defect kept a result from %s", self._by)
-            return failed(command, run.id, number_of("internal-error"))
+            return command_failure(command, run.id, number_of("internal-error"))
 
     async def _result(self, command: Command, run: RunRecord) -> Result:
         if run.state is not RunState.FINISHED or run.result is None:
-            return ended_badly(command, run)
+            return failed_run_result(command, run)
         operations, now = self.operations, self.clock.utc_now()
         if command is Command.REGISTER:
             document = await operations.calibration("current")
             report = await (await operations.scans.registered(run.result["scan_id"], document, refine=True))
-            return registered(run, document, now, report)
+            return registration_result(run, document, now, report)
         document = (await operations.store.calibration(run.result["calibration_id"])).document
         if command is Command.CALIBRATE:
-            return calibrated(run, document, now)
-        return verified(run, document, now, holds=not (await self.drift.entered(run)).alarm)
+            return calibration_result(run, document, now)
+        return verification_result(run, document, now, holds=not (await self.drift.entered(run)).alarm)
 
     async def _abort(self, why: str) -> None:
-        """Whoever started it: stopping needs no permission."""
+        """Abort the run in progress, whoever started it."""
         run = self.operations.supervisor.in_progress
         if run is None:
             return
-        with on_behalf_of(Behalf(self._by, "operator")), suppress(RunOver):
+        with acting_as(AuditContext(self._by, "operator")), suppress(RunOver):
             await self.operations.supervisor.abort(run.id, f"{self._by}" if why == "the PLC" else why)
 
     def _code_of(self, error: Exception) -> int:
-        """The number of an error; its words go to the log."""
-        log.warning("%s is told: %s", self._by, error)
+        """The error code for the registers; the message goes to the log."""
+        log.warning("a command of %s failed: %s", self._by, error)
         number = number_of(getattr(error, "code", ""))
         if number != UNKNOWN:
             return number
-        return next((number_of(code) for family, code in FAMILIES if isinstance(error, family)), UNKNOWN)
+        return next((number_of(code) for family, code in FALLBACK_CODES if isinstance(error, family)), UNKNOWN)
 
-    # what the PLC sees
+    # status for the PLC
 
-    async def _beat(self) -> None:
+    async def _send_beats(self) -> None:
         while True:
             before_s = self.clock.monotonic_s()
             await self.clock.sleep(BEAT_S)
             self._take(Beat(self.clock.monotonic_s() - before_s))
 
-    async def _look_around(self) -> None:
+    async def _poll_cell(self) -> None:
         while True:
-            await self._look()
-            await self.clock.sleep(LOOK_S)
+            await self._update_cell()
+            await self.clock.sleep(POLL_S)
 
-    async def _look(self) -> None:
+    async def _update_cell(self) -> None:
         try:
-            seen = await self._seen()
-        except REFUSALS as error:
-            if str(error) != self._told:
-                log.warning("the PLC is told not ready: %s", error)
-            self._told, seen = str(error), CellSeen(ready=False)
+            seen = await self._read_cell()
+        except EXPECTED_ERRORS as error:
+            if str(error) != self._last_warning:
+                log.warning("not ready for the PLC: %s", error)
+            self._last_warning, seen = str(error), CellSeen(ready=False)
         self._take(seen)
 
-    async def _seen(self) -> CellSeen:
+    async def _read_cell(self) -> CellSeen:
         busy = self.operations.supervisor.in_progress is not None
         obstacles = () if busy else await self.operations.cell.obstacles()
         report = self.drift.report

@@ -1,4 +1,4 @@
-"""Write docs/plc-registers.csv and the tables of docs/plc.md: `python -m daemon.plc.register_docs`."""
+"""`python -m daemon.plc.register_docs`: write docs/plc-registers.csv and the tables of docs/plc.md."""
 
 import sys
 from pathlib import Path
@@ -10,7 +10,7 @@ BEGIN, END = "<!-- tables: written by python -m daemon.plc.register_docs -->\n\n
 
 
 def main() -> int:
-    """Both files, in the repository this runs from."""
+    """Write both files in this repository."""
     page = DOCS / "plc.md"
     head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     tail = rest.partition(END)[2]

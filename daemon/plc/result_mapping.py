@@ -1,4 +1,4 @@
-"""From what a run found to what a PLC is told."""
+"""Map runs and their documents to the result registers of the PLC."""
 
 from dataclasses import replace
 from datetime import datetime
@@ -12,59 +12,59 @@ from protocols.plc.results import Camera, Result, Sigma
 from registration.documents import RegistrationReportDocument
 
 
-def ended_badly(command: Command, run: RunRecord) -> Result:
-    """A run that failed or was aborted."""
+def failed_run_result(command: Command, run: RunRecord) -> Result:
+    """The result of a run that failed or was aborted."""
     verdict = Verdict.ABORTED if run.state is RunState.ABORTED else Verdict.FAILED
     code = number_of(run.cause.code) if run.cause else UNKNOWN
     return Result(command, verdict, run.id, code, run.station)
 
 
-def failed(command: Command, run_id: str, error_code: int) -> Result:
-    """A command whose result could not be fetched."""
+def command_failure(command: Command, run_id: str, error_code: int) -> Result:
+    """The result of a command whose run ended but whose result could not be read."""
     return Result(command, Verdict.FAILED, run_id, error_code)
 
 
-def calibrated(run: RunRecord, document: CalibrationDocument, now: datetime) -> Result:
-    """X, and its hold-out error."""
+def calibration_result(run: RunRecord, document: CalibrationDocument, now: datetime) -> Result:
+    """The result of a calibration: X, and its hold-out error as the deviation."""
     deviation_mm = document.hold_out.base_error_mm if document.hold_out else None
-    found = about(Command.CALIBRATE, run, document, now)
-    return replace(found, verdict=judged(document.verdict.accepted), deviation_mm=deviation_mm)
+    found = base_result(Command.CALIBRATE, run, document, now)
+    return replace(found, verdict=verdict_of(document.verdict.accepted), deviation_mm=deviation_mm)
 
 
-def verified(run: RunRecord, document: CalibrationDocument, now: datetime, holds: bool) -> Result:
-    """The calibration in force, and how far the target's points scatter with it."""
+def verification_result(run: RunRecord, document: CalibrationDocument, now: datetime, holds: bool) -> Result:
+    """The result of a verification: the calibration in force, and the largest sigma of the target's points."""
     assert run.result is not None
     sigma_mm = run.result["verification"]["sigma_mm"]
-    found = about(Command.VERIFY, run, document, now)
-    return replace(found, verdict=judged(holds), deviation_mm=float(max(sigma_mm)))
+    found = base_result(Command.VERIFY, run, document, now)
+    return replace(found, verdict=verdict_of(holds), deviation_mm=float(max(sigma_mm)))
 
 
-def registered(
+def registration_result(
     run: RunRecord, document: CalibrationDocument, now: datetime, report: RegistrationReportDocument
 ) -> Result:
-    """The calibration used, and how well the views fit."""
+    """The result of a registration: the calibration used, and the RMS between views, refined if they were."""
     rms = report.rms_mm
     deviation_mm = rms.before if rms.after is None else rms.after
-    found = about(Command.REGISTER, run, document, now)
-    return replace(found, verdict=judged(report.verdict.accepted), deviation_mm=deviation_mm)
+    found = base_result(Command.REGISTER, run, document, now)
+    return replace(found, verdict=verdict_of(report.verdict.accepted), deviation_mm=deviation_mm)
 
 
-def about(command: Command, run: RunRecord, document: CalibrationDocument, now: datetime) -> Result:
-    """What every result says of its calibration."""
+def base_result(command: Command, run: RunRecord, document: CalibrationDocument, now: datetime) -> Result:
+    """The fields common to all results: run, X, its uncertainty and age."""
     camera = sigma = None
     if document.flange_T_camera is not None:
         camera = Camera(document.flange_T_camera.translation_mm, document.flange_T_camera.quaternion_wxyz)
     if document.uncertainty is not None:
-        told = document.uncertainty
-        sigma = Sigma(told.translation_mm, told.rotation_deg, told.point_mm)
+        uncertainty = document.uncertainty
+        sigma = Sigma(uncertainty.translation_mm, uncertainty.rotation_deg, uncertainty.point_mm)
     age_s = age_of(document, now)
     return Result(command, Verdict.NONE, run.id, 0, run.station, age_s, camera, sigma)
 
 
 def age_of(document: CalibrationDocument, now: datetime) -> int:
-    """Whole seconds since it was made; 0 when the clock says that it lies ahead."""
+    """Whole seconds since the calibration was made; 0 when that lies in the future."""
     return max(0, int((now - datetime.fromisoformat(document.created_at)).total_seconds()))
 
 
-def judged(good: bool) -> Verdict:
+def verdict_of(good: bool) -> Verdict:
     return Verdict.ACCEPTED if good else Verdict.REJECTED

@@ -1,4 +1,4 @@
-"""Modbus RTU over a serial line or a pyserial URL: pymodbus frames it, the registers are ours."""
+"""Modbus RTU server on a serial line or a pyserial URL: framing by pymodbus, registers from our bank."""
 
 import asyncio
 import logging
@@ -26,7 +26,7 @@ WRITES_BITS = (Function.WRITE_COIL, Function.WRITE_COILS)
 
 
 class ModbusRtu:
-    """The line, opened again when it was lost. It is shared by nobody: whoever is on it may write."""
+    """Serves one line and reopens it when it is lost. The client on the line may write; no other can reach it."""
 
     def __init__(
         self, settings: PlcSerialSettings, bank: Bank, identification: Identification, chance: Callable[[], float]
@@ -48,21 +48,25 @@ class ModbusRtu:
                 await self._task
 
     async def _keep_open(self) -> None:
-        told = False
+        warned = False
         while True:
             try:
-                self._server = self._made()
+                self._server = self._make_server()
                 await self._server.serve_forever(background=True)
                 log.info("the PLC's serial line %s is open", self._settings.port)
                 self._backoff.succeeded()
-                told = False
+                warned = False
                 self.opened.set()
                 await self._lost.wait()
                 log.warning("the PLC's serial line %s was lost; it is opened again by itself", self._settings.port)
-            except (RuntimeError, OSError, termios.error) as error:  # the last: a setting that the adapter cannot do
-                if not told:
+            except (
+                RuntimeError,
+                OSError,
+                termios.error,
+            ) as error:  # termios.error: the adapter does not support a setting
+                if not warned:
                     log.warning("the PLC's serial line %s cannot be opened: %s", self._settings.port, error)
-                told = True
+                warned = True
             finally:
                 self.opened.clear()
                 self._lost.clear()
@@ -71,14 +75,18 @@ class ModbusRtu:
                     self._server = None
             await asyncio.sleep(self._backoff.next_wait_s())
 
-    def _made(self) -> ModbusSerialServer:
-        settings, told = self._settings, self._identification
+    def _make_server(self) -> ModbusSerialServer:
+        settings, identification = self._settings, self._identification
         identity = ModbusDeviceIdentification(  # type: ignore[no-untyped-call]
-            info_name={"VendorName": told.vendor, "ProductCode": told.product, "MajorMinorRevision": told.revision}
+            info_name={
+                "VendorName": identification.vendor,
+                "ProductCode": identification.product,
+                "MajorMinorRevision": identification.revision,
+            }
         )
         bits = [SimData(0, values=[False] * BITS, datatype=DataType.BITS)]
         words = [SimData(0, values=0, count=SIZE, datatype=DataType.REGISTERS)]
-        device = SimDevice(settings.unit, (bits, bits, words, words), action=self._act)
+        device = SimDevice(settings.unit, (bits, bits, words, words), action=self._on_request)
         return ModbusSerialServer(
             device,
             identity=identity,
@@ -86,14 +94,14 @@ class ModbusRtu:
             baudrate=settings.baud,
             parity=settings.parity,
             ignore_missing_devices=True,
-            trace_connect=self._connected,
+            trace_connect=self._on_connection,
         )
 
-    def _connected(self, up: bool) -> None:
+    def _on_connection(self, up: bool) -> None:
         if not up:
             self._lost.set()
 
-    async def _act(
+    async def _on_request(
         self,
         function: int,
         _start: int,
@@ -102,7 +110,7 @@ class ModbusRtu:
         registers: list[int],
         values: list[int] | list[bool] | None,
     ) -> ExcCodes | None:
-        """pymodbus's hook before each access: writes go to our bank, reads come from it."""
+        """pymodbus's hook before each access: apply writes to our bank, and copy its registers for the answer."""
         try:
             if values is not None:
                 self._write(Function(function), address, values)
@@ -118,7 +126,7 @@ class ModbusRtu:
             self._bank.write_words(address, [int(value) for value in values])
 
     def _image(self, function: Function) -> list[int]:
-        """The whole block that pymodbus is about to answer from."""
+        """The whole register block from which pymodbus answers the request."""
         if function in READS_BITS or function in WRITES_BITS:
             table = Function.READ_DISCRETE_INPUTS if function is Function.READ_DISCRETE_INPUTS else Function.READ_COILS
             bits = self._bank.bits(table, 0, BITS)

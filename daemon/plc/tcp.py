@@ -1,6 +1,6 @@
-"""Modbus TCP for a plant: pipelined requests, a cap on connections, and a bad one closed at once and told once.
+"""Modbus TCP server with pipelined requests and a limit on connections; a malformed connection is closed and logged.
 
-pymodbus's own TCP server answers only the first of several pipelined requests and stays deaf after a bad header.
+pymodbus's own TCP server answers only the first of several pipelined requests, and none after a malformed header.
 """
 
 import asyncio
@@ -15,30 +15,33 @@ from protocols.modbus.mbap import Adu, MbapReader
 
 log = logging.getLogger(__name__)
 
-AT_ONCE = 32
-"""Requests of one client answered before others have their turn."""
+MAX_PIPELINED_REQUESTS = 32
+"""Requests of one client answered before other clients are served."""
 
-HALF_FRAME_LIMIT_S = 0.8
-"""The rest of a request comes within milliseconds, or never."""
+MAX_HALF_FRAME_S = 0.8
+"""A connection is closed when the rest of a request takes longer than 0.8 s; normally it takes milliseconds."""
 
 Respond = Callable[[bytes], bytes]
-"""From a request's PDU to the answer's."""
+"""Maps a request's PDU to the answer's PDU."""
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Connections at a time, and how long one may be silent. `comes_first`: clients for whom another makes room."""
+class ModbusTcpLimits:
+    """Maximum number of connections, and of seconds without a request.
+
+    `has_priority`: addresses for which another connection is closed when the limit is reached.
+    """
 
     connections: int
     idle_s: float
-    half_frame_s: float = HALF_FRAME_LIMIT_S
-    comes_first: Callable[[str], bool] = lambda _client: False
+    half_frame_s: float = MAX_HALF_FRAME_S
+    has_priority: Callable[[str], bool] = lambda _client: False
 
 
 class ModbusTcp:
-    """The listener and its connections. `respond_to` makes the answering function for a client's address."""
+    """The listener and its connections. `respond_to` returns the function that answers a client, by its address."""
 
-    def __init__(self, listener: socket.socket, respond_to: Callable[[str], Respond], limits: Limits) -> None:
+    def __init__(self, listener: socket.socket, respond_to: Callable[[str], Respond], limits: ModbusTcpLimits) -> None:
         self._listener, self._respond_to, self.limits = listener, respond_to, limits
         self._connections: set[_Connection] = set()
         self._full = False
@@ -46,7 +49,7 @@ class ModbusTcp:
 
     @property
     def port(self) -> int:
-        """Where it really listens: port 0 lets the system choose."""
+        """The port that it listens on, also when port 0 was asked for."""
         port: int = self._listener.getsockname()[1]
         return port
 
@@ -58,7 +61,7 @@ class ModbusTcp:
         self._server = await asyncio.get_running_loop().create_server(lambda: _Connection(self), sock=self._listener)
 
     async def stop(self) -> None:
-        """No more connections, and every one closed."""
+        """Stop listening and close every connection."""
         if self._server is None:
             self._listener.close()
             return
@@ -68,7 +71,7 @@ class ModbusTcp:
         await self._server.wait_closed()
 
     def admit(self, connection: "_Connection", client: str) -> Respond | None:
-        """The answering function; None when there are too many, which is told once until there are fewer."""
+        """The answering function; None when the limit is reached, which is logged once until a connection ends."""
         if len(self._connections) >= self.limits.connections:
             self._make_room_for(client)
         if len(self._connections) >= self.limits.connections:
@@ -80,22 +83,22 @@ class ModbusTcp:
         return self._respond_to(client)
 
     def _make_room_for(self, client: str) -> None:
-        """Whoever scans the network must not keep the PLC out: the longest silent of the others goes."""
-        others = [c for c in self._connections if not self.limits.comes_first(c.client)]
-        if others and self.limits.comes_first(client):
-            silent = min(others, key=lambda connection: connection.heard_s)
+        """For a client with priority, close the connection without priority that has been silent longest."""
+        others = [c for c in self._connections if not self.limits.has_priority(c.client)]
+        if others and self.limits.has_priority(client):
+            silent = min(others, key=lambda connection: connection.last_received_s)
             log.warning("a PLC connection of %s is closed: %s comes first", silent.client, client)
             self._connections.discard(silent)
             silent.abort()
 
-    def left(self, connection: "_Connection") -> None:
+    def remove(self, connection: "_Connection") -> None:
         if connection in self._connections:
             self._connections.remove(connection)
             self._full = False
 
 
 class _Connection(asyncio.Protocol):
-    """One client. Answers are written in the order of their requests, before the next is looked at."""
+    """One client. Each request is answered before the next is parsed, so answers keep the order of the requests."""
 
     def __init__(self, server: ModbusTcp) -> None:
         self._server = server
@@ -103,23 +106,23 @@ class _Connection(asyncio.Protocol):
         self._loop = asyncio.get_running_loop()
         self.client = "?"
         self._respond: Respond | None = None
-        self.heard_s = self._loop.time()
+        self.last_received_s = self._loop.time()
         self._timer: asyncio.TimerHandle | None = None
         self._transport: asyncio.Transport | None = None
         self._slow = self._working = self._closing = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = transport = cast(asyncio.Transport, transport)  # uvloop's is none by descent
+        self._transport = transport = cast(asyncio.Transport, transport)  # uvloop's transport is not a subclass
         peer = transport.get_extra_info("peername")
         self.client = peer[0] if peer else "?"
         self._respond = self._server.admit(self, self.client)
         if self._respond is None:
             transport.abort()
             return
-        self._watch(self._server.limits.idle_s)
+        self._schedule_check(self._server.limits.idle_s)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._server.left(self)
+        self._server.remove(self)
         self._transport = None
         if self._timer is not None:
             self._timer.cancel()
@@ -127,26 +130,26 @@ class _Connection(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         if self._closing:
             return
-        self.heard_s = self._loop.time()
-        self._work(data)
+        self.last_received_s = self._loop.time()
+        self._answer_requests(data)
 
     def pause_writing(self) -> None:
-        """A client that asks and does not read gets no more answers made; the idle limit ends it."""
+        """Stop reading from a client that does not read its answers; the idle limit closes it."""
         self._slow = True
         self._pace()
 
     def resume_writing(self) -> None:
         self._slow = False
         if self._working:
-            self._work()
+            self._answer_requests()
         self._pace()
 
     def abort(self) -> None:
         if self._transport is not None:
             self._transport.abort()
 
-    def _work(self, data: bytes = b"") -> None:
-        """Some of what has come, then the others' turn."""
+    def _answer_requests(self, data: bytes = b"") -> None:
+        """Answer up to MAX_PIPELINED_REQUESTS received requests, then let other connections run."""
         self._working = False
         transport, respond = self._transport, self._respond
         if transport is None or respond is None or self._closing or transport.is_closing():
@@ -155,7 +158,7 @@ class _Connection(asyncio.Protocol):
         try:
             for adu in self._reader.feed(data):
                 answers.append(Adu(adu.transaction, adu.unit, respond(adu.pdu)).encode())
-                if len(answers) >= AT_ONCE:
+                if len(answers) >= MAX_PIPELINED_REQUESTS:
                     self._working = True
                     break
         except HeaderBroken as error:
@@ -164,10 +167,10 @@ class _Connection(asyncio.Protocol):
             return
         transport.write(b"".join(answers))  # writelines does not pause the protocol in every Python
         if self._working and not self._slow:
-            self._loop.call_soon(self._work)
+            self._loop.call_soon(self._answer_requests)
         self._pace()
         if self._reader.half_frame_bytes and not self._working:
-            self._watch(self._server.limits.half_frame_s)
+            self._schedule_check(self._server.limits.half_frame_s)
 
     def _pace(self) -> None:
         transport = self._transport
@@ -178,24 +181,24 @@ class _Connection(asyncio.Protocol):
         else:
             transport.resume_reading()
 
-    def _watch(self, limit_s: float) -> None:
-        """Look again when the client may have been silent for too long."""
+    def _schedule_check(self, limit_s: float) -> None:
+        """Check the silence again once it may have lasted `limit_s`."""
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self._loop.call_at(self.heard_s + limit_s, self._look)
+        self._timer = self._loop.call_at(self.last_received_s + limit_s, self._check_silence)
 
-    def _look(self) -> None:
-        limits, silent_s = self._server.limits, self._loop.time() - self.heard_s
+    def _check_silence(self) -> None:
+        limits, silent_s = self._server.limits, self._loop.time() - self.last_received_s
         half = self._reader.half_frame_bytes
         if half and silent_s >= limits.half_frame_s:
             self._close(f"a request stopped after {half} bytes")
         elif silent_s >= limits.idle_s:
             self._close(f"it was silent for {limits.idle_s:g} s")
         else:
-            self._watch(limits.half_frame_s if half else limits.idle_s)
+            self._schedule_check(limits.half_frame_s if half else limits.idle_s)
 
     def _close(self, why: str) -> None:
-        """Told once. The client is heard out for a moment: a socket closed over unread bytes takes answers back."""
+        """Log the reason, end the output and read on for 0.8 s: closing with unread input discards sent answers."""
         log.warning("a PLC connection of %s is closed: %s", self.client, why)
         self._closing = True
         if self._timer is not None:
@@ -203,4 +206,4 @@ class _Connection(asyncio.Protocol):
         if self._transport is not None:
             self._transport.resume_reading()
             self._transport.write_eof()
-            self._timer = self._loop.call_later(HALF_FRAME_LIMIT_S, self.abort)
+            self._timer = self._loop.call_later(MAX_HALF_FRAME_S, self.abort)

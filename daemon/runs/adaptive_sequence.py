@@ -22,7 +22,7 @@ from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import require_seen
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
-from daemon.sessions.session_writer import SessionLog
+from daemon.sessions.session_writer import SessionWriter
 from drivers.interfaces import Robot
 
 MOST_MISSES = 3
@@ -61,7 +61,7 @@ class AdaptiveSequence:
     route: AdaptiveRoute
     cell: Cell
     workers: Workers
-    session: SessionLog
+    session: SessionWriter
     log: RunLog
     _at: _Progress = field(default_factory=_Progress, init=False)
 

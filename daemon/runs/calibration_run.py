@@ -8,7 +8,7 @@ from calibration.planning.what_if import Alternative
 from calibration.problem import Problem
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
-from daemon.model.records import Applied, CalibrationRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
@@ -54,7 +54,7 @@ class CalibrationRun:
         )
         if not (self.apply_when_accepted and accepted):
             return False
-        await self.store.apply(Applied(document.id, self.clock.timestamp(), "policy auto"))
+        await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), "policy auto"))
         return True
 
 

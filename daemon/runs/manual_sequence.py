@@ -19,7 +19,7 @@ from daemon.runs.adaptive_sequence import AdaptiveRoute
 from daemon.runs.operator_requests import Asked, Desk
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
-from daemon.sessions.session_writer import SessionLog
+from daemon.sessions.session_writer import SessionWriter
 from drivers.errors import DeviceError
 from drivers.interfaces import PoseReading
 
@@ -52,7 +52,7 @@ class ManualSequence:
     route: ManualRoute
     cell: Cell
     workers: Workers
-    session: SessionLog
+    session: SessionWriter
     log: RunLog
     _at: _Progress = field(default_factory=_Progress, init=False)
 

@@ -13,7 +13,7 @@ from daemon.config.settings import TaughtPose
 from daemon.errors import TargetNotSeen
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.run_log import RunLog
-from daemon.sessions.session_writer import SessionLog
+from daemon.sessions.session_writer import SessionWriter
 from drivers.interfaces import PoseReading
 
 AtStation = Callable[[PoseReading], Awaitable[None]]
@@ -37,7 +37,7 @@ class FixedSequence:
     poses: tuple[TaughtPose, ...]
     rules: MotionRules
     cell: Cell
-    session: SessionLog
+    session: SessionWriter
     log: RunLog
 
     async def run(self, min_views: int) -> Problem:

@@ -9,7 +9,7 @@ from daemon.errors import StorageError
 from daemon.model.records import Cause, Planning, RunRecord
 from daemon.model.run_states import RunEvent, RunState, next_state
 from daemon.runtime.clock import Clock
-from daemon.runtime.event_bus import EventLog
+from daemon.runtime.event_bus import EventBus
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +25,7 @@ def nothing() -> None:
 class RunLog:
     """The one place where a run's record changes."""
 
-    def __init__(self, run: RunRecord, save: SaveRun, events: EventLog, clock: Clock) -> None:
+    def __init__(self, run: RunRecord, save: SaveRun, events: EventBus, clock: Clock) -> None:
         self.run = run
         self.concluding = False
         self.unsaved = False

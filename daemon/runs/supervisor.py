@@ -14,7 +14,7 @@ from daemon.runs.failure_causes import aborted, cause_of, interrupted
 from daemon.runs.operator_requests import Desk
 from daemon.runs.run_log import RunLog, nothing, run_event
 from daemon.runtime.clock import Clock
-from daemon.runtime.event_bus import EventLog
+from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
 from daemon.store.store import Store
 
@@ -50,7 +50,7 @@ class _InProgress:
 class Supervisor:
     """Owner of the run in progress."""
 
-    def __init__(self, store: Store, events: EventLog, clock: Clock, new_id: Callable[[Clock], str]) -> None:
+    def __init__(self, store: Store, events: EventBus, clock: Clock, new_id: Callable[[Clock], str]) -> None:
         self._store, self._events, self._clock, self._new_id = store, events, clock, new_id
         self._current: _InProgress | None = None
         self._starting = False
@@ -78,7 +78,7 @@ class Supervisor:
 
     async def recover(self) -> list[RunRecord]:
         """Runs that a stopped daemon left behind end as failed, with how to go on."""
-        left = await self._store.unfinished_runs()
+        left = await self._store.runs_in_progress()
         for run in left:
             ended = await self._ended_without_us(run)
             log.warning("run %s: %s", run.id, ended.cause.what if ended.cause else "had finished before it was told")
@@ -98,7 +98,7 @@ class Supervisor:
         except NotFound:
             cause = interrupted(run, str(self._store.run_folder(run.id)))
             return replace(run, state=RunState.FAILED, cause=cause, updated_at=now)
-        applied = any(row.calibration_id == run.id for row in await self._store.applied())
+        applied = any(row.calibration_id == run.id for row in await self._store.history())
         result = {"calibration_id": found.id, "accepted": found.accepted, "applied": applied}
         return replace(run, state=RunState.FINISHED, result=result, updated_at=now)
 

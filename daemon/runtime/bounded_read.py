@@ -1,17 +1,17 @@
-"""Files that somebody names, read whole, but not without end: a device named by mistake never ends."""
+"""Read a file up to MAX_BYTES; refuses devices and pipes, which may never end."""
 
 import errno
 import os
 from pathlib import Path
 
-LIMIT_BYTES = 256_000_000
-"""No document or picture comes near it."""
+MAX_BYTES = 256_000_000
+"""256 MB: documents and pictures are far smaller."""
 
 
-def read_whole(file: Path) -> bytes:
-    """Its content. Raises OSError, also when there is more than `LIMIT_BYTES`."""
+def read_bounded(file: Path) -> bytes:
+    """The content of `file`. Raises OSError, also (EFBIG) when it is longer than MAX_BYTES."""
     with file.open("rb") as opened:
-        content = opened.read(LIMIT_BYTES + 1)
-    if len(content) > LIMIT_BYTES:
+        content = opened.read(MAX_BYTES + 1)
+    if len(content) > MAX_BYTES:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(file))
     return content

@@ -1,4 +1,4 @@
-"""Time and names as parameters, so that a test decides both."""
+"""The clocks and the run ids, passed as a parameter so that tests control them."""
 
 import asyncio
 import secrets
@@ -14,17 +14,17 @@ def _utc_now() -> datetime:
 
 @dataclass(frozen=True)
 class Clock:
-    """`monotonic_s` is the clock the drivers stamp their readings with."""
+    """Monotonic time, UTC time and sleep. `monotonic_s` is the clock with which the drivers stamp their readings."""
 
     monotonic_s: Callable[[], float] = time.monotonic
     utc_now: Callable[[], datetime] = _utc_now
     sleep: Callable[[float], Awaitable[None]] = asyncio.sleep
 
     def timestamp(self) -> str:
-        """2026-11-21T09:00:00.123Z"""
+        """The UTC time as ISO 8601 with milliseconds: 2026-11-21T09:00:00.123Z."""
         return self.utc_now().isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def time_ordered_id(clock: Clock) -> str:
-    """20261121-090000-3f9a1c: sorts by time, and can be read out over a telephone."""
+    """An id such as 20261121-090000-3f9a1c: UTC time to the second and 24 random bits. Sorts by time."""
     return f"{clock.utc_now():%Y%m%d-%H%M%S}-{secrets.token_hex(3)}"

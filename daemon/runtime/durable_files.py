@@ -1,22 +1,22 @@
-"""Big files: written whole under a temporary name, fsynced, renamed, the folder fsynced. Old or new, never between."""
+"""Atomic, durable writes: temporary file, fsync, rename, fsync of the folder. A crash leaves the old or new file."""
 
 import os
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from daemon.runtime.failpoints import NEVER, Failpoints
+from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 
 WriteFile = Callable[[Path, Iterable[bytes]], None]
 
 
-def write_durably(path: Path, blocks: Iterable[bytes], at: Failpoints = NEVER) -> None:
-    """The file at `path` holds the joined blocks after this, also after a power cut. Raises OSError."""
+def write_durably(path: Path, blocks: Iterable[bytes], at: Failpoints = NO_FAILPOINTS) -> None:
+    """Write the joined blocks to `path` so that they survive a power cut. Raises OSError."""
     make_folder(path.parent)
     temporary = path.with_name(f".{path.name}.part")
     try:
         with temporary.open("wb") as file:
-            at.reached("before write")
+            at.reach("before write")
             for block in blocks:
                 file.write(block)
             file.flush()
@@ -29,8 +29,8 @@ def write_durably(path: Path, blocks: Iterable[bytes], at: Failpoints = NEVER) -
     _fsync_names(path.parent, at)
 
 
-def settle_file(written: Path, final: Path, at: Failpoints = NEVER) -> None:
-    """A file that was written in pieces gets its name once its bytes are on the disk. Raises OSError."""
+def rename_durably(written: Path, final: Path, at: Failpoints = NO_FAILPOINTS) -> None:
+    """Fsync the file `written`, rename it to `final` and fsync the folder. Raises OSError."""
     with written.open("rb+") as file:
         _fsync(file.fileno(), at)
     _rename(written, final, at)
@@ -38,25 +38,25 @@ def settle_file(written: Path, final: Path, at: Failpoints = NEVER) -> None:
 
 
 def _fsync(descriptor: int, at: Failpoints) -> None:
-    at.reached("before fsync")
+    at.reach("before fsync")
     os.fsync(descriptor)
-    at.reached("after fsync")
+    at.reach("after fsync")
 
 
 def _rename(written: Path, final: Path, at: Failpoints) -> None:
-    at.reached("before rename")
+    at.reach("before rename")
     written.replace(final)
-    at.reached("after rename")
+    at.reach("after rename")
 
 
 def _fsync_names(folder: Path, at: Failpoints) -> None:
-    at.reached("before fsync of the folder")
+    at.reach("before fsync of the folder")
     fsync_folder(folder)
-    at.reached("after fsync of the folder")
+    at.reach("after fsync of the folder")
 
 
 def make_folder(folder: Path) -> None:
-    """The folder exists and its name survives a power cut."""
+    """Create the folder and its parents, and fsync each parent, so that the names survive a power cut."""
     if folder.is_dir():
         return
     make_folder(folder.parent)
@@ -65,7 +65,7 @@ def make_folder(folder: Path) -> None:
 
 
 def fsync_folder(folder: Path) -> None:
-    """Names in `folder` survive a power cut."""
+    """Fsync a folder, so that the names in it survive a power cut."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

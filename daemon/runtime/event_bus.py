@@ -1,4 +1,4 @@
-"""What happened, numbered, for anyone who listens. The last ones are kept, so that a listener can catch up."""
+"""Publishes numbered events to any number of listeners, and keeps the last 1000 so that a listener can catch up."""
 
 import asyncio
 import logging
@@ -11,82 +11,83 @@ from daemon.errors import StorageError
 
 log = logging.getLogger(__name__)
 
-KEPT = 1000
+MAX_EVENTS = 1000
 
-SKIPPED = 1000
-"""Numbers left out after a restart: those told before a crash but not kept must not come twice."""
+RESTART_GAP = 1000
+"""Numbers skipped after a restart, so that events sent but not stored before a crash are not numbered twice."""
 
 
 @dataclass(frozen=True)
-class Event:
-    """`number` counts up and is never used twice; `kind` names what `data` holds."""
+class BusEvent:
+    """One event. `number` increases and is never reused; `kind` determines the keys of `data`."""
 
     number: int
     kind: str
     data: dict[str, Any]
 
 
-class Keeper(Protocol):
-    """Where events survive a restart."""
+class EventStore(Protocol):
+    """Storage from which events are recovered after a restart."""
 
-    async def last(self) -> list[Event]: ...
+    async def last(self) -> list[BusEvent]: ...
 
-    async def keep(self, events: Sequence[Event]) -> None: ...
+    async def keep(self, events: Sequence[BusEvent]) -> None: ...
 
 
-class EventLog:
-    """Publishers never wait. An event is told once it is kept; one that the disk refuses is told all the same.
+class EventBus:
+    """Publish and subscribe. `publish` never waits: an event is stored, then delivered, also when storing failed.
 
-    A listener that is too slow loses the oldest, and is told so by an event of kind "lost".
+    A listener more than MAX_EVENTS behind misses the oldest and receives one event of kind "lost" instead.
     """
 
-    def __init__(self, keeper: Keeper | None = None) -> None:
+    def __init__(self, keeper: EventStore | None = None) -> None:
         self._keeper = keeper
-        self._kept: deque[Event] = deque(maxlen=KEPT)
-        self._waiting: list[Event] = []
+        self._kept: deque[BusEvent] = deque(maxlen=MAX_EVENTS)
+        self._waiting: list[BusEvent] = []
         self._writer: asyncio.Task[None] | None = None
         self._numbered = 0
-        self._told = 0
+        self._last_number = 0
         self._forgotten = 0
         self._news = asyncio.Event()
         self.closed = False
 
     async def recover(self) -> None:
-        """Go on where an earlier daemon ended. Raises StorageError."""
+        """Continue the numbering and history of the previous process. Raises StorageError."""
         if self._keeper is not None and (kept := await self._keeper.last()):
             self._kept.extend(kept)
             self._forgotten = kept[0].number - 1
-            self._told, self._numbered = kept[-1].number, kept[-1].number + SKIPPED
+            self._last_number, self._numbered = kept[-1].number, kept[-1].number + RESTART_GAP
 
     def publish(self, kind: str, data: dict[str, Any]) -> None:
+        """Queue an event for storage and delivery; returns at once."""
         self._numbered += 1
-        event = Event(self._numbered, kind, data)
+        event = BusEvent(self._numbered, kind, data)
         if self._keeper is None:
-            self._tell([event])
+            self._deliver([event])
             return
         self._waiting.append(event)
         if self._writer is None:
             self._writer = asyncio.create_task(self._write(self._keeper))
 
     def close(self) -> None:
-        """Ends every listener, once it has heard what was published."""
+        """End every listener after it has received what was published."""
         self.closed = True
-        self._ring()
+        self._wake_listeners()
 
-    async def written(self) -> None:
-        """Returns when everything published is kept."""
+    async def flush(self) -> None:
+        """Wait until every published event is stored and delivered."""
         while self._writer is not None:
             await asyncio.wait([self._writer])
 
     @property
     def last(self) -> int:
-        """The number of the last event told."""
-        return self._told
+        """The number of the last event delivered."""
+        return self._last_number
 
-    async def listen(self, after: int, quiet_s: float | None = None) -> AsyncIterator[Event | None]:
-        """Every event numbered above `after`, as they come, until the log is closed; None after each `quiet_s`."""
+    async def listen(self, after: int, idle_s: float | None = None) -> AsyncIterator[BusEvent | None]:
+        """Yield events numbered above `after` until the bus is closed, and None after each `idle_s` without one."""
         if 0 < after < self._forgotten:
-            yield Event(self._forgotten, "lost", {"after": after, "until": self._forgotten})
+            yield BusEvent(self._forgotten, "lost", {"after": after, "until": self._forgotten})
         while True:
             news = self._news
             for event in [event for event in self._kept if event.number > after]:
@@ -94,33 +95,33 @@ class EventLog:
                 yield event
             if self.closed and self._writer is None:
                 return
-            if after < self._told:
+            if after < self._last_number:
                 continue
             try:
-                await asyncio.wait_for(news.wait(), quiet_s)
+                await asyncio.wait_for(news.wait(), idle_s)
             except TimeoutError:
                 yield None
 
-    async def _write(self, keeper: Keeper) -> None:
-        """Keeps what waits, as much at a time as there is."""
+    async def _write(self, keeper: EventStore) -> None:
+        """Store and deliver the queued events in batches until the queue is empty."""
         while self._waiting:
             events, self._waiting = self._waiting, []
             try:
                 await keeper.keep(events)
             except StorageError as error:
                 log.warning("events could not be kept: %s", error)
-            self._tell(events)
+            self._deliver(events)
         self._writer = None
-        self._ring()
+        self._wake_listeners()
 
-    def _tell(self, events: Sequence[Event]) -> None:
+    def _deliver(self, events: Sequence[BusEvent]) -> None:
         for event in events:
-            if len(self._kept) == KEPT:
+            if len(self._kept) == MAX_EVENTS:
                 self._forgotten = self._kept[0].number
             self._kept.append(event)
-        self._told = events[-1].number
-        self._ring()
+        self._last_number = events[-1].number
+        self._wake_listeners()
 
-    def _ring(self) -> None:
+    def _wake_listeners(self) -> None:
         news, self._news = self._news, asyncio.Event()
         news.set()

@@ -1,22 +1,22 @@
-"""Places where a crash would hurt, by name, so that a test can make one there. The product does nothing at them."""
+"""Named places where tests inject a crash. In the product they do nothing."""
 
 from typing import Protocol
 
 
 class Failpoints(Protocol):
-    """Told of each place as it is reached; may raise, or end the process."""
+    """Called at each place; a test's implementation may raise or end the process."""
 
-    def reached(self, place: str) -> None: ...
-
-
-class Never:
-    """What the product is given."""
-
-    def reached(self, place: str) -> None:
-        """Goes on."""
+    def reach(self, place: str) -> None: ...
 
 
-NEVER = Never()
+class NoFailpoints:
+    """The product's implementation."""
+
+    def reach(self, place: str) -> None:
+        """Does nothing."""
+
+
+NO_FAILPOINTS = NoFailpoints()
 
 PLACES = (
     "before write",
@@ -33,4 +33,4 @@ PLACES = (
     "before capture",
     "after capture",
 )
-"""Every one there is; the torture visits them all."""
+"""All places; `benchmarks.daemon.torture` crashes at each of them."""

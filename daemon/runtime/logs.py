@@ -1,4 +1,4 @@
-"""One line a record on standard output, for journald: priority, level, run, request, logger, message."""
+"""Logging to standard output for journald, one line per record: priority, level, run, request, logger, message."""
 
 import logging
 import os
@@ -11,15 +11,15 @@ _run: ContextVar[str] = ContextVar("run", default="-")
 _request: ContextVar[str] = ContextVar("request", default="-")
 
 PRIORITIES = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6), (logging.NOTSET, 7))
-"""syslog(3)'s: journald reads <N> before a line, colours it, and `journalctl -p warning` finds it."""
+"""Priorities of syslog(3). journald reads <N> at the start of a line, so that `journalctl -p warning` filters by it."""
 
-LIBRARIES = {"httpx": logging.WARNING, "pymodbus.logging": logging.CRITICAL}
-"""Below this they tell what our own records say in the words of the cell."""
+LIBRARY_MIN_LEVELS = {"httpx": logging.WARNING, "pymodbus.logging": logging.CRITICAL}
+"""Minimum levels of libraries: what they log below them repeats our own records."""
 
 
 @contextmanager
 def about_run(run_id: str) -> Iterator[None]:
-    """Records made inside carry the run's id."""
+    """Log records made inside the block carry the run's id."""
     token = _run.set(run_id)
     try:
         yield
@@ -29,7 +29,7 @@ def about_run(run_id: str) -> Iterator[None]:
 
 @contextmanager
 def about_request(request_id: str) -> Iterator[None]:
-    """Records made inside, also by a run that is started there, carry the request's id."""
+    """Log records made inside the block, also by a run that it starts, carry the request's id."""
     token = _request.set(request_id)
     try:
         yield
@@ -38,15 +38,15 @@ def about_request(request_id: str) -> Iterator[None]:
 
 
 def request_id() -> str:
-    """The id that records carry here; - outside any request."""
+    """The id of the current request; "-" outside any request."""
     return _request.get()
 
 
-class OneLine(logging.Formatter):
-    """Whatever a message holds, it stays on its line, and no control character reaches the terminal."""
+class OneLineFormatter(logging.Formatter):
+    """Formats a record as one line; escapes line breaks and control characters."""
 
     def __init__(self, *, priorities: bool = False) -> None:
-        """`priorities`: begin each line with journald's <N>."""
+        """`priorities`: start each line with journald's <N>."""
         super().__init__()
         self._priorities = priorities
 
@@ -58,14 +58,14 @@ class OneLine(logging.Formatter):
 
 
 def priority(level: int) -> int:
-    """journald's number for a level."""
+    """The syslog priority, 2 to 7, of a Python log level."""
     return next(number for least, number in PRIORITIES if level >= least)
 
 
 def log_to_stdout(level: int = logging.INFO, environment: Mapping[str, str] = os.environ) -> None:
-    """Send every record to standard output, one line each; with priorities when journald reads them."""
+    """Send all log records to standard output, one line each; with priorities when journald reads it."""
     handler = logging.StreamHandler(sys.stdout)
-    handler.setFormatter(OneLine(priorities="JOURNAL_STREAM" in environment))
+    handler.setFormatter(OneLineFormatter(priorities="JOURNAL_STREAM" in environment))
     logging.basicConfig(level=level, handlers=[handler], force=True)
-    for name, least in LIBRARIES.items():
+    for name, least in LIBRARY_MIN_LEVELS.items():
         logging.getLogger(name).setLevel(least)

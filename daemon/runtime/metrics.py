@@ -1,4 +1,4 @@
-"""Counters, and the text Prometheus reads (exposition format 0.0.4)."""
+"""Counters, and their text in the Prometheus exposition format 0.0.4."""
 
 import os
 from collections import Counter
@@ -14,7 +14,7 @@ Labels = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Metric:
-    """One family: its samples by labels."""
+    """One metric family: name, type, help text and samples by labels."""
 
     name: str
     kind: str
@@ -25,25 +25,26 @@ class Metric:
         yield f"# HELP {self.name} {self.about}"
         yield f"# TYPE {self.name} {self.kind}"
         for labels, value in self.samples.items():
-            inside = ",".join(f'{key}="{_escaped(text)}"' for key, text in labels)
+            inside = ",".join(f'{key}="{_escape(text)}"' for key, text in labels)
             yield f"{self.name}{{{inside}}} {_number(value)}" if inside else f"{self.name} {_number(value)}"
 
 
 @dataclass(eq=False)
 class Metrics:
-    """What is counted while the daemon runs."""
+    """Counters since the daemon started."""
 
     requests: Counter[tuple[str, int]] = field(default_factory=Counter)
     registered_points: int = 0
     registered_bytes: int = 0
 
-    def registered(self, stream: CloudStream, answered_bytes: int) -> None:
-        """A cloud passed whole."""
+    def count_cloud(self, stream: CloudStream, answered_bytes: int) -> None:
+        """Count one cloud registered by POST /register: its points and the bytes of the answer."""
         self.registered_points += stream.points
         self.registered_bytes += answered_bytes
 
     def families(self) -> list[Metric]:
-        # A counter that begins with its first error has no increase that an alert could see.
+        """The families of GET /metrics that belong to no service."""
+        # The 500 counters start at 0: Prometheus sees no increase in a series that first appears with its first error.
         counted = {("GET", 500): 0, ("POST", 500): 0, **self.requests}
         by_method: dict[Labels, float] = {
             (("method", method), ("status", str(code))): n for (method, code), n in counted.items()
@@ -60,7 +61,7 @@ class Metrics:
 
 
 def process_families(proc: Path = Path("/proc/self")) -> list[Metric]:
-    """Memory and descriptors of this process, under the names every dashboard knows; nothing where /proc is not."""
+    """Resident memory and open descriptors of this process under Prometheus' standard names; empty without /proc."""
     try:
         resident_pages = int((proc / "statm").read_text().split()[1])
         descriptors = sum(1 for _ in (proc / "fd").iterdir())
@@ -78,10 +79,10 @@ def exposition(families: Iterable[Metric]) -> str:
     return "".join(f"{line}\n" for family in families for line in family.lines())
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
 
 
 def _number(value: float) -> str:
-    """Every digit of a counter: six would stand still for hours."""
+    """A value with all its digits: rounded to six, a large counter would appear constant for hours."""
     return str(int(value)) if value == int(value) else repr(float(value))

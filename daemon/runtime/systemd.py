@@ -1,4 +1,4 @@
-"""sd_notify(3) over NOTIFY_SOCKET: READY, STOPPING, WATCHDOG. Without systemd nothing is sent."""
+"""sd_notify(3) over NOTIFY_SOCKET: READY, STOPPING, WATCHDOG. Sends nothing without systemd."""
 
 import asyncio
 import logging
@@ -11,7 +11,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Systemd:
-    """`address` of the notify socket, and how often the watchdog wants to be fed; None where systemd asks nothing."""
+    """`address` of the notify socket and the watchdog period `watchdog_s`; None when systemd did not set them."""
 
     address: str | None
     watchdog_s: float | None
@@ -25,7 +25,7 @@ class Systemd:
         return cls(address, watchdog)
 
     def notify(self, state: str) -> None:
-        """Send one state; a service manager that does not listen is no reason to stop."""
+        """Send one state; a failure is logged, not raised."""
         if self.address is None:
             return
         address = "\0" + self.address[1:] if self.address.startswith("@") else self.address
@@ -34,20 +34,23 @@ class Systemd:
                 sender.setblocking(False)
                 sender.sendto(state.encode(), address)
         except OSError as error:
-            log.warning("systemd could not be told %s: %s", state.split("=")[0], error)
+            log.warning("systemd could not be notified of %s: %s", state.split("=")[0], error)
 
     async def feed_watchdog(self, work_is_alive: Callable[[], Awaitable[bool]]) -> None:
-        """Feeds while the work answers, until cancelled. A check that hangs or says no leaves systemd to restart us."""
+        """Send WATCHDOG=1 every third of the period while `work_is_alive` answers True, until cancelled.
+
+        When it hangs or answers False nothing is sent, and systemd restarts the daemon.
+        """
         if self.watchdog_s is None:
             return
-        hungry = False
+        warned = False
         while True:
             alive = await _answers(work_is_alive, self.watchdog_s / 3)
             if alive:
                 self.notify("WATCHDOG=1")
-            elif not hungry:
+            elif not warned:
                 log.error("the work hangs: the watchdog is not fed")
-            hungry = not alive
+            warned = not alive
             await asyncio.sleep(self.watchdog_s / 3)
 
 

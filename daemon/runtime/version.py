@@ -1,4 +1,4 @@
-"""Which handeyed this is."""
+"""The installed version of handeyed."""
 
 from importlib.metadata import PackageNotFoundError, version
 

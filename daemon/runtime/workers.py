@@ -1,4 +1,4 @@
-"""Threads for work that would hold up the event loop: detection, solving, encoding, merging."""
+"""Worker threads for computations that would block the event loop: detection, solving, encoding, merging."""
 
 import asyncio
 from collections.abc import Callable
@@ -11,11 +11,11 @@ Arguments = ParamSpec("Arguments")
 Answer = TypeVar("Answer")
 
 THREADS = 2
-"""One job may take long without holding up the next; numpy and OpenCV bring threads of their own."""
+"""Two, so that a long job does not delay the next; numpy and OpenCV use threads of their own."""
 
 
 class Workers:
-    """A few threads that know since when their oldest job runs, so that a hung one is noticed."""
+    """A pool of THREADS threads that knows how long its oldest job has been running, to detect one that hangs."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -24,24 +24,24 @@ class Workers:
         self._jobs = 0
 
     async def run(self, work: Callable[Arguments, Answer], *args: Arguments.args, **kwargs: Arguments.kwargs) -> Answer:
-        """The answer of `work`, which runs in a thread; what it raises is raised here."""
+        """Run `work` in a thread; returns its result or raises its exception."""
         self._jobs += 1
         job = self._jobs
 
-        def timed() -> Answer:
+        def run_timed() -> Answer:
             self._began_s[job] = self._clock.monotonic_s()
             try:
                 return work(*args, **kwargs)
             finally:
                 del self._began_s[job]
 
-        return await asyncio.get_running_loop().run_in_executor(self._threads, timed)
+        return await asyncio.get_running_loop().run_in_executor(self._threads, run_timed)
 
     def oldest_job_s(self) -> float:
-        """How long the longest job has been at work; 0 when none is."""
+        """Seconds since the oldest running job began; 0 without one."""
         now_s = self._clock.monotonic_s()
         return now_s - min(list(self._began_s.values()), default=now_s)
 
     def close(self) -> None:
-        """Let nothing new begin; what runs is left to end by itself."""
+        """Accept no new jobs and cancel the queued ones; does not wait for the running ones."""
         self._threads.shutdown(wait=False, cancel_futures=True)

@@ -18,7 +18,7 @@ from calibration.errors import DocumentError
 from calibration.transforms import Array
 from daemon.errors import NotFound
 from daemon.runtime.clock import Clock
-from daemon.runtime.event_bus import EventLog
+from daemon.runtime.event_bus import EventBus
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 from registration.documents import RegistrationReportDocument
@@ -66,7 +66,7 @@ class Registering:
     store: Store
     workers: Workers
     clock: Clock
-    events: EventLog
+    events: EventBus
     _jobs: dict[tuple[str, int, str, bool], asyncio.Task[RegistrationReportDocument]] = field(
         default_factory=dict, init=False
     )

@@ -14,7 +14,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
 from daemon.config.settings import ScannerSettings
 from daemon.errors import NoCalibration, ScanEmpty, StorageError
-from daemon.model.records import ScanRecord, ScanView, Unit
+from daemon.model.records import ScanRecord, ScanViewRecord, Unit
 from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
@@ -69,7 +69,7 @@ class Scans:
         await self.store.save_scan(scan)
         return scan
 
-    async def keep_scanned(self, scan_id: str, cloud: ScannedCloud, base_T_flange: PoseDocument) -> ScanView:
+    async def keep_scanned(self, scan_id: str, cloud: ScannedCloud, base_T_flange: PoseDocument) -> ScanViewRecord:
         """A cloud of the daemon's own scanner. Raises RegistrationError when it is damaged, StorageError."""
 
         async def whole() -> AsyncIterator[bytes]:
@@ -80,7 +80,7 @@ class Scans:
 
     async def keep(
         self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_flange: PoseDocument
-    ) -> ScanView:
+    ) -> ScanViewRecord:
         """A cloud in pieces; stored only when it is whole. Raises RegistrationError, NotFound, StorageError."""
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
@@ -140,7 +140,7 @@ class Scans:
         views = await self._views(scan_id)
         return await self.workers.run(accepted, scan_id, self.store.scan_folder(scan_id), views, artefact)
 
-    async def _views(self, scan_id: str) -> list[ScanView]:
+    async def _views(self, scan_id: str) -> list[ScanViewRecord]:
         """At least one. Raises ScanEmpty, NotFound."""
         views = await self.store.scan_views(scan_id)
         if not views:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Literal
 
 from calibration.documents.validation import Document
-from daemon.model.records import ScanView
+from daemon.model.records import ScanViewRecord
 from daemon.model.requests import ArtefactRequest
 from registration.io.reading import open_cloud
 from registration.points.rigid_motion import scale_to_mm
@@ -45,7 +45,7 @@ class AcceptanceDocument(Document):
     positions: list[PositionDocument]
 
 
-def accepted(scan_id: str, folder: Path, views: list[ScanView], artefact: ArtefactRequest) -> AcceptanceDocument:
+def accepted(scan_id: str, folder: Path, views: list[ScanViewRecord], artefact: ArtefactRequest) -> AcceptanceDocument:
     """Raises SphereError naming the view, CloudError's leaves."""
     clouds = []
     for view in views:

@@ -1,1 +1,1 @@
-"""Session folders: written while a run captures, read when it is solved again."""
+"""Session folders: written while a run captures, read by `handeyed solve`."""

@@ -1,7 +1,7 @@
-"""A calibration session on disk: session.json beside its images, read into a Problem.
+"""Read a calibration session, session.json beside its images, into a Problem.
 
-Whatever makes the folder unreadable is collected, and told at once as a DocumentError; a view in which the target
-is not found is no error here: it stands in the Problem with the reason.
+All faults of the folder are raised together as one DocumentError. A view in which the target is not found is no error:
+the Problem holds it with the reason.
 """
 
 import os
@@ -21,7 +21,7 @@ from calibration.documents.validation import parse_document
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
-from daemon.runtime.bounded_read import read_whole
+from daemon.runtime.bounded_read import read_bounded
 
 SESSION_FILE = "session.json"
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -32,7 +32,7 @@ Progress = Callable[[int, int], None]
 
 
 class ImageError(Exception):
-    """A view's picture cannot be used: what is wrong and what to do."""
+    """A view's picture cannot be used; `what` is wrong and `fix` says what to do."""
 
     def __init__(self, what: str, fix: str) -> None:
         self.what, self.fix = what, fix
@@ -41,7 +41,7 @@ class ImageError(Exception):
 
 @dataclass(frozen=True)
 class SessionFolder:
-    """A parsed session.json and the folder its images lie in."""
+    """A parsed session.json and the folder of its images."""
 
     path: Path
     document: SessionDocument
@@ -56,7 +56,9 @@ def open_session(path: Path) -> SessionFolder:
     folder = path.parent if path.name == SESSION_FILE else path
     file = folder / SESSION_FILE
     if not folder.is_dir():
-        raise _broken(str(folder), "folder", "not there" if not folder.exists() else "not a folder", "check the path")
+        raise _document_error(
+            str(folder), "folder", "not there" if not folder.exists() else "not a folder", "check the path"
+        )
     document = parse_document(SessionDocument, read_bytes(file), str(file))
     problems = [problem for check in _CHECKS for problem in check(document)]
     if problems:
@@ -65,16 +67,16 @@ def open_session(path: Path) -> SessionFolder:
 
 
 def read_bytes(file: Path) -> bytes:
-    """The content of `file`; whatever the system refuses becomes a DocumentError."""
+    """The content of `file`. Raises DocumentError for an OSError."""
     try:
-        return read_whole(file)
+        return read_bounded(file)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise _broken(str(file), "file", reason, "check the path and its permissions") from None
+        raise _document_error(str(file), "file", reason, "check the path and its permissions") from None
 
 
 def load_problem(session: SessionFolder, progress: Progress = lambda done, of: None) -> Problem:
-    """Find the target in every image (in threads: OpenCV releases the GIL). Raises DocumentError."""
+    """Detect the target in every image, in up to 8 threads (OpenCV releases the GIL). Raises DocumentError."""
     document, target = session.document, session.document.target.target()
     camera = document.camera.camera() if document.camera else None
     expected = camera.image_size if camera else document.image_size
@@ -82,7 +84,8 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     problems: dict[int, DocumentProblem] = {}
     with ThreadPoolExecutor(max_workers=min(os.cpu_count() or 1, 8)) as pool:
         jobs = {
-            pool.submit(_look, session.path, target, index, view): index for index, view in enumerate(document.views)
+            pool.submit(_detect_view, session.path, target, index, view): index
+            for index, view in enumerate(document.views)
         }
         for done, job in enumerate(as_completed(jobs), start=1):
             index = jobs[job]
@@ -100,7 +103,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     if problems:
         raise DocumentError(str(session.file), [problems[index] for index in sorted(problems)])
     if expected is None:
-        raise _broken(str(session.file), "image_size", "missing, and no image tells it", "add it")
+        raise _document_error(str(session.file), "image_size", "missing, and no image tells it", "add it")
     views = tuple(view for _, (view, _) in sorted(seen.items()))
     return Problem(document.setup, target, camera, expected, views)
 
@@ -108,7 +111,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
 def read_grey(file: Path) -> NDArray[np.uint8]:
     """The picture in `file` as uint8 (h, w). Raises ImageError."""
     try:
-        content = read_whole(file)
+        content = read_bounded(file)
     except FileNotFoundError:
         raise ImageError(f"'{file.name}' is not there", "restore the file, or remove the view") from None
     except OSError as error:
@@ -116,7 +119,7 @@ def read_grey(file: Path) -> NDArray[np.uint8]:
         raise ImageError(f"'{file.name}' cannot be read ({reason})", "check its permissions") from None
     if not content:
         raise ImageError(f"'{file.name}' is empty (0 bytes)", TAKE_AGAIN)
-    if torn(content):
+    if is_truncated(content):
         raise ImageError(f"'{file.name}' is cut off or damaged", TAKE_AGAIN)
     image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
@@ -124,8 +127,11 @@ def read_grey(file: Path) -> NDArray[np.uint8]:
     return np.asarray(image, np.uint8)
 
 
-def torn(content: bytes) -> bool:
-    """Is this a PNG or JPEG that was cut off or damaged? (libpng would write to standard error, OpenCV 4 fill up.)"""
+def is_truncated(content: bytes) -> bool:
+    """True for a PNG or JPEG that is truncated or damaged.
+
+    Checked here because libpng would write to standard error, and OpenCV 4 would fill the missing part with grey.
+    """
     if content.startswith(b"\xff\xd8"):
         return b"\xff\xd9" not in content[-64:]
     if not content.startswith(PNG_SIGNATURE):
@@ -142,12 +148,12 @@ def torn(content: bytes) -> bool:
     return True
 
 
-def _look(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:
-    """One view, and its image's size (None when the corners came with the session)."""
+def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:
+    """One view, and its image's size (None when the session holds the corners)."""
     base_T_flange = view.base_T_flange.transform()
     if view.corners_px is not None:
-        return View(index, base_T_flange, _given(view.corners_px)), None
-    assert view.image is not None  # the document holds one of the two
+        return View(index, base_T_flange, _given_detection(view.corners_px)), None
+    assert view.image is not None  # the document holds either corners or an image
     image = read_grey(folder / view.image)
     size = (image.shape[1], image.shape[0])
     try:
@@ -156,13 +162,13 @@ def _look(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple
         return View(index, base_T_flange, None, view.image, missing=(error.code, str(error))), size
 
 
-def _given(corners_px: list[tuple[int, float, float]]) -> Detection:
+def _given_detection(corners_px: list[tuple[int, float, float]]) -> Detection:
     rows = np.array(corners_px, float).reshape(-1, 3)
     return Detection(rows[:, 0].astype(np.intp), rows[:, 1:].copy())
 
 
-def repeated_poses(document: SessionDocument) -> list[DocumentProblem]:
-    """Views whose robot pose is an earlier view's to the last digit: a pose that was not read again, most often."""
+def find_repeated_poses(document: SessionDocument) -> list[DocumentProblem]:
+    """A problem for each view whose pose equals an earlier one to the last digit: probably not read after the move."""
     first: dict[tuple[float, ...], int] = {}
     problems = []
     for index, view in enumerate(document.views):
@@ -192,7 +198,7 @@ def _check_sizes(document: SessionDocument) -> list[DocumentProblem]:
 
 
 def _check_image_names(document: SessionDocument) -> list[DocumentProblem]:
-    """An image lies in the session's folder, not anywhere on the disk."""
+    """Image names stay within the session's folder."""
     return [
         DocumentProblem(f"views[{index}].image", f"'{view.image}' is outside the session's folder", "copy it there")
         for index, view in enumerate(document.views)
@@ -218,12 +224,12 @@ def _check_corners(document: SessionDocument) -> list[DocumentProblem]:
 
 
 _CHECKS = (_check_views, _check_sizes, _check_image_names, _check_corners)
-"""What a session must fulfil beyond its types."""
+"""Checks of a session beyond its types."""
 
 
 def _by(size: tuple[int, int]) -> str:
     return f"{size[0]} x {size[1]}"
 
 
-def _broken(origin: str, place: str, what: str, fix: str) -> DocumentError:
+def _document_error(origin: str, place: str, what: str, fix: str) -> DocumentError:
     return DocumentError(origin, [DocumentProblem(place, what, fix)])

@@ -1,4 +1,4 @@
-"""Every picture and pose is stored before it is used, so that `handeyed solve FOLDER` gives the same answer."""
+"""Write a session folder: pictures and poses are stored before use, so that `handeyed solve` reproduces the result."""
 
 from pathlib import Path
 
@@ -18,11 +18,11 @@ from daemon.store.store import Store
 from drivers.interfaces import Frame, PoseReading
 
 FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
-"""Lossless at any level; the first is several times faster and little larger."""
+"""Level 1: lossless as every level, several times faster and slightly larger."""
 
 
-class SessionLog:
-    """The folder of one run while it is filled."""
+class SessionWriter:
+    """Writes the session folder of one run."""
 
     def __init__(
         self, folder: Path, source: str, target: TargetDocument, camera: CameraDocument | None, store: Store,
@@ -36,7 +36,7 @@ class SessionLog:
         )
 
     async def add(self, frame: Frame, reading: PoseReading) -> int:
-        """Store a station's picture and pose; answers its index. Raises PictureUnusable, StorageError."""
+        """Store a station's picture and pose; returns the view's index. Raises PictureUnusable, StorageError."""
         self._require_size(frame)
         index = len(self._document.views)
         name = image_name(index)
@@ -49,11 +49,11 @@ class SessionLog:
         return index
 
     async def view(self, index: int) -> View:
-        """The stored picture with the target found in it, or with the reason why not."""
-        return await self._workers.run(_look, self.folder, self._document, index)
+        """Detect the target in a stored picture: the view with its detection, or with the reason why there is none."""
+        return await self._workers.run(_detect_view, self.folder, self._document, index)
 
     def problem(self, views: list[View]) -> Problem:
-        """What the solver is given: exactly what the folder says."""
+        """The solver's Problem, exactly as the folder describes it."""
         document = self._document
         assert self._image_size is not None  # the first picture set it
         camera = document.camera.camera() if document.camera else None
@@ -76,7 +76,7 @@ def image_name(index: int) -> str:
 
 
 def png_of(frame: Frame) -> bytes:
-    """The frame as PNG: the file it came as, or encoded without loss. Raises PictureUnusable."""
+    """The frame as PNG: the file from the camera when it is one, else encoded. Raises PictureUnusable."""
     if frame.encoded is not None and frame.encoded.startswith(PNG_SIGNATURE):
         return frame.encoded
     try:
@@ -90,7 +90,7 @@ def png_of(frame: Frame) -> bytes:
     return bytes(np.asarray(content, np.uint8).data)
 
 
-def _look(folder: Path, document: SessionDocument, index: int) -> View:
+def _detect_view(folder: Path, document: SessionDocument, index: int) -> View:
     view = document.views[index]
     name = view.image or ""
     pose, target = view.base_T_flange.transform(), document.target.target()

@@ -1,1 +1,1 @@
-"""What survives: runs, calibrations and scans in SQLite, big files beside it."""
+"""Persistent storage: runs, calibrations and scans in SQLite, large files beside it."""

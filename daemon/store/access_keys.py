@@ -1,56 +1,56 @@
-"""Keys on the disk. Each change is one transaction with its audit row; nothing is ever deleted."""
+"""The table of API keys. Each change is one transaction with its audit row; no row is ever deleted."""
 
 import sqlite3
 from dataclasses import astuple
 
 from daemon.access.errors import KeyExists
-from daemon.access.keys import KeyRecord, id_of, same
+from daemon.access.keys import KeyRecord, id_of, matches
 from daemon.errors import NotFound
-from daemon.store.actor import Behalf, append_audit
+from daemon.store.actor import AuditContext, append_audit
 from daemon.store.database import Database
 
 _COLUMNS = "id, name, role, hash, created_at, expires_at, revoked_at"
 
 
 class AccessKeys:
-    """Who may come in. Other processes may change them: they are looked up at every request."""
+    """The API keys. Read from the database at every request, because other processes may change them."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     async def all(self) -> list[KeyRecord]:
-        """The oldest first, revoked ones among them."""
+        """All keys, including expired and revoked ones, oldest first."""
         return await self._database.read(_all)
 
     async def any_ever(self) -> bool:
-        """Was there ever one? Then they are required, also when the last one has expired."""
+        """True when a key was ever added. From then on requests need one, also after the last has expired."""
         return await self._database.read(lambda db: _count(db) > 0)
 
-    async def found(self, key: str) -> KeyRecord | None:
-        """The record of a key, valid or not; None for one that was never given out."""
+    async def find(self, key: str) -> KeyRecord | None:
+        """The record of a key, valid or not; None for an unknown key."""
         key_id = id_of(key)
         query = f"SELECT {_COLUMNS} FROM access_keys WHERE id = ?"
         row = await self._database.read(lambda db: db.execute(query, (key_id,)).fetchone())
         if row is None:
             return None
         record = KeyRecord(*row)
-        return record if same(key, record.hash) else None
+        return record if matches(key, record.hash) else None
 
-    async def add(self, record: KeyRecord, behalf: Behalf, *, only_first: bool = False) -> None:
-        """Raises KeyExists: names are unique among valid keys; `only_first`: when there was any before."""
+    async def add(self, record: KeyRecord, context: AuditContext, *, only_first: bool = False) -> None:
+        """Insert a key. Raises KeyExists when a valid key has its name, or, with `only_first`, when any key exists."""
 
         def insert(db: sqlite3.Connection) -> None:
             if only_first and _count(db):
                 raise KeyExists("there are keys already", "ask an admin for one")
             _require_free(db, record)
             db.execute("INSERT INTO access_keys VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(record))
-            append_audit(db, behalf, record.created_at, "key added", record.id, name=record.name, role=record.role,
+            append_audit(db, context, record.created_at, "key added", record.id, name=record.name, role=record.role,
                          expires_at=record.expires_at)  # fmt: skip
 
         await self._database.write(insert)
 
-    async def rotate(self, name: str, record: KeyRecord, until: str, behalf: Behalf) -> KeyRecord:
-        """A new key of the same name and role; the old one ends at `until`. Raises NotFound."""
+    async def rotate(self, name: str, record: KeyRecord, until: str, context: AuditContext) -> KeyRecord:
+        """Insert a key with the name and role of `name`; the old one expires at `until`. Raises NotFound."""
 
         def replace_it(db: sqlite3.Connection) -> KeyRecord:
             old = _valid_of(db, name, record.created_at)
@@ -58,13 +58,13 @@ class AccessKeys:
             ends = until if old.expires_at is None else min(until, old.expires_at)
             db.execute("UPDATE access_keys SET expires_at = ? WHERE id = ?", (ends, old.id))
             db.execute("INSERT INTO access_keys VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(new))
-            append_audit(db, behalf, record.created_at, "key rotated", old.id, name=name, by=new.id, until=ends)
+            append_audit(db, context, record.created_at, "key rotated", old.id, name=name, by=new.id, until=ends)
             return new
 
         return await self._database.write(replace_it)
 
-    async def revoke(self, name: str, at: str, behalf: Behalf) -> list[str]:
-        """Every valid key of that name; answers their ids. Raises NotFound."""
+    async def revoke(self, name: str, at: str, context: AuditContext) -> list[str]:
+        """Revoke every valid key with that name or id; returns their ids. Raises NotFound."""
 
         def end(db: sqlite3.Connection) -> list[str]:
             ids = [record.id for record in _all(db) if name in (record.name, record.id) and record.valid(at)]
@@ -72,7 +72,7 @@ class AccessKeys:
                 raise NotFound(f"there is no valid key called {name!r}", "list them: handeyed keys list CONFIG")
             for key_id in ids:
                 db.execute("UPDATE access_keys SET revoked_at = ? WHERE id = ?", (at, key_id))
-                append_audit(db, behalf, at, "key revoked", key_id, name=name)
+                append_audit(db, context, at, "key revoked", key_id, name=name)
             return ids
 
         return await self._database.write(end)
@@ -93,7 +93,7 @@ def _require_free(db: sqlite3.Connection, record: KeyRecord) -> None:
 
 
 def _valid_of(db: sqlite3.Connection, name: str, now: str) -> KeyRecord:
-    """The latest valid key of that name, or id."""
+    """The newest valid key with that name or id. Raises NotFound."""
     for record in reversed(_all(db)):
         if name in (record.name, record.id) and record.valid(now):
             return record

@@ -1,4 +1,4 @@
-"""On whose behalf the store writes: the same transaction notes who did it, and which request it answers."""
+"""The actor of a change: each transaction also writes its audit row, and links it to the request that caused it."""
 
 import hashlib
 import json
@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
-from daemon.access.audit_chain import FIRST_LINK, AuditRow, hash_of
+from daemon.access.audit_chain import GENESIS_HASH, AuditRow, hash_row
 
 
 @dataclass(eq=False)
-class KeyedRequest:
-    """A POST with an Idempotency-Key while it is carried out. `had_effect`: something was stored for it."""
+class IdempotentRequest:
+    """A POST with an Idempotency-Key in progress. `had_effect`: it has stored something."""
 
     caller: str
     key: str
@@ -22,38 +22,40 @@ class KeyedRequest:
 
 
 @dataclass(frozen=True)
-class Behalf:
-    """Who acts, in which role, by which request. `noted` collects what was stored on their behalf."""
+class AuditContext:
+    """Actor and role for the audit log, and the request if it has an Idempotency-Key. `changes`: what was stored."""
 
     actor: str = "handeyed"
     role: str = "system"
-    request: KeyedRequest | None = None
-    noted: list[str] = field(default_factory=list, compare=False)
+    request: IdempotentRequest | None = None
+    changes: list[str] = field(default_factory=list, compare=False)
 
 
-_behalf: ContextVar[Behalf] = ContextVar("behalf")
+_audit_context: ContextVar[AuditContext] = ContextVar("audit_context")
 
 
 @contextmanager
-def on_behalf_of(behalf: Behalf) -> Iterator[None]:
-    """What the store writes inside, and in runs started inside, is this caller's doing."""
-    token = _behalf.set(behalf)
+def acting_as(context: AuditContext) -> Iterator[None]:
+    """Changes inside the block, and by runs started in it, are recorded under this actor."""
+    token = _audit_context.set(context)
     try:
         yield
     finally:
-        _behalf.reset(token)
+        _audit_context.reset(token)
 
 
-def current_behalf() -> Behalf:
-    """Of the request being carried out; the daemon itself outside of any."""
-    return _behalf.get(Behalf())
+def current_audit_context() -> AuditContext:
+    """The context of the current request; the daemon itself outside any request."""
+    return _audit_context.get(AuditContext())
 
 
-def note(db: sqlite3.Connection, behalf: Behalf, at: str, action: str, subject: str, **detail: object) -> None:
-    """Inside a transaction: the audit row of what it changes, and the answer's place for its request."""
-    append_audit(db, behalf, at, action, subject, **detail)
-    behalf.noted.append(f"{action} {subject}")
-    request = behalf.request
+def record_change(
+    db: sqlite3.Connection, context: AuditContext, at: str, action: str, subject: str, **detail: object
+) -> None:
+    """Within a transaction: append its audit row, and store the effect with the request that caused it."""
+    append_audit(db, context, at, action, subject, **detail)
+    context.changes.append(f"{action} {subject}")
+    request = context.request
     if request is None:
         return
     db.execute(
@@ -63,10 +65,12 @@ def note(db: sqlite3.Connection, behalf: Behalf, at: str, action: str, subject: 
     request.had_effect = True
 
 
-def append_audit(db: sqlite3.Connection, behalf: Behalf, at: str, action: str, subject: str, **detail: object) -> None:
-    """Inside a transaction: one row, chained to the last."""
+def append_audit(
+    db: sqlite3.Connection, context: AuditContext, at: str, action: str, subject: str, **detail: object
+) -> None:
+    """Within a transaction: append one row, chained to the last."""
     last = db.execute("SELECT sequence, hash FROM audit ORDER BY sequence DESC LIMIT 1").fetchone()
-    sequence, before = last or (0, FIRST_LINK)
-    row = AuditRow(sequence + 1, at, behalf.actor, behalf.role, action, subject, json.dumps(detail, sort_keys=True))
-    values = (row.sequence, row.at, row.actor, row.role, row.action, row.subject, row.detail, hash_of(row, before))
+    sequence, before = last or (0, GENESIS_HASH)
+    row = AuditRow(sequence + 1, at, context.actor, context.role, action, subject, json.dumps(detail, sort_keys=True))
+    values = (row.sequence, row.at, row.actor, row.role, row.action, row.subject, row.detail, hash_row(row, before))
     db.execute("INSERT INTO audit VALUES (?, ?, ?, ?, ?, ?, ?, ?)", values)

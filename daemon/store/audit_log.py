@@ -1,13 +1,13 @@
-"""The audit log on the disk, and its anchor beside it: how far it had come, so that a cut-off end is noticed."""
+"""The audit log in the database, and its anchor in a file: the last row, so that a truncated log is detected."""
 
 import json
 import sqlite3
 from pathlib import Path
 from typing import Any
 
-from daemon.access.audit_chain import Anchor, AuditRow, flaws
+from daemon.access.audit_chain import AuditAnchor, AuditRow, find_flaws
 from daemon.runtime.durable_files import write_durably
-from daemon.store.actor import Behalf, append_audit
+from daemon.store.actor import AuditContext, append_audit
 from daemon.store.database import Database, storage_errors
 
 ANCHOR_NAME = "audit-anchor.json"
@@ -16,32 +16,32 @@ _COLUMNS = "sequence, at, actor, role, action, subject, detail, hash"
 
 
 class AuditLog:
-    """Rows are written by the store's changes themselves; this reads, anchors and checks them."""
+    """Reads, anchors and checks the log. Its rows are written by the store's own changes."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self._anchored: Anchor | None = None
+        self._anchored: AuditAnchor | None = None
         self.anchor_file = database.path.with_name(ANCHOR_NAME)
 
     async def rows(self, limit: int, before: int | None) -> list[AuditRow]:
-        """The newest first."""
+        """Up to `limit` rows with a sequence below `before`, newest first."""
         query = f"SELECT {_COLUMNS} FROM audit WHERE ?1 IS NULL OR sequence < ?1 ORDER BY sequence DESC LIMIT ?2"
         rows = await self._database.read(lambda db: db.execute(query, (before, limit)).fetchall())
         return [AuditRow(*row) for row in rows]
 
-    async def append(self, behalf: Behalf, at: str, action: str, subject: str, **detail: Any) -> None:
-        """A row of its own: something that changed nothing, but is worth knowing."""
-        await self._database.write(lambda db: append_audit(db, behalf, at, action, subject, **detail))
+    async def append(self, context: AuditContext, at: str, action: str, subject: str, **detail: Any) -> None:
+        """Append a row for something that changed nothing in the store."""
+        await self._database.write(lambda db: append_audit(db, context, at, action, subject, **detail))
 
-    async def anchor(self) -> Anchor | None:
-        """Write down how far the log has come. Raises StorageError."""
+    async def anchor(self) -> AuditAnchor | None:
+        """Write the last row's sequence and hash to the anchor file, and return them. Raises StorageError."""
 
         row = await self._database.read(
             lambda db: db.execute("SELECT sequence, hash FROM audit ORDER BY sequence DESC LIMIT 1").fetchone()
         )
         if row is None:
             return None
-        anchor = Anchor(*row)
+        anchor = AuditAnchor(*row)
         if anchor != self._anchored:
             content = json.dumps({"sequence": anchor.sequence, "hash": anchor.hash}).encode()
             await self._database.run(lambda: write_durably(self.anchor_file, [content]), self.anchor_file)
@@ -49,8 +49,8 @@ class AuditLog:
         return anchor
 
 
-def found_flaws(database: Path, anchors: list[Anchor]) -> tuple[int, list[str]]:
-    """How many rows a database's log has, and what is wrong with it. Only reads. Raises StorageError."""
+def check_audit_log(database: Path, anchors: list[AuditAnchor]) -> tuple[int, list[str]]:
+    """The number of rows in a database's log, and its faults in words. Only reads. Raises StorageError."""
     with storage_errors(database):
         connection = sqlite3.connect(f"{database.resolve().as_uri()}?mode=ro", uri=True)
         try:
@@ -58,19 +58,19 @@ def found_flaws(database: Path, anchors: list[Anchor]) -> tuple[int, list[str]]:
             counted = connection.execute("SELECT seq FROM sqlite_sequence WHERE name = 'audit'").fetchone()
         finally:
             connection.close()
-    found = flaws(rows, [*anchors, *_anchor_beside(database)])
+    found = find_flaws(rows, [*anchors, *_anchor_beside(database)])
     if counted is not None and counted[0] > len(rows):
         found.append(f"{counted[0]} rows were written, {len(rows)} are there: rows were removed")
     return len(rows), list(dict.fromkeys(found))
 
 
-def _anchor_beside(database: Path) -> list[Anchor]:
+def _anchor_beside(database: Path) -> list[AuditAnchor]:
     file = database.with_name(ANCHOR_NAME)
     if not file.exists():
         return []
     with storage_errors(file):
         try:
             content = json.loads(file.read_text())
-            return [Anchor(int(content["sequence"]), str(content["hash"]))]
+            return [AuditAnchor(int(content["sequence"]), str(content["hash"]))]
         except (ValueError, KeyError, TypeError):
-            return [Anchor(1, f"{file.name} cannot be read")]
+            return [AuditAnchor(1, f"{file.name} cannot be read")]

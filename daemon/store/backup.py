@@ -1,7 +1,7 @@
-"""The whole store as one file, taken while the daemon works; and back, into an empty place.
+"""Back up the store into one tar file while the daemon runs, and restore it into an empty folder.
 
-The database is copied as it is at one moment. Files are written before the rows that name them, and never changed once
-named, so what the copy names is there.
+The copy of the database is a snapshot. Files are written before the rows that name them and never changed afterwards,
+so every file that the snapshot names exists.
 """
 
 import json
@@ -14,10 +14,10 @@ from contextlib import closing
 from pathlib import Path
 
 from daemon.errors import BackupUnusable, StorageError
-from daemon.runtime.durable_files import fsync_folder, settle_file
-from daemon.store.audit_log import ANCHOR_NAME, found_flaws
+from daemon.runtime.durable_files import fsync_folder, rename_durably
+from daemon.store.audit_log import ANCHOR_NAME, check_audit_log
 from daemon.store.database import DATABASE_NAME, Database, copy_database, storage_errors
-from daemon.store.lock import FolderHold
+from daemon.store.lock import FolderLock
 from daemon.store.schema import SCHEMA_VERSION
 
 MANIFEST = "handeyed-backup.json"
@@ -25,7 +25,7 @@ FOLDERS = ("runs", "scans")
 
 
 def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:
-    """Write `target`, a tar file, whole or not at all; answers how many files it holds. Raises StorageError."""
+    """Write `target`, a tar file, atomically; returns the number of files in it. Raises StorageError."""
     part = target.with_name(f".{target.name}.part")
     copy = target.with_name(f".{target.name}.sqlite")
     with storage_errors(target):
@@ -41,7 +41,7 @@ def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:
                 for file in _files(store):
                     archive.add(file, str(file.relative_to(store)), recursive=False)
                     count += 1
-            settle_file(part, target)
+            rename_durably(part, target)
         finally:
             for rest in (part, copy, part.with_name(f".{target.name}.json")):
                 rest.unlink(missing_ok=True)
@@ -49,7 +49,7 @@ def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:
 
 
 def _files(store: Path) -> Iterator[Path]:
-    """What is whole: pieces that are being written begin with a dot; a merged cloud is made anew when asked for."""
+    """Files to back up: not temporary ones, which begin with a dot, nor merged clouds, which can be recomputed."""
     if (store / ANCHOR_NAME).exists():
         yield store / ANCHOR_NAME
     for name in FOLDERS:
@@ -59,8 +59,11 @@ def _files(store: Path) -> Iterator[Path]:
 
 
 def restore(source: Path, store: Path) -> int:
-    """The store of a backup, in a folder where there is none yet. Raises BackupUnusable, StorageError."""
-    hold = FolderHold(store / f"{DATABASE_NAME}.in-use")
+    """Restore a backup into `store`, which must not hold a store yet; returns the number of files.
+
+    Raises BackupUnusable, StorageError.
+    """
+    lock = FolderLock(store / f"{DATABASE_NAME}.in-use")
     try:
         if (store / DATABASE_NAME).exists():
             raise BackupUnusable(f"{store} holds a store already", "move it away first; nothing is overwritten")
@@ -76,7 +79,7 @@ def restore(source: Path, store: Path) -> int:
             shutil.rmtree(unpacked, ignore_errors=True)
         return count
     finally:
-        hold.release()
+        lock.release()
 
 
 def _unpack(source: Path, unpacked: Path) -> int:
@@ -103,21 +106,21 @@ def _require_whole(source: Path, unpacked: Path) -> None:
     database = unpacked / DATABASE_NAME
     try:
         with closing(sqlite3.connect(database)) as connection:
-            (said,) = connection.execute("PRAGMA integrity_check").fetchone()
+            (integrity,) = connection.execute("PRAGMA integrity_check").fetchone()
             files = connection.execute("SELECT 'scans/' || scan_id || '/' || file FROM scan_views").fetchall()
     except sqlite3.Error as error:
-        said, files = str(error), []
-    if said != "ok":
-        raise BackupUnusable(f"the database in {source} is damaged ({said})", "use an older backup")
+        integrity, files = str(error), []
+    if integrity != "ok":
+        raise BackupUnusable(f"the database in {source} is damaged ({integrity})", "use an older backup")
     missing = [file for (file,) in files if not (unpacked / file).exists()]
     if missing:
         raise BackupUnusable(f"{source} lacks {missing[0]} and {len(missing) - 1} more", "use another backup")
-    if flaws := found_flaws(database, [])[1]:
+    if flaws := check_audit_log(database, [])[1]:
         raise BackupUnusable(f"the audit log in {source} is not whole: {flaws[0]}", "use another backup")
 
 
 def _move_in(unpacked: Path, store: Path) -> None:
-    """The database last: until it is there, there is no store."""
+    """Move the files into the store, the database last, so that an interrupted restore leaves no store."""
     with storage_errors(store):
         for file in sorted(unpacked.rglob("*")):
             if file.is_file():

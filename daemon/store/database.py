@@ -1,4 +1,4 @@
-"""One SQLite connection in one thread: WAL, every commit fsynced, errors in the room's own words."""
+"""One SQLite connection in one thread: WAL, every commit fsynced, errors raised as StorageError."""
 
 import asyncio
 import errno
@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from daemon.errors import StorageError, StorageFull, StorageTooNew
-from daemon.runtime.durable_files import make_folder, settle_file
-from daemon.runtime.failpoints import NEVER, Failpoints
+from daemon.runtime.durable_files import make_folder, rename_durably
+from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
 
 Answer = TypeVar("Answer")
@@ -25,7 +25,7 @@ _FREE_SOME = "free some space there; what was stored before is unharmed"
 
 @contextmanager
 def storage_errors(place: Path) -> Iterator[None]:
-    """Any failure of disk or database inside becomes a StorageError that names `place`."""
+    """Raise sqlite3.Error and OSError of the block as a StorageError naming `place`; StorageFull for a full disk."""
     try:
         yield
     except sqlite3.Error as error:
@@ -41,15 +41,15 @@ def storage_errors(place: Path) -> Iterator[None]:
 
 
 class Database:
-    """The connection and its thread. Every call returns when its commit is on the disk."""
+    """The connection and its thread. A write returns once its commit is on the disk."""
 
-    def __init__(self, path: Path, *, migrate: bool = True, at: Failpoints = NEVER) -> None:
+    def __init__(self, path: Path, *, migrate: bool = True, at: Failpoints = NO_FAILPOINTS) -> None:
         """Opens or creates the database. Raises StorageError, StorageTooNew.
 
-        `migrate` False: it is taken as it is, or refused.
+        `migrate` False: raises StorageError when the schema is older than SCHEMA_VERSION.
         """
         self.path, self._at = path, at
-        self._written: list[Callable[[], None]] = []
+        self._commit_callbacks: list[Callable[[], None]] = []
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
         try:
             self._connection = self.thread.submit(_connect, path, migrate).result()
@@ -58,31 +58,31 @@ class Database:
             raise
 
     async def read(self, query: Callable[[sqlite3.Connection], Answer]) -> Answer:
-        """`query` on the connection, in its thread."""
+        """Run `query` in the connection's thread; returns its result. Raises StorageError."""
         return await self._in_thread(lambda: query(self._connection))
 
     async def write(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
-        """`change` as one transaction: all of it, or nothing."""
+        """Run `change` as one transaction; returns its result. Raises StorageError."""
 
         def transaction() -> Answer:
             with self._connection:
                 self._connection.execute("BEGIN IMMEDIATE")
                 answer = change(self._connection)
-                self._at.reached("before commit")
-            self._at.reached("after commit")
+                self._at.reach("before commit")
+            self._at.reach("after commit")
             return answer
 
         answer = await self._in_thread(transaction)
-        for told in self._written:
-            told()
+        for callback in self._commit_callbacks:
+            callback()
         return answer
 
-    def when_written(self, told: Callable[[], None]) -> None:
-        """Call `told` after each transaction."""
-        self._written.append(told)
+    def on_commit(self, callback: Callable[[], None]) -> None:
+        """Call `callback` after each transaction, in the event loop."""
+        self._commit_callbacks.append(callback)
 
     async def run(self, work: Callable[[], Answer], place: Path) -> Answer:
-        """Blocking work on files near the database, in the same thread, so that one order holds for both."""
+        """Run blocking work on files in the connection's thread, so that files and rows are written in order."""
         return await self._in_thread(work, place)
 
     async def close(self) -> None:
@@ -90,25 +90,25 @@ class Database:
         self.thread.shutdown()
 
     def read_now(self, query: Callable[[sqlite3.Connection], Answer]) -> Answer:
-        """As `read`, for a command without an event loop."""
+        """Like `read`, for commands without an event loop."""
 
-        def guarded() -> Answer:
+        def run_query() -> Answer:
             with storage_errors(self.path):
                 return query(self._connection)
 
-        return self.thread.submit(guarded).result()
+        return self.thread.submit(run_query).result()
 
     def close_now(self) -> None:
-        """For a command, which has no event loop any more."""
+        """Like `close`, for commands without an event loop."""
         self.thread.submit(self._connection.close).result()
         self.thread.shutdown()
 
     async def _in_thread(self, work: Callable[[], Answer], place: Path | None = None) -> Answer:
-        def guarded() -> Answer:
+        def run_work() -> Answer:
             with storage_errors(place or self.path):
                 return work()
 
-        return await asyncio.get_running_loop().run_in_executor(self.thread, guarded)
+        return await asyncio.get_running_loop().run_in_executor(self.thread, run_work)
 
 
 def _connect(path: Path, migrate: bool) -> sqlite3.Connection:
@@ -145,15 +145,15 @@ def _prepare(connection: sqlite3.Connection, path: Path, migrate: bool) -> None:
 
 
 def _keep_a_copy(connection: sqlite3.Connection, copy: Path) -> None:
-    """Before a migration: what the older version can still read."""
+    """Copy the database before a migration, for a return to the older version."""
     part = copy.with_name(f".{copy.name}.part")
     part.unlink(missing_ok=True)
     copy_database(connection, part)
-    settle_file(part, copy)
+    rename_durably(part, copy)
 
 
 def copy_database(connection: sqlite3.Connection, copy: Path) -> None:
-    """As it is at one moment, while others go on writing."""
+    """Write a snapshot of the database to `copy`; other connections may go on writing."""
     target = sqlite3.connect(copy)
     try:
         connection.backup(target)

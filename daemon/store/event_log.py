@@ -1,30 +1,30 @@
-"""Events on the disk, so that their numbers and the last of them survive a restart."""
+"""The table of events: the last 1000 and their numbers survive a restart."""
 
 import json
 import sqlite3
 from collections.abc import Sequence
 
-from daemon.runtime.event_bus import KEPT, Event
+from daemon.runtime.event_bus import MAX_EVENTS, BusEvent
 from daemon.store.database import Database
 
 
-class KeptEvents:
-    """The last events."""
+class StoredEvents:
+    """The EventStore of the event bus."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def last(self) -> list[Event]:
-        """In their order."""
+    async def last(self) -> list[BusEvent]:
+        """The last MAX_EVENTS events, oldest first."""
         rows = await self._database.read(
             lambda db: db.execute("SELECT number, kind, data FROM events ORDER BY number").fetchall()
         )
-        return [Event(number, kind, json.loads(data)) for number, kind, data in rows[-KEPT:]]
+        return [BusEvent(number, kind, json.loads(data)) for number, kind, data in rows[-MAX_EVENTS:]]
 
-    async def keep(self, events: Sequence[Event]) -> None:
-        """All of them or none. Raises StorageError."""
+    async def keep(self, events: Sequence[BusEvent]) -> None:
+        """Store the events in one transaction and drop old ones. Raises StorageError."""
         rows = [(event.number, event.kind, json.dumps(event.data)) for event in events]
-        oldest = rows[-1][0] - 2 * KEPT
+        oldest = rows[-1][0] - 2 * MAX_EVENTS
 
         def insert(db: sqlite3.Connection) -> None:
             db.executemany("INSERT INTO events VALUES (?, ?, ?)", rows)

@@ -1,4 +1,4 @@
-"""One daemon a store: a second would take the first one's run for an interrupted one."""
+"""File lock that allows one daemon per store: a second would mark the first one's run as interrupted."""
 
 import fcntl
 import os
@@ -9,11 +9,11 @@ from daemon.runtime.durable_files import make_folder
 from daemon.store.database import storage_errors
 
 
-class FolderHold:
-    """Held from construction to `release`; the system lets go of it when the process ends, however it ends."""
+class FolderLock:
+    """A lock held from construction to `release`; the system releases it when the process ends."""
 
     def __init__(self, place: Path) -> None:
-        """`place` is the file that is locked. Raises StorageInUse, StorageError."""
+        """Lock the file `place`. Raises StorageInUse, StorageError."""
         folder = place.parent
         with storage_errors(folder):
             make_folder(folder)
@@ -31,5 +31,5 @@ class FolderHold:
             raise
 
     def release(self) -> None:
-        """Let another daemon have the folder."""
+        """Release the lock."""
         os.close(self._file)

@@ -1,4 +1,4 @@
-"""The store as a command visits it: beside a daemon that runs, or alone."""
+"""Open the store for a command, whether a daemon is running or not."""
 
 import os
 from collections.abc import Iterator
@@ -7,14 +7,14 @@ from pathlib import Path
 
 from daemon.errors import StorageError, StorageInUse
 from daemon.store.database import DATABASE_NAME, Database
-from daemon.store.lock import FolderHold
+from daemon.store.lock import FolderLock
 
 
 @contextmanager
-def visiting(folder: Path) -> Iterator[Database]:
-    """The database of the store in `folder`; while a daemon has it, it is never migrated under that daemon.
+def open_offline(folder: Path) -> Iterator[Database]:
+    """The database of the store in `folder`; it is not migrated while a daemon uses it.
 
-    Raises StorageError: also for another user's store, where files of ours would lock the daemon out.
+    Raises StorageError, also when the folder belongs to another user: files written here would be closed to the daemon.
     """
     existing = next(place for place in (folder, *folder.parents) if place.exists())
     owner = existing.stat().st_uid
@@ -22,15 +22,15 @@ def visiting(folder: Path) -> Iterator[Database]:
         raise StorageError(
             f"{existing} belongs to another user (number {owner})", "run the command as that user: sudo -u handeyed ..."
         )
-    hold: FolderHold | None = None
+    lock: FolderLock | None = None
     with suppress(StorageInUse):
-        hold = FolderHold(folder / f"{DATABASE_NAME}.in-use")
+        lock = FolderLock(folder / f"{DATABASE_NAME}.in-use")
     try:
-        database = Database(folder / DATABASE_NAME, migrate=hold is not None)
+        database = Database(folder / DATABASE_NAME, migrate=lock is not None)
         try:
             yield database
         finally:
             database.close_now()
     finally:
-        if hold is not None:
-            hold.release()
+        if lock is not None:
+            lock.release()

@@ -1,4 +1,4 @@
-"""Messages for webhooks, written by triggers with the change they tell of, kept until every webhook has them."""
+"""Transactional outbox for webhooks: triggers write each message together with the change that it reports."""
 
 import asyncio
 import json
@@ -8,13 +8,13 @@ from typing import Any
 
 from daemon.store.database import Database
 
-KEPT = 100_000
-"""Messages kept for a webhook that does not answer; older ones are dropped."""
+MAX_MESSAGES = 100_000
+"""Messages kept for a webhook that does not answer; older ones are deleted."""
 
 
 @dataclass(frozen=True)
-class Message:
-    """`id` is the same at every attempt, so that the receiver can tell a repetition."""
+class OutboxMessage:
+    """One message. `id` is the same at every attempt, so that the receiver recognises repetitions."""
 
     number: int
     id: str
@@ -24,29 +24,32 @@ class Message:
 
 
 class Outbox:
-    """Every webhook has its own place in it. The `bell` one held before looking rings when there may be news."""
+    """The messages, with a read position for each webhook.
+
+    To wait without missing a message: take `changed`, call `next`, and if it has none wait for that event.
+    """
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self.bell = asyncio.Event()
-        database.when_written(self._ring)
+        self.changed = asyncio.Event()
+        database.on_commit(self._wake_waiters)
 
-    def _ring(self) -> None:
-        bell, self.bell = self.bell, asyncio.Event()
-        bell.set()
+    def _wake_waiters(self) -> None:
+        changed, self.changed = self.changed, asyncio.Event()
+        changed.set()
 
     async def subscribe(self, name: str) -> None:
-        """A webhook that is new begins with what happens from now on."""
+        """Add a webhook; a new one receives the messages from now on."""
         statement = "INSERT OR IGNORE INTO webhooks SELECT ?, coalesce(max(number), 0) FROM outbox"
         await self._database.write(lambda db: db.execute(statement, (name,)))
 
     async def post(self, topic: str, at: str, data: dict[str, Any]) -> None:
-        """A message of its own, such as an alarm. Raises StorageError."""
+        """Add a message that belongs to no change in the store, such as an alarm. Raises StorageError."""
         row = (topic, at, json.dumps(data))
         await self._database.write(lambda db: db.execute("INSERT INTO outbox (topic, at, data) VALUES (?, ?, ?)", row))
 
-    async def next(self, name: str) -> Message | None:
-        """The oldest that this webhook has not been given."""
+    async def next(self, name: str) -> OutboxMessage | None:
+        """The oldest message that this webhook has not received; None without one."""
         query = (
             "SELECT number, id, topic, at, data FROM outbox"
             " WHERE number > (SELECT delivered FROM webhooks WHERE name = ?) ORDER BY number LIMIT 1"
@@ -55,18 +58,18 @@ class Outbox:
         if row is None:
             return None
         number, message_id, topic, at, data = row
-        return Message(number, message_id, topic, at, json.loads(data))
+        return OutboxMessage(number, message_id, topic, at, json.loads(data))
 
-    async def delivered(self, name: str, number: int) -> None:
-        """This webhook has it, and everything before it."""
+    async def acknowledge(self, name: str, number: int) -> None:
+        """Mark the message and all before it as received by this webhook."""
 
         def advance(db: sqlite3.Connection) -> None:
             db.execute("UPDATE webhooks SET delivered = ? WHERE name = ?", (number, name))
-            db.execute("DELETE FROM outbox WHERE number <= (SELECT max(number) FROM outbox) - ?", (KEPT,))
+            db.execute("DELETE FROM outbox WHERE number <= (SELECT max(number) FROM outbox) - ?", (MAX_MESSAGES,))
 
         await self._database.write(advance)
 
-    async def waiting(self) -> dict[str, int]:
-        """How many messages each webhook has not been given yet."""
+    async def pending_counts(self) -> dict[str, int]:
+        """The number of messages each webhook has not received yet, by name."""
         query = "SELECT name, (SELECT count(*) FROM outbox WHERE number > delivered) FROM webhooks ORDER BY name"
         return dict(await self._database.read(lambda db: db.execute(query).fetchall()))

@@ -1,4 +1,4 @@
-"""Raw pictures are kept for so many runs and so long; and a full disk is foreseen while there is still room."""
+"""Deletes the pictures of old runs, and warns before the disk is full."""
 
 import asyncio
 import logging
@@ -20,19 +20,20 @@ from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
 
-EVERY_S = 3600.0
+INTERVAL_S = 3600.0
 PAGE = 500
-SAMPLE = 10
-"""So many of the latest runs tell how much room the next one takes."""
+SIZE_SAMPLE_RUNS = 10
+"""The size of a run is estimated as the mean of the latest 10."""
 
-ROOM_WORTH_A_WARNING = 100
-"""Runs that still fit: at one an hour, four days to do something about it."""
+MIN_ROOM_RUNS = 100
+"""Warn when fewer runs than this still fit: four days at one an hour."""
 
 
-def outlived(runs: Sequence[RunRecord], keep_runs: int, keep_days: float, kept: frozenset[str]) -> list[str]:
-    """Ids of the runs whose pictures go; `runs` newest first.
+def runs_to_prune(runs: Sequence[RunRecord], keep_runs: int, keep_days: float, kept: frozenset[str]) -> list[str]:
+    """Ids of the finished runs whose pictures are deleted; `runs` newest first.
 
-    Age is counted back from the newest run, not from the clock: one that is set wrong must not empty the disk.
+    A run's pictures are kept while it is among the latest `keep_runs` and at most `keep_days` older than the newest run
+    (not than the clock, which may be set wrong), or when its id is in `kept`.
     """
     if not runs:
         return []
@@ -50,7 +51,7 @@ def _time(timestamp: str) -> datetime:
 
 @dataclass(eq=False)
 class Retention:
-    """A companion of the daemon: it tidies up when the daemon starts, and every hour."""
+    """Background service: deletes the pictures of old runs at the start of the daemon and every hour."""
 
     store: Store
     workers: Workers
@@ -69,34 +70,36 @@ class Retention:
                 await self._task
 
     async def tidy(self) -> list[Path]:
-        """The pictures that were removed. Raises StorageError."""
+        """Delete the pictures of old runs; returns the deleted files. Raises StorageError."""
         runs = await self._runs()
         try:
             _, current = await self.store.current()
             kept = frozenset(filter(None, (current.run_id,)))
         except NoCalibration:
             kept = frozenset()
-        going = [self.store.run_folder(run_id) for run_id in outlived(
+        going = [self.store.run_folder(run_id) for run_id in runs_to_prune(
             runs, self.settings.keep_runs, self.settings.keep_days, kept)]  # fmt: skip
         removed: list[Path] = await self.workers.run(_remove_pictures, going)
         if removed:
-            log.info("%d pictures of runs long ago were removed", len(removed))
-        latest = [self.store.run_folder(run.id) for run in runs[:SAMPLE]]
+            log.info("%d pictures of old runs were removed", len(removed))
+        latest = [self.store.run_folder(run.id) for run in runs[:SIZE_SAMPLE_RUNS]]
         self._run_bytes = await self.workers.run(_mean_bytes, latest)
         return removed
 
     def warnings(self) -> list[str]:
-        """How many more runs fit, when they are few."""
+        """A warning when fewer than MIN_ROOM_RUNS more runs fit on the disk."""
         if not self._run_bytes:
             return []
         free = shutil.disk_usage(self.store.folder).free - self.settings.reserve_mb * 1e6
         room = max(0, int(free / self._run_bytes))
-        if room >= ROOM_WORTH_A_WARNING:
+        if room >= MIN_ROOM_RUNS:
             return []
         return [f"the disk of {self.store.folder} has room for about {room} more runs: free some, or lower keep_runs"]
 
     def families(self) -> Iterable[Metric]:
-        return [Metric("handeyed_run_bytes", "gauge", "What a run takes on the disk, lately.", {(): self._run_bytes})]
+        return [
+            Metric("handeyed_run_bytes", "gauge", "Mean size of the latest runs on the disk.", {(): self._run_bytes})
+        ]
 
     async def _runs(self) -> list[RunRecord]:
         runs: list[RunRecord] = []
@@ -110,11 +113,11 @@ class Retention:
                 await self.tidy()
             except StorageError as error:
                 log.warning("old pictures could not be removed: %s", error)
-            await asyncio.sleep(EVERY_S)
+            await asyncio.sleep(INTERVAL_S)
 
 
 def _remove_pictures(folders: Iterable[Path]) -> list[Path]:
-    """session.json and what was found stay."""
+    """Delete the pictures in `folders`; session.json and the results stay."""
     removed = []
     for folder in folders:
         with storage_errors(folder):

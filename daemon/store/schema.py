@@ -1,4 +1,4 @@
-"""The tables. Migrations are forward only: append one, never change one that was released."""
+"""The database schema. Migrations are forward only: append one, never change one that was released."""
 
 MIGRATIONS: tuple[str, ...] = (
     """

@@ -1,4 +1,4 @@
-"""Everything that survives a restart. Each call returns when what it wrote is on the disk."""
+"""The persistent store of runs, calibrations and scans. Every write is on the disk when its call returns."""
 
 import sqlite3
 from collections.abc import Iterable, Sequence
@@ -10,17 +10,17 @@ from typing import Any
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound
-from daemon.model.records import Applied, CalibrationRecord, RunRecord, ScanRecord, ScanView, Unit
+from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord, ScanRecord, ScanViewRecord, Unit
 from daemon.model.run_states import FINAL_STATES
-from daemon.runtime.durable_files import WriteFile, settle_file, write_durably
-from daemon.runtime.failpoints import NEVER, Failpoints
+from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
+from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.access_keys import AccessKeys
-from daemon.store.actor import current_behalf, note
+from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
 from daemon.store.database import DATABASE_NAME, Database
-from daemon.store.event_log import KeptEvents
-from daemon.store.idempotency_keys import KeyedRequests
-from daemon.store.lock import FolderHold
+from daemon.store.event_log import StoredEvents
+from daemon.store.idempotency_keys import IdempotencyKeys
+from daemon.store.lock import FolderLock
 from daemon.store.outbox import Outbox
 
 _UPDATE_RUN = (
@@ -32,28 +32,28 @@ _CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrati
 
 
 class Store:
-    """SQLite, and big files beside it: runs/ID/ and scans/ID/ are folders that the command line reads too."""
+    """SQLite, and large files beside it in the folders runs/ID/ and scans/ID/, which the command line reads too."""
 
-    def __init__(self, folder: Path, write_file: WriteFile | None = None, at: Failpoints = NEVER) -> None:
-        """Opens or creates the store in `folder`. Raises StorageError, StorageTooNew, StorageInUse."""
+    def __init__(self, folder: Path, write_file: WriteFile | None = None, at: Failpoints = NO_FAILPOINTS) -> None:
+        """Open or create the store in `folder` and lock it. Raises StorageError, StorageTooNew, StorageInUse."""
         self.folder = folder
         self._write_file = write_file or partial(write_durably, at=at)
         self._at = at
-        self._hold = FolderHold(folder / f"{DATABASE_NAME}.in-use")
+        self._lock = FolderLock(folder / f"{DATABASE_NAME}.in-use")
         try:
             self._database = Database(folder / DATABASE_NAME, at=at)
         except BaseException:
-            self._hold.release()
+            self._lock.release()
             raise
-        self.keyed_requests = KeyedRequests(self._database)
-        self.kept_events = KeptEvents(self._database)
+        self.idempotency_keys = IdempotencyKeys(self._database)
+        self.stored_events = StoredEvents(self._database)
         self.outbox = Outbox(self._database)
         self.access_keys = AccessKeys(self._database)
         self.audit = AuditLog(self._database)
 
     async def close(self) -> None:
         await self._database.close()
-        self._hold.release()
+        self._lock.release()
 
     # runs
 
@@ -61,29 +61,29 @@ class Store:
         return self.folder / "runs" / run_id
 
     async def save_run(self, run: RunRecord) -> None:
-        """Insert the run, or bring its row up to date."""
-        behalf, row = current_behalf(), run.row()
+        """Insert or update the run."""
+        context, row = current_audit_context(), run.row()
 
         def save(db: sqlite3.Connection) -> None:
             if not db.execute(_UPDATE_RUN, (*row, run.id)).rowcount:
                 db.execute(f"INSERT INTO runs VALUES ({', '.join('?' * len(row))})", row)
-                note(db, behalf, run.created_at, "run", run.id, kind=run.kind)
+                record_change(db, context, run.created_at, "run", run.id, kind=run.kind)
 
         await self._database.write(save)
 
     async def run(self, run_id: str) -> RunRecord:
-        """Raises NotFound."""
+        """The run with this id. Raises NotFound."""
         row = await self._database.read(lambda db: db.execute("SELECT * FROM runs WHERE id = ?", (run_id,)).fetchone())
         if row is None:
             raise NotFound(f"there is no run {run_id!r}", "GET /runs lists them")
         return RunRecord.of(row)
 
     async def runs(self, limit: int, before: str | None = None) -> list[RunRecord]:
-        """The newest first; `before` is the id of the last one already seen. Raises CursorUnknown."""
+        """Up to `limit` runs older than the one with the id `before`, newest first. Raises CursorUnknown."""
         return [RunRecord.of(row) for row in await self._page("SELECT * FROM runs", "runs", limit, before)]
 
-    async def unfinished_runs(self) -> list[RunRecord]:
-        """Runs that a stopped daemon left behind."""
+    async def runs_in_progress(self) -> list[RunRecord]:
+        """Runs in no final state: at the start of the daemon, those that its predecessor left unfinished."""
         states = tuple(str(state) for state in sorted(FINAL_STATES))
         marks = ", ".join("?" * len(states))
         rows = await self._database.read(
@@ -94,13 +94,13 @@ class Store:
     # calibrations
 
     async def save_calibration(self, calibration: CalibrationRecord) -> None:
-        """Insert a calibration; it is never changed afterwards."""
+        """Insert a calibration. Calibrations are never changed."""
         row = (calibration.id, calibration.run_id, calibration.created_at, calibration.accepted,
                calibration.document.model_dump_json())  # fmt: skip
         await self._database.write(lambda db: db.execute("INSERT INTO calibrations VALUES (?, ?, ?, ?, ?)", row))
 
     async def calibration(self, calibration_id: str) -> CalibrationRecord:
-        """Raises NotFound."""
+        """The calibration with this id. Raises NotFound."""
         row = await self._database.read(
             lambda db: db.execute(f"{_CALIBRATION} WHERE id = ?", (calibration_id,)).fetchone()
         )
@@ -109,15 +109,15 @@ class Store:
         return _calibration(row)
 
     async def calibrations(self, limit: int, before: str | None = None) -> list[CalibrationRecord]:
-        """The newest first; `before` is the id of the last one already seen. Raises CursorUnknown."""
+        """Up to `limit` calibrations older than the one with the id `before`, newest first. Raises CursorUnknown."""
         return [_calibration(row) for row in await self._page(_CALIBRATION, "calibrations", limit, before)]
 
-    async def apply(self, applied: Applied, expected: Sequence[int] | None = None) -> Applied:
-        """Make a calibration current; the history is kept. Answers it with its place in the history.
+    async def apply(self, applied: AppliedCalibration, expected: Sequence[int] | None = None) -> AppliedCalibration:
+        """Put a calibration in force by appending it to the history; returns it with its sequence number.
 
-        `expected`: only if what is in force now is one of these (0: nothing). Raises AppliedMeanwhile.
+        `expected`: sequence numbers of which one must be in force now (0: none ever was). Raises AppliedMeanwhile.
         """
-        behalf = current_behalf()
+        context = current_audit_context()
 
         def insert(db: sqlite3.Connection) -> int:
             (now,) = db.execute("SELECT coalesce(max(sequence), 0) FROM applied").fetchone()
@@ -126,29 +126,29 @@ class Store:
             row = (applied.calibration_id, applied.applied_at, applied.applied_by)
             db.execute("INSERT INTO applied (calibration_id, applied_at, applied_by) VALUES (?, ?, ?)", row)
             (sequence,) = db.execute("SELECT last_insert_rowid()").fetchone()
-            note(db, behalf, applied.applied_at, "apply", str(sequence), calibration=applied.calibration_id,
+            record_change(db, context, applied.applied_at, "apply", str(sequence), calibration=applied.calibration_id,
                  by=applied.applied_by)  # fmt: skip
             return int(sequence)
 
         return replace(applied, sequence=await self._database.write(insert))
 
-    async def applied(self, limit: int = 1) -> list[Applied]:
-        """What was current, the newest first; the first of them is."""
+    async def history(self, limit: int = 1) -> list[AppliedCalibration]:
+        """The applied calibrations, newest first: the first one is in force."""
         query = "SELECT calibration_id, applied_at, applied_by, sequence FROM applied ORDER BY sequence DESC LIMIT ?"
         rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
-        return [Applied(*row) for row in rows]
+        return [AppliedCalibration(*row) for row in rows]
 
-    async def applied_at_place(self, sequence: int) -> Applied:
-        """One of the history. Raises NotFound."""
+    async def history_entry(self, sequence: int) -> AppliedCalibration:
+        """The entry of the history with this sequence number. Raises NotFound."""
         query = "SELECT calibration_id, applied_at, applied_by, sequence FROM applied WHERE sequence = ?"
         row = await self._database.read(lambda db: db.execute(query, (sequence,)).fetchone())
         if row is None:
             raise NotFound(f"nothing was applied as number {sequence}", "GET /calibrations lists what was")
-        return Applied(*row)
+        return AppliedCalibration(*row)
 
-    async def current(self) -> tuple[Applied, CalibrationRecord]:
-        """The calibration in force. Raises NoCalibration."""
-        for applied in await self.applied():
+    async def current(self) -> tuple[AppliedCalibration, CalibrationRecord]:
+        """The calibration in force and its entry in the history. Raises NoCalibration."""
+        for applied in await self.history():
             return applied, await self.calibration(applied.calibration_id)
         raise NoCalibration
 
@@ -158,16 +158,17 @@ class Store:
         return self.folder / "scans" / scan_id
 
     async def save_scan(self, scan: ScanRecord) -> None:
-        behalf, row = current_behalf(), (scan.id, scan.created_at, scan.name, scan.refine)
+        """Insert a scan."""
+        context, row = current_audit_context(), (scan.id, scan.created_at, scan.name, scan.refine)
 
         def insert(db: sqlite3.Connection) -> None:
             db.execute("INSERT INTO scans VALUES (?, ?, ?, ?)", row)
-            note(db, behalf, scan.created_at, "scan", scan.id, name=scan.name)
+            record_change(db, context, scan.created_at, "scan", scan.id, name=scan.name)
 
         await self._database.write(insert)
 
     async def scan(self, scan_id: str) -> ScanRecord:
-        """Raises NotFound."""
+        """The scan with this id. Raises NotFound."""
         query = "SELECT id, created_at, name, refine FROM scans WHERE id = ?"
         row = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchone())
         if row is None:
@@ -175,41 +176,44 @@ class Store:
         return _scan(row)
 
     async def scans(self, limit: int, before: str | None = None) -> list[ScanRecord]:
-        """The newest first; `before` is the id of the last one already seen. Raises CursorUnknown."""
+        """Up to `limit` scans older than the one with the id `before`, newest first. Raises CursorUnknown."""
         query = "SELECT id, created_at, name, refine FROM scans"
         return [_scan(row) for row in await self._page(query, "scans", limit, before)]
 
     async def add_scan_view(
         self, scan_id: str, upload: Path, suffix: str, unit: Unit, base_T_flange: PoseDocument, created_at: str
-    ) -> ScanView:
-        """Give the uploaded file the scan's next number and name: the file is on the disk before its row is."""
-        behalf = current_behalf()
+    ) -> ScanViewRecord:
+        """Append the uploaded file to the scan as its next view; the file is on the disk before its row."""
+        context = current_audit_context()
 
-        def insert(db: sqlite3.Connection) -> ScanView:
+        def insert(db: sqlite3.Connection) -> ScanViewRecord:
             count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
-            view = ScanView(count, f"view_{count:03d}{suffix}", unit, base_T_flange, created_at)
-            settle_file(upload, upload.with_name(view.file), self._at)
+            view = ScanViewRecord(count, f"view_{count:03d}{suffix}", unit, base_T_flange, created_at)
+            rename_durably(upload, upload.with_name(view.file), self._at)
             row = (scan_id, view.view, view.file, unit, base_T_flange.model_dump_json(), created_at)
             db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?)", row)
-            note(db, behalf, created_at, "view", f"{scan_id} {view.view}")
+            record_change(db, context, created_at, "view", f"{scan_id} {view.view}")
             return view
 
         return await self._database.write(insert)
 
     async def latest_scans_with_views(self, limit: int) -> list[str]:
-        """Whose last view came last."""
+        """Ids of up to `limit` scans that have views, the most recently extended first."""
         query = "SELECT scan_id FROM scan_views GROUP BY scan_id ORDER BY max(rowid) DESC LIMIT ?"
         rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
         return [scan_id for (scan_id,) in rows]
 
-    async def scan_views(self, scan_id: str) -> list[ScanView]:
-        """In the order they came."""
+    async def scan_views(self, scan_id: str) -> list[ScanViewRecord]:
+        """The views of a scan in the order of their arrival."""
         query = "SELECT view, file, unit, base_T_flange, created_at FROM scan_views WHERE scan_id = ? ORDER BY view"
         rows = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchall())
-        return [ScanView(v, file, unit, PoseDocument.model_validate_json(pose), at) for v, file, unit, pose, at in rows]
+        return [
+            ScanViewRecord(v, file, unit, PoseDocument.model_validate_json(pose), at)
+            for v, file, unit, pose, at in rows
+        ]
 
     async def _page(self, query: str, table: str, limit: int, before: str | None) -> list[Any]:
-        """In the order of insertion, the newest first: a clock that jumps back does not hide what is new."""
+        """One page, latest insertion first: ordered by rowid and not by time, since the clock may jump back."""
 
         def page(db: sqlite3.Connection) -> list[Any]:
             end = None
@@ -225,11 +229,11 @@ class Store:
     # files
 
     async def write_file(self, path: Path, blocks: Iterable[bytes]) -> None:
-        """The file is on the disk, whole, when this returns. Raises StorageError."""
+        """Write a file atomically and durably. Raises StorageError."""
         await self._database.run(lambda: self._write_file(path, blocks), path)
 
     async def read_file(self, path: Path) -> bytes:
-        """Raises NotFound, StorageError."""
+        """The content of a file of the store. Raises NotFound, StorageError."""
 
         def read() -> bytes:
             try:
@@ -239,8 +243,8 @@ class Store:
 
         return await self._database.run(read, path)
 
-    async def alive(self) -> None:
-        """Returns when the store's thread answers: the watchdog asks."""
+    async def ping(self) -> None:
+        """Wait until the store's thread answers; for the watchdog."""
         await self._database.read(lambda db: db.execute("SELECT 1").fetchone())
 
 

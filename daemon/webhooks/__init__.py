@@ -1,1 +1,1 @@
-"""The MES is told: signed messages from an outbox, at least once, in order."""
+"""Webhooks: signed messages from the outbox, delivered at least once and in order."""

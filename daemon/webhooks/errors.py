@@ -1,4 +1,8 @@
-"""What can be wrong with a webhook's settings."""
+"""Errors of webhooks.
+
+DaemonError
+└── SecretUnusable        a secret file cannot be read, or a secret is too short
+"""
 
 from pathlib import Path
 
@@ -6,7 +10,7 @@ from daemon.errors import DaemonError
 
 
 class SecretUnusable(DaemonError):
-    """What messages are signed with cannot be read, or is too short."""
+    """A secret file cannot be read, or a secret is too short."""
 
     code = "webhook-secret"
 

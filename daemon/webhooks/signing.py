@@ -1,4 +1,4 @@
-"""Messages signed as Standard Webhooks (standardwebhooks.com, 1.0.0): HMAC-SHA256 over id, time and body."""
+"""Signatures after Standard Webhooks 1.0.0 (standardwebhooks.com): HMAC-SHA256 over id, time and body."""
 
 import base64
 import hashlib
@@ -8,12 +8,12 @@ from pathlib import Path
 
 from daemon.webhooks.errors import SecretUnusable
 
-SECRET_BYTES = 32
-"""As long as the hash: more is not stronger, less is weaker."""
+MIN_SECRET_BYTES = 32
+"""The length of the hash: a longer secret is no stronger, a shorter one is weaker."""
 
 
-def signed_headers(message_id: str, at_s: int, body: bytes, secrets: Sequence[bytes]) -> dict[str, str]:
-    """The headers that go with a body; one signature a secret, so that a secret can be changed without a gap."""
+def signature_headers(message_id: str, at_s: int, body: bytes, secrets: Sequence[bytes]) -> dict[str, str]:
+    """The headers for a body, with one signature per secret, so that secrets can be rotated without interruption."""
     signatures = (f"v1,{signature(message_id, at_s, body, secret)}" for secret in secrets)
     return {
         "webhook-id": message_id,
@@ -29,15 +29,15 @@ def signature(message_id: str, at_s: int, body: bytes, secret: bytes) -> str:
     return base64.b64encode(hmac.new(secret, content, hashlib.sha256).digest()).decode()
 
 
-def secrets_in(file: Path) -> tuple[bytes, ...]:
-    """One a line, as text, or as base64 after "whsec_". Raises SecretUnusable."""
+def read_secrets(file: Path) -> tuple[bytes, ...]:
+    """The secrets of a file, one per line: text, or base64 after "whsec_". Raises SecretUnusable."""
     try:
         lines = [line.strip() for line in file.read_bytes().splitlines() if line.strip()]
     except OSError as error:
         raise SecretUnusable(file, (error.strerror or str(error)).lower()) from None
     secrets = tuple(_secret(line, file) for line in lines)
-    if not secrets or any(len(secret) < SECRET_BYTES for secret in secrets):
-        raise SecretUnusable(file, f"each line must hold {SECRET_BYTES} bytes or more")
+    if not secrets or any(len(secret) < MIN_SECRET_BYTES for secret in secrets):
+        raise SecretUnusable(file, f"each line must hold {MIN_SECRET_BYTES} bytes or more")
     return secrets
 
 

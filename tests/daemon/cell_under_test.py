@@ -17,7 +17,7 @@ from daemon.cell.cell import Devices
 from daemon.composition import build
 from daemon.config.settings import Settings
 from daemon.http.connections import Door
-from daemon.runtime.failpoints import NEVER, Failpoints
+from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.server import Server
 from daemon.store.store import Store
 from tests.daemon.fakes import CAMERA, FakeCamera, FakeRobot, FakeScanner, poses_around_the_target
@@ -85,7 +85,7 @@ async def serving(
     parts: Parts | None = None,
     store: Store | None = None,
     door: Door | None = None,
-    at: Failpoints = NEVER,
+    at: Failpoints = NO_FAILPOINTS,
 ) -> AsyncIterator[Bench]:
     """The daemon, up; stopped in order afterwards."""
     parts = parts or Parts()

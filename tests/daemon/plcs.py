@@ -8,7 +8,7 @@ from typing import Any
 
 from pymodbus.client import AsyncModbusTcpClient
 
-from daemon.plc.service import Plc
+from daemon.plc.service import PlcService
 from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_of, unsigned_of
 from protocols.plc.codes import Control, Status
 from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind
@@ -22,8 +22,8 @@ NONE = Status(0)
 READERS = {Kind.FLOAT32: float_of, Kind.INT32: integer_of, Kind.UINT32: unsigned_of}
 
 
-def plc_of(bench: Bench) -> Plc:
-    return next(companion for companion in bench.application.companions if isinstance(companion, Plc))
+def plc_of(bench: Bench) -> PlcService:
+    return next(companion for companion in bench.application.companions if isinstance(companion, PlcService))
 
 
 def value_of(image: list[int], name: str, order: WordOrder = WordOrder.HIGH_FIRST) -> Any:

@@ -12,7 +12,7 @@ import pytest
 from daemon.config.settings import Settings
 from daemon.errors import PortTaken
 from daemon.http.listen_socket import listener_at
-from daemon.runtime.logs import OneLine, about_run
+from daemon.runtime.logs import OneLineFormatter, about_run
 from daemon.runtime.workers import Workers
 from daemon.server import announce_in
 from tests.daemon.cell_under_test import serving, settings_for
@@ -41,7 +41,7 @@ def test_the_announcement_says_where_and_who(tmp_path: Path, capsys: pytest.Capt
 def test_a_log_record_is_one_line_with_its_run_whatever_it_says() -> None:
     record = logging.makeLogRecord({"name": "x", "levelname": "INFO", "msg": "two\nlines \x1b[31m red"})
     with about_run("r7"):
-        line = OneLine().format(record)
+        line = OneLineFormatter().format(record)
     assert line == "INFO run=r7 request=- x: two\\nlines \\x1b[31m red"
 
 

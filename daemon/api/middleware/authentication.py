@@ -6,12 +6,12 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from daemon.access.errors import KeyMissing, RoleTooLow
-from daemon.access.policy import role_needed
+from daemon.access.policy import role_for
 from daemon.access.roles import LOCAL, NOBODY, ROLES, Caller, Role
 from daemon.api.problems import answer, problem_of
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
-from daemon.store.actor import Behalf, on_behalf_of
+from daemon.store.actor import AuditContext, acting_as
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ class Authentication:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        needed = role_needed(scope["method"], scope["path"])
+        needed = role_for(scope["method"], scope["path"])
         try:
             caller = NOBODY if needed is Role.NOBODY else await self._caller(scope)
             if caller.role < needed:
@@ -41,7 +41,7 @@ class Authentication:
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
             return
         scope.setdefault("state", {})["caller"] = caller
-        behalf = Behalf(caller.name or _peer(scope), caller.role.word)
+        context = AuditContext(caller.name or _peer(scope), caller.role.word)
         status = 0
 
         async def seen(message: Message) -> None:
@@ -49,9 +49,9 @@ class Authentication:
             status = message.get("status", status)
             await send(message)
 
-        with on_behalf_of(behalf):
+        with acting_as(context):
             await self._app(scope, receive, seen)
-        await self._audit(scope, behalf, status)
+        await self._audit(scope, context, status)
 
     async def _caller(self, scope: Scope) -> Caller:
         """Raises KeyMissing, StorageError."""
@@ -60,20 +60,20 @@ class Authentication:
         scheme, _, key = _authorization(scope).partition(" ")
         if scheme.lower() != "bearer":
             raise KeyMissing("this needs a key")
-        record = await self._keys.found(key.strip())
+        record = await self._keys.find(key.strip())
         if record is None:
             raise KeyMissing("this key is not known")
         if not record.valid(now := self._application.clock.timestamp()):
             raise KeyMissing(f"the key of {record.name!r} is {record.state(now)}")
         return Caller(record.name, ROLES[record.role])
 
-    async def _audit(self, scope: Scope, behalf: Behalf, status: int) -> None:
+    async def _audit(self, scope: Scope, context: AuditContext, status: int) -> None:
         """What changed something has its row already, in the same transaction; the rest of what was done gets one."""
-        if scope["method"] != "POST" or behalf.noted or status >= 400 or scope["path"].startswith(NOT_AUDITED):
+        if scope["method"] != "POST" or context.changes or status >= 400 or scope["path"].startswith(NOT_AUDITED):
             return
         at = self._application.clock.timestamp()
         try:
-            await self._application.store.audit.append(behalf, at, "POST", scope["path"][:200], status=status)
+            await self._application.store.audit.append(context, at, "POST", scope["path"][:200], status=status)
         except StorageError as error:
             log.error("the audit log could not be written: %s", error)
 

@@ -21,8 +21,8 @@ from daemon.api.problems import answer, problem_of
 from daemon.api.streaming.request_body import pieces
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
-from daemon.store.actor import Behalf, KeyedRequest, current_behalf, on_behalf_of
-from daemon.store.idempotency_keys import Remembered
+from daemon.store.actor import AuditContext, IdempotentRequest, acting_as, current_audit_context
+from daemon.store.idempotency_keys import StoredRequest
 
 log = logging.getLogger(__name__)
 
@@ -57,9 +57,9 @@ class Idempotency:
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
 
     async def _keyed(self, scope: Scope, receive: Receive, send: Send, key: str) -> None:
-        behalf = current_behalf()
-        caller, head = behalf.actor, head_of(scope)
-        store = self._application.store.keyed_requests
+        context = current_audit_context()
+        caller, head = context.actor, head_of(scope)
+        store = self._application.store.idempotency_keys
         if (caller, key) in self._in_flight:
             effect = await store.effect(caller, key) or ""
             raise RequestInFlight(effect.removeprefix("run ") if effect.startswith("run ") else None)
@@ -67,7 +67,7 @@ class Idempotency:
         try:
             earlier = await store.begin(caller, key, head, self._application.clock.timestamp())
             if earlier is None:
-                await self._first(scope, receive, send, replace(behalf, request=KeyedRequest(caller, key)))
+                await self._first(scope, receive, send, replace(context, request=IdempotentRequest(caller, key)))
             elif earlier.head != head:
                 raise KeyReused
             elif scope["path"] in STREAMED_PATHS:
@@ -77,10 +77,10 @@ class Idempotency:
         finally:
             self._in_flight.discard((caller, key))
 
-    async def _first(self, scope: Scope, receive: Receive, send: Send, behalf: Behalf) -> None:
+    async def _first(self, scope: Scope, receive: Receive, send: Send, context: AuditContext) -> None:
         """Carry it out, and hold back the answer's end until it is remembered."""
-        assert behalf.request is not None
-        request, reply = behalf.request, _Reply(send, held=scope["path"] not in STREAMED_PATHS)
+        assert context.request is not None
+        request, reply = context.request, _Reply(send, held=scope["path"] not in STREAMED_PATHS)
 
         async def received() -> Message:
             message = await receive()
@@ -88,25 +88,25 @@ class Idempotency:
             return message
 
         try:
-            with on_behalf_of(behalf):
+            with acting_as(context):
                 await self._app(scope, received, reply.send)
         finally:
             await self._remember(request, reply)
         await reply.release()
 
-    async def _remember(self, request: KeyedRequest, reply: "_Reply") -> None:
-        store = self._application.store.keyed_requests
+    async def _remember(self, request: IdempotentRequest, reply: "_Reply") -> None:
+        store = self._application.store.idempotency_keys
         try:
             if reply.complete and (reply.status < 400 or request.had_effect):
                 content = bytes(reply.content) if reply.held else None
                 body = request.digest.hexdigest()
-                await store.answered(request.caller, request.key, body, reply.status, reply.kept_headers, content)
+                await store.save_answer(request.caller, request.key, body, reply.status, reply.kept_headers, content)
             elif not request.had_effect:
                 await store.forget(request.caller, request.key)
         except StorageError as error:  # what was done is stored; its answer can be made again from that
             log.error("the answer to a request with an Idempotency-Key could not be kept: %s", error)
 
-    async def _replay(self, scope: Scope, receive: Receive, send: Send, earlier: Remembered) -> None:
+    async def _replay(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
         digest = hashlib.sha256()
         try:
             async for chunk in pieces(receive):
@@ -126,7 +126,7 @@ class Idempotency:
         await send({"type": "http.response.start", "status": status, "headers": pairs})
         await send({"type": "http.response.body", "body": content})
 
-    async def _again(self, scope: Scope, receive: Receive, send: Send, earlier: Remembered) -> None:
+    async def _again(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
         """The same cloud through the calibration and the pose of the first time."""
         digest = hashlib.sha256()
         query = dict(parse_qsl(scope["query_string"].decode("latin-1")))

@@ -40,7 +40,7 @@ async def _view(app: Application, subject: str) -> Answer:
 
 
 async def _apply(app: Application, sequence: str) -> Answer:
-    applied = await app.store.applied_at_place(int(sequence))
+    applied = await app.store.history_entry(int(sequence))
     return _json(200, AppliedDocument.of(applied), "/calibrations/current")
 
 

@@ -25,7 +25,7 @@ async def setup(
 ) -> NewKeyDocument:
     """The first key, an admin's, for the set-up code that the daemon's log shows. It is shown this once."""
     peer = request.client.host if request.client else "unknown"
-    key, record = await app.key_desk.set_up(body.code, body.name, peer)
+    key, record = await app.key_service.set_up(body.code, body.name, peer)
     return NewKeyDocument.model_validate({"key": key, **vars(record)})
 
 

@@ -33,7 +33,7 @@ router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 async def calibrations(app: App, limit: Limit = 50, before: Before = None) -> CalibrationList:
     """The newest first, and what was applied last."""
     page, following = page_of(await app.store.calibrations(limit + 1, before), limit, "/calibrations")
-    applied = await app.store.applied(limit)
+    applied = await app.store.history(limit)
     current = applied[0].calibration_id if applied else None
     return CalibrationList(
         calibrations=[CalibrationSummary.of(record, current) for record in page],

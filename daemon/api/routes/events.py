@@ -9,7 +9,7 @@ from fastapi import APIRouter, Header, Response
 from fastapi.responses import StreamingResponse
 
 from daemon.api.dependencies import App
-from daemon.runtime.event_bus import Event, EventLog
+from daemon.runtime.event_bus import BusEvent, EventBus
 
 router = APIRouter(tags=["events"])
 
@@ -34,12 +34,12 @@ async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, p
     )
 
 
-async def _stream(events: EventLog, after: int) -> AsyncIterator[str]:
+async def _stream(events: EventBus, after: int) -> AsyncIterator[str]:
     yield ": what happens in the cell\n\n"
     async for event in events.listen(after, QUIET_S):
         yield ": nothing new\n\n" if event is None else _sse(event)
         await asyncio.sleep(0)  # a listener that went away is noticed between two events
 
 
-def _sse(event: Event) -> str:
+def _sse(event: BusEvent) -> str:
     return f"id: {event.number}\nevent: {event.kind}\ndata: {json.dumps(event.data)}\n\n"

@@ -50,4 +50,4 @@ async def register(
         app.metrics.registered_bytes += file.stat().st_size
         return FileResponse(file, media_type=media_type, headers=headers, background=removed)
     stream = CloudStream(media_type, base_T_scanner, unit)
-    return MovedCloud(stream, media_type, headers, app.store.folder, app.metrics.registered)
+    return MovedCloud(stream, media_type, headers, app.store.folder, app.metrics.count_cloud)

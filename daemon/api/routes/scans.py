@@ -28,7 +28,7 @@ from daemon.api.streaming.cloud_request import (
 )
 from daemon.application import Application
 from daemon.errors import NotFound
-from daemon.model.records import RunRecord, ScanView
+from daemon.model.records import RunRecord, ScanViewRecord
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import Report
 from registration.documents import RegistrationReportDocument
@@ -100,7 +100,7 @@ async def add_view(
     return ScanViewDocument.of(view)
 
 
-async def _upload(request: Request, app: Application, scan_id: str, pose: str, unit: UnitQuery) -> ScanView:
+async def _upload(request: Request, app: Application, scan_id: str, pose: str, unit: UnitQuery) -> ScanViewRecord:
     media_type = media_type_of(request)
     base_T_flange: PoseDocument = await app.operations.pose_now() if pose == "now" else parse_pose(pose)
     return await app.scans.keep(scan_id, request.stream(), media_type, unit, base_T_flange)

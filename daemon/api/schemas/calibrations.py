@@ -5,7 +5,7 @@ from typing import Literal
 from calibration.documents.calibration import CalibrationDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.api.schemas.runs import RunDocument
-from daemon.model.records import Applied, CalibrationRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord
 
 
 class CalibrationSummary(Answer):
@@ -42,7 +42,7 @@ class AppliedDocument(Answer):
     sequence: int
 
     @classmethod
-    def of(cls, applied: Applied) -> "AppliedDocument":
+    def of(cls, applied: AppliedCalibration) -> "AppliedDocument":
         return cls(**vars(applied))
 
 

@@ -5,7 +5,7 @@ from typing import Literal
 from calibration.documents.pose import PoseDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.api.schemas.runs import RunDocument
-from daemon.model.records import RunRecord, ScanRecord, ScanView
+from daemon.model.records import RunRecord, ScanRecord, ScanViewRecord
 
 
 class ScanViewDocument(Answer):
@@ -18,7 +18,7 @@ class ScanViewDocument(Answer):
     created_at: str
 
     @classmethod
-    def of(cls, view: ScanView) -> "ScanViewDocument":
+    def of(cls, view: ScanViewRecord) -> "ScanViewDocument":
         return cls(**vars(view))
 
 
@@ -48,7 +48,7 @@ class ScanDocument(Answer):
     links: dict[str, str]
 
     @classmethod
-    def of(cls, scan: ScanRecord, views: list[ScanView], run: RunRecord | None = None) -> "ScanDocument":
+    def of(cls, scan: ScanRecord, views: list[ScanViewRecord], run: RunRecord | None = None) -> "ScanDocument":
         links = {
             "self": f"/scans/{scan.id}",
             "views": f"/scans/{scan.id}/views",

@@ -12,21 +12,21 @@ import httpx
 import pytest
 
 from daemon.access.errors import KeyExists
-from daemon.access.keys import KeyRecord, hash_of, id_of, new_key
-from daemon.access.policy import role_needed
+from daemon.access.keys import KeyRecord, hash_key, id_of, new_key
+from daemon.access.policy import role_for
 from daemon.access.roles import ROLES, Role
-from daemon.access.setup_code import TRIES, SetupCode
+from daemon.access.setup_code import MAX_ATTEMPTS, SetupCode
 from daemon.errors import NotFound
 from daemon.model.records import CalibrationRecord
 from daemon.runtime.clock import Clock
-from daemon.store.actor import Behalf
-from daemon.store.key_service import KeyDesk
+from daemon.store.actor import AuditContext
+from daemon.store.key_service import KeyService
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 
 OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text())
-TEST = Behalf("test", "test")
+TEST = AuditContext("test", "test")
 
 
 def bearer(key: str) -> dict[str, str]:
@@ -37,7 +37,7 @@ def bearer(key: str) -> dict[str, str]:
 async def with_keys(folder: Path) -> AsyncIterator[tuple[Bench, dict[str, str]]]:
     """A daemon with a key of each role, and some that are valid no more."""
     async with serving(settings_for(folder)) as bench:
-        desk = bench.application.key_desk
+        desk = bench.application.key_service
         keys = {name: (await desk.add(name, role, TEST))[0] for name, role in ROLES.items()}
         keys["expired"] = (await desk.add("expired", Role.ADMIN, TEST, days=-1))[0]
         keys["revoked"] = (await desk.add("revoked", Role.ADMIN, TEST))[0]
@@ -93,9 +93,9 @@ async def test_events_need_a_viewer(tmp_path: Path) -> None:
 def test_every_operation_of_openapi_says_its_role_and_what_is_unknown_needs_an_operator() -> None:
     assert {needed for _, _, needed in OPERATIONS} == {Role.NOBODY, Role.VIEWER, Role.OPERATOR, Role.ADMIN}
     for method in ("POST", "PUT", "PATCH", "DELETE", "TRACE", "INVENTED"):
-        assert role_needed(method, "/some/new/route") is Role.OPERATOR
-    assert role_needed("GET", "/some/new/route") is Role.VIEWER
-    assert role_needed("GET", "/audit") is role_needed("GET", "/audit") is Role.ADMIN
+        assert role_for(method, "/some/new/route") is Role.OPERATOR
+    assert role_for("GET", "/some/new/route") is Role.VIEWER
+    assert role_for("GET", "/audit") is role_for("GET", "/audit") is Role.ADMIN
     open_to_all = [(method, path) for method, path, needed in OPERATIONS if needed is Role.NOBODY]
     assert sorted(open_to_all) == [("GET", "/health"), ("POST", "/setup")]
 
@@ -112,10 +112,10 @@ async def test_a_path_written_otherwise_opens_nothing(tmp_path: Path, path: str)
 async def test_on_this_machine_nobody_is_asked_until_there_is_a_key(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         assert (await bench.client.get("/audit")).status_code == 200
-        key, _ = await bench.application.key_desk.add("Ann", Role.ADMIN, TEST)
+        key, _ = await bench.application.key_service.add("Ann", Role.ADMIN, TEST)
         assert (await bench.client.get("/audit")).json()["code"] == "key-missing"
         assert (await bench.client.get("/audit", headers=bearer(key))).status_code == 200
-        await bench.application.key_desk.revoke("Ann", TEST)
+        await bench.application.key_service.revoke("Ann", TEST)
         assert (await bench.client.get("/audit")).status_code == 401  # once required, always required
     async with serving(settings_for(tmp_path)) as bench:
         assert (await bench.client.get("/runs")).status_code == 401
@@ -124,7 +124,7 @@ async def test_on_this_machine_nobody_is_asked_until_there_is_a_key(tmp_path: Pa
 async def test_the_set_up_code_makes_one_admin_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     async with serving(settings_for(tmp_path)) as bench:
-        code = bench.application.key_desk.code.text
+        code = bench.application.key_service.code.text
         assert code in caplog.text
         wrong = await bench.client.post("/setup", json={"code": "ABCD", "name": "Eve"})
         assert (wrong.status_code, wrong.json()["code"]) == (403, "setup-refused")
@@ -137,7 +137,7 @@ async def test_the_set_up_code_makes_one_admin_once(tmp_path: Path, caplog: pyte
     assert files_with(tmp_path, made.json()["key"]) == []
     caplog.clear()
     async with serving(settings_for(tmp_path)) as bench:
-        assert bench.application.key_desk.code.text not in caplog.text
+        assert bench.application.key_service.code.text not in caplog.text
 
 
 def files_with(folder: Path, text: str) -> list[Path]:
@@ -146,7 +146,7 @@ def files_with(folder: Path, text: str) -> list[Path]:
 
 async def test_the_key_from_the_set_up_is_not_kept_by_an_idempotency_key_either(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        body = {"code": bench.application.key_desk.code.text, "name": "Ann"}
+        body = {"code": bench.application.key_service.code.text, "name": "Ann"}
         made = await bench.client.post("/setup", json=body, headers={"idempotency-key": "k"})
         again = await bench.client.post("/setup", json=body, headers={"idempotency-key": "k"})
         assert (made.status_code, again.status_code) == (201, 403)
@@ -155,8 +155,8 @@ async def test_the_key_from_the_set_up_is_not_kept_by_an_idempotency_key_either(
 def test_a_few_wrong_guesses_end_the_code() -> None:
     code = SetupCode(lambda letters: letters[0])
     assert code.text == "2222-2222-2222-2222"
-    assert not any(code.opens(f"{k}") for k in range(TRIES))
-    assert not code.opens(code.text)
+    assert not any(code.redeem(f"{k}") for k in range(MAX_ATTEMPTS))
+    assert not code.redeem(code.text)
 
 
 @pytest.fixture
@@ -168,13 +168,13 @@ async def store(tmp_path: Path) -> AsyncIterator[Store]:
 
 async def test_a_rotated_key_leaves_time_to_bring_the_new_one_round(store: Store) -> None:
     now = [datetime(2026, 11, 21, 9, tzinfo=UTC)]
-    desk = KeyDesk(store.access_keys, Clock(utc_now=lambda: now[0]))
+    desk = KeyService(store.access_keys, Clock(utc_now=lambda: now[0]))
     old, _ = await desk.add("MES", Role.OPERATOR, TEST)
     new, record = await desk.rotate("MES", TEST, overlap_h=24)
     assert (record.name, record.role) == ("MES", "operator")
 
     async def valid(key: str) -> bool:
-        found = await store.access_keys.found(key)
+        found = await store.access_keys.find(key)
         return found is not None and found.valid(desk.clock.timestamp())
 
     assert (await valid(old), await valid(new)) == (True, True)
@@ -187,7 +187,7 @@ async def test_a_rotated_key_leaves_time_to_bring_the_new_one_round(store: Store
 
 
 async def test_names_are_unique_among_valid_keys(store: Store) -> None:
-    desk = KeyDesk(store.access_keys, Clock())
+    desk = KeyService(store.access_keys, Clock())
     await desk.add("MES", Role.OPERATOR, TEST)
     with pytest.raises(KeyExists):
         await desk.add("MES", Role.ADMIN, TEST)
@@ -207,7 +207,7 @@ def test_a_key_has_256_bits_and_is_stored_as_its_hash() -> None:
     key, key_id, key_hash = new_key(random_hex)
     assert asked[1] * 8 == 256
     assert key == f"hek_{key_id}_{'0f' * 32}"
-    assert key_hash == hash_of(key)
+    assert key_hash == hash_key(key)
     assert "0f0f" not in key_hash
     assert [id_of(text) for text in (key, key.upper(), key + "0", "", "hek__")] == [key_id, None, None, None, None]
 

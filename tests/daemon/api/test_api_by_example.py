@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from daemon.webhooks.signing import signed_headers
+from daemon.webhooks.signing import signature_headers
 from tests.daemon.cell_under_test import serving, settings_for
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
@@ -25,6 +25,6 @@ async def test_the_pages_examples_run(tmp_path: Path) -> None:
         names = await asyncio.to_thread(run_the_page, bench.url)
     assert [run["kind"] for run in names["runs"]] == ["verify", "calibration"]
     secret, body = b"s" * 32, b'{"id": "m"}'
-    headers = signed_headers("m", int(names["time"].time()), body, [b"other" * 8, secret])
+    headers = signature_headers("m", int(names["time"].time()), body, [b"other" * 8, secret])
     assert names["verified"](headers, body, secret)
     assert not names["verified"](headers, body + b" ", secret)

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from daemon.errors import StorageError
-from daemon.runtime.event_bus import KEPT, SKIPPED, Event, EventLog
+from daemon.runtime.event_bus import MAX_EVENTS, RESTART_GAP, BusEvent, EventBus
 from tests.daemon.api.test_api import read_events
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 
 
-async def heard(log: EventLog, after: int, until: int) -> list[Event]:
-    events: list[Event] = []
+async def heard(log: EventBus, after: int, until: int) -> list[BusEvent]:
+    events: list[BusEvent] = []
     async with asyncio.timeout(10):
         async for event in log.listen(after):
             assert event is not None
@@ -25,32 +25,32 @@ async def heard(log: EventLog, after: int, until: int) -> list[Event]:
 class FailingKeeper:
     """A disk that is full."""
 
-    async def last(self) -> list[Event]:
+    async def last(self) -> list[BusEvent]:
         return []
 
-    async def keep(self, events: Sequence[Event]) -> None:
+    async def keep(self, events: Sequence[BusEvent]) -> None:
         raise StorageError("full", "free some space")
 
 
 async def test_what_the_disk_refuses_is_told_all_the_same() -> None:
-    log = EventLog(FailingKeeper())
+    log = EventBus(FailingKeeper())
     log.publish("run", {"n": 1})
-    assert await heard(log, 0, 1) == [Event(1, "run", {"n": 1})]
+    assert await heard(log, 0, 1) == [BusEvent(1, "run", {"n": 1})]
 
 
 async def test_a_listener_that_comes_too_late_is_told_what_it_lost() -> None:
-    log = EventLog()
-    for k in range(KEPT + 10):
+    log = EventBus()
+    for k in range(MAX_EVENTS + 10):
         log.publish("run", {"n": k})
-    events = await heard(log, 5, KEPT + 10)
-    assert events[0] == Event(10, "lost", {"after": 5, "until": 10})
-    assert [event.number for event in events[1:]] == list(range(11, KEPT + 11))
+    events = await heard(log, 5, MAX_EVENTS + 10)
+    assert events[0] == BusEvent(10, "lost", {"after": 5, "until": 10})
+    assert [event.number for event in events[1:]] == list(range(11, MAX_EVENTS + 11))
     assert (await heard(log, 10, 11))[0].kind == "run"
 
 
 async def test_silence_is_broken_by_a_comment() -> None:
-    log = EventLog()
-    async for event in log.listen(0, quiet_s=0.01):
+    log = EventBus()
+    async for event in log.listen(0, idle_s=0.01):
         assert event is None
         break
 
@@ -66,7 +66,7 @@ async def test_what_was_missed_over_a_restart_is_told_with_numbers_that_only_gro
         assert [int(event["id"]) for event in events] == [last - 1, last]
         assert {json.loads(event["data"])["id"] for event in events} == {first}
         later = await read_events(bench.client, until="finished", last_event_id=str(last))
-        assert int(later[0]["id"]) == last + SKIPPED + 1
+        assert int(later[0]["id"]) == last + RESTART_GAP + 1
         assert {json.loads(event["data"])["id"] for event in later} == {second}
 
 

@@ -8,8 +8,8 @@ import httpx
 import pytest
 
 from daemon.access.roles import Role
-from daemon.runtime.logs import OneLine
-from daemon.store.actor import Behalf
+from daemon.runtime.logs import OneLineFormatter
+from daemon.store.actor import AuditContext
 from tests.daemon.api.test_register import with_a_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.store.test_store import names_in
@@ -87,9 +87,9 @@ async def test_what_a_request_says_stays_on_its_line_of_the_log(
 ) -> None:
     caplog.set_level(logging.INFO)
     async with serving(settings_for(tmp_path)) as bench:
-        await bench.application.key_desk.add("x", Role.VIEWER, Behalf())
+        await bench.application.key_service.add("x", Role.VIEWER, AuditContext())
         await asked(bench, "GET", "/runs/%1b[31m%0aERROR%20forged%20line%e2%80%ae")
-    lines = [OneLine().format(record) for record in caplog.records]
+    lines = [OneLineFormatter().format(record) for record in caplog.records]
     assert any("forged line" in line for line in lines)
     for line in lines:
         assert line.isprintable()

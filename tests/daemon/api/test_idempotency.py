@@ -9,7 +9,7 @@ import httpx
 import numpy as np
 
 from calibration.documents.pose import PoseDocument
-from daemon.model.records import Applied, CalibrationRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.api.test_register import PLY, cloud, with_a_calibration
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
@@ -133,7 +133,7 @@ async def _apply_another(bench: Bench) -> None:
     document = a_calibration("another").model_copy(update={"flange_T_camera": PoseDocument.of(np.eye(4))})
     store = bench.application.store
     await store.save_calibration(CalibrationRecord("another", None, document.created_at, True, document))
-    await store.apply(Applied("another", document.created_at, "test"))
+    await store.apply(AppliedCalibration("another", document.created_at, "test"))
 
 
 async def test_the_answer_survives_a_restart(tmp_path: Path) -> None:
@@ -174,7 +174,7 @@ async def test_killed_before_it_answered_the_daemon_answers_from_what_it_stored(
 async def test_a_key_that_was_only_noted_is_free_after_a_restart(tmp_path: Path) -> None:
     settings = settings_for(tmp_path)
     async with serving(settings) as bench:
-        keyed = bench.application.store.keyed_requests
+        keyed = bench.application.store.idempotency_keys
         assert await keyed.begin("local", KEY["idempotency-key"], "head", "2026-11-21T09:00:00.000Z") is None
     async with serving(settings) as bench:
         answer = await bench.client.post("/calibrate?wait=20", headers=KEY)

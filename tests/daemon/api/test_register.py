@@ -13,7 +13,7 @@ import pytest
 from calibration.transforms import Array, map_points, transform_from_quaternion
 from daemon.api.streaming.spool import MEMORY_BYTES
 from daemon.http.connections import Door, Limits
-from daemon.model.records import Applied, CalibrationRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
@@ -30,7 +30,7 @@ async def with_a_calibration(bench: Bench) -> None:
     store = bench.application.store
     document = a_calibration("cal-1")
     await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
-    await store.apply(Applied("cal-1", document.created_at, "test"))
+    await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
 
 
 def cloud(points: int) -> Array:

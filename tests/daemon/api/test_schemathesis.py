@@ -10,7 +10,7 @@ import pytest
 from benchmarks.daemon import schemathesis
 from benchmarks.daemon.schemathesis import end_streams_soon, one_round
 from daemon.access.roles import Role
-from daemon.store.actor import Behalf
+from daemon.store.actor import AuditContext
 from tests.daemon.api.test_register import with_a_calibration
 from tests.daemon.cell_under_test import serving, settings_for
 
@@ -23,7 +23,7 @@ async def test_no_request_that_openapi_allows_or_forbids_is_answered_otherwise(
     async with serving(settings_for(tmp_path / "store", calibration={"manual_wait_s": 1})) as bench:
         await with_a_calibration(bench)
         end_streams_soon(bench.application.events)
-        key, _ = await bench.application.key_desk.add("schemathesis", Role.ADMIN, Behalf())
+        key, _ = await bench.application.key_service.add("schemathesis", Role.ADMIN, AuditContext())
         cases, passed, text = await asyncio.to_thread(one_round, bench.url, key, 1, 1, tmp_path, PHASES)
         assert passed, text
         assert cases > 40

@@ -18,7 +18,7 @@ from daemon.drift.monitor import DriftWatch
 from daemon.drift.samples import Verifications, belongs
 from daemon.drift.schedule import RETRY_S, DriftSchedule
 from daemon.errors import CellBusy
-from daemon.model.records import Applied, RunRecord
+from daemon.model.records import AppliedCalibration, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from drivers.interfaces import Frame
@@ -212,7 +212,7 @@ def a_run(**changes: Any) -> RunRecord:
     ],
 )
 def test_what_belongs_to_a_chart(changes: dict[str, Any], expected: bool) -> None:
-    assert belongs(a_run(**changes), Applied("c", "2026-11-21T09:00:00.000Z", "x"), 88) is expected
+    assert belongs(a_run(**changes), AppliedCalibration("c", "2026-11-21T09:00:00.000Z", "x"), 88) is expected
 
 
 class Asked:

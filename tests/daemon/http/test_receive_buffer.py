@@ -38,7 +38,7 @@ def test_clouds_at_the_same_time(tmp_path: Path, loops: Callable[[], asyncio.Abs
         server = certificate(tmp_path / "tls") if secured else {}
         async with serving(settings_for(tmp_path / "store", server=server)) as bench:
             await with_a_calibration(bench)
-            key, _ = await bench.application.key_desk.add("scanner", Role.OPERATOR, TEST)
+            key, _ = await bench.application.key_service.add("scanner", Role.OPERATOR, TEST)
             verify = trusting(tmp_path / "tls") if secured else False
             url = bench.url.replace("127.0.0.1", "localhost")
             return await asyncio.gather(*(moved(url, verify, key, number) for number in range(CLOUDS)))

@@ -56,7 +56,7 @@ async def test_others_are_served_over_tls_and_asked_for_a_key_from_the_start(tmp
         async with httpx.AsyncClient(base_url=url, verify=trusting(tmp_path / "tls"), timeout=20) as client:
             assert (await client.get("/health")).status_code == 200
             assert (await client.get("/runs")).json()["code"] == "key-missing"  # though there are none yet
-            code = bench.application.key_desk.code.text
+            code = bench.application.key_service.code.text
             key = (await client.post("/setup", json={"code": code})).json()["key"]
             assert (await client.get("/runs", headers=bearer(key))).status_code == 200
         async with httpx.AsyncClient(base_url=url) as suspicious:
@@ -69,7 +69,7 @@ async def test_others_are_served_over_tls_and_asked_for_a_key_from_the_start(tmp
 
 async def test_old_protocols_are_not_spoken(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path / "store", server=certificate(tmp_path / "tls"))) as bench:
-        key, _ = await bench.application.key_desk.add("x", Role.VIEWER, TEST)
+        key, _ = await bench.application.key_service.add("x", Role.VIEWER, TEST)
         old = trusting(tmp_path / "tls")
         old.set_ciphers("ALL:@SECLEVEL=0")
         with warnings.catch_warnings():

@@ -9,7 +9,7 @@ import pytest
 from calibration.transforms import transform_from_quaternion
 from daemon.config.plc_settings import PlcSettings
 from daemon.errors import PortTaken
-from daemon.model.records import Applied, CalibrationRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import LinkLost
 from protocols.modbus.words import WordOrder, crc16
 from protocols.plc.codes import Command, Contents, Control, DriftState, Status, Verdict
@@ -26,7 +26,7 @@ async def with_a_calibration(bench: Bench) -> None:
     document = a_calibration("cal-7")
     store = bench.application.store
     await store.save_calibration(CalibrationRecord("cal-7", None, document.created_at, True, document))
-    await store.apply(Applied("cal-7", "2026-11-21T09:00:00.000Z", "a test"))
+    await store.apply(AppliedCalibration("cal-7", "2026-11-21T09:00:00.000Z", "a test"))
 
 
 async def test_calibrate_verify_and_register_by_handshake(tmp_path: Path) -> None:

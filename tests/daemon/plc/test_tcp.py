@@ -12,12 +12,12 @@ import uvloop
 from pymodbus.client import AsyncModbusTcpClient
 
 from benchmarks.daemon.modbus import Tally, fuzz, served
-from daemon.plc.tcp import Limits, ModbusTcp
+from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.plc.registers import BY_NAME
 from tests.support.waiting import eventually
 
-QUICK = Limits(connections=3, idle_s=30.0, half_frame_s=0.1)
+QUICK = ModbusTcpLimits(connections=3, idle_s=30.0, half_frame_s=0.1)
 READ = struct.pack(">BHH", 4, 16, 20)
 
 
@@ -127,7 +127,7 @@ async def test_too_many_connections_are_refused_and_a_place_that_is_left_is_give
 
 async def test_a_scanner_of_the_network_does_not_keep_the_plc_out() -> None:
     """Of clients that may write, by another address of this machine."""
-    limits = Limits(2, 30.0, comes_first=lambda client: client == "127.0.0.2")
+    limits = ModbusTcpLimits(2, 30.0, has_priority=lambda client: client == "127.0.0.2")
     async with served(limits) as server, wire(server.port) as first, wire(server.port) as second:
         for client in (second, first):
             client.writer.write(Adu(1, 1, READ).encode())
@@ -143,7 +143,7 @@ async def test_a_scanner_of_the_network_does_not_keep_the_plc_out() -> None:
 
 
 async def test_a_silent_connection_is_closed_and_one_that_asks_is_not() -> None:
-    async with served(Limits(3, idle_s=0.3)) as server, wire(server.port) as silent, wire(server.port) as busy:
+    async with served(ModbusTcpLimits(3, idle_s=0.3)) as server, wire(server.port) as silent, wire(server.port) as busy:
         loop = asyncio.get_running_loop()
         ends_s = loop.time() + 0.7
         while loop.time() < ends_s:
@@ -162,7 +162,7 @@ def answers_waiting_bytes(server: ModbusTcp) -> int:
 
 
 async def test_a_client_that_never_reads_is_not_kept_and_holds_up_nobody() -> None:
-    async with served(Limits(3, idle_s=0.5)) as server, wire(server.port) as deaf, wire(server.port) as other:
+    async with served(ModbusTcpLimits(3, idle_s=0.5)) as server, wire(server.port) as deaf, wire(server.port) as other:
         deaf.writer.transport.set_write_buffer_limits(high=1 << 26)
         whole = struct.pack(">BHH", 4, 0, 125)
         deaf.writer.write(Adu(1, 1, whole).encode() * 200_000)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.runtime.logs import OneLine, about_request, about_run, log_to_stdout, priority, request_id
+from daemon.runtime.logs import OneLineFormatter, about_request, about_run, log_to_stdout, priority, request_id
 from tests.daemon.cell_under_test import serving, settings_for
 
 LINE = re.compile(r"^(?P<level>[A-Z]+) run=(?P<run>\S+) request=(?P<request>\S+) (?P<logger>[\w.]+): (?P<message>.*)$")
@@ -25,8 +25,8 @@ def a_record(level: int = logging.INFO, message: str = "something") -> logging.L
 )
 def test_priorities_are_syslogs(level: int, number: int) -> None:
     assert priority(level) == number
-    assert OneLine(priorities=True).format(a_record(level)).startswith(f"<{number}>")
-    assert not OneLine().format(a_record(level)).startswith("<")
+    assert OneLineFormatter(priorities=True).format(a_record(level)).startswith(f"<{number}>")
+    assert not OneLineFormatter().format(a_record(level)).startswith("<")
 
 
 def test_a_record_with_a_traceback_and_control_characters_is_one_line_with_both_ids() -> None:
@@ -36,7 +36,7 @@ def test_a_record_with_a_traceback_and_control_characters_is_one_line_with_both_
         record = a_record(logging.ERROR, "a defect\n<0>forged")
         record.exc_info = (type(error), error, error.__traceback__)
     with about_request("mes-7"), about_run("r1"):
-        line = OneLine(priorities=True).format(record)
+        line = OneLineFormatter(priorities=True).format(record)
     assert len(line.splitlines()) == 1
     assert line.startswith("<3>ERROR run=r1 request=mes-7 daemon.x: a defect\\n<0>forged")
     assert "\\nTraceback" in line
@@ -73,7 +73,7 @@ async def test_a_run_carries_the_id_of_the_request_that_started_it(
 ) -> None:
     out = io.StringIO()
     handler = logging.StreamHandler(out)
-    handler.setFormatter(OneLine())
+    handler.setFormatter(OneLineFormatter())
     with caplog.at_level(logging.INFO), attached(handler):
         async with serving(settings_for(tmp_path)) as bench:
             answer = await bench.client.post("/calibrate", headers={"x-request-id": "mes-4711"})

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from daemon.access.audit_chain import Anchor, AuditRow, flaws, hash_of
+from daemon.access.audit_chain import AuditAnchor, AuditRow, find_flaws, hash_row
 from daemon.access.roles import Role
 from daemon.model.records import CalibrationRecord
-from daemon.store.actor import Behalf
-from daemon.store.audit_log import found_flaws
+from daemon.store.actor import AuditContext
+from daemon.store.audit_log import check_audit_log
 from daemon.store.database import DATABASE_NAME
 from daemon.store.store import Store
 from tests.daemon.access.test_access import TEST, bearer, with_keys
@@ -20,7 +20,7 @@ from tests.daemon.cell_under_test import serving, settings_for
 async def a_log(folder: Path, rows: int = 6) -> list[AuditRow]:
     store = Store(folder)
     for k in range(rows):
-        await store.audit.append(Behalf("Ann", "admin"), "2026-11-21T09:00:00.000Z", "apply", f"c{k}", n=k)
+        await store.audit.append(AuditContext("Ann", "admin"), "2026-11-21T09:00:00.000Z", "apply", f"c{k}", n=k)
     await store.audit.anchor()
     written = await store.audit.rows(100, None)
     await store.close()
@@ -39,7 +39,7 @@ def tamper(folder: Path, *statements: str) -> None:
 
 async def test_a_log_nobody_touched_is_whole(tmp_path: Path) -> None:
     await a_log(tmp_path)
-    assert found_flaws(tmp_path / DATABASE_NAME, []) == (6, [])
+    assert check_audit_log(tmp_path / DATABASE_NAME, []) == (6, [])
 
 
 COLUMNS = ["at", "actor", "role", "action", "subject", "detail", "hash"]
@@ -60,7 +60,7 @@ TAMPERED = [
 async def test_whatever_is_done_to_a_row_is_found(tmp_path: Path, statement: str) -> None:
     await a_log(tmp_path)
     tamper(tmp_path, statement, "UPDATE audit SET sequence = -sequence WHERE sequence < 0")
-    rows, found = found_flaws(tmp_path / DATABASE_NAME, [])
+    rows, found = check_audit_log(tmp_path / DATABASE_NAME, [])
     assert found, (rows, statement)
 
 
@@ -70,29 +70,29 @@ async def test_a_log_rewritten_with_right_hashes_is_found_by_its_anchor(tmp_path
     before, statements = "0" * 64, ["DELETE FROM audit"]
     for row in rows[:4]:
         changed = AuditRow(row.sequence, row.at, "Eve", row.role, row.action, row.subject, row.detail)
-        before = hash_of(changed, before)
+        before = hash_row(changed, before)
         values = (*list(vars(changed).values())[:-1], before)
         statements.append(f"INSERT INTO audit VALUES ({', '.join(repr(value) for value in values)})")
     tamper(tmp_path, *statements, "UPDATE sqlite_sequence SET seq = 4 WHERE name = 'audit'")
-    _, found = found_flaws(tmp_path / DATABASE_NAME, [])
+    _, found = check_audit_log(tmp_path / DATABASE_NAME, [])
     assert found == ["the log ends with row 4, but row 6 was written: its end was cut off"]
     (tmp_path / "audit-anchor.json").unlink()
-    assert found_flaws(tmp_path / DATABASE_NAME, [])[1] == []  # without any anchor such a lie is consistent …
-    written_down = Anchor(rows[1].sequence, rows[1].hash)
-    assert found_flaws(tmp_path / DATABASE_NAME, [written_down])[1]  # … so write one down elsewhere
+    assert check_audit_log(tmp_path / DATABASE_NAME, [])[1] == []  # without any anchor such a lie is consistent …
+    written_down = AuditAnchor(rows[1].sequence, rows[1].hash)
+    assert check_audit_log(tmp_path / DATABASE_NAME, [written_down])[1]  # … so write one down elsewhere
 
 
 async def test_a_garbled_anchor_is_told(tmp_path: Path) -> None:
     await a_log(tmp_path)
     (tmp_path / "audit-anchor.json").write_text("{")
-    assert found_flaws(tmp_path / DATABASE_NAME, [])[1]
+    assert check_audit_log(tmp_path / DATABASE_NAME, [])[1]
 
 
 def test_rows_that_look_alike_when_joined_have_hashes_of_their_own() -> None:
     one = AuditRow(1, "t", "ab", "c", "a", "s", "{}")
     other = AuditRow(1, "t", "a", "bc", "a", "s", "{}")
-    assert hash_of(one, "0") != hash_of(other, "0")
-    assert flaws([]) == []
+    assert hash_row(one, "0") != hash_row(other, "0")
+    assert find_flaws([]) == []
 
 
 async def test_the_database_itself_refuses_to_forget(tmp_path: Path) -> None:
@@ -121,14 +121,14 @@ async def test_what_was_done_is_told_with_who_did_it(tmp_path: Path) -> None:
         ]  # fmt: skip
         assert rows[2]["subject"] == run["id"]
         assert rows[1]["detail"] == {"by": "operator", "calibration": "good"}
-    assert found_flaws(tmp_path / DATABASE_NAME, [])[1] == []
+    assert check_audit_log(tmp_path / DATABASE_NAME, [])[1] == []
 
 
 async def test_the_log_is_read_in_pages(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         for k in range(5):
-            await bench.application.key_desk.add(f"k{k}", Role.ADMIN, TEST)
-        key, _ = await bench.application.key_desk.add("Ann", Role.ADMIN, TEST)
+            await bench.application.key_service.add(f"k{k}", Role.ADMIN, TEST)
+        key, _ = await bench.application.key_service.add("Ann", Role.ADMIN, TEST)
         pages, link = [], "/audit?limit=4"
         while link:
             page = (await bench.client.get(link, headers=bearer(key))).json()

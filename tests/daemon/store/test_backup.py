@@ -52,7 +52,7 @@ async def answers(bench: Bench, key: str) -> dict[str, Any]:
 async def test_a_restored_store_gives_the_same_answers(tmp_path: Path) -> None:
     here, there, file = a_config(tmp_path / "here"), a_config(tmp_path / "there"), tmp_path / "all.tar"
     async with serving(settings_for(tmp_path / "here" / "store", calibration={"policy": "auto"})) as bench:
-        key, _ = await bench.application.key_desk.add("Ann", Role.ADMIN, TEST)
+        key, _ = await bench.application.key_service.add("Ann", Role.ADMIN, TEST)
         headers = bearer(key)
         run = (await bench.client.post("/calibrate?wait=30", headers=headers)).json()
         assert run["result"]["applied"]

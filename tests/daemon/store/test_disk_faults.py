@@ -21,7 +21,7 @@ class Disk:
     code: int
     broken: bool = False
 
-    def reached(self, place: str) -> None:
+    def reach(self, place: str) -> None:
         if self.broken and place == self.place:
             raise OSError(self.code, "the disk says no")
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from daemon.config.settings import StorageSettings
-from daemon.model.records import Applied, CalibrationRecord, RunRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
-from daemon.store.retention import Retention, outlived
+from daemon.store.retention import Retention, runs_to_prune
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import serving, settings_for
@@ -48,13 +48,13 @@ NOTHING: frozenset[str] = frozenset()
 def test_what_goes(
     days: tuple[int, ...], keep_runs: int, keep_days: float, kept: frozenset[str], going: list[str]
 ) -> None:
-    assert outlived(newest_first(*days), keep_runs, keep_days, kept) == going
+    assert runs_to_prune(newest_first(*days), keep_runs, keep_days, kept) == going
 
 
 def test_a_clock_set_wrong_while_nothing_ran_costs_nothing_and_a_run_in_progress_is_left_alone() -> None:
-    assert outlived(newest_first(0, 1), 100, 30, NOTHING) == []  # whatever today's date is
+    assert runs_to_prune(newest_first(0, 1), 100, 30, NOTHING) == []  # whatever today's date is
     runs = [run_of_day(3), run_of_day(2, RunState.CAPTURING), run_of_day(1)]
-    assert outlived(runs, 1, 100, NOTHING) == ["day1"]
+    assert runs_to_prune(runs, 1, 100, NOTHING) == ["day1"]
 
 
 async def retention(folder: Path, **settings: float) -> tuple[Store, Retention]:
@@ -66,7 +66,7 @@ async def retention(folder: Path, **settings: float) -> tuple[Store, Retention]:
             await store.write_file(store.run_folder(run.id) / name, [b"x" * 1000])
     document = a_calibration("day0")
     await store.save_calibration(CalibrationRecord("day0", "day0", document.created_at, True, document))
-    await store.apply(Applied("day0", document.created_at, "Ann"))
+    await store.apply(AppliedCalibration("day0", document.created_at, "Ann"))
     return store, Retention(store, Workers(clock), clock, StorageSettings(folder=str(folder), **settings))  # type: ignore[arg-type]
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from daemon.errors import NoCalibration, NotFound, StorageError, StorageFull, StorageTooNew
-from daemon.model.records import Applied, CalibrationRecord, Cause, RunRecord, ScanRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord, Cause, RunRecord, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.durable_files import write_durably
 from daemon.store.database import DATABASE_NAME
@@ -39,7 +39,7 @@ async def test_what_was_stored_is_there_after_a_restart(tmp_path: Path) -> None:
     failed = replace(a_run("r1", RunState.FAILED), cause=Cause("link-lost", "lost", "look"), result={"x": 1.5})
     await store.save_run(failed)
     await store.save_calibration(record("c1"))
-    await store.apply(Applied("c1", AT, "somebody"))
+    await store.apply(AppliedCalibration("c1", AT, "somebody"))
     await store.save_scan(ScanRecord("s1", AT, "door"))
     await store.write_file(store.run_folder("r1") / "view_000.png", [b"pic", b"ture"])
     await store.close()
@@ -47,7 +47,7 @@ async def test_what_was_stored_is_there_after_a_restart(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert await store.run("r1") == failed
     assert await store.calibration("c1") == record("c1")
-    assert await store.current() == (Applied("c1", AT, "somebody"), record("c1"))
+    assert await store.current() == (AppliedCalibration("c1", AT, "somebody"), record("c1"))
     assert await store.scan("s1") == ScanRecord("s1", AT, "door")
     assert await store.read_file(store.run_folder("r1") / "view_000.png") == b"picture"
     await store.close()
@@ -72,11 +72,11 @@ async def test_the_history_of_what_was_applied_is_kept(tmp_path: Path) -> None:
     for name in ("c1", "c2"):
         await store.save_calibration(record(name))
     for name in ("c1", "c2", "c1", "c2"):
-        await store.apply(Applied(name, AT, "x"))
-    assert [row.calibration_id for row in await store.applied(10)] == ["c2", "c1", "c2", "c1"]
+        await store.apply(AppliedCalibration(name, AT, "x"))
+    assert [row.calibration_id for row in await store.history(10)] == ["c2", "c1", "c2", "c1"]
     assert (await store.current())[1].id == "c2"
     with pytest.raises(StorageError):
-        await store.apply(Applied("never stored", AT, "x"))
+        await store.apply(AppliedCalibration("never stored", AT, "x"))
     assert (await store.current())[1].id == "c2"
     await store.close()
 

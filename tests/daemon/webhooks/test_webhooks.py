@@ -11,17 +11,17 @@ from typing import Any
 import pytest
 
 from daemon.config.server_settings import WebhookSettings
-from daemon.model.records import Applied, CalibrationRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.runtime.clock import Clock
 from daemon.store.store import Store
 from daemon.webhooks.dispatcher import (
-    LONGEST_PAUSE_S,
-    TRIES_OF_NEVER_TAKEN,
-    Dispatcher,
+    MAX_ATTEMPTS_WHEN_REFUSED,
+    MAX_PAUSE_S,
+    WebhookDispatcher,
     pause_s,
 )
 from daemon.webhooks.errors import SecretUnusable
-from daemon.webhooks.signing import secrets_in, signature, signed_headers
+from daemon.webhooks.signing import read_secrets, signature, signature_headers
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.webhooks.receiver import Receiver, receiving
@@ -38,7 +38,7 @@ def test_the_signature_is_that_of_the_standards_own_example() -> None:
 
 
 def test_two_secrets_make_two_signatures() -> None:
-    both = signed_headers("m", 1, b"{}", [b"a" * 32, b"b" * 32])["webhook-signature"].split(" ")
+    both = signature_headers("m", 1, b"{}", [b"a" * 32, b"b" * 32])["webhook-signature"].split(" ")
     assert both == [f"v1,{signature('m', 1, b'{}', secret * 32)}" for secret in (b"a", b"b")]
 
 
@@ -48,12 +48,12 @@ def test_a_secret_that_cannot_be_one_is_told(tmp_path: Path, content: bytes | No
     if content is not None:
         file.write_bytes(content)
     with pytest.raises(SecretUnusable, match=r"openssl rand -hex 32"):
-        secrets_in(file)
+        read_secrets(file)
 
 
 def test_pauses_double_up_to_a_limit_and_are_spread() -> None:
     assert [pause_s(n, 1.0) for n in (1, 2, 3, 4)] == [1, 2, 4, 8]
-    assert pause_s(1000, 1.0) == LONGEST_PAUSE_S
+    assert pause_s(1000, 1.0) == MAX_PAUSE_S
     assert pause_s(3, 0.0) == 2.0
 
 
@@ -73,13 +73,13 @@ def dispatcher(store: Store, hook: WebhookSettings, sleep: Callable[[float], Awa
     async def at_once(seconds: float) -> None:
         await asyncio.sleep(0)
 
-    return Dispatcher((hook,), store.outbox, Clock(sleep=sleep or at_once), lambda: 1.0)
+    return WebhookDispatcher((hook,), store.outbox, Clock(sleep=sleep or at_once), lambda: 1.0)
 
 
 async def apply_some(store: Store, *names: str) -> None:
     for name in names:
         await store.save_calibration(CalibrationRecord(name, None, AT, True, a_calibration(name)))
-        await store.apply(Applied(name, AT, "Ann"))
+        await store.apply(AppliedCalibration(name, AT, "Ann"))
 
 
 async def test_messages_come_in_order_signed_and_with_ids_of_their_own(store: Store, tmp_path: Path) -> None:
@@ -117,12 +117,12 @@ async def test_what_is_not_taken_comes_again_the_same_and_before_anything_later(
 
 
 async def test_a_message_that_is_never_taken_does_not_stop_those_behind_it(store: Store, tmp_path: Path) -> None:
-    async with receiving(*[422] * TRIES_OF_NEVER_TAKEN) as mes:
+    async with receiving(*[422] * MAX_ATTEMPTS_WHEN_REFUSED) as mes:
         sending = dispatcher(store, webhook(tmp_path, mes, topics=("calibration.applied",)))
         await sending.start()
         await apply_some(store, "a", "b")
-        bodies = await mes.has(TRIES_OF_NEVER_TAKEN + 1)
-        assert [body["data"]["sequence"] for body in bodies] == [1] * TRIES_OF_NEVER_TAKEN + [2]
+        bodies = await mes.has(MAX_ATTEMPTS_WHEN_REFUSED + 1)
+        assert [body["data"]["sequence"] for body in bodies] == [1] * MAX_ATTEMPTS_WHEN_REFUSED + [2]
         await sending.stop()
 
 
@@ -134,7 +134,7 @@ async def test_a_new_receiver_is_not_told_the_past_and_a_known_one_misses_nothin
         await first.start()
         await first.stop()
         await apply_some(store, "while nobody sends")
-        assert await store.outbox.waiting() == {"mes": 2}
+        assert await store.outbox.pending_counts() == {"mes": 2}
         await store.close()
         store = Store(tmp_path)
         second = dispatcher(store, webhook(tmp_path, mes, topics=("calibration.applied",)))
