@@ -13,7 +13,7 @@ import pytest
 
 from daemon.access.errors import KeyExists
 from daemon.access.keys import KeyRecord, hash_key, id_of, new_key
-from daemon.access.policy import role_for
+from daemon.access.policy import ANY, POLICY, role_for
 from daemon.access.roles import ROLES, Role
 from daemon.access.setup_code import MAX_ATTEMPTS, SetupCode
 from daemon.errors import NotFound
@@ -98,6 +98,11 @@ def test_every_operation_of_openapi_says_its_role_and_what_is_unknown_needs_an_o
     assert role_for("GET", "/audit") is role_for("GET", "/audit") is Role.ADMIN
     open_to_all = [(method, path) for method, path, needed in OPERATIONS if needed is Role.NOBODY]
     assert sorted(open_to_all) == [("GET", "/health"), ("POST", "/setup")]
+
+
+def test_every_path_of_the_policy_is_a_route() -> None:
+    routes = {(method, path) for method, path, _ in OPERATIONS}
+    assert {(method, path) for method, path, _ in POLICY if path != ANY} <= routes
 
 
 @pytest.mark.parametrize("path", ["//audit", "/audit/", "/AUDIT", "/./audit", "/%61udit", "/x/../audit"])
