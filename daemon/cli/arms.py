@@ -6,7 +6,7 @@ from daemon.cli.output import Json
 
 
 def arms(json: Json = False) -> None:
-    """List the arms whose reach and joint limits are known: names for [robot] model and plan.json."""
+    """List the arms whose reach and joint limits are known: names for \\[robot] model and plan.json."""
     import numpy as np
 
     from calibration.kinematics.abb_arms import ARMS

@@ -11,7 +11,7 @@ from daemon.cli.plan import prediction_words, read_question
 
 
 def assess(
-    file: Annotated[Path, typer.Argument(help='plan.json with "views": [pose, ...], poses chosen by somebody.')],
+    file: Annotated[Path, typer.Argument(help='plan.json with "views": \\[pose, ...], poses chosen by somebody.')],
     json: Json = False,
 ) -> None:
     """Predict how well given robot poses will determine the calibration, before anything moves.

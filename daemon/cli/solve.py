@@ -14,10 +14,15 @@ if TYPE_CHECKING:
 
 RESULT_FILE = "calibration.json"
 
+CLOSED_FORM_NAMES = "three-pose, tsai, park, horaud, daniilidis, shah, kronecker"
+"""Of `calibration.closed_forms`, which is not imported for a help text."""
+
 
 def solve(
     folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders with a session.json each.")],
-    method: Annotated[str, typer.Option(help="auto, or a closed form by name (see docs/guide.md).")] = "auto",
+    method: Annotated[
+        str, typer.Option(help=f"auto (maximum likelihood), or a closed form: {CLOSED_FORM_NAMES}.")
+    ] = "auto",
     out: Annotated[
         Path | None,
         typer.Option(

@@ -2,11 +2,19 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
+import typer
+
+from calibration.closed_forms.registry import CLOSED_FORMS
+from daemon.cli.main import app
+from daemon.cli.solve import CLOSED_FORM_NAMES
 from tests.daemon.cli.running import handeyed
 
 HEAVY = ("numpy", "scipy", "cv2", "pydantic", "fastapi", "uvicorn", "httpx", "calibration.solve", "daemon.composition")
@@ -29,6 +37,25 @@ def test_every_command_is_there_and_has_a_help(tmp_path: Path) -> None:
         assert f" {command} " in listed
         if command != "mock":  # its --help is the mock's own
             assert handeyed(command, "--help").status == 0
+
+
+def _commands(group: Any) -> Iterator[Any]:
+    for command in group.commands.values():
+        yield command
+        if hasattr(command, "commands"):
+            yield from _commands(command)
+
+
+def test_no_word_in_brackets_is_lost_as_markup() -> None:
+    for command in _commands(typer.main.get_command(app)):
+        for text in (command.help, *(getattr(param, "help", None) for param in command.params)):
+            assert not re.findall(r"(?<!\\)\[[a-z]", text or ""), text
+    assert "[robot] model" in " ".join(handeyed("arms", "--help").out.split())
+
+
+def test_the_help_of_solve_names_every_closed_form() -> None:
+    assert ", ".join(CLOSED_FORMS) == CLOSED_FORM_NAMES
+    assert "kronecker" in handeyed("solve", "--help").out
 
 
 def test_the_shell_can_complete_commands() -> None:
