@@ -16,7 +16,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class DriftReport:
-    """What the chart says now. `alarm` is a sentence, empty while the calibration holds.
+    """What the chart says now. `alarm` is a sentence, None while the calibration holds.
 
     `shift_mm`: how far the fixed target seems to have moved, averaged; `limit_mm`: how far it may seem so by chance.
     """
@@ -28,7 +28,7 @@ class DriftReport:
     limit_mm: float | None = None
     scatter_mm: float = 0.0
     scatter_limit_mm: float | None = None
-    alarm: str = ""
+    alarm: str | None = None
 
     def told(self) -> dict[str, object]:
         """For an event."""
@@ -119,7 +119,7 @@ def _explained_mm(
     )
 
 
-def _alarm(last: ChartPoint, scatter_mm: float, limit_mm: float | None) -> str:
+def _alarm(last: ChartPoint, scatter_mm: float, limit_mm: float | None) -> str | None:
     if last.standing is DriftStanding.DRIFTING:
         return (
             f"drift: the fixed target seems to have moved by {last.drift_mm:.3f} mm, by chance at most"
@@ -130,4 +130,4 @@ def _alarm(last: ChartPoint, scatter_mm: float, limit_mm: float | None) -> str:
             f"drift: the target scatters by {scatter_mm:.3f} mm over the positions, the calibration explains at most"
             f" {limit_mm:.3f} mm: {CALIBRATE}"
         )
-    return ""
+    return None

@@ -64,7 +64,11 @@ class DriftWatch:
         """For GET /metrics."""
         report = self.report
         told = (
-            ("alarm", "1 while the verifications say that the calibration no longer holds.", float(bool(report.alarm))),
+            (
+                "alarm",
+                "1 while the verifications say that the calibration no longer holds.",
+                float(report.alarm is not None),
+            ),
             ("verifications", "Verifications in the control chart.", float(report.verifications)),
             ("shift_meters", "How far the fixed target seems to have moved, averaged.", report.shift_mm / 1e3),
             ("limit_meters", "How far it may seem so by chance.", (report.limit_mm or 0.0) / 1e3),
@@ -104,10 +108,10 @@ class DriftWatch:
         if self.report == before:
             return
         self.events.publish("drift", self.report.told())
-        if bool(self.report.alarm) == bool(before.alarm):
+        if (self.report.alarm is None) == (before.alarm is None):
             return
         log.warning("%s", self.report.alarm or "drift: the alarm is over")
-        alarm = {"kind": "drift", "raised": bool(self.report.alarm), "what": self.report.alarm or "it is over"}
+        alarm = {"kind": "drift", "raised": self.report.alarm is not None, "what": self.report.alarm or "it is over"}
         calibration_id = self.report.calibration_id or before.calibration_id
         await self.store.outbox.post("alarm", self.clock.timestamp(), {**alarm, "calibration_id": calibration_id})
 

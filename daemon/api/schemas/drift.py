@@ -69,7 +69,7 @@ class DriftDocument(Answer):
             limit_mm=report.limit_mm,
             scatter_mm=report.scatter_mm,
             scatter_limit_mm=report.scatter_limit_mm,
-            alarm=report.alarm or None,
+            alarm=report.alarm,
             rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
             points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
                     for point in chart.points[-limit:]],

@@ -79,7 +79,7 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
             await verifies(bench)
         await eventually(lambda: watch.report.verifications == 4)
         assert watch.report.standing is DriftStanding.STEADY
-        assert watch.report.alarm == ""
+        assert watch.report.alarm is None
         assert (await bench.client.get("/ready")).json()["warnings"] == []
         await plc.waits(Status.ONLINE, unwanted=Status.DRIFT_ALARM)
 
@@ -108,8 +108,13 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
 
         run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
         assert run["result"]["applied"]
-        await eventually(lambda: watch.report.alarm == "")
+        await eventually(lambda: watch.report.alarm is None)
         assert [alarm["raised"] for alarm in await alarms_in(bench)] == [True, False]
+        async with asyncio.timeout(5):
+            async for event in bench.application.events.listen(heard):
+                if event is not None and event.kind == "drift" and event.data["standing"] == "learning":
+                    break
+        assert event.data["alarm"] is None
         assert (await bench.client.get("/ready")).json()["warnings"] == []
 
 
