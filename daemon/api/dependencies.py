@@ -8,7 +8,7 @@ from typing import Annotated, Any, Protocol, TypeVar
 from fastapi import Depends, Path, Query, Request
 from pydantic import BaseModel
 
-from calibration.documents.validation import validate_document
+from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, RequestRefused
 from daemon.application import Application
@@ -55,6 +55,15 @@ def body_of(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
         return validate_document(model, _json(await request.body()), ORIGIN)
 
     return read
+
+
+class _Nothing(Document):
+    """An empty object."""
+
+
+async def no_body(request: Request) -> None:
+    """A dependency of a route without a body; an empty object passes. Raises DocumentError, BodyMalformed."""
+    await body_of(_Nothing)(request)
 
 
 def takes(model: type[BaseModel]) -> dict[str, Any]:

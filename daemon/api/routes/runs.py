@@ -2,10 +2,10 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import APIRouter, Depends, Path, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, page_of
+from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, no_body, page_of
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import run_in_words
 from daemon.api.problems import documented
@@ -52,7 +52,8 @@ async def abort(request: Request, app: App, run_id: Identifier) -> Response:
 @router.post(
     "/{run_id}/stations",
     response_model=RunDocument,
-    responses={200: or_text("The view is taken"), **documented(404, 409, 422, 500, 502, 503, 504, 507)},
+    dependencies=[Depends(no_body)],
+    responses={200: or_text("The view is taken"), **documented(400, 404, 409, 422, 500, 502, 503, 504, 507)},
 )
 async def station(request: Request, app: App, run_id: Identifier) -> Response:
     """Of a manual run: take one view from where the operator has jogged the arm to, and say where to go next.

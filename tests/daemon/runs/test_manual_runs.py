@@ -169,6 +169,24 @@ async def test_nothing_more_is_taken_after_the_end(tmp_path: Path) -> None:
         assert (unknown.status_code, unknown.json()["code"]) == (404, "not-found")
 
 
+@pytest.mark.parametrize(
+    ("body", "status", "detail"),
+    [
+        (b'{"count": 3}', 422, "count: unknown key"),
+        (b"[]", 422, "dictionary"),
+        (b"{", 400, "not JSON"),
+    ],
+)
+async def test_a_body_where_none_is_taken_is_refused(tmp_path: Path, body: bytes, status: int, detail: str) -> None:
+    async with by_hand(tmp_path) as hand:
+        hand.jogs_to(POSES[0])
+        refused = await hand.bench.client.post(hand.run["links"]["stations"], content=body)
+        assert (refused.status_code, detail in refused.json()["detail"]) == (status, True), refused.text
+        assert (await hand.sees())["station"] == 0
+        taken = await hand.bench.client.post(hand.run["links"]["stations"], json={})
+        assert taken.status_code == 200, taken.text
+
+
 async def test_a_run_that_drives_itself_takes_no_views_by_hand(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         run = (await bench.client.post("/calibrate")).json()
