@@ -50,7 +50,7 @@ async def _save(folder: Path, told: Connection) -> None:
     from daemon.store.store import Store
     from tests.daemon.calibrations import a_calibration
     from tests.daemon.fakes import ply_of
-    from tests.daemon.store.test_store import a_run
+    from tests.daemon.records import a_run
 
     store = Store(folder)
     run, scan = a_run("r"), ScanRecord("s", AT, "door")
@@ -159,7 +159,7 @@ class Disk:
         self._folder = folder
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(
-            ["tests.daemon.calibrations", "tests.daemon.fakes", "tests.daemon.store.test_store"]
+            ["tests.daemon.calibrations", "tests.daemon.fakes", "tests.daemon.records"]
         )
         self.refused: Counter[str] = Counter()
 

@@ -58,11 +58,11 @@ def daemon_process(folder: str, ready: Any) -> None:
 
 
 async def _daemon(folder: Path, ready: Any) -> None:
-    from tests.daemon.api.test_register import with_a_calibration
+    from tests.daemon.calibrations import apply_calibration
     from tests.daemon.cell_under_test import serving, settings_for
 
     async with serving(settings_for(folder)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         ready.put(urlsplit(bench.url).port)
         await asyncio.Event().wait()
 

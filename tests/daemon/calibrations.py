@@ -3,6 +3,8 @@
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
+from daemon.model.records import AppliedCalibration, CalibrationRecord
+from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import BASE_T_TARGET, CAMERA, FLANGE_T_CAMERA
 
 
@@ -31,3 +33,11 @@ def a_calibration(calibration_id: str, *, accepted: bool = True, solved: bool = 
             "verdict": {"accepted": accepted, "findings": findings},
         }
     )  # fmt: skip
+
+
+async def apply_calibration(bench: Bench, calibration_id: str = "cal-1") -> None:
+    """Store a calibration of the fake cell's truth, and put it in force."""
+    store = bench.application.store
+    document = a_calibration(calibration_id)
+    await store.save_calibration(CalibrationRecord(calibration_id, None, document.created_at, True, document))
+    await store.apply(AppliedCalibration(calibration_id, document.created_at, "test"))

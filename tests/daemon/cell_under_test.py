@@ -66,6 +66,11 @@ class Bench:
         assert run["over"], run
         return run
 
+    async def verify(self, **body: Any) -> None:
+        """A verification run, finished."""
+        run = await self.run_over((await self.client.post("/verify", json=body)).headers["location"])
+        assert run["state"] == "finished", run["cause"]
+
 
 @dataclass
 class Parts:

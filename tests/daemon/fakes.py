@@ -46,6 +46,12 @@ def poses_around_the_target(count: int = 5) -> list[Array]:
     return poses
 
 
+def pose_reading(x_mm: float = 0.0, turn_deg: float = 0.0, still: bool = True) -> PoseReading:
+    """A flange near the base frame's origin: shifted along x, turned about z."""
+    pose = transform(rotation_from_vector([0, 0, np.radians(turn_deg)]), [x_mm, 0.0, 0])
+    return PoseReading(pose, Configuration(0, 0, 0, 0), (UNUSED_AXIS,) * 6, still, 0.0)
+
+
 @dataclass
 class FakeRobot:
     """Jumps to its goals. `before_move` may raise, wait, or break the link."""

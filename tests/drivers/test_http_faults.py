@@ -9,8 +9,8 @@ import pytest
 from drivers.cameras.http_camera import HttpCamera
 from drivers.errors import AnswerTooLarge, DeviceTimeout, DeviceUnreachable, GarbledAnswer
 from drivers.http_source import age_s
-from tests.drivers.cameras.test_decoding import PNG
 from tests.drivers.http_devices import Answer, http_device
+from tests.drivers.pictures import PNG
 from tests.support.waiting import eventually
 
 FAULTS = {

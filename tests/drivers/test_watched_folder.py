@@ -8,7 +8,7 @@ import pytest
 
 from drivers.cameras.folder_camera import FolderCamera
 from drivers.errors import AnswerTooLarge, DeviceTimeout, GarbledAnswer
-from tests.drivers.cameras.test_decoding import PNG
+from tests.drivers.pictures import PNG
 from tests.support.waiting import eventually
 
 

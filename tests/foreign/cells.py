@@ -1,8 +1,7 @@
 """What the tests with foreign clients share: a cell in a thread, and the poses it truly reports."""
 
-import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 
@@ -11,6 +10,7 @@ import numpy as np
 from calibration.transforms import quaternion_from_rotation
 from mock_robot.rws.numbers import printed
 from tests.mock_robot.rws_cell import RwsCell
+from tests.support.waiting import eventually_blocking
 
 
 @contextmanager
@@ -43,16 +43,8 @@ def unverified_https() -> Iterator[None]:
         yield
 
 
-def moved(cell: RwsCell, joints: np.ndarray, waits: Callable[[Callable[[], bool]], None]) -> None:
-    """The arm goes there, and stands."""
+def move(cell: RwsCell, joints: np.ndarray) -> None:
+    """Drive the arm there, and wait until it stands."""
     arm, clock = cell.controller.arm, cell.cell.clock
     cell.does(lambda: arm.depart(joints, 500.0, False, cell.controller.robot_s(clock())))
-    waits(lambda: arm.settled_at(cell.controller.robot_s(clock())))
-
-
-def wait_until(condition: Callable[[], bool], limit_s: float = 10.0) -> None:
-    """Look often, fail when it does not come true."""
-    ends_s = time.monotonic() + limit_s
-    while not condition():
-        assert time.monotonic() < ends_s, "it did not happen in time"
-        time.sleep(0.005)
+    eventually_blocking(lambda: arm.settled_at(cell.controller.robot_s(clock())))

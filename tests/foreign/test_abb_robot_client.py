@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mock_robot.cabinet.panel import Mode
-from tests.foreign.cells import digits, held_by, moved, wait_until
+from tests.foreign.cells import digits, held_by, move
 from tests.mock_robot.bench import AWAY
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
+from tests.support.waiting import eventually_blocking
 
 rws = pytest.importorskip("abb_robot_client.rws", reason="abb-robot-client is not installed")
 
@@ -48,7 +49,7 @@ def test_pose_and_joints_are_the_mocks_to_the_last_digit_before_and_after_a_move
         assert tuple(target.robconf) == cell.world.configuration
         assert np.all(target.extax > 8.9e9)
         assert np.allclose(joints.robax, cell.world.joints_deg, rtol=0, atol=1e-5)
-        moved(cell, AWAY, wait_until)
+        move(cell, AWAY)
 
 
 def test_its_writes_change_the_mock_and_its_motion_stops(cell: RwsCell, client: rws.RWS) -> None:
@@ -88,13 +89,13 @@ def test_events_of_six_kinds_arrive(cell: RwsCell, client: rws.RWS) -> None:
         ],
         events.append,
     )
-    wait_until(lambda: any(group.taken for group in cell.cell.rws.first.subscriptions.groups.values()))
+    eventually_blocking(lambda: any(group.taken for group in cell.cell.rws.first.subscriptions.groups.values()))
     client.set_digital_io("do_spare", 1)
     client.set_rapid_variable("reg1", "7")
     client.stop()
     client.set_controller_state("motoroff")
     cell.does(lambda: cell.controller.switch_mode(Mode.MANR, cell.cell.clock()))
-    wait_until(lambda: {type(event).__name__ for event in events} >= {
+    eventually_blocking(lambda: {type(event).__name__ for event in events} >= {
         "Signal", "VariableValue", "RAPIDExecutionState", "ControllerState", "OperationalMode", "EventLogEntryEvent"
     })  # fmt: skip
     assert rws.Signal("do_spare", "1") in events

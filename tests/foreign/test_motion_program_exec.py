@@ -12,8 +12,8 @@ import pytest
 
 from tests.foreign.cells import held_by
 from tests.mock_robot.bench import AWAY, HOME
-from tests.mock_robot.running_cell import becomes
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
+from tests.support.waiting import eventually
 
 client_module = pytest.importorskip(
     "abb_motion_program_exec.abb_motion_program_exec_client", reason="abb-motion-program-exec is not installed"
@@ -57,7 +57,7 @@ class Twin:
     async def _move(self, number: float, *values: float) -> list[float]:
         cell, arm = self._cell, self._cell.controller.arm
         arm.depart(np.radians(values[:6]), values[12], False, cell.controller.robot_s(cell.cell.clock()))
-        await becomes(lambda: arm.settled_at(cell.controller.robot_s(cell.cell.clock())))
+        await eventually(lambda: arm.settled_at(cell.controller.robot_s(cell.cell.clock())))
         return [cell.cell.clock(), number, *cell.world.joints_deg]
 
 

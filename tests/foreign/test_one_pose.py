@@ -11,8 +11,8 @@ from drivers.robots.tcp import TcpTransport
 from protocols.egm.messages import decode
 from tests.foreign.cells import held_by
 from tests.mock_robot.bench import AWAY
-from tests.mock_robot.running_cell import becomes
 from tests.mock_robot.rws_cell import ACCEPT_2, RwsCell, rws_cell
+from tests.support.waiting import eventually
 
 PATH = "/rw/motionsystem/mechunits/ROB_1/robtarget?tool=tool0&wobj=wobj0&coordinate=Wobj"
 
@@ -42,7 +42,7 @@ async def test_every_way_tells_the_same_pose_before_and_after_a_move(program: st
             assert before == [list(held_by(cell).values())] * 4
             arm = cell.controller.arm
             arm.depart(AWAY, 500.0, False, cell.controller.robot_s(cell.cell.clock()))
-            await becomes(lambda: arm.settled_at(cell.controller.robot_s(cell.cell.clock())))
+            await eventually(lambda: arm.settled_at(cell.controller.robot_s(cell.cell.clock())))
             await asyncio.sleep(0)
             after = await told_by_all(cell, robot)
             assert after == [list(held_by(cell).values())] * 4

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
-from tests.mock_robot.running_cell import becomes
 from tests.mock_robot.running_cell import running_cell as cell_with_a_line
+from tests.support.waiting import eventually
 
 
 @pytest.mark.skipif(shutil.which("socat") is None, reason="socat is not installed: apt-get install socat")
@@ -21,7 +21,7 @@ async def test_the_cb_link_runs_over_a_pair_of_ptys_that_socat_joins(tmp_path: P
         mocks = f"{cell.announcement.serial_path},raw,echo=0"
         socat = await asyncio.create_subprocess_exec("socat", f"pty,raw,echo=0,link={line}", mocks, stderr=DEVNULL)
         try:
-            await becomes(line.exists)
+            await eventually(line.exists)
             robot = CbRobot(SerialTransport(str(line)))
             robot.start()
             try:

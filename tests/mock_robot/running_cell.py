@@ -10,7 +10,7 @@ import asyncio
 import json
 import sys
 from asyncio.subprocess import PIPE, Process
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,10 +131,3 @@ async def cell_process(*arguments: str, within_s: float = 30.0) -> AsyncIterator
         if process.returncode is None:
             process.kill()
         await process.wait()
-
-
-async def becomes(condition: Callable[[], bool], within_s: float = 10.0) -> None:
-    """Wait until a condition holds, looking often."""
-    async with asyncio.timeout(within_s):
-        while not condition():  # noqa: ASYNC110 - what is waited for happens on a wire, or in arm time
-            await asyncio.sleep(0.005)

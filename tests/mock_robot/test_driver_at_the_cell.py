@@ -18,7 +18,8 @@ from mock_robot.truth.part_views import suggested_scan_poses
 from mock_robot.truth.start_posture import target_middle_mm
 from protocols.cb.codes import Command
 from tests.mock_robot.bench import AWAY, HOME
-from tests.mock_robot.running_cell import RunningCell, becomes, running_cell
+from tests.mock_robot.running_cell import RunningCell, running_cell
+from tests.support.waiting import eventually
 
 
 @asynccontextmanager
@@ -123,7 +124,7 @@ async def test_a_link_lost_in_a_move_fails_it_stops_the_arm_and_disarms(fault: s
         cell.breaks(fault, only=Command.STATUS, after_moves=1)
         with pytest.raises((LinkLost, GarbledAnswer)):
             await robot.move_to(goal_at(cell, HOME))
-        await becomes(lambda: not cell.moving)
+        await eventually(lambda: not cell.moving)
         assert not cell.controller.armed
         await robot.connected(10.0)
         assert not (await robot.read_status()).armed

@@ -28,7 +28,8 @@ from protocols.cb.codes import Command, Flag, Status
 from protocols.cb.events import SessionChanged
 from tests.mock_robot.bench import AWAY, HOME, move_to
 from tests.mock_robot.cb_client import over_serial, over_tcp
-from tests.mock_robot.running_cell import RunningCell, becomes, cell_process, running_cell
+from tests.mock_robot.running_cell import RunningCell, cell_process, running_cell
+from tests.support.waiting import eventually
 
 PROGRAMS = pytest.mark.parametrize("program", ["rapid", "python"])
 
@@ -76,8 +77,8 @@ async def test_a_client_that_hangs_up_leaves_a_disarmed_standing_arm_and_a_free_
         async with over_tcp(cell.announcement.robot_port) as client:
             await client.is_armed()
             assert await client.asks(move_to(AWAY)) == cb.MoveAccepted()
-            await becomes(lambda: cell.moving)
-        await becomes(lambda: not cell.moving)
+            await eventually(lambda: cell.moving)
+        await eventually(lambda: not cell.moving)
         assert not cell.controller.armed
         async with over_tcp(cell.announcement.robot_port) as client:
             await client.is_armed()
@@ -88,8 +89,8 @@ async def test_a_silent_client_is_stopped_after_two_seconds_and_makes_way(progra
     async with robot_only(time_scale=0.2, program=program) as cell, over_tcp(cell.announcement.robot_port) as silent:
         await silent.is_armed()
         assert await silent.asks(move_to(AWAY)) == cb.MoveAccepted()
-        await becomes(lambda: not cell.controller.armed)
-        await becomes(lambda: not cell.moving)
+        await eventually(lambda: not cell.controller.armed)
+        await eventually(lambda: not cell.moving)
         async with over_tcp(cell.announcement.robot_port) as successor:
             await successor.is_armed()
 
@@ -100,7 +101,7 @@ async def test_a_lost_reply_is_repeated_and_the_arm_moves_once(program: RobotPro
         await client.is_armed()
         cell.breaks("link-reply-lost", only=Command.MOVE)
         client.write(client.session.request(move_to(AWAY)))
-        await becomes(lambda: cell.commanded_moves == 1)
+        await eventually(lambda: cell.commanded_moves == 1)
         client.write(client.session.repeat())
         assert await client.is_answered() == cb.MoveAccepted()
         assert cell.controller.arm.departures == 1
@@ -132,7 +133,7 @@ async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str, progra
         with pytest.raises(ConnectionError):
             while True:
                 await client.asks(cb.GetStatus())
-        await becomes(lambda: not cell.moving)
+        await eventually(lambda: not cell.moving)
         assert not cell.controller.armed
         assert cell.commanded_moves == 1
 

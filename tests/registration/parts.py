@@ -1,5 +1,6 @@
 """A made-up part and views of it, with known truth."""
 
+import itertools
 import json
 from pathlib import Path
 
@@ -63,3 +64,7 @@ def write_scan(folder: Path, clouds: list[Array], said: list[Array], unit: str =
         views.append({"cloud": f"view_{index:03}.ply", "unit": unit, "base_T_flange": pose})
     scan = {"schema_version": 1, "source": "a made-up part", "setup": "eye-in-hand", "views": views}
     (folder / "scan.json").write_text(json.dumps(scan))
+
+
+def ticks() -> object:
+    return itertools.count().__next__

@@ -1,6 +1,5 @@
 """Several views of one part become one cloud in the base."""
 
-import itertools
 import json
 from pathlib import Path
 
@@ -22,13 +21,9 @@ from registration.points.voxel_grid import VoxelGrid
 from registration.report import register_scan
 from registration.scan import Hand, read_scan, register_views, sample_views, write_views
 from tests.registration.clouds import RICH, cloud, xyz
-from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, flat, poses, view_of, write_scan, wrong
+from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, flat, poses, ticks, view_of, write_scan, wrong
 
 NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
-
-
-def ticks() -> object:
-    return itertools.count().__next__
 
 
 def read(path: Path) -> Array:

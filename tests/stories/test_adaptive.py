@@ -12,8 +12,8 @@ from calibration.documents.pose import PoseDocument
 from calibration.targets import Chessboard
 from calibration.transforms import Array, rotation_from_vector, transform
 from mock_robot.truth.score import score_calibration
-from tests.mock_robot.running_cell import becomes
 from tests.stories.plant import TEXT, Plant, plant, small_pictures
+from tests.support.waiting import eventually
 
 SMALL_PICTURES_MM = 0.4
 NOTHING_GUESSED = {"flange_T_camera_guess": None, "base_T_target_guess": None}
@@ -101,7 +101,7 @@ async def test_aborted_while_it_plans_nothing_moves_afterwards(tmp_path: Path, s
         stopped = (await story.operator.client.post(run["links"]["abort"])).json()
         moves = story.cell.commanded_moves
         assert stopped["state"] == "aborted"
-        await becomes(lambda: not story.cell.moving)
+        await eventually(lambda: not story.cell.moving)
         assert not (await story.operator.client.get("/robot")).json()["armed"]
         again = (await story.operator.client.get("/health")).status_code
         assert (again, story.cell.commanded_moves) == (200, moves)
@@ -119,5 +119,5 @@ async def test_a_link_lost_while_it_plans_fails_the_run_and_moves_nothing(tmp_pa
         assert ended["cause"]["what"].startswith("link to the controller lost after station 1 of 5"), ended["cause"]
         story.cell.mends()
         await story.operator.waits_until_ready()
-        await becomes(lambda: not story.cell.moving)
+        await eventually(lambda: not story.cell.moving)
         assert story.cell.commanded_moves == moves

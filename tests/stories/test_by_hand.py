@@ -13,51 +13,14 @@ import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
-from calibration.transforms import Array, rotation_from_vector, transform
 from mock_robot.cabinet.panel import Mode
 from mock_robot.truth.score import score_calibration
-from tests.mock_robot.running_cell import RunningCell, becomes
+from tests.stories.jogging import SMALL_PICTURES_MM, jogs, jogs_and_waits, settled, where_next
 from tests.stories.plant import Plant, plant, small_pictures
+from tests.support.waiting import eventually
 
 ROOT = Path(__file__).parents[2]
-SMALL_PICTURES_MM = 0.4
 BLIND = ("z", 30.0), ("x", 20.0), ("y", 20.0)
-AXES = {"x": [1.0, 0, 0], "y": [0, 1.0, 0], "z": [0, 0, 1.0]}
-
-
-def jogs(cell: RunningCell, base_T_flange: Array) -> None:
-    """The operator moves the joystick: the controller's own program has nothing to do with it."""
-    arm, robot_s = cell.controller.arm, cell.controller.robot_s(cell.cell.clock())
-    arm.depart(arm.arm.nearest(base_T_flange, arm.joints_at(robot_s)), 250.0, False, robot_s)
-
-
-async def jogs_and_waits(cell: RunningCell, base_T_flange: Array) -> None:
-    jogs(cell, base_T_flange)
-    await becomes(lambda: settled(cell))
-
-
-def settled(cell: RunningCell) -> bool:
-    return cell.controller.arm.settled_at(cell.controller.robot_s(cell.cell.clock()))
-
-
-def reported(cell: RunningCell) -> Array:
-    return cell.controller.arm.reported_base_T_flange(cell.controller.robot_s(cell.cell.clock()))
-
-
-def roughly(base_T_flange: Array, rng: np.random.Generator) -> Array:
-    """As near as a person with a joystick gets to a pose."""
-    return base_T_flange @ transform(
-        rotation_from_vector(np.radians(2.0) * rng.standard_normal(3)), 5.0 * rng.standard_normal(3)
-    )
-
-
-def where_next(cell: RunningCell, planning: dict[str, Any], rng: np.random.Generator) -> Array:
-    """What the operator makes of the advice: the pose, or only the turn where no pose is known."""
-    if planning["next_pose"] is not None:
-        return roughly(PoseDocument.model_validate(planning["next_pose"]).transform(), rng)
-    axis = planning["advice"].split("about its ")[1][0]
-    here = reported(cell)
-    return here @ transform(rotation_from_vector(np.radians(12.0) * np.array(AXES[axis])), np.zeros(3))
 
 
 @asynccontextmanager
@@ -102,7 +65,7 @@ async def test_a_view_is_not_taken_while_the_operator_still_jogs(tmp_path: Path)
         jogs(story.cell, PoseDocument.model_validate(taken["planning"]["next_pose"]).transform())
         refused = await story.operator.client.post(run["links"]["stations"])
         assert (refused.status_code, refused.json()["code"]) == (409, "not-still")
-        await becomes(lambda: settled(story.cell))
+        await eventually(lambda: settled(story.cell))
         again = (await story.operator.client.post(run["links"]["stations"])).json()
         assert again["station"] == 2
 

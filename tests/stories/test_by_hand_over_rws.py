@@ -1,9 +1,6 @@
 """No robot program at all: poses by Robot Web Services, stillness also by EGM, views by hand; X is the truth's."""
 
 import asyncio
-import socket
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,37 +10,8 @@ import pytest
 
 from mock_robot.cabinet.panel import Mode
 from mock_robot.truth.score import score_calibration
-from tests.mock_robot.running_cell import running_cell
-from tests.stories.plant import Plant, daemon_for, small_pictures
-from tests.stories.test_by_hand import SMALL_PICTURES_MM, jogs_and_waits, where_next
-
-
-def free_port() -> int:
-    """A UDP port that nobody has."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
-        asked.bind(("127.0.0.1", 0))
-        return int(asked.getsockname()[1])
-
-
-@asynccontextmanager
-async def by_rws(folder: Path, version: int) -> AsyncIterator[Plant]:
-    """A cell in manual mode whose program stands, and a daemon that knows it by its web services and EGM alone."""
-    async with running_cell(time_scale=50.0, truth=small_pictures(3)) as cell:
-        urls = await cell.cell.rws.start("127.0.0.1", 0, 0)
-        host = (urls.first, urls.second)[version - 1].partition("//")[2]
-        egm = {"host": "127.0.0.1", "port": free_port(), "robot": "127.0.0.1"}
-        await cell.cell.egm.start("127.0.0.1", egm["port"])
-        robot = {"address": f"rws://{host}", "egm": egm}
-        try:
-            async with daemon_for(cell, folder, robot=robot) as story:
-                cell.controller.run_program(False, cell.cell.clock())
-                cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
-                yield story
-                assert cell.commanded_moves == 0
-                assert cell.cell.egm.corrections == 0
-        finally:
-            await cell.cell.egm.close()
-            await cell.cell.rws.close()
+from tests.stories.jogging import SMALL_PICTURES_MM, jogs_and_waits, where_next
+from tests.stories.rws_plant import by_rws
 
 
 async def takes_a_view(ask: httpx.AsyncClient, run: dict[str, Any]) -> dict[str, Any]:

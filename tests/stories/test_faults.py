@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from tests.mock_robot.running_cell import becomes
 from tests.stories.fault_rows import ROWS, SUMMARIES, Row, page
 from tests.stories.plant import Plant, plant, small_pictures
+from tests.support.waiting import eventually
 
 DOCS = Path(__file__).parents[2] / "docs"
 PATIENCE = 5.0
@@ -73,8 +73,8 @@ async def _verdict_as_the_row_says(row: Row, ended: dict[str, Any], story: Plant
 
 async def _arm_stands_until_a_new_start(story: Plant) -> None:
     """With the fault still there, and when it is mended and everything put right at the pendant."""
-    await becomes(lambda: not story.cell.moving)
-    await becomes(lambda: not story.cell.controller.armed)
+    await eventually(lambda: not story.cell.moving)
+    await eventually(lambda: not story.cell.controller.armed)
     moves = story.cell.commanded_moves
     story.cell.mends()
     story.cell.controller.put_right(story.cell.cell.clock())

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from tests.stories.fault_rows import SERVICES, VIEW_ROWS, ViewRow
-from tests.stories.test_by_hand_over_rws import by_rws
+from tests.stories.rws_plant import by_rws
 
 PATIENCE = 10.0
 """Test machines are busy: what the table says of time is for a PC that is not."""

@@ -14,15 +14,16 @@ import httpx
 import pytest
 
 from protocols.cb.codes import Command
-from tests.mock_robot.running_cell import RunningCell, becomes, running_cell
+from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.stories.plant import Operator, plant, poses_taught_for, settings_of, small_pictures
+from tests.support.waiting import eventually
 
 ROOT = Path(__file__).parents[2]
 
 
 async def assert_nothing_moves(cell: RunningCell, since: int) -> None:
     """The controller has accepted no move since, and the arm comes to rest."""
-    await becomes(lambda: not cell.moving)
+    await eventually(lambda: not cell.moving)
     assert cell.commanded_moves == since
 
 
@@ -36,7 +37,7 @@ async def test_an_aborted_run_moves_nothing_afterwards(tmp_path: Path) -> None:
     async with plant(tmp_path, time_scale=20, truth=small_pictures(7)) as story:
         run = await story.operator.starts("/calibrate", count=8)
         await story.operator.waits_until_station(run, 1)
-        await becomes(lambda: story.cell.moving)
+        await eventually(lambda: story.cell.moving)
         stopped = (await story.operator.client.post(run["links"]["abort"])).json()
         moves = story.cell.commanded_moves
         assert stopped["state"] == "aborted"
@@ -62,7 +63,7 @@ async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(
     async with plant(tmp_path, time_scale=20, truth=small_pictures(7)) as story:
         run = await story.operator.starts("/calibrate", count=5)
         await story.operator.waits_until_station(run, 2)
-        await becomes(lambda: story.cell.moving)
+        await eventually(lambda: story.cell.moving)
         story.cell.breaks(fault)
         ended = await story.operator.waits_for_the_end_of(run)
         moves = story.cell.commanded_moves
@@ -110,7 +111,7 @@ async def test_an_emergency_stop_ends_the_run(tmp_path: Path) -> None:
     async with plant(tmp_path, time_scale=20, truth=small_pictures(7)) as story:
         run = await story.operator.starts("/calibrate", count=5)
         await story.operator.waits_until_station(run, 1)
-        await becomes(lambda: story.cell.moving)
+        await eventually(lambda: story.cell.moving)
         story.cell.presses_emergency_stop()
         ended = await story.operator.waits_for_the_end_of(run)
         moves = story.cell.commanded_moves
@@ -150,7 +151,7 @@ async def daemon_process(folder: Path, settings: dict[str, Any]) -> AsyncIterato
         sys.executable, "-c", program, str(config), str(ready), cwd=ROOT, stdout=asyncio.subprocess.DEVNULL
     )
     try:
-        await becomes(lambda: ready.exists() or process.returncode is not None, within_s=30)
+        await eventually(lambda: ready.exists() or process.returncode is not None, within_s=30)
         running = Process(process, json.loads(ready.read_text())["url"])
         try:
             yield running

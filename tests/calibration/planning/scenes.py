@@ -4,9 +4,19 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.planning.viewpoints import Limits
+from calibration.planning.scene_belief import Guess
+from calibration.planning.viewpoints import Limits, flange_poses, target_in_view
+from calibration.problem import Detection, Problem, View
 from calibration.targets import Chessboard
-from calibration.transforms import Array, inverse, nearest_rotation, transform, transform_from_quaternion
+from calibration.transforms import (
+    Array,
+    inverse,
+    map_points,
+    nearest_rotation,
+    rotation_from_vector,
+    transform,
+    transform_from_quaternion,
+)
 
 SEED_QUATERNIONS_WXYZ = (
     (0.169248, 0.338681, 0.630323, -0.677749),
@@ -43,3 +53,32 @@ def seed_scene(noise: ExpectedNoise = GOOD_NOISE, intrinsics_free: bool = False)
     origin = np.array(SEED_TARGET_CENTRE_MM) - rotation @ board.points_mm.mean(axis=0)
     camera = CameraModel(np.array([[2400.0, 0, 640], [0, 2400, 512], [0, 0, 1]]), np.zeros(5), (1280, 1024))
     return Scene("eye-in-hand", board, camera, flange_T_camera, transform(rotation, origin), noise, intrinsics_free)
+
+
+TRUTH = seed_scene()
+
+
+LOOK = flange_poses(TRUTH, np.array([[0.05, 0.1, 0.3, 650.0, 0.1, -0.1]]))[0]
+
+
+def guess_off(
+    translation_mm: float, rotation_deg: float, *, direction: int = 0, intrinsics_known: bool = True
+) -> Guess:
+    """A guess of X that is off by so much, in one of a few directions."""
+    rng = np.random.default_rng(direction)
+    turn, shift = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
+    off = transform(rotation_from_vector(np.radians(rotation_deg) * turn), translation_mm * shift)
+    camera = TRUTH.camera if intrinsics_known else None
+    return Guess("eye-in-hand", TRUTH.target, camera, TRUTH.mount_T_camera @ off, None, GOOD_NOISE)
+
+
+def problem_of(poses: list[Array], camera: object = TRUTH.camera) -> Problem:
+    """What an exact camera on an exact robot sees, with a little noise; a target mostly outside is not found."""
+    rng, views = np.random.default_rng(1), []
+    for index, pose in enumerate(poses):
+        camera_T_target = TRUTH.camera_T_target(pose[None])[0]
+        points = map_points(camera_T_target, TRUTH.target.points_mm)
+        pixels = TRUTH.camera.project(points) + rng.normal(0, 0.05, (len(points), 2))
+        found = bool(target_in_view(TRUTH, pose[None])[0] > 0.6)
+        views.append(View(index, pose, Detection(np.arange(len(points)), pixels) if found else None))
+    return Problem("eye-in-hand", TRUTH.target, camera, TRUTH.camera.image_size, tuple(views))  # type: ignore[arg-type]

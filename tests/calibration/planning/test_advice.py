@@ -11,8 +11,7 @@ from calibration.planning.plan import plan_poses
 from calibration.planning.scene_belief import Guess, learnt
 from calibration.planning.viewpoints import Limits, target_in_view
 from calibration.transforms import Array, inverse, rotation_from_vector, transform, vector_from_rotation
-from tests.calibration.planning.scenes import WIDE
-from tests.calibration.planning.test_scene_belief import LOOK, TRUTH, guess_off, problem_of
+from tests.calibration.planning.scenes import LOOK, TRUTH, WIDE, guess_off, problem_of
 
 ENDLESS = Wish(100)
 

@@ -10,46 +10,26 @@ from calibration.likelihood.predicted_uncertainty import Scene
 from calibration.planning.exploration import ANGLES_DEG, Exploration, turned
 from calibration.planning.next_view import NextView, Wish, foresee, next_view
 from calibration.planning.scene_belief import Guess, alternatives, learnt
-from calibration.planning.viewpoints import flange_poses, target_in_view
+from calibration.planning.viewpoints import target_in_view
 from calibration.planning.what_if import Alternative
-from calibration.problem import Detection, Problem, View
 from calibration.solve import solve_hand_eye
 from calibration.transforms import (
     Array,
     difference,
     inverse,
-    map_points,
     rotation_angle_rad,
     rotation_from_vector,
     transform,
 )
-from tests.calibration.planning.scenes import GOOD_NOISE, WIDE, seed_poses, seed_scene
-
-TRUTH = seed_scene()
-LOOK = flange_poses(TRUTH, np.array([[0.05, 0.1, 0.3, 650.0, 0.1, -0.1]]))[0]
-
-
-def guess_off(
-    translation_mm: float, rotation_deg: float, *, direction: int = 0, intrinsics_known: bool = True
-) -> Guess:
-    """A guess of X that is off by so much, in one of a few directions."""
-    rng = np.random.default_rng(direction)
-    turn, shift = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
-    off = transform(rotation_from_vector(np.radians(rotation_deg) * turn), translation_mm * shift)
-    camera = TRUTH.camera if intrinsics_known else None
-    return Guess("eye-in-hand", TRUTH.target, camera, TRUTH.mount_T_camera @ off, None, GOOD_NOISE)
-
-
-def problem_of(poses: list[Array], camera: object = TRUTH.camera) -> Problem:
-    """What an exact camera on an exact robot sees, with a little noise; a target mostly outside is not found."""
-    rng, views = np.random.default_rng(1), []
-    for index, pose in enumerate(poses):
-        camera_T_target = TRUTH.camera_T_target(pose[None])[0]
-        points = map_points(camera_T_target, TRUTH.target.points_mm)
-        pixels = TRUTH.camera.project(points) + rng.normal(0, 0.05, (len(points), 2))
-        found = bool(target_in_view(TRUTH, pose[None])[0] > 0.6)
-        views.append(View(index, pose, Detection(np.arange(len(points)), pixels) if found else None))
-    return Problem("eye-in-hand", TRUTH.target, camera, TRUTH.camera.image_size, tuple(views))  # type: ignore[arg-type]
+from tests.calibration.planning.scenes import (
+    GOOD_NOISE,
+    LOOK,
+    TRUTH,
+    WIDE,
+    guess_off,
+    problem_of,
+    seed_poses,
+)
 
 
 def taken_step_by_step(guess: Guess, wish: Wish) -> tuple[list[Array], list[NextView]]:

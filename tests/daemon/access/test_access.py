@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -19,33 +18,13 @@ from daemon.access.setup_code import MAX_ATTEMPTS, SetupCode
 from daemon.errors import NotFound
 from daemon.model.records import CalibrationRecord
 from daemon.runtime.clock import Clock
-from daemon.store.actor import AuditContext
 from daemon.store.key_service import KeyService
 from daemon.store.store import Store
+from tests.daemon.access_keys import TEST, bearer, with_keys
 from tests.daemon.calibrations import a_calibration
-from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.cell_under_test import serving, settings_for
 
 OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text())
-TEST = AuditContext("test", "test")
-
-
-def bearer(key: str) -> dict[str, str]:
-    return {"authorization": f"Bearer {key}"}
-
-
-@asynccontextmanager
-async def with_keys(folder: Path) -> AsyncIterator[tuple[Bench, dict[str, str]]]:
-    """A daemon with a key of each role, and some that are valid no more."""
-    async with serving(settings_for(folder)) as bench:
-        desk = bench.application.key_service
-        keys = {name: (await desk.add(name, role, TEST))[0] for name, role in ROLES.items()}
-        keys["expired"] = (await desk.add("expired", Role.ADMIN, TEST, days=-1))[0]
-        keys["revoked"] = (await desk.add("revoked", Role.ADMIN, TEST))[0]
-        await desk.revoke("revoked", TEST)
-        keys["invented"] = new_key(lambda n: "ab" * n)[0]
-        keys["another secret"] = f"hek_{id_of(keys['admin'])}_{'0' * 64}"
-        keys["no key at all"] = "let me in"
-        yield bench, keys
 
 
 NOT_VALID = ("expired", "revoked", "invented", "another secret", "no key at all")

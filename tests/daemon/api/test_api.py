@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-import httpx
 import jsonschema_rs
 import pytest
 
@@ -15,6 +14,7 @@ from daemon.api.middleware.request_checks import JSON_LIMIT_BYTES
 from daemon.api.negotiation import wants_text
 from daemon.http.problem_details import phrase_of
 from daemon.model.records import CalibrationRecord
+from tests.daemon.api.event_stream import read_events
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, pose_json, serving, settings_for
 from tests.daemon.fakes import poses_around_the_target
@@ -296,22 +296,6 @@ async def test_events_tell_every_step_and_can_be_caught_up(tmp_path: Path) -> No
         assert json.loads(events[-1]["data"])["id"] == run["id"]
         late = await read_events(bench.client, until="finished", last_event_id=str(len(events) - 2))
         assert [event["id"] for event in late] == [str(len(events) - 1), str(len(events))]
-
-
-async def read_events(client: httpx.AsyncClient, until: str, last_event_id: str) -> list[dict[str, str]]:
-    events: list[dict[str, str]] = [{}]
-    async with asyncio.timeout(10), client.stream("GET", "/events", headers={"last-event-id": last_event_id}) as answer:
-        async for line in answer.aiter_lines():
-            key, _, value = line.partition(": ")
-            if key:
-                events[-1][key] = value
-            elif f'"state": "{until}"' in events[-1].get("data", ""):
-                return events
-            elif "data" in events[-1]:
-                events.append({})
-            else:
-                events[-1] = {}
-    raise AssertionError("the stream ended")
 
 
 async def test_an_event_stream_ends_when_the_daemon_stops(tmp_path: Path) -> None:

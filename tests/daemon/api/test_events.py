@@ -7,8 +7,9 @@ from pathlib import Path
 
 from daemon.errors import StorageError
 from daemon.runtime.event_bus import MAX_EVENTS, RESTART_GAP, BusEvent, EventBus
-from tests.daemon.api.test_api import read_events
+from tests.daemon.api.event_stream import read_events
 from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.records import a_run
 
 
 async def heard(log: EventBus, after: int, until: int) -> list[BusEvent]:
@@ -58,10 +59,10 @@ async def test_silence_is_broken_by_a_comment() -> None:
 async def test_what_was_missed_over_a_restart_is_told_with_numbers_that_only_grow(tmp_path: Path) -> None:
     settings = settings_for(tmp_path)
     async with serving(settings) as bench:
-        first = await a_run(bench)
+        first = await calibrate(bench)
         last = bench.application.events.last
     async with serving(settings) as bench:
-        second = await a_run(bench)
+        second = await calibrate(bench)
         events = await read_events(bench.client, until="finished", last_event_id=str(last - 2))
         assert [int(event["id"]) for event in events] == [last - 1, last]
         assert {json.loads(event["data"])["id"] for event in events} == {first}
@@ -70,17 +71,16 @@ async def test_what_was_missed_over_a_restart_is_told_with_numbers_that_only_gro
         assert {json.loads(event["data"])["id"] for event in later} == {second}
 
 
-async def a_run(bench: Bench) -> str:
+async def calibrate(bench: Bench) -> str:
     run: str = (await bench.client.post("/calibrate", params={"wait": 30})).json()["id"]
     return run
 
 
 async def test_a_run_that_a_killed_daemon_left_is_an_event_of_the_next(tmp_path: Path) -> None:
     from daemon.store.store import Store
-    from tests.daemon.store.test_store import a_run as left
 
     store = Store(tmp_path)
-    await store.save_run(left("r1"))
+    await store.save_run(a_run("r1"))
     await store.close()
     async with serving(settings_for(tmp_path)) as bench:
         events = await read_events(bench.client, until="failed", last_event_id="0")

@@ -10,9 +10,9 @@ import pytest
 from daemon.access.roles import Role
 from daemon.runtime.logs import OneLineFormatter
 from daemon.store.actor import AuditContext
-from tests.daemon.api.test_register import with_a_calibration
+from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
-from tests.daemon.store.test_store import names_in
+from tests.daemon.records import names_in
 
 OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text())
 PATHS = [
@@ -31,7 +31,7 @@ HOSTILE = [
 async def test_an_identifier_leads_nowhere_but_to_what_the_store_knows(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("SECRET")
     async with serving(settings_for(tmp_path / "store")) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         for method, path in PATHS:
             for name in HOSTILE:
                 answer = await asked(bench, method, _filled(path, name.replace(" ", "%20")))

@@ -10,11 +10,10 @@ import numpy as np
 
 from calibration.documents.pose import PoseDocument
 from daemon.model.records import AppliedCalibration, CalibrationRecord
-from tests.daemon.api.test_register import PLY, cloud, with_a_calibration
-from tests.daemon.calibrations import a_calibration
+from tests.daemon.calibrations import a_calibration, apply_calibration
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
+from tests.daemon.clouds import PLY, POSES, cloud
 from tests.daemon.fakes import Gate, ply_of
-from tests.daemon.scans.test_scans import POSES
 
 KEY = {"idempotency-key": "8e03978e-40d5-43dd-bc93-6894a57f9324"}
 OTHER = {"idempotency-key": '"another-key-in-quotes"'}
@@ -115,7 +114,7 @@ async def test_a_registered_cloud_is_the_same_again_though_another_calibration_i
     tmp_path: Path,
 ) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         content = ply_of(cloud(50_000))
         first = await bench.client.post("/register?pose=now", content=content, headers={**PLY, **KEY})
         await _apply_another(bench)

@@ -10,7 +10,7 @@ from daemon.model.records import CalibrationRecord, ScanRecord
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
-from tests.daemon.store.test_store import a_run
+from tests.daemon.records import a_run
 
 Add = Callable[[Store, int, str], Awaitable[None]]
 

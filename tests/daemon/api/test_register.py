@@ -10,40 +10,19 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from calibration.transforms import Array, map_points, transform_from_quaternion
+from calibration.transforms import map_points
 from daemon.api.streaming.spool import MEMORY_BYTES
 from daemon.http.connections import Door, Limits
-from daemon.model.records import AppliedCalibration, CalibrationRecord
-from tests.daemon.calibrations import a_calibration
-from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.calibrations import apply_calibration
+from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.clouds import LAZ, OCTETS, PLY, POSE, cloud, in_base, laz_of
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.support.waiting import eventually
-
-POSE = "800,-100,900,0,1,0,0"
-BASE_T_FLANGE = transform_from_quaternion([800.0, -100, 900], [0, 1.0, 0, 0])
-PLY = {"content-type": "application/x-ply"}
-OCTETS = {"content-type": "application/octet-stream"}
-LAZ = {"content-type": "application/vnd.laszip"}
-
-
-async def with_a_calibration(bench: Bench) -> None:
-    store = bench.application.store
-    document = a_calibration("cal-1")
-    await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
-    await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
-
-
-def cloud(points: int) -> Array:
-    return np.random.default_rng(3).uniform(-300, 300, (points, 3)).astype(np.float32).astype(float)
-
-
-def in_base(points: Array) -> Array:
-    return map_points(BASE_T_FLANGE @ FLANGE_T_CAMERA, points)
 
 
 async def test_a_cloud_comes_back_in_the_base_frame(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         points = cloud(1000)
         answer = await bench.client.post("/register", params={"pose": POSE}, content=ply_of(points), headers=PLY)
         assert answer.status_code == 200, answer.text
@@ -53,7 +32,7 @@ async def test_a_cloud_comes_back_in_the_base_frame(tmp_path: Path) -> None:
 
 async def test_metres_become_millimetres(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         points = cloud(10)
         answer = await bench.client.post(
             "/register",
@@ -67,7 +46,7 @@ async def test_metres_become_millimetres(tmp_path: Path) -> None:
 
 async def test_pose_now_is_where_the_arm_stands(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         points = cloud(10)
         answer = await bench.client.post("/register", params={"pose": "now"}, content=ply_of(points), headers=PLY)
         expected = map_points(bench.robot.base_T_flange @ FLANGE_T_CAMERA, points)
@@ -77,7 +56,7 @@ async def test_pose_now_is_where_the_arm_stands(tmp_path: Path) -> None:
 async def test_a_client_that_sends_everything_before_it_reads_gets_50_mb_back(tmp_path: Path) -> None:
     """httpx, requests and most others: without a spool both ends would wait for each other for ever."""
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         points = cloud(4_200_000)
         content = points.astype("<f4").tobytes()
         assert len(content) > 50_000_000 > 10 * MEMORY_BYTES
@@ -90,7 +69,7 @@ async def test_a_client_that_sends_everything_before_it_reads_gets_50_mb_back(tm
 
 async def test_a_client_that_reads_while_it_sends_gets_the_first_points_before_it_sent_the_last(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         content = cloud(2_000_000).astype("<f4").tobytes()
         reader, writer = await asyncio.open_connection(urlsplit(bench.url).hostname, urlsplit(bench.url).port)
         head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
@@ -109,7 +88,7 @@ async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothin
     """All of it is taken; what memory does not hold waits in a file; then nothing moves, and the connection ends."""
     impatient = Door(Limits(idle_s=0.5))
     async with serving(settings_for(tmp_path), door=impatient) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         body = bytes(12 * 2_000_000)
         head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
         url = urlsplit(bench.url)
@@ -146,7 +125,7 @@ async def test_what_is_no_whole_cloud_is_told(
     tmp_path: Path, content: bytes, headers: dict[str, str], status: int, code: str
 ) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=headers)
         assert (answer.status_code, answer.json()["code"]) == (status, code)
         assert answer.json()["fix"]
@@ -157,7 +136,7 @@ async def test_what_is_no_whole_cloud_is_told(
 )
 async def test_a_pose_that_is_none_is_refused(tmp_path: Path, pose: str) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         answer = await bench.client.post("/register", params={"pose": pose}, content=ply_of(cloud(1)), headers=PLY)
         assert answer.status_code == 422
         assert answer.json()["problems"][0]["place"].startswith("query.pose") or "query.pose" in answer.json()["detail"]
@@ -176,7 +155,7 @@ async def test_a_cloud_damaged_in_its_middle_has_an_answer_without_an_end(tmp_pa
         yield ply_of(cloud(500_000))[:-7]
 
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         with pytest.raises(Exception, match=r"(?i)peer closed|incomplete|disconnected"):
             await bench.client.post("/register", params={"pose": POSE}, content=torn(), headers=PLY)
         assert (await bench.client.get("/health")).status_code == 200
@@ -184,7 +163,7 @@ async def test_a_cloud_damaged_in_its_middle_has_an_answer_without_an_end(tmp_pa
 
 async def test_a_moved_ply_names_its_frame_after_comments_that_no_longer_hold(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         content = ply_of(cloud(20)).replace(b"element", b"comment scanner frame, mm\nelement", 1)
         answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=PLY)
         lines = answer.content[: answer.content.index(b"end_header")].splitlines()
@@ -194,20 +173,9 @@ async def test_a_moved_ply_names_its_frame_after_comments_that_no_longer_hold(tm
         np.testing.assert_allclose(points_of(answer.content), in_base(cloud(20)), atol=1e-3)
 
 
-def laz_of(points: Array) -> bytes:
-    laspy = pytest.importorskip("laspy", reason="laspy is not installed: LAZ is not tested")
-    content = laspy.create(point_format=3)
-    content.header.scales = [0.001] * 3
-    content.x, content.y, content.z = points.T
-    content.intensity = np.arange(len(points)) % 60_000
-    file = io.BytesIO()
-    content.write(file, do_compress=True)
-    return file.getvalue()
-
-
 async def test_laz_comes_back_as_laz(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         points = cloud(20_000)
         answer = await bench.client.post("/register", params={"pose": POSE}, content=laz_of(points), headers=LAZ)
         assert answer.status_code == 200, answer.text
@@ -224,7 +192,7 @@ async def test_laz_comes_back_as_laz(tmp_path: Path) -> None:
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.999])
 async def test_laz_cut_short_is_refused_and_leaves_nothing(tmp_path: Path, share: float) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         content = laz_of(cloud(20_000))
         part = content[: int(share * len(content))]
         answer = await bench.client.post("/register", params={"pose": POSE}, content=part, headers=LAZ)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.daemon import schemathesis
-from benchmarks.daemon.schemathesis import end_streams_soon, one_round
 from daemon.access.roles import Role
 from daemon.store.actor import AuditContext
-from tests.daemon.api.test_register import with_a_calibration
+from tests.daemon.api import schemathesis_round
+from tests.daemon.api.schemathesis_round import end_streams_soon, one_round
+from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import serving, settings_for
 
 PHASES = "examples,fuzzing,stateful"
@@ -21,16 +21,16 @@ async def test_no_request_that_openapi_allows_or_forbids_is_answered_otherwise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with serving(settings_for(tmp_path / "store", calibration={"manual_wait_s": 1})) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         end_streams_soon(bench.application.events)
         key, _ = await bench.application.key_service.add("schemathesis", Role.ADMIN, AuditContext())
         cases, passed, text = await asyncio.to_thread(one_round, bench.url, key, 1, 1, tmp_path, PHASES)
         assert passed, text
         assert cases > 40
-        document = copy.deepcopy(json.loads(schemathesis.OPENAPI.read_text()))
+        document = copy.deepcopy(json.loads(schemathesis_round.OPENAPI.read_text()))
         document["components"]["schemas"]["HealthDocument"]["properties"]["uptime_s"] = {"type": "string"}
         (tmp_path / "wrong.json").write_text(json.dumps(document))
-        monkeypatch.setattr(schemathesis, "OPENAPI", tmp_path / "wrong.json")
+        monkeypatch.setattr(schemathesis_round, "OPENAPI", tmp_path / "wrong.json")
         _, passed, text = await asyncio.to_thread(
             one_round, bench.url, key, 1, 1, tmp_path, "fuzzing", ("--include-path", "/health")
         )

@@ -2,23 +2,17 @@
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
 import pytest
 
-from calibration.transforms import Array, rotation_from_vector, transform, transform_from_quaternion
+from calibration.transforms import transform_from_quaternion
 from daemon.cell.settling import require_arrived, require_still, settle
 from daemon.config.settings import SettlingSettings
 from daemon.errors import ElsewhereThanSent, NotStill
 from daemon.runtime.clock import Clock
-from drivers.interfaces import UNUSED_AXIS, Configuration, PoseReading
-from tests.daemon.fakes import FakeRobot
+from drivers.interfaces import PoseReading
+from tests.daemon.fakes import FakeRobot, pose_reading
 
 SETTLING = SettlingSettings()
-
-
-def reading(x_mm: float = 0.0, turn_deg: float = 0.0, still: bool = True) -> PoseReading:
-    pose: Array = transform(rotation_from_vector([0, 0, np.radians(turn_deg)]), [x_mm, 0.0, 0])
-    return PoseReading(pose, Configuration(0, 0, 0, 0), (UNUSED_AXIS,) * 6, still, 0.0)
 
 
 @dataclass
@@ -47,14 +41,14 @@ class Time:
 @pytest.mark.parametrize(
     ("readings", "looks"),
     [
-        ([reading(0), reading(0)], 1),
-        ([reading(0), reading(0.019)], 1),
-        ([reading(0), reading(0.021), reading(0.021)], 2),
-        ([reading(0), reading(turn_deg=0.0049)], 1),
-        ([reading(0), reading(turn_deg=0.0051), reading(turn_deg=0.0051)], 2),
-        ([reading(0, still=False), reading(0), reading(0)], 2),
-        ([reading(0), reading(0, still=False), reading(0), reading(0)], 3),
-        ([reading(5), reading(3), reading(1), reading(0), reading(0)], 4),
+        ([pose_reading(0), pose_reading(0)], 1),
+        ([pose_reading(0), pose_reading(0.019)], 1),
+        ([pose_reading(0), pose_reading(0.021), pose_reading(0.021)], 2),
+        ([pose_reading(0), pose_reading(turn_deg=0.0049)], 1),
+        ([pose_reading(0), pose_reading(turn_deg=0.0051), pose_reading(turn_deg=0.0051)], 2),
+        ([pose_reading(0, still=False), pose_reading(0), pose_reading(0)], 2),
+        ([pose_reading(0), pose_reading(0, still=False), pose_reading(0), pose_reading(0)], 3),
+        ([pose_reading(5), pose_reading(3), pose_reading(1), pose_reading(0), pose_reading(0)], 4),
     ],
 )
 async def test_two_readings_that_agree_while_the_controller_says_still(readings: list[PoseReading], looks: int) -> None:
@@ -65,24 +59,24 @@ async def test_two_readings_that_agree_while_the_controller_says_still(readings:
 
 async def test_an_arm_that_never_rests_is_told_with_how_far_it_moves() -> None:
     time = Time()
-    readings = [reading(k % 2) for k in range(1000)]
+    readings = [pose_reading(k % 2) for k in range(1000)]
     with pytest.raises(NotStill, match=r"did not come to rest within 10 s.*1\.000 mm"):
         await settle(Scripted(readings=readings), SETTLING, time.clock())
     assert time.now_s == pytest.approx(10, abs=0.2)
 
 
 def test_what_was_seen_while_the_arm_moved_belongs_to_no_pose() -> None:
-    require_still(reading(0), reading(0.01), SETTLING)
-    for after in (reading(0.03), reading(turn_deg=0.01), reading(0, still=False)):
+    require_still(pose_reading(0), pose_reading(0.01), SETTLING)
+    for after in (pose_reading(0.03), pose_reading(turn_deg=0.01), pose_reading(0, still=False)):
         with pytest.raises(NotStill, match="while it was looked at"):
-            require_still(reading(0), after, SETTLING)
+            require_still(pose_reading(0), after, SETTLING)
 
 
 SENT = transform_from_quaternion([515.0, -20.0, 712.0], [0.7, 0.1, 0.7, -0.1])
 
 
 def read_as(position_mm: list[float], quaternion_wxyz: list[float]) -> PoseReading:
-    return replace(reading(), base_T_flange=transform_from_quaternion(position_mm, quaternion_wxyz))
+    return replace(pose_reading(), base_T_flange=transform_from_quaternion(position_mm, quaternion_wxyz))
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 from daemon.cell.stale_capture import Novelty
 from daemon.errors import SameAgain
 from drivers.interfaces import Frame, ScannedCloud
-from tests.daemon.cell.test_settling import reading
+from tests.daemon.fakes import pose_reading
 
-HERE, NEAR, ELSEWHERE, TURNED = reading(0), reading(0.5), reading(2), reading(turn_deg=1)
+HERE, NEAR, ELSEWHERE, TURNED = pose_reading(0), pose_reading(0.5), pose_reading(2), pose_reading(turn_deg=1)
 VIEW = Frame(np.arange(12, dtype=np.uint8).reshape(3, 4), 0.0)
 
 

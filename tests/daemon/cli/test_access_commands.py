@@ -6,19 +6,14 @@ import os
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
 from daemon.cli.checks import check_devices
 from daemon.cli.errors import CommandError
-from daemon.cli.main import app
 from daemon.cli.rest_client import DaemonClient
-from tests.daemon.access.test_access import bearer
+from tests.daemon.access_keys import bearer
 from tests.daemon.cell_under_test import serving, settings_for
-from tests.daemon.scans.test_scans_killed import SETTINGS
-
-
-def handeyed(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+from tests.daemon.cli.running import handeyed
+from tests.daemon.daemon_process import SETTINGS
 
 
 @pytest.fixture
@@ -29,35 +24,35 @@ def config(tmp_path: Path) -> Path:
 
 
 def test_a_key_is_shown_once_listed_rotated_and_revoked(config: Path) -> None:
-    added = handeyed("keys", "add", config, "MES", "--role", "operator", "--days", 30)
-    assert added.exit_code == 0, added.output
-    key = added.stdout.strip()
+    added = handeyed("keys", "add", config, "MES", "--role", "operator", "--days", "30")
+    assert added.status == 0, added.err
+    key = added.out.strip()
     assert key.startswith("hek_")
-    assert "shown this once" in added.stderr
+    assert "shown this once" in added.err
     listed = handeyed("keys", "list", config)
-    assert key not in listed.stdout
-    assert "operator valid" in " ".join(listed.stdout.split())
-    rotated = json.loads(handeyed("keys", "rotate", config, "MES", "--json").stdout)
+    assert key not in listed.out
+    assert "operator valid" in " ".join(listed.out.split())
+    rotated = json.loads(handeyed("keys", "rotate", config, "MES", "--json").out)
     assert rotated["key"] != key
-    assert handeyed("keys", "revoke", config, "MES").exit_code == 0
-    rows = json.loads(handeyed("keys", "list", config, "--json").stdout)
+    assert handeyed("keys", "revoke", config, "MES").status == 0
+    rows = json.loads(handeyed("keys", "list", config, "--json").out)
     assert [(row["name"], row["state"]) for row in rows] == [("MES", "revoked")] * 2
     assert not any("hash" in row for row in rows)
     gone = handeyed("keys", "revoke", config, "MES")
-    assert (gone.exit_code, "there is no valid key called 'MES'" in gone.stderr) == (1, True)
+    assert (gone.status, "there is no valid key called 'MES'" in gone.err) == (1, True)
     whole = handeyed("audit", "verify", config)
-    assert (whole.exit_code, whole.stdout) == (0, "the audit log is whole: 4 rows\n")
+    assert (whole.status, whole.out) == (0, "the audit log is whole: 4 rows\n")
 
 
 def test_what_is_typed_wrongly_is_told(config: Path, tmp_path: Path) -> None:
-    assert "use viewer, operator, admin" in handeyed("keys", "add", config, "x", "--role", "king").stderr
-    assert "printable" in handeyed("keys", "add", config, "a\x1b[31m").stderr
+    assert "use viewer, operator, admin" in handeyed("keys", "add", config, "x", "--role", "king").err
+    assert "printable" in handeyed("keys", "add", config, "a\x1b[31m").err
     handeyed("keys", "add", config, "x")
-    assert "choose another name" in handeyed("keys", "add", config, "x").stderr
-    assert "not ROW:HASH" in handeyed("audit", "verify", config, "--anchor", "7").stderr
+    assert "choose another name" in handeyed("keys", "add", config, "x").err
+    assert "not ROW:HASH" in handeyed("audit", "verify", config, "--anchor", "7").err
     forged = handeyed("audit", "verify", config, "--anchor", f"9:{'0' * 64}")
-    assert (forged.exit_code, "its end was cut off" in forged.stdout) == (1, True)
-    assert "unable to open" in handeyed("audit", "verify", _elsewhere(tmp_path)).stderr
+    assert (forged.status, "its end was cut off" in forged.out) == (1, True)
+    assert "unable to open" in handeyed("audit", "verify", _elsewhere(tmp_path)).err
 
 
 def _elsewhere(folder: Path) -> Path:
@@ -70,24 +65,24 @@ def _elsewhere(folder: Path) -> Path:
 def test_a_store_of_another_user_is_left_alone(config: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 12345)
     refused = handeyed("keys", "add", config, "x")
-    assert (refused.exit_code, "sudo -u handeyed" in refused.stderr) == (1, True)
+    assert (refused.status, "sudo -u handeyed" in refused.err) == (1, True)
 
 
 def test_a_certificate_is_made_and_the_settings_are_told(tmp_path: Path) -> None:
     made = handeyed("tls", "init", "--host", "cell-7", "--host", "10.0.0.7", "--out", tmp_path / "tls")
-    assert made.exit_code == 0, made.output
-    assert f'certificate = "{tmp_path}/tls/certificate.pem"' in made.stdout
+    assert made.status == 0, made.err
+    assert f'certificate = "{tmp_path}/tls/certificate.pem"' in made.out
     assert sorted(file.name for file in (tmp_path / "tls").iterdir()) == [
         "authority.pem", "certificate.pem", "private_key.pem"
     ]  # fmt: skip
     again = handeyed("tls", "init", "--out", tmp_path / "tls")
-    assert (again.exit_code, "is there already" in again.stderr) == (1, True)
+    assert (again.status, "is there already" in again.err) == (1, True)
 
 
 async def test_a_running_daemon_knows_a_key_at_once(config: Path, tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path / "store")) as bench:
         assert (await bench.client.get("/runs")).status_code == 200
-        key = (await asyncio.to_thread(handeyed, "keys", "add", config, "Ann", "--role", "viewer")).stdout.strip()
+        key = (await asyncio.to_thread(handeyed, "keys", "add", config, "Ann", "--role", "viewer")).out.strip()
         assert (await bench.client.get("/runs")).status_code == 401
         assert (await bench.client.get("/runs", headers=bearer(key))).status_code == 200
         await asyncio.to_thread(handeyed, "keys", "revoke", config, "Ann")
@@ -98,7 +93,7 @@ async def test_commands_ask_with_the_key_of_the_environment(
     config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with serving(settings_for(tmp_path / "store")) as bench:
-        key = (await asyncio.to_thread(handeyed, "keys", "add", config, "Ann")).stdout.strip()
+        key = (await asyncio.to_thread(handeyed, "keys", "add", config, "Ann")).out.strip()
         with pytest.raises(CommandError, match="this needs a key"):
             await asyncio.to_thread(asks, bench.url)
         monkeypatch.setenv("HANDEYED_KEY", key)
@@ -117,7 +112,7 @@ async def test_check_leaves_the_devices_to_a_running_daemon_though_it_has_no_key
     config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with serving(settings_for(tmp_path / "store")) as bench:
-        key = (await asyncio.to_thread(handeyed, "keys", "add", config, "Ann", "--role", "viewer")).stdout.strip()
+        key = (await asyncio.to_thread(handeyed, "keys", "add", config, "Ann", "--role", "viewer")).out.strip()
         port = bench.url.rpartition(":")[2]
         settings = settings_for(tmp_path / "store", server={"port": int(port)})
         without = await asyncio.to_thread(asyncio.run, check_devices(settings))

@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ import pytest
 
 from tests.daemon.cli.running import handeyed
 from tests.support.terminal import started
+from tests.support.waiting import eventually_blocking
 
 LIMIT_S = 100.0
 
@@ -44,7 +44,7 @@ class Demo:
     def announced(self, name: str) -> dict[str, object]:
         """What a child announced, once it is there."""
         file = self.folder / ".demo" / f"{name}.json"
-        eventually(file.exists)
+        eventually_blocking(file.exists)
         announcement: dict[str, object] = json.loads(file.read_text())
         return announcement
 
@@ -73,14 +73,6 @@ def demo(tmp_path: Path) -> Iterator[Callable[..., Demo]]:
         for stream in (one.process.stdout, one.process.stderr):
             assert stream is not None
             stream.close()
-
-
-def eventually(condition: Callable[[], bool]) -> None:
-    """Wait for it, with a limit."""
-    limit_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < limit_s
-        time.sleep(0.02)
 
 
 def test_the_cell_is_calibrated_the_door_registered_and_the_printed_lines_work(demo: Callable[..., Demo]) -> None:

@@ -12,8 +12,8 @@ from daemon.cli.checks_modbus import check_interlocks, check_line, check_plc, ch
 from daemon.cli.output import Result
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from tests.daemon.cli.running import handeyed
-from tests.daemon.scans.test_scans_killed import SETTINGS
-from tests.drivers.test_interlocks import terminal
+from tests.daemon.daemon_process import SETTINGS
+from tests.drivers.modbus_terminal import terminal
 from tests.support.serial_pair import cable
 
 

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.daemon.drift import NOISE_MM, OF_A_VERIFICATION_MM, Cell, delays, first_alarm, ramp, steady, step
 from calibration.monitoring.control_chart import (
     ChartSample,
     DriftRules,
@@ -16,6 +15,7 @@ from calibration.monitoring.control_chart import (
 )
 from calibration.transforms import map_points, rotation_from_vector, transform
 from tests.daemon.fakes import BASE_T_TARGET, BOARD
+from tests.simulated.drift import NOISE_MM, OF_A_VERIFICATION_MM, Cell, delays, first_alarm, ramp, steady, step
 
 MIDDLE = BOARD.points_mm.mean(axis=0)
 

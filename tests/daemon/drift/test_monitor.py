@@ -66,17 +66,12 @@ async def alarms_in(bench: Bench) -> list[dict[str, Any]]:
     return [json.loads(data) for (data,) in rows]
 
 
-async def verifies(bench: Bench, **body: Any) -> None:
-    run = await bench.run_over((await bench.client.post("/verify", json=body)).headers["location"])
-    assert run["state"] == "finished", run["cause"]
-
-
 async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibration_ends_it(tmp_path: Path) -> None:
     async with calibrated(tmp_path, plc=MOVING) as (bench, camera), ladder(bench) as plc:
         watch = watch_of(bench)
         assert watch.report.standing in (None, DriftStanding.LEARNING)
         for _ in range(4):
-            await verifies(bench)
+            await bench.verify()
         await eventually(lambda: watch.report.verifications == 4)
         assert watch.report.standing is DriftStanding.STEADY
         assert watch.report.alarm is None
@@ -155,7 +150,7 @@ async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("daemon.drift.samples.PAGE", 2)
     async with calibrated(tmp_path) as (bench, _):
         for _ in range(5):
-            await verifies(bench)
+            await bench.verify()
         newest, *older = (await bench.client.get("/runs")).json()["runs"]
         store = bench.application.store
         record = await store.run(older[2]["id"])
@@ -183,10 +178,10 @@ async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch:
 async def test_the_chart_survives_a_restart_and_passes_over_what_does_not_belong(tmp_path: Path) -> None:
     async with calibrated(tmp_path) as (bench, _):
         for _ in range(3):
-            await verifies(bench)
+            await bench.verify()
         run = (await bench.client.get("/runs")).json()["runs"][0]
         sent = bench.application.settings.calibration.poses[:2]
-        await verifies(bench, poses=[pose.model_dump(mode="json") for pose in sent])
+        await bench.verify(poses=[pose.model_dump(mode="json") for pose in sent])
         await eventually(lambda: watch_of(bench).report.verifications == 3)
         before = watch_of(bench).report
     async with serving(settings_for(tmp_path, drift=QUICK)) as again:
@@ -194,7 +189,7 @@ async def test_the_chart_survives_a_restart_and_passes_over_what_does_not_belong
         assert run["kind"] == "verify"
 
 
-def a_run(**changes: Any) -> RunRecord:
+def verification(**changes: Any) -> RunRecord:
     made: dict[str, Any] = {
         "id": "r", "kind": "verify", "state": RunState.FINISHED, "station": 3, "stations": 3,
         "created_at": "2026-11-21T10:00:00.000Z", "updated_at": "2026-11-21T10:01:00.000Z",
@@ -217,7 +212,7 @@ def a_run(**changes: Any) -> RunRecord:
     ],
 )
 def test_what_belongs_to_a_chart(changes: dict[str, Any], expected: bool) -> None:
-    assert belongs(a_run(**changes), AppliedCalibration("c", "2026-11-21T09:00:00.000Z", "x"), 88) is expected
+    assert belongs(verification(**changes), AppliedCalibration("c", "2026-11-21T09:00:00.000Z", "x"), 88) is expected
 
 
 class Asked:
@@ -230,7 +225,7 @@ class Asked:
         self.times += 1
         if self.times <= self.refusals:
             raise CellBusy("somebody")
-        return a_run()
+        return verification()
 
 
 async def test_the_schedule_waits_a_whole_interval_first_and_asks_again_when_the_cell_is_busy() -> None:

@@ -6,7 +6,6 @@ import ssl
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -15,26 +14,14 @@ import pytest
 import uvloop
 
 from calibration.errors import DocumentError
-from daemon.access.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY, make_certificate, server_context
+from daemon.access.certificates import PRIVATE_KEY, server_context
 from daemon.access.errors import CertificateUnusable
 from daemon.access.roles import Role
 from daemon.http.connections import Door, Limits
-from tests.daemon.access.test_access import TEST, bearer
+from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.http.tls_files import certificate, trusting
 from tests.support.waiting import eventually
-
-HOSTS = ["localhost", "127.0.0.1", "cell-7.plant.example"]
-
-
-def certificate(folder: Path) -> dict[str, str]:
-    make_certificate(folder, HOSTS, datetime.now(UTC))
-    return {"certificate": str(folder / CERTIFICATE), "private_key": str(folder / PRIVATE_KEY)}
-
-
-def trusting(folder: Path) -> ssl.SSLContext:
-    context = ssl.create_default_context(cafile=str(folder / AUTHORITY))
-    context.verify_flags |= ssl.VERIFY_X509_STRICT
-    return context
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.7", "cell-7.plant.example", "0"])

@@ -6,7 +6,7 @@ from typing import Any
 from protocols.plc.codes import Control, Status
 from tests.daemon.cell_under_test import Parts, serving, settings_for
 from tests.daemon.plcs import MOVING, ladder, value_of
-from tests.drivers.test_interlocks import Terminal, terminal
+from tests.drivers.modbus_terminal import Terminal, terminal
 
 
 def settings_with(folder: Path, device: Terminal) -> Any:

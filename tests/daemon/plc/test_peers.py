@@ -1,6 +1,5 @@
 """Modbus clients that nobody here wrote: Debian's mbpoll, and npm's modbus-serial."""
 
-import asyncio
 import json
 import os
 import re
@@ -11,21 +10,8 @@ import pytest
 
 from protocols.plc.codes import Status
 from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.plc.foreign_clients import needs_mbpoll, output_of
 from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
-
-LIMIT_S = 60.0
-
-needs_mbpoll = pytest.mark.skipif(shutil.which("mbpoll") is None, reason="mbpoll is not here: apt-get install mbpoll")
-
-
-async def output_of(*command: str, **environment: str) -> str:
-    """What it prints; fails with all of it when it fails."""
-    process = await asyncio.create_subprocess_exec(
-        *command, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT, env={**os.environ, **environment}
-    )
-    out, _ = await asyncio.wait_for(process.communicate(), LIMIT_S)
-    assert process.returncode == 0, out.decode()
-    return out.decode()
 
 
 @needs_mbpoll

@@ -9,7 +9,7 @@ from pymodbus.client import AsyncModbusSerialClient
 from protocols.plc.codes import Control, Status
 from protocols.plc.registers import SIZE
 from tests.daemon.cell_under_test import serving, settings_for
-from tests.daemon.plc.test_peers import needs_mbpoll, output_of
+from tests.daemon.plc.foreign_clients import needs_mbpoll, output_of
 from tests.daemon.plcs import MOVING, Ladder, plc_of, value_of
 from tests.support.serial_pair import cable
 from tests.support.waiting import eventually

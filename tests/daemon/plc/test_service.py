@@ -9,24 +9,16 @@ import pytest
 from calibration.transforms import transform_from_quaternion
 from daemon.config.plc_settings import PlcSettings
 from daemon.errors import PortTaken
-from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import LinkLost
 from protocols.modbus.words import WordOrder, crc16
 from protocols.plc.codes import Command, Contents, Control, DriftState, Status, Verdict
 from protocols.plc.registers import RESULT, SIZE
-from tests.daemon.calibrations import a_calibration
-from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
+from tests.daemon.calibrations import apply_calibration
+from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, poses_around_the_target
 from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
 
 C, S = Control, Status
-
-
-async def with_a_calibration(bench: Bench) -> None:
-    document = a_calibration("cal-7")
-    store = bench.application.store
-    await store.save_calibration(CalibrationRecord("cal-7", None, document.created_at, True, document))
-    await store.apply(AppliedCalibration("cal-7", "2026-11-21T09:00:00.000Z", "a test"))
 
 
 async def test_calibrate_verify_and_register_by_handshake(tmp_path: Path) -> None:
@@ -86,7 +78,7 @@ async def test_refusals_are_those_of_rest(
 ) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
         if trigger is not C.TRIGGER_VERIFY:
-            await with_a_calibration(bench)
+            await apply_calibration(bench, "cal-7")
         bench.robot.status = robot
         body = {"capture": True} if path == "/scans" else {}
         assert (await bench.client.post(path, json=body)).status_code == status

@@ -11,10 +11,10 @@ import pytest
 import uvloop
 from pymodbus.client import AsyncModbusTcpClient
 
-from benchmarks.daemon.modbus import Tally, fuzz, served
 from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.plc.registers import BY_NAME
+from tests.daemon.plc.modbus_fuzz import Tally, fuzz, served
 from tests.support.waiting import eventually
 
 QUICK = ModbusTcpLimits(connections=3, idle_s=30.0, half_frame_s=0.1)
@@ -191,5 +191,5 @@ def test_two_thousand_fuzzed_frames_lose_nothing_and_break_nothing(
 ) -> None:
     """In the daemon's event loop, too. A million of them: `python -m benchmarks.daemon.modbus --frames 1000000`."""
     tally = run(fuzz(2_000, seed=20261121))
-    assert tally.clean, tally.told() + "\n".join(tally.errors)
+    assert tally.clean, tally.table() + "\n".join(tally.errors)
     assert (tally.frames, tally.answered) == (2_000, 2_000)

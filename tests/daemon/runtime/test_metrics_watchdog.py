@@ -17,7 +17,7 @@ from daemon.runs.run_log import RunLog
 from daemon.runs.supervisor import Departure, Ending
 from daemon.runtime.systemd import Systemd
 from tests.daemon.cell_under_test import Parts, settings_for
-from tests.daemon.runtime.test_systemd import Manager
+from tests.daemon.runtime.service_manager import Manager
 
 FED_EVERY_S = 0.05
 

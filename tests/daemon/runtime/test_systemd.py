@@ -1,25 +1,13 @@
 """The service manager is told, over its own kind of socket."""
 
 import asyncio
-import socket
 from pathlib import Path
 
 import pytest
 
 from daemon.runtime.systemd import Systemd
 from tests.daemon.cell_under_test import serving, settings_for
-
-
-class Manager:
-    """systemd's end of NOTIFY_SOCKET."""
-
-    def __init__(self, address: str) -> None:
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-        self.socket.bind(address)
-
-    async def hears(self, limit_s: float = 5.0) -> str:
-        async with asyncio.timeout(limit_s):
-            return (await asyncio.get_running_loop().sock_recv(self.socket, 4096)).decode()
+from tests.daemon.runtime.service_manager import Manager
 
 
 def of(environment: dict[str, str]) -> Systemd:

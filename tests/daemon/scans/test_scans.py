@@ -6,33 +6,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.transforms import map_points, transform_from_quaternion
 from drivers.errors import DeviceTimeout
 from registration.io.formats.ply import parse_header
 from registration.scan import read_scan
-from tests.daemon.api.test_register import OCTETS, PLY, cloud, with_a_calibration
-from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
-from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, ply_of, points_of, poses_around_the_target
-
-POSES = ("800,-100,900,0,1,0,0", "850,150,880,0,0.96,0.28,0")
-
-
-async def a_scan(bench: Bench, **body: Any) -> dict[str, Any]:
-    answer = await bench.client.post("/scans", json={"name": "door", **body})
-    assert answer.status_code == 201, answer.text
-    scan: dict[str, Any] = answer.json()
-    assert answer.headers["location"] == scan["links"]["self"]
-    return scan
-
-
-def moved(points: Any, pose: str) -> Any:
-    numbers = [float(part) for part in pose.split(",")]
-    return map_points(transform_from_quaternion(numbers[:3], numbers[3:]) @ FLANGE_T_CAMERA, points)
+from tests.daemon.calibrations import apply_calibration
+from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
+from tests.daemon.clouds import OCTETS, PLY, POSES, cloud, in_base
+from tests.daemon.fakes import Gate, ply_of, points_of, poses_around_the_target
+from tests.daemon.scans.scan_folders import a_scan, names
 
 
 async def test_views_sent_from_several_poses_become_one_cloud(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         first, second = cloud(3000), cloud(500)
         second[7] = np.nan
@@ -49,7 +35,7 @@ async def test_views_sent_from_several_poses_become_one_cloud(tmp_path: Path) ->
         header = parse_header(merged.content, "merged")
         assert header is not None
         assert header.count == 3499
-        expected = np.concatenate([moved(first, POSES[0]), moved(np.delete(second, 7, axis=0), POSES[1])])
+        expected = np.concatenate([in_base(first, POSES[0]), in_base(np.delete(second, 7, axis=0), POSES[1])])
         np.testing.assert_allclose(points_of(merged.content), expected, atol=2e-3)
         seen = (await bench.client.get(scan["links"]["self"])).json()
         assert [(view["file"], view["unit"]) for view in seen["views"]] == [
@@ -58,10 +44,6 @@ async def test_views_sent_from_several_poses_become_one_cloud(tmp_path: Path) ->
         ]
         assert len(read_scan(tmp_path / "scans" / scan["id"])) == 2
         assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply", "view_001.f32"]
-
-
-def names(folder: Path) -> list[str]:
-    return [file.name for file in folder.iterdir()]
 
 
 async def test_a_damaged_view_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
@@ -79,7 +61,7 @@ async def test_without_views_or_calibration_there_is_no_cloud(tmp_path: Path) ->
     async with serving(settings_for(tmp_path)) as bench:
         scan = await a_scan(bench)
         assert (await bench.client.get(scan["links"]["cloud"])).json()["code"] == "no-calibration"
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         answer = await bench.client.get(scan["links"]["cloud"])
         assert (answer.status_code, answer.json()["code"]) == (409, "scan-empty")
         assert (await bench.client.get("/scans/none/cloud")).status_code == 404

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.daemon.api.test_register import PLY
 from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.clouds import PLY, POSES
 from tests.daemon.fakes import ply_of
-from tests.daemon.scans.test_scans import POSES, a_scan
-from tests.registration.test_scanner_acceptance import RADIUS_MM, SPACING_MM, ball, bar
+from tests.daemon.scans.scan_folders import a_scan
+from tests.registration.ball_bars import RADIUS_MM, SPACING_MM, ball, bar
 
 BAR = {"radius_mm": RADIUS_MM, "spacing_mm": SPACING_MM}
 

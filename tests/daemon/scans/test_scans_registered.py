@@ -11,10 +11,11 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from registration.io.formats.ply import parse_header
-from tests.daemon.api.test_register import LAZ, OCTETS, PLY, cloud, laz_of, with_a_calibration
+from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.clouds import LAZ, OCTETS, PLY, POSES, cloud, in_base, laz_of
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
-from tests.daemon.scans.test_scans import POSES, a_scan, moved, names
+from tests.daemon.scans.scan_folders import a_scan, names
 
 FLANGES = [
     transform(rotation_from_vector([np.pi, 0.1 * k, 0.05 * k]), [800.0 + 20 * k, -10.0 * k, 700]) for k in range(3)
@@ -48,7 +49,7 @@ async def report_of(bench: Bench, scan: dict[str, Any], **query: Any) -> dict[st
 
 async def test_a_scan_asked_to_refine_does_so_while_views_come_and_tells_how_far_it_is(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench, refine=True)
         assert scan["refine"]
         await send_views(bench, scan["links"]["views"])
@@ -76,7 +77,7 @@ async def registrations_told(bench: Bench, views: int) -> list[dict[str, Any]]:
 
 async def test_the_refined_cloud_lies_closer_to_the_surface_than_the_plain_one(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         await send_views(bench, scan["links"]["views"])
         scatter = []
@@ -90,7 +91,7 @@ async def test_the_refined_cloud_lies_closer_to_the_surface_than_the_plain_one(t
 
 async def test_a_report_outlives_the_daemon_and_a_new_view_replaces_it(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         await send_views(bench, scan["links"]["views"], 2)
         first = await report_of(bench, scan)
@@ -102,7 +103,7 @@ async def test_a_report_outlives_the_daemon_and_a_new_view_replaces_it(tmp_path:
 
 async def test_a_stored_report_that_is_damaged_is_made_anew(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         await send_views(bench, scan["links"]["views"], 2)
         first = await report_of(bench, scan)
@@ -112,7 +113,7 @@ async def test_a_stored_report_that_is_damaged_is_made_anew(tmp_path: Path) -> N
 
 async def test_who_does_not_wait_is_told_where_to_ask_again(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         await send_views(bench, scan["links"]["views"])
         answer = await bench.client.get(scan["links"]["cloud"], params={"refine": True, "wait": 0})
@@ -137,13 +138,13 @@ async def test_a_cloud_is_answered_as_the_caller_prefers(tmp_path: Path, accept:
     if "las" in accept:
         pytest.importorskip("laspy")
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         points = cloud(50)
         await bench.client.post(scan["links"]["views"], params={"pose": POSES[0]}, content=ply_of(points), headers=PLY)
         answer = await bench.client.get(scan["links"]["cloud"], headers={"accept": accept})
         assert (answer.status_code, answer.headers["content-type"]) == (200, media_type)
-        expected = moved(points, POSES[0])
+        expected = in_base(points, POSES[0])
         np.testing.assert_allclose(read(answer.content, media_type, tmp_path), expected, atol=4e-3)
     # Only now is it sure that the answer's own end has come: the file behind it is removed after its last byte.
     assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply"]
@@ -166,7 +167,7 @@ def read(content: bytes, media_type: str, folder: Path) -> Array:
 
 async def test_what_no_cloud_is_answered_as_is_406_with_what_there_is(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         answer = await bench.client.get(scan["links"]["cloud"], headers={"accept": "image/png"})
         assert (answer.status_code, answer.json()["code"]) == (406, "not-acceptable")
@@ -176,7 +177,7 @@ async def test_what_no_cloud_is_answered_as_is_406_with_what_there_is(tmp_path: 
 @pytest.mark.parametrize(("points", "status"), [(10_000, 200), (10_001, 413)])
 async def test_only_small_clouds_travel_as_json(tmp_path: Path, points: int, status: int) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         content = cloud(points).astype("<f4").tobytes()
         await bench.client.post(scan["links"]["views"], params={"pose": POSES[0]}, content=content, headers=OCTETS)
@@ -188,7 +189,7 @@ async def test_only_small_clouds_travel_as_json(tmp_path: Path, points: int, sta
 
 async def test_a_merged_ply_names_its_frame_and_calibration(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         await bench.client.post(
             scan["links"]["views"], params={"pose": POSES[0]}, content=ply_of(cloud(9)), headers=PLY
@@ -201,7 +202,7 @@ async def test_a_merged_ply_names_its_frame_and_calibration(tmp_path: Path) -> N
 
 async def test_a_cloud_is_averaged_cleaned_and_given_normals_as_asked(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         await send_views(bench, scan["links"]["views"])
         link = scan["links"]["cloud"]
@@ -221,7 +222,7 @@ async def test_a_cloud_is_averaged_cleaned_and_given_normals_as_asked(tmp_path: 
 
 async def test_a_laz_view_is_kept_and_merged_with_others(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
-        await with_a_calibration(bench)
+        await apply_calibration(bench)
         scan = await a_scan(bench)
         await send_views(bench, scan["links"]["views"], 1)
         flange = FLANGES[1]

@@ -12,7 +12,7 @@ from daemon.store.actor import AuditContext
 from daemon.store.audit_log import check_audit_log
 from daemon.store.database import DATABASE_NAME
 from daemon.store.store import Store
-from tests.daemon.access.test_access import TEST, bearer, with_keys
+from tests.daemon.access_keys import TEST, bearer, with_keys
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import serving, settings_for
 

@@ -14,13 +14,12 @@ from daemon.access.roles import Role
 from daemon.store.database import DATABASE_NAME
 from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
 from daemon.store.store import Store
-from tests.daemon.access.test_access import TEST, bearer
-from tests.daemon.api.test_register import PLY, cloud
+from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.cell_under_test import Bench, serving, settings_for
-from tests.daemon.cli.test_access_commands import handeyed
+from tests.daemon.cli.running import handeyed
+from tests.daemon.clouds import PLY, POSES, cloud
+from tests.daemon.daemon_process import SETTINGS
 from tests.daemon.fakes import ply_of
-from tests.daemon.scans.test_scans import POSES
-from tests.daemon.scans.test_scans_killed import SETTINGS
 
 
 def a_config(folder: Path) -> Path:
@@ -62,17 +61,17 @@ async def test_a_restored_store_gives_the_same_answers(tmp_path: Path) -> None:
         link, sent = scan["links"]["views"], {**headers, **PLY}
         await bench.client.post(link, params={"pose": POSES[0]}, content=ply_of(cloud(100)), headers=sent)
         done = await asyncio.to_thread(handeyed, "backup", here, "--out", file)
-        assert done.exit_code == 0, done.output
+        assert done.status == 0, done.err
         before = await answers(bench, key)
         assert len(before["/drift"]["points"]) == 1
     assert leftovers(tmp_path) == []
     put_back = await asyncio.to_thread(handeyed, "restore", file, there)
-    assert put_back.exit_code == 0, put_back.output
+    assert put_back.status == 0, put_back.err
     async with serving(settings_for(tmp_path / "there" / "store")) as bench:
         assert await answers(bench, key) == before
     again = await asyncio.to_thread(handeyed, "restore", file, there)
-    assert (again.exit_code, "holds a store already" in again.stderr) == (1, True)
-    assert (await asyncio.to_thread(handeyed, "audit", "verify", there)).exit_code == 0
+    assert (again.status, "holds a store already" in again.err) == (1, True)
+    assert (await asyncio.to_thread(handeyed, "audit", "verify", there)).status == 0
 
 
 def leftovers(folder: Path) -> list[str]:
@@ -104,7 +103,7 @@ def test_what_is_no_backup_is_refused_and_leaves_nothing(tmp_path: Path) -> None
     ]
     for file, says in bad:
         refused = handeyed("restore", file, config)
-        assert (refused.exit_code, says in refused.stderr) == (1, True), (file, refused.output)
+        assert (refused.status, says in refused.err) == (1, True), (file, refused.err)
         assert not (tmp_path / "here" / "store" / DATABASE_NAME).exists()
     assert not (tmp_path / "evil").exists()
     assert not list((tmp_path / "here" / "store").glob(".restoring"))

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from daemon.store.store import Store
-from tests.daemon.api.test_register import PLY, cloud
 from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.clouds import PLY, POSES, cloud
 from tests.daemon.fakes import ply_of
-from tests.daemon.scans.test_scans import POSES
 
 
 @dataclass

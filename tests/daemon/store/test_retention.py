@@ -17,7 +17,7 @@ from daemon.store.retention import Retention, runs_to_prune
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import serving, settings_for
-from tests.daemon.store.test_store import a_run
+from tests.daemon.records import a_run
 
 NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
 

@@ -11,27 +11,18 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from daemon.errors import NoCalibration, NotFound, StorageError, StorageFull, StorageTooNew
-from daemon.model.records import AppliedCalibration, CalibrationRecord, Cause, RunRecord, ScanRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord, Cause, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.durable_files import write_durably
 from daemon.store.database import DATABASE_NAME
 from daemon.store.schema import SCHEMA_VERSION
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
-
-AT = "2026-11-21T09:00:00.000Z"
-
-
-def a_run(run_id: str, state: RunState = RunState.MOVING) -> RunRecord:
-    return RunRecord(run_id, "calibration", state, 1, 3, AT, AT, request={"count": 3})
+from tests.daemon.records import AT, a_run, names_in
 
 
 def record(calibration_id: str) -> CalibrationRecord:
     return CalibrationRecord(calibration_id, "r", AT, True, a_calibration(calibration_id))
-
-
-def names_in(folder: Path) -> list[str]:
-    return sorted(file.name for file in folder.iterdir() if not file.name.startswith(DATABASE_NAME))
 
 
 async def test_what_was_stored_is_there_after_a_restart(tmp_path: Path) -> None:

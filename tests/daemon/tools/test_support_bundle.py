@@ -15,7 +15,6 @@ from daemon.cli.main import app
 from daemon.tools.support_bundle.bundle import gather
 from daemon.tools.support_bundle.redaction import REMOVED, redacted, without_secrets
 from tests.daemon.cell_under_test import serving, settings_for
-from tests.daemon.drift.test_monitor import verifies
 
 NOW = datetime(2026, 11, 21, 9, tzinfo=UTC)
 
@@ -83,7 +82,7 @@ async def a_cell_with_secrets(folder: Path) -> Path:
     store = folder / "store"
     async with serving(settings_for(store, calibration={"policy": "auto"})) as bench:
         await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
-        await verifies(bench)
+        await bench.verify()
     with closing(sqlite3.connect(store / "handeyed.sqlite")) as db, db:
         row = ("k", "mes", "operator", PLANTED["hash of a key"], "2026-11-21")
         db.execute("INSERT INTO access_keys (id, name, role, hash, created_at) VALUES (?, ?, ?, ?, ?)", row)

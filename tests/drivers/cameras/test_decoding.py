@@ -1,6 +1,5 @@
 """Pictures that are whole, and everything that is none."""
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,17 +7,7 @@ from hypothesis import strategies as st
 
 from drivers.cameras.decoding import decode
 from drivers.errors import GarbledAnswer
-
-RNG = np.random.default_rng(3)
-COLOUR = RNG.integers(0, 255, (30, 40, 3)).astype(np.uint8)
-GREY = COLOUR[..., 0]
-
-
-def encoded(suffix, image):
-    return cv2.imencode(suffix, image)[1].tobytes()
-
-
-PNG, JPEG = encoded(".png", COLOUR), encoded(".jpg", COLOUR)
+from tests.drivers.pictures import COLOUR, GREY, JPEG, PNG, encoded
 
 
 @pytest.mark.parametrize("image", [COLOUR, GREY], ids=["colour", "grey"])

@@ -7,6 +7,7 @@ import tty
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
+from calibration.transforms import transform_from_quaternion
 from protocols.cb.codes import Capability, Flag, Status
 from protocols.cb.controller import ControllerSession
 from protocols.cb.events import BadChecksum, DuplicateAnswered, RequestReceived, RequestRefused
@@ -38,6 +39,7 @@ from protocols.cb.messages import (
 STANDING = Pose(
     (515.0, -20.5, 712.25), (0.5, 0.5, -0.5, 0.5), (0, -1, 0, 1), (9e9,) * 6, 1234, Flag.MOTORS_ON | Flag.IN_POSITION
 )
+BASE_T_FLANGE = transform_from_quaternion(STANDING.position_mm, STANDING.quaternion_wxyz)
 JOINTS = Joints((10.0, -20.0, 30.0, 0.0, 90.0, -180.0), (9e9,) * 6)
 Mangle = Callable[[Request, bytes], Iterable[bytes]]
 

@@ -13,10 +13,10 @@ from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal
 from drivers.robots.abb.cb_wire import joints_rad, move_of, pose_reading
 from protocols.cb.codes import Flag, MoveKind
 from protocols.cb.messages import Joints, Pose, pack, unpack
+from tests.drivers.robots.fake_controller import BASE_T_FLANGE
 
 NO_AXES = (9e9,) * 6
 POSTURE = Configuration(0, -1, 2, 0)
-BASE_T_FLANGE = transform(rotation_from_quaternion((0.5, 0.5, -0.5, 0.5)), (515.0, -20.5, 712.25))
 
 
 def pose(position=(1.0, 2.0, 3.0), quaternion=(1.0, 0.0, 0.0, 0.0), axes=NO_AXES, flags=Flag.IN_POSITION):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import pytest_asyncio
 
-from calibration.transforms import rotation_from_quaternion, transform
 from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRefused, RequestRefused
 from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, Robot
 from drivers.robots.abb.cb_robot import CbRobot
@@ -16,10 +15,9 @@ from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from protocols.cb.codes import MoveKind, Status
 from protocols.cb.messages import Bye, GetPose, GetStatus, Move, Stop
-from tests.drivers.robots.fake_controller import STANDING, FakeController, PtyCell, TcpCell
+from tests.drivers.robots.fake_controller import BASE_T_FLANGE, STANDING, FakeController, PtyCell, TcpCell
 from tests.support.waiting import eventually
 
-BASE_T_FLANGE = transform(rotation_from_quaternion((0.5, 0.5, -0.5, 0.5)), (515.0, -20.5, 712.25))
 GOAL = MoveGoal(BASE_T_FLANGE, Configuration(0, -1, 0, 1), speed_mm_s=80.0)
 
 

@@ -17,8 +17,7 @@ from protocols.cb.codes import Command, Status
 from protocols.cb.controller import ControllerSession
 from protocols.cb.frames import Frame
 from protocols.cb.messages import GetPose, GetStatus, Hello, Move, Ping, Stop
-from tests.drivers.robots.fake_controller import FakeController, PtyCell, TcpCell
-from tests.drivers.robots.test_cb_wire import BASE_T_FLANGE
+from tests.drivers.robots.fake_controller import BASE_T_FLANGE, FakeController, PtyCell, TcpCell
 from tests.support.waiting import FakeTime, eventually, quick_timing, settle
 
 GOAL = MoveGoal(BASE_T_FLANGE, Configuration(0, 0, 0, 0))

@@ -17,7 +17,7 @@ from mock_robot.devices.egm import PERIOD_S, VIBRATION_MM
 from mock_robot.truth.truth import CellTruth
 from protocols.egm.messages import RobotSample
 from tests.mock_robot.bench import AWAY
-from tests.mock_robot.running_cell import becomes
+from tests.support.waiting import eventually
 
 WINDOW_S = 0.5
 
@@ -40,7 +40,7 @@ async def a_window_passes(monitor: EgmMonitor) -> None:
     """Until everything within the window was sent from now on."""
     loop = asyncio.get_running_loop()
     began_s = loop.time()
-    await becomes(lambda: loop.time() - began_s > WINDOW_S and monitor.link.connected)
+    await eventually(lambda: loop.time() - began_s > WINDOW_S and monitor.link.connected)
 
 
 async def test_a_standing_arm_does_not_vibrate_and_is_where_the_controller_says() -> None:
@@ -73,7 +73,7 @@ async def test_a_moving_arm_is_seen_to_move() -> None:
     async with monitored(time_scale=1.0) as (cell, monitor):
         await a_window_passes(monitor)
         cell.controller.arm.depart(AWAY, 50.0, False, cell.controller.robot_s(cell.clock()))
-        await becomes(lambda: monitor.vibration(WINDOW_S).translation_mm > 1.0)
+        await eventually(lambda: monitor.vibration(WINDOW_S).translation_mm > 1.0)
 
 
 async def test_lost_packets_are_counted_and_garbage_is_no_sample() -> None:
@@ -84,15 +84,15 @@ async def test_lost_packets_are_counted_and_garbage_is_no_sample() -> None:
         assert vibration.lost == pytest.approx(0.25 * vibration.samples, abs=3)
         cell.mends()
         cell.breaks("egm-garbage")
-        await becomes(lambda: monitor.strangers > 5)
-        await becomes(lambda: not monitor.link.connected)
+        await eventually(lambda: monitor.strangers > 5)
+        await eventually(lambda: not monitor.link.connected)
 
 
 async def test_a_silent_controller_is_told_with_what_to_do() -> None:
     async with monitored() as (cell, monitor):
         await a_window_passes(monitor)
         cell.breaks("egm-silent")
-        await becomes(lambda: not monitor.link.connected)
+        await eventually(lambda: not monitor.link.connected)
         assert "EGMStreamStart" in monitor.link.detail
         with pytest.raises(DeviceTimeout, match="EGMStreamStart"):
             monitor.vibration(0.1)
@@ -111,7 +111,7 @@ async def test_who_waits_for_a_packet_does_not_wait_for_python_to_change_threads
 
 async def test_only_the_named_controller_is_listened_to() -> None:
     async with monitored("192.0.2.1") as (_, monitor):
-        await becomes(lambda: monitor.strangers > 5)
+        await eventually(lambda: monitor.strangers > 5)
         assert not monitor.link.connected
 
 

@@ -22,7 +22,8 @@ from protocols.cb.events import RepeatWanted, ReplyReceived
 from protocols.cb.frames import Frame
 from tests.mock_robot.bench import ARM, AWAY, HOME, UNUSED, move_to
 from tests.mock_robot.cb_client import CbClient, over_serial, over_tcp
-from tests.mock_robot.running_cell import RunningCell, becomes, running_cell
+from tests.mock_robot.running_cell import RunningCell, running_cell
+from tests.support.waiting import eventually
 
 WIRES = pytest.mark.parametrize("serial", [False, True], ids=["tcp", "serial"])
 GOOD = move_to(AWAY)
@@ -196,7 +197,7 @@ async def test_stop_from_the_second_task_ends_a_move_under_way() -> None:
     async with talking(time_scale=1.0) as (cell, client):
         assert await client.asks(GOOD) == cb.MoveAccepted()
         seq = client.session.last_seq
-        await becomes(lambda: cell.moving)
+        await eventually(lambda: cell.moving)
         under_way = await report_of(client)
         assert under_way.flags & Flag.MOVING
         assert await client.asks(move_to(AWAY)) == cb.Refused(Status.BUSY)
@@ -211,10 +212,10 @@ async def test_two_seconds_of_silence_stop_and_disarm() -> None:
     async with talking(time_scale=0.3) as (cell, client):
         began_s = monotonic()
         assert await client.asks(GOOD) == cb.MoveAccepted()
-        await becomes(lambda: cell.moving)
-        await becomes(lambda: not cell.controller.armed)
+        await eventually(lambda: cell.moving)
+        await eventually(lambda: not cell.controller.armed)
         assert monotonic() - began_s > 1.9
-        await becomes(lambda: not cell.moving)
+        await eventually(lambda: not cell.moving)
         assert np.abs(joints_now(cell) - AWAY).max() > 0.01
 
 
@@ -232,7 +233,7 @@ async def test_a_switch_ends_the_move_and_starting_the_program_again_moves_nothi
     async with talking(time_scale=2.0) as (cell, client):
         assert await client.asks(move_to(AWAY, 100.0)) == cb.MoveAccepted()
         seq = client.session.last_seq
-        await becomes(lambda: cell.moving)
+        await eventually(lambda: cell.moving)
         switch(cell.controller, cell.cell.clock())
         assert await ends_as(client, seq) is status
         assert not cell.controller.armed
@@ -245,10 +246,10 @@ async def test_an_interrupted_move_does_not_go_on_though_the_client_is_gone() ->
         async with over_tcp(int(cell.announcement.robot_port or 0)) as client:
             await client.is_armed()
             assert await client.asks(move_to(AWAY, 100.0)) == cb.MoveAccepted()
-            await becomes(lambda: cell.moving)
+            await eventually(lambda: cell.moving)
             cell.controller.run_program(False, cell.cell.clock())
-            await becomes(lambda: not cell.controller.armed)
-        await becomes(lambda: not cell.moving)
+            await eventually(lambda: not cell.controller.armed)
+        await eventually(lambda: not cell.moving)
         standing = joints_now(cell)
         cell.controller.put_right(cell.cell.clock())
         async with over_tcp(int(cell.announcement.robot_port or 0)) as client:
@@ -271,7 +272,7 @@ async def test_after_a_greeting_nothing_moves_though_the_move_before_was_late() 
         async with late(cell, "order"):
             assert await client.asks(GOOD) == cb.MoveAccepted()
             assert isinstance(await client.asks(cb.Hello(1, 1, 9)), cb.Welcome)
-        await becomes(lambda: cell.commanded_moves == 1)
+        await eventually(lambda: cell.commanded_moves == 1)
         await moves_again(cell, client)
         assert cell.controller.arm.departures == 1, "the second one alone"
 
@@ -314,7 +315,7 @@ async def test_manual_reduced_speed_is_capped_by_the_program() -> None:
         asked_s = cell.controller.robot_s(cell.cell.clock())
         slow = plan_motion(ARM, joints_now(cell), AWAY, 250.0, linear=False, now_s=0.0).end_s
         assert await client.asks(move_to(AWAY, 1000.0)) == cb.MoveAccepted()
-        await becomes(lambda: cell.moving)
+        await eventually(lambda: cell.moving)
         assert cell.controller.arm.end_s - asked_s >= slow
         assert await ends_as(client, client.session.last_seq) is Status.OK
 
@@ -338,7 +339,7 @@ async def test_a_request_with_a_flipped_bit_is_not_done(serial: bool) -> None:
             with pytest.raises(ConnectionError):
                 while True:
                     await client.hears()
-            await becomes(lambda: not cell.controller.armed)
+            await eventually(lambda: not cell.controller.armed)
             assert cell.commanded_moves == 0
 
 
@@ -361,7 +362,7 @@ async def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: 
                         async with asyncio.timeout(0.1):
                             await client.read()
                 cell.mends()
-            await becomes(lambda: not cell.moving)
+            await eventually(lambda: not cell.moving)
             assert cell.controller.arm.departures <= requests
             departures += cell.controller.arm.departures
     assert departures >= 3, "the schedules must let the arm move, or they show nothing"
@@ -423,10 +424,10 @@ async def test_when_the_link_task_dies_every_task_stops(tmp_path) -> None:  # ty
         async with over_tcp(flawed.devices.address[1]) as client:  # type: ignore[index]
             await client.is_armed()
             assert await client.asks(move_to(AWAY, 50.0)) == cb.MoveAccepted()
-            await becomes(flawed.unit.moving)
+            await eventually(flawed.unit.moving)
             client.write(client.session.request(cb.GetJoints()))
-            await becomes(lambda: not flawed.panel.program_running)
-            await becomes(lambda: not flawed.unit.moving())
+            await eventually(lambda: not flawed.panel.program_running)
+            await eventually(lambda: not flawed.unit.moving())
         assert [entry.code for entry in flawed.log] == [10020, 10014]
         assert "ERR_FILEOPEN" in flawed.log[0].text
         assert "CELL_comm.mod:" in flawed.log[0].text

@@ -18,9 +18,8 @@ from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.sessions import SESSIONS_MAX
 from protocols.cb.codes import Command
 from tests.mock_robot.bench import AWAY
-from tests.mock_robot.running_cell import becomes
 from tests.mock_robot.rws_cell import RwsCell, rws_cell
-from tests.support.waiting import quick_timing
+from tests.support.waiting import eventually, quick_timing
 
 VERSIONS = pytest.mark.parametrize("version", [1, 2])
 
@@ -107,7 +106,7 @@ async def test_stop_ends_the_program_and_the_move(version: int) -> None:
         cell.controller.arm.depart(AWAY, 20.0, False, cell.controller.robot_s(cell.cell.clock()))
         await robot.stop()
         assert not cell.controller.panel.program_running
-        await becomes(lambda: not cell.cell.flange_now().moving)
+        await eventually(lambda: not cell.cell.flange_now().moving)
         assert (await robot.read_event_log())[0].code == 10005
 
 
@@ -124,12 +123,12 @@ async def test_stop_works_before_anything_was_asked() -> None:
 @VERSIONS
 async def test_the_panel_is_told_by_the_controller(version: int) -> None:
     async with rws_cell() as cell, robot_at(cell, version) as robot:
-        await becomes(lambda: robot.watching)
+        await eventually(lambda: robot.watching)
         cell.controller.press_emergency_stop(True, cell.cell.clock())
-        await becomes(lambda: robot.newest_event == cell.controller.recorded)
+        await eventually(lambda: robot.newest_event == cell.controller.recorded)
         assert (await robot.read_status()).emergency_stop
         cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
-        await becomes(lambda: "MANR" in robot.link.detail)
+        await eventually(lambda: "MANR" in robot.link.detail)
 
 
 @VERSIONS
@@ -166,7 +165,7 @@ async def test_reconnects_and_a_restart_leave_one_session(version: int) -> None:
         async with robot_at(cell, version) as robot:
             cell.cell.breaks("link-restart")
             await robot.connected(10.0)
-            await becomes(lambda: robot.watching and sessions.count == 1)
+            await eventually(lambda: robot.watching and sessions.count == 1)
             await robot.read_pose()
 
 
@@ -190,7 +189,7 @@ async def test_each_fault_has_its_error_and_is_over_when_it_is_over(
             await robot.read_pose()
         assert isinstance(refused.value, kind), refused.value
         assert words in str(refused.value)
-        await becomes(lambda: not robot.link.connected and words in robot.link.detail)
+        await eventually(lambda: not robot.link.connected and words in robot.link.detail)
         cell.cell.mends()
         await robot.connected(10.0)
         assert (await robot.read_pose()).still
@@ -222,16 +221,16 @@ async def test_nobody_there_is_told_for_both_versions_and_a_wrong_password_is_tr
 @VERSIONS
 async def test_a_subscription_that_has_gone_mute_is_noticed_and_opened_again(version: int) -> None:
     async with rws_cell() as cell, robot_at(cell, version) as robot:
-        await becomes(lambda: robot.watching)
+        await eventually(lambda: robot.watching)
         cell.cell.breaks("rws-subscription-gone")
         cell.cell.mends()
         cell.controller.switch_motors(False, cell.cell.clock())
-        await becomes(lambda: robot.newest_event < cell.controller.recorded)
-        await becomes(lambda: "motoroff" in robot.link.detail)
-        await becomes(lambda: not robot.watching)
-        await becomes(lambda: robot.watching)
+        await eventually(lambda: robot.newest_event < cell.controller.recorded)
+        await eventually(lambda: "motoroff" in robot.link.detail)
+        await eventually(lambda: not robot.watching)
+        await eventually(lambda: robot.watching)
         cell.controller.switch_motors(True, cell.cell.clock())
-        await becomes(lambda: robot.newest_event == cell.controller.recorded)
+        await eventually(lambda: robot.newest_event == cell.controller.recorded)
 
 
 async def test_robotware_8_has_no_mastership_and_the_upload_says_so() -> None:
@@ -267,14 +266,14 @@ async def test_the_second_way_stops_a_move_when_the_cb_link_breaks(version: int)
         host, port = cell.robot
         robot = open_robot(f"tcp://{host}:{port}", stop_address=cell.rws(version))
         try:
-            await becomes(lambda: robot.link.connected and robot.link.detail.endswith("way to stop: there"))
+            await eventually(lambda: robot.link.connected and robot.link.detail.endswith("way to stop: there"))
             await robot.set_armed(True)
             cell.cell.breaks("link-reset", only=Command.STATUS, after_moves=1)
             arm = cell.controller.arm.arm
             goal = MoveGoal(arm.forward(AWAY), Configuration(*arm.configuration(AWAY)), speed_mm_s=50.0)
             with pytest.raises(LinkLost):
                 await robot.move_to(goal)
-            await becomes(lambda: not cell.cell.flange_now().moving)
+            await eventually(lambda: not cell.cell.flange_now().moving)
             assert not cell.controller.panel.program_running
         finally:
             await robot.close()

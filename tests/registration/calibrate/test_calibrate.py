@@ -14,7 +14,7 @@ from registration.calibrate.sphere import solve_sphere_scan
 from registration.calibrate.surfaces import solve_surface_scan
 from registration.scan import hand_of, read_scan
 from tests.registration.parts import FLANGE_T_CAMERA, bumpy, flat, poses, view_of, write_scan, wrong
-from tests.registration.points.test_sphere_fit import CENTRE_IN_BASE, cap, looks
+from tests.registration.spheres import CENTRE_IN_BASE, cap, looks
 
 NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
 ROUGH = FLANGE_T_CAMERA @ transform(rotation_from_vector([0.02, -0.015, 0.02]), [2.0, -3.0, 2.0])

@@ -17,8 +17,7 @@ from registration.points.voxel_grid import VoxelGrid
 from registration.report import register_scan
 from registration.scan import read_scan
 from tests.registration.clouds import RICH, cloud, xyz
-from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, poses, view_of, write_scan
-from tests.registration.test_scan import ticks
+from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, poses, ticks, view_of, write_scan
 from tests.support.cases import cases
 
 CAMERA_MM = np.array([0.0, 0.0, 400.0])

@@ -18,15 +18,13 @@ from hypothesis import strategies as st
 
 from registration.errors import CloudError, CloudIOError, CloudTooLong, CloudTruncated, CloudUnsupported
 from registration.io import convert, durable_file, parallel_copy
-from registration.io.columns import Conversion, shared_layout
 from registration.io.convert import move_file
 from registration.io.formats import npy, pcd, ply
 from registration.io.formats.lzf import LzfDamaged, decompress
-from registration.io.reading import open_cloud
-from registration.io.writing import new_cloud
 from registration.points.layout import XYZ_FLOAT32, Layout, Records
 from registration.points.rigid_motion import Motion
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
+from tests.registration.io.cloud_files import read, write
 from tests.registration.packed import compressed, lzf
 from tests.support.cases import cases
 
@@ -41,20 +39,6 @@ PCL = Layout.of(
         ]
     )
 )
-
-
-def read(path: Path, common: bool = False) -> Records:
-    """Every point; `common`: under the common names."""
-    with open_cloud(path) as source:
-        conversion = Conversion.between(source.layout, shared_layout([source.layout])[0])
-        blocks = [conversion.convert(block) if common else block.copy() for block in source.blocks()]
-    return np.concatenate(blocks) if blocks else np.empty(0)
-
-
-def write(path: Path, layout: Layout, records: Records) -> None:
-    with new_cloud(path, layout) as writer:
-        for start in range(0, len(records), 700):
-            writer.write(records[start : start + 700])
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".npy", ".csv", ".xyz"])

@@ -16,7 +16,7 @@ from registration.io.convert import move_file
 from registration.points.layout import Records
 from registration.points.rigid_motion import Motion
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
-from tests.registration.io.test_files import read, write
+from tests.registration.io.cloud_files import read, write
 
 MOTION = Motion.of(BASE_T_CAMERA, "mm")
 

@@ -6,24 +6,13 @@ import numpy as np
 import pytest
 
 from calibration.errors import UndeterminedError
-from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
+from calibration.transforms import Array, difference, inverse, map_points, transform
 from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact, fit_sphere
 from registration.scan import Hand, read_scan, register_views, sample_views
 from tests.registration.parts import FLANGE_T_CAMERA
-
-CENTRE_IN_BASE = np.array([120.0, -630.0, 70.0])
-
-
-def cap(centre: Array, radius_mm: float, seed: int = 0, noise_mm: float = 0.05, count: int = 4000) -> Array:
-    """The half of a sphere a camera at the origin sees."""
-    random = np.random.default_rng(seed)
-    directions = random.normal(size=(4 * count, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    seen = directions[directions @ centre < -0.5 * np.linalg.norm(centre)][:count]
-    points: Array = centre + seen * (radius_mm + random.normal(0, noise_mm, (len(seen), 1)))
-    return points
+from tests.registration.spheres import CENTRE_IN_BASE, cap, looks
 
 
 def test_a_sphere_is_found_among_clutter() -> None:
@@ -61,18 +50,6 @@ def test_the_centres_covariance_is_what_repetition_shows() -> None:
 def test_what_is_no_such_sphere_is_told(points: Array, radius_mm: float, says: str) -> None:
     with pytest.raises(SphereError, match=says):
         find_artefact(points, radius_mm)
-
-
-def looks(count: int, seed: int = 0, tilt: float = 0.5) -> list[Array]:
-    """base_T_flange from which the camera sees the sphere, each time elsewhere in its field."""
-    random = np.random.default_rng(seed)
-    poses = []
-    for _ in range(count):
-        rotation = rotation_from_vector(random.normal(0, tilt, 3)) @ rotation_from_vector([np.pi, 0, 0])
-        seen = random.normal([0, 0, 320], [35, 35, 30])
-        pose = transform(rotation, np.zeros(3))
-        poses.append(transform(rotation, CENTRE_IN_BASE - map_points(pose @ FLANGE_T_CAMERA, seen[None])[0]))
-    return poses
 
 
 def view(base_T_flange: Array, noise_mm: float = 0.0, seed: int = 0) -> SphereView:

@@ -10,7 +10,7 @@ from typing import Any
 
 import httpx
 
-PLY = {"content-type": "application/x-ply"}
+from tests.daemon.clouds import PLY
 
 
 class Lost(Exception):
@@ -136,6 +136,6 @@ def _check_session(folder: Path) -> None:
 
 def _check_scan(folder: Path, scan: dict[str, Any]) -> None:
     if scan["views"]:
-        told = [view["cloud"] for view in json.loads((folder / "scan.json").read_text())["views"]]
-        if told != [view["file"] for view in scan["views"]]:
-            raise Lost(f"scan.json of {scan['id']} says {told}")
+        listed = [view["cloud"] for view in json.loads((folder / "scan.json").read_text())["views"]]
+        if listed != [view["file"] for view in scan["views"]]:
+            raise Lost(f"scan.json of {scan['id']} says {listed}")

@@ -45,7 +45,7 @@ def test_the_tiers_name_benchmarks_that_exist(tier: dict[str, tuple[str, ...]]) 
 
 
 def test_wrong_arguments_are_a_named_failure() -> None:
-    text, trouble = runner.run("kinhec", ("--no-such-option",), 60.0)
+    text, trouble = runner.run("hand_eye.kinhec", ("--no-such-option",), 60.0)
     assert (text, trouble) == ("", "exit status 2")
 
 

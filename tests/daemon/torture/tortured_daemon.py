@@ -13,7 +13,7 @@ import uvloop
 from daemon.runtime.failpoints import PLACES
 from tests.daemon.cell_under_test import Parts, serving, settings_for
 
-WARM = ["benchmarks.daemon.torture_daemon", "anyio._backends._asyncio", "uvicorn.lifespan.on", "websockets.server",
+WARM = ["tests.daemon.torture.tortured_daemon", "anyio._backends._asyncio", "uvicorn.lifespan.on", "websockets.server",
         "uvicorn.protocols.websockets.websockets_sansio_impl", "scipy.optimize"]  # fmt: skip
 """What a forked daemon need not import again."""
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.daemon.torture import Torture
-from benchmarks.daemon.torture_ledger import Ledger, Lost, Request
 from daemon.runtime.failpoints import PLACES
 from tests.daemon.cell_under_test import pose_json, serving, settings_for
 from tests.daemon.fakes import poses_around_the_target
+from tests.daemon.torture.ledger import Ledger, Lost, Request
+from tests.daemon.torture.torture import Torture
 
 TWO_POSES = [pose_json(pose) for pose in poses_around_the_target(2)]
 
@@ -19,7 +19,7 @@ def test_nothing_is_lost_by_a_few_kills(tmp_path: Path) -> None:
     torture = Torture(tmp_path, random.Random(4))
     for number in range(4):
         torture.round(number)
-    assert sum(torture.told.killed.values()) == 4
+    assert sum(torture.report.killed.values()) == 4
 
 
 async def test_every_failpoint_that_is_named_is_reached_by_the_daemon_itself(tmp_path: Path) -> None:

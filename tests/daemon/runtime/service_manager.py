@@ -1,0 +1,16 @@
+"""systemd's end of the notification socket."""
+
+import asyncio
+import socket
+
+
+class Manager:
+    """systemd's end of NOTIFY_SOCKET."""
+
+    def __init__(self, address: str) -> None:
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        self.socket.bind(address)
+
+    async def hears(self, limit_s: float = 5.0) -> str:
+        async with asyncio.timeout(limit_s):
+            return (await asyncio.get_running_loop().sock_recv(self.socket, 4096)).decode()
