@@ -48,9 +48,17 @@ class Companion(Protocol):
 
     async def stop(self) -> None: ...
 
+
+class WarningSource(Protocol):
+    """A companion with something to say in GET /ready."""
+
     def warnings(self) -> list[str]:
         """For GET /ready: what should be looked after though work goes on."""
         ...
+
+
+class MetricSource(Protocol):
+    """A companion that counts."""
 
     def families(self) -> Iterable[Metric]:
         """For GET /metrics."""
@@ -75,6 +83,8 @@ class Application:
     key_service: KeyService
     systemd: Systemd
     companions: tuple[Companion, ...] = ()
+    warning_sources: tuple[WarningSource, ...] = ()
+    metric_sources: tuple[MetricSource, ...] = ()
     _started_s: float = field(default=0.0, init=False)
     _stopping: asyncio.Task[None] | None = field(default=None, init=False)
     _watchdog: asyncio.Task[None] | None = field(default=None, init=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import uvloop
 
-from daemon.application import Application, Companion
+from daemon.application import Application
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.devices import open_devices
 from daemon.cell.motion_rules import MotionRules
@@ -61,14 +61,8 @@ def build(
     drift = DriftWatch(settings, store, events, workers, clock)
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, workers, clock, settings.storage)
-    companions: list[Companion] = [
-        webhooks,
-        retention,
-        drift,
-        DriftSchedule(operations, clock, 3600 * settings.drift.every_h),
-    ]
-    if settings.plc is not None:
-        companions.append(PlcService.of(settings.plc, operations, drift, clock))
+    schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
+    plc = () if settings.plc is None else (PlcService.of(settings.plc, operations, drift, clock),)
     return Application(
         settings=settings,
         clock=clock,
@@ -83,7 +77,9 @@ def build(
         drift=drift,
         key_service=KeyService(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
-        companions=tuple(companions),
+        companions=(webhooks, retention, drift, schedule, *plc),
+        warning_sources=(webhooks, retention, drift),
+        metric_sources=(webhooks, retention, drift, *plc),
     )
 
 

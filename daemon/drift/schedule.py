@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -12,7 +11,6 @@ from daemon.model.requests import VerifyRequest
 from daemon.operations import Operations
 from daemon.runtime.clock import Clock
 from daemon.runtime.logs import about_request
-from daemon.runtime.metrics import Metric
 from daemon.store.actor import AuditContext, acting_as
 from drivers.errors import DeviceError
 
@@ -42,12 +40,6 @@ class DriftSchedule:
             self._task.cancel()
             with suppress(asyncio.CancelledError):
                 await self._task
-
-    def warnings(self) -> list[str]:
-        return []
-
-    def families(self) -> Iterator[Metric]:
-        return iter(())
 
     async def _verify_now_and_then(self) -> None:
         while True:

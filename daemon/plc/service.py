@@ -56,9 +56,6 @@ class PlcService:
         await self.tcp.stop()
         await self.gateway.stop()
 
-    def warnings(self) -> list[str]:
-        return []
-
     def families(self) -> Iterator[Metric]:
         """The families of GET /metrics."""
         yield Metric("handeyed_plc_connections", "gauge", "PLCs connected over Modbus TCP.",

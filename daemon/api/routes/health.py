@@ -68,7 +68,7 @@ async def readiness(app: Application) -> ReadyDocument:
         await app.store.current()
     except NoCalibration as error:
         register.append(error.what)
-    warnings = [*_disk_warnings(app), *(warning for companion in app.companions for warning in companion.warnings())]
+    warnings = [*_disk_warnings(app), *(warning for source in app.warning_sources for warning in source.warnings())]
     return ReadyDocument(
         ready=not calibrate or not register,
         calibrate=Readiness(ready=not calibrate, reasons=calibrate),
@@ -109,7 +109,7 @@ async def _families(app: Application) -> list[Metric]:
         Metric("handeyed_disk_free_bytes", "gauge", "Free where the store lies.",
                {(): float(shutil.disk_usage(app.store.folder).free)}),
         *app.metrics.families(),
-        *(family for companion in app.companions for family in companion.families()),
+        *(family for source in app.metric_sources for family in source.families()),
     ]  # fmt: skip
     try:
         _, current = await app.store.current()
