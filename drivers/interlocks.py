@@ -12,6 +12,7 @@ from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
 from pymodbus.exceptions import ModbusException
 
 from drivers.errors import AddressNotUnderstood
+from drivers.serial_errors import SERIAL_ERRORS, reason_of
 
 DEFAULT_PORT = 502
 FORM = "write tcp://host:502, or serial:///dev/ttyUSB0?baud=19200&parity=E"
@@ -56,7 +57,7 @@ class Interlocks:
             try:
                 async with asyncio.timeout(self.limit_s):
                     return await self._read()
-            except (TimeoutError, ModbusException, OSError, ValueError) as error:
+            except (TimeoutError, ModbusException, *SERIAL_ERRORS, ValueError) as error:
                 self._hang_up()
                 why = "no answer in time" if isinstance(error, TimeoutError) else _words(error)
                 return tuple(Reading(s.name, False, f"cannot be read ({self.address}: {why})") for s in self.signals)
@@ -124,4 +125,4 @@ def _parts(address: str) -> tuple[str, str, int, dict[str, str]]:
 
 
 def _words(error: Exception) -> str:
-    return getattr(error, "string", "") or str(error) or type(error).__name__
+    return getattr(error, "string", "") or reason_of(error) or type(error).__name__

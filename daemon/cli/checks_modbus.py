@@ -2,7 +2,6 @@
 
 import asyncio
 import ipaddress
-import termios
 
 import serial
 
@@ -10,6 +9,7 @@ from daemon.cli.output import Result
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.errors import PortTaken
 from daemon.http.listen_socket import listener_at
+from drivers.serial_errors import SERIAL_ERRORS, reason_of
 
 CELL = "put this right at the cell"
 TERMINAL = "see that the device answers there, and that [interlocks] names its unit and addresses"
@@ -61,8 +61,8 @@ def check_line(settings: PlcSerialSettings) -> Result:
     """Does the serial line open?"""
     try:
         serial.serial_for_url(settings.port, baudrate=settings.baud, parity=settings.parity, timeout=0).close()
-    except (OSError, ValueError, termios.error) as error:
-        reason = error.args[-1] if isinstance(error, termios.error) else getattr(error, "strerror", None) or error
+    except (*SERIAL_ERRORS, ValueError) as error:
+        reason = getattr(error, "strerror", None) or reason_of(error)
         what = f"the line {settings.port} cannot be opened ({reason})"
         fix = "correct [plc.serial] port, baud or parity, or the rights of the daemon's user (group dialout)"
         return Result("plc", False, what, fix)

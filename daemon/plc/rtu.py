@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import termios
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -13,6 +12,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 from daemon.config.plc_settings import PlcSerialSettings
 from drivers.backoff import Backoff
+from drivers.serial_errors import SERIAL_ERRORS, reason_of
 from protocols.modbus.bank import Bank, Identification
 from protocols.modbus.codes import Function
 from protocols.modbus.errors import RequestRefused
@@ -59,13 +59,9 @@ class ModbusRtu:
                 self.opened.set()
                 await self._lost.wait()
                 log.warning("the PLC's serial line %s was lost; it is opened again by itself", self._settings.port)
-            except (
-                RuntimeError,
-                OSError,
-                termios.error,
-            ) as error:  # termios.error: the adapter does not support a setting
+            except (RuntimeError, *SERIAL_ERRORS) as error:
                 if not warned:
-                    log.warning("the PLC's serial line %s cannot be opened: %s", self._settings.port, error)
+                    log.warning("the PLC's serial line %s cannot be opened: %s", self._settings.port, reason_of(error))
                 warned = True
             finally:
                 self.opened.clear()

@@ -1,7 +1,6 @@
 """The CB link over a serial line, or whatever pyserial opens: /dev/tty*, socket://, rfc2217://, loop://."""
 
 import asyncio
-import termios
 import threading
 from dataclasses import dataclass
 from typing import Any
@@ -9,13 +8,12 @@ from typing import Any
 import serial
 
 from drivers.errors import DeviceUnreachable, LinkLost
+from drivers.serial_errors import SERIAL_ERRORS, reason_of
 
 READ_LIMIT_S = 0.05
 """How long a blocking read waits before it looks whether it should end."""
 WRITE_LIMIT_S = 1.0
 CHUNK_BYTES = 4096
-BROKEN = (serial.SerialException, OSError, termios.error)
-"""What a port raises whose adapter was pulled out; pyserial lets some of the system's own errors through."""
 
 
 class SerialConnection:
@@ -35,7 +33,7 @@ class SerialConnection:
         """Raises LinkLost."""
         try:
             await asyncio.to_thread(self._write, data)
-        except BROKEN as error:
+        except SERIAL_ERRORS as error:
             raise self._lost(error) from error
 
     async def receive(self) -> bytes:
@@ -69,7 +67,7 @@ class SerialConnection:
                     data += self._port.read(waiting)
                 if data:
                     self._hand_over(data)
-        except BROKEN as error:
+        except SERIAL_ERRORS as error:
             lost = self._lost(error)
             lost.__cause__ = error
             self._hand_over(lost)
@@ -79,7 +77,7 @@ class SerialConnection:
             self._loop.call_soon_threadsafe(self._received.put_nowait, item)
 
     def _lost(self, error: BaseException | None) -> LinkLost:
-        return LinkLost(self._device, f"the serial line broke ({error})", "check the cable and the adapter")
+        return LinkLost(self._device, f"the serial line broke ({reason_of(error)})", "check the cable and the adapter")
 
 
 @dataclass(frozen=True)
@@ -105,9 +103,9 @@ class SerialTransport:
         except asyncio.CancelledError:
             opening.add_done_callback(_close_what_opened)
             raise
-        except (*BROKEN, ValueError) as error:
+        except (*SERIAL_ERRORS, ValueError) as error:
             fix = "check the port's name, that the adapter is plugged in, and the right to use it (group dialout)"
-            raise DeviceUnreachable(self.address, f"the port cannot be opened ({error})", fix) from error
+            raise DeviceUnreachable(self.address, f"the port cannot be opened ({reason_of(error)})", fix) from error
         return SerialConnection(self.address, port)
 
     def _open(self) -> Any:

@@ -11,6 +11,7 @@ from drivers.interlocked_robot import InterlockedRobot
 from drivers.interlocks import Interlocks, Signal, check_interlock_address
 from tests.daemon.fakes import FakeRobot
 from tests.drivers.modbus_terminal import Terminal, terminal
+from tests.support.serial_pair import cable
 
 GATE = Signal("gate closed", "discrete-input", 0)
 PART = Signal("part present", "coil", 3)
@@ -89,6 +90,16 @@ async def test_a_device_that_is_gone_forbids_motion_and_may_come_back() -> None:
     async with terminal(port):
         assert all(reading.allows for reading in await interlocks.readings())
         await interlocks.close()
+
+
+async def test_a_serial_adapter_that_cannot_do_the_parity_does_not_allow_motion() -> None:
+    """A pseudo terminal has no parity: pyserial lets termios.error through."""
+    async with cable() as (ours, _):
+        interlocks = Interlocks(f"serial://{ours}?parity=E", 1, (GATE,), 5.0)
+        (reading,) = await interlocks.readings()
+        await interlocks.close()
+    assert not reading.allows
+    assert reading.why.endswith("Invalid argument)")
 
 
 @pytest.mark.parametrize("address", ["tcp://plc:502", "tcp://10.0.0.1", "serial:///dev/ttyUSB0?baud=9600&parity=N"])

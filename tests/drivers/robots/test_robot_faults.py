@@ -3,9 +3,11 @@
 import asyncio
 import contextlib
 import itertools
+import termios
 import time
 
 import pytest
+import serial
 
 from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost, MoveFailed, MoveStalled
 from drivers.interfaces import Configuration, MoveGoal
@@ -234,6 +236,34 @@ async def test_a_serial_port_that_is_not_there():
         await eventually(lambda: "cannot be opened" in robot.link.detail)
         with pytest.raises(DeviceUnreachable, match="dialout"):
             await robot.read_pose()
+
+
+class BrokenPort(SlowPort):
+    """A port whose adapter is gone: the system's own error, which pyserial lets through."""
+
+    def write(self, data):
+        raise termios.error(5, "Input/output error")
+
+    def read(self, count):
+        raise termios.error(5, "Input/output error")
+
+
+async def test_a_setting_the_adapter_cannot_do_is_an_unreachable_device(monkeypatch):
+    def refuse(*args, **settings):
+        raise termios.error(22, "Invalid argument")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(DeviceUnreachable, match=r"cannot be opened \(Invalid argument\)"):
+        await SerialTransport("/dev/ttyUSB0").connect()
+
+
+async def test_an_adapter_that_breaks_while_it_is_used_is_a_lost_link():
+    connection = SerialConnection("broken", BrokenPort())
+    with pytest.raises(LinkLost, match=r"broke \(Input/output error\)"):
+        await connection.send(b"a")
+    with pytest.raises(LinkLost, match=r"broke \(Input/output error\)"):
+        await connection.receive()
+    await connection.close()
 
 
 async def test_a_pulled_adapter_is_a_lost_link():
