@@ -9,8 +9,8 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
-from calibration.planning.next_view import Wish
-from calibration.planning.what_if import Alternative
+from calibration.planning.next_view import StoppingRule
+from calibration.planning.what_if import PlanComparison
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import Settings, TaughtPose
@@ -67,7 +67,7 @@ class Operations:
                 sequence = await self._fixed(poses)
                 return _departure(len(poses), sequence, session, self._calibration_run(compared=True).drive)
             count = request.count or settings.count
-            wish = Wish(count, request.uncertainty_mm or settings.uncertainty_mm)
+            wish = StoppingRule(count, request.uncertainty_mm or settings.uncertainty_mm)
             route = adaptive_route(settings, self.rules, target, await self._known(), wish)
             if request.manual:
                 by_hand = ManualRoute(route, desk := Desk(), settings.manual_wait_s)
@@ -99,7 +99,7 @@ class Operations:
             poses = request.poses or taught(settings, VERIFY_POSITIONS)
             if poses:
                 return _departure(len(poses), await self._fixed(poses), session, run.drive)
-            wish = Wish(VERIFY_POSITIONS)
+            wish = StoppingRule(VERIFY_POSITIONS)
             route = adaptive_route(settings, self.rules, target, Known.by(calibration), wish)
 
             def planned(session: SessionWriter, log: RunLog) -> PoseSequence:
@@ -197,7 +197,7 @@ class Operations:
     def _calibration_run(self, *, compared: bool) -> CalibrationRun:
         """`compared`: the verdict says what planned poses would have given."""
         settings = self.settings.calibration
-        better = Alternative(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
+        better = PlanComparison(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
         auto, expected = settings.policy == "auto", expected_mount(settings)
         return CalibrationRun(self.store, self.workers, self.clock, auto, better if compared else None, expected)
 

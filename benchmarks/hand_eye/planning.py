@@ -10,9 +10,9 @@ import numpy as np
 
 from calibration.likelihood.predicted_uncertainty import Scene, predict
 from calibration.planning.jog_advice import advise
-from calibration.planning.next_view import Wish, foresee, next_view
+from calibration.planning.next_view import StoppingRule, next_view, plan_ahead
 from calibration.planning.plan import plan_poses
-from calibration.planning.scene_belief import Guess
+from calibration.planning.scene_belief import ScenePrior
 from calibration.planning.viewpoints import flange_poses
 from calibration.problem import Detection, Problem, View
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
@@ -45,12 +45,12 @@ def _step_by_step(scene: Scene) -> None:
     print("\nplanned step by step, X guessed 30 mm and 5 deg off: seconds before the arm moves on, with and without")
     print("planning while it moves; predicted uncertainty before and after")
     guess, poses = _guess(scene), [_look(scene)]
-    wish, foreseen = Wish(STATIONS), None
+    wish, foreseen = StoppingRule(STATIONS), None
     while True:
         problem = _seen(scene, poses)
-        anew, seconds = _timed(lambda p=problem, w=wish: next_view(guess, p, WIDE, w, here=poses[-1]))
+        anew, seconds = _timed(lambda p=problem, w=wish: next_view(guess, p, WIDE, w, base_T_flange_now=poses[-1]))
         told, shorter = _timed(
-            lambda p=problem, w=wish, f=foreseen: next_view(guess, p, WIDE, w, here=poses[-1], foreseen=f)
+            lambda p=problem, w=wish, f=foreseen: next_view(guess, p, WIDE, w, base_T_flange_now=poses[-1], prepared=f)
         )
         now = "not yet" if told.now_mm is None else f"{told.now_mm:.3f}"
         if told.base_T_flange is None:
@@ -59,7 +59,7 @@ def _step_by_step(scene: Scene) -> None:
         other = "" if foreseen is None else f"  ({anew.planned_mm or np.nan:.3f} planned anew)"
         gives = f"{now} -> {told.planned_mm or np.nan:.3f} mm{other}"
         print(f"    before {len(poses):>2}: {seconds:5.2f} s, {shorter:5.2f} s   {gives}")
-        foreseen = foresee(told, problem, WIDE, wish)
+        foreseen = plan_ahead(told, problem, WIDE, wish)
         poses.append(told.base_T_flange)
         wish = replace(wish, views_left=wish.views_left - 1)
 
@@ -70,10 +70,10 @@ def _by_hand(scene: Scene) -> None:
     for name, guess in (("guessed", _guess(scene)), ("unknown", replace(_guess(scene), mount_T_camera=None))):
         rng, poses = np.random.default_rng(0), [_look(scene)]
         while len(poses) < BY_HAND:
-            told = advise(guess, _seen(scene, poses), WIDE, Wish(100), here=poses[-1])
+            told = advise(guess, _seen(scene, poses), WIDE, StoppingRule(100), base_T_flange_now=poses[-1])
             pose = told.base_T_flange
             if pose is None:
-                axis = told.words.split("about its ")[1][0]
+                axis = told.instruction.split("about its ")[1][0]
                 turn = np.radians(15.0) * np.array([axis == "x", axis == "y", axis == "z"], float)
                 pose = poses[-1] @ transform(rotation_from_vector(turn), np.zeros(3))
             off = np.radians(JOG_DEG) * rng.standard_normal(3), JOG_MM * rng.standard_normal(3)
@@ -82,11 +82,11 @@ def _by_hand(scene: Scene) -> None:
         print(f"{name:>10}: " + ", ".join(f"{n} views {mm:.3f} mm" for n, mm in enumerate(known, start=3)))
 
 
-def _guess(scene: Scene) -> Guess:
+def _guess(scene: Scene) -> ScenePrior:
     rng = np.random.default_rng(0)
     turn, shift = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
     off = transform(rotation_from_vector(np.radians(5.0) * turn), 30.0 * shift)
-    return Guess("eye-in-hand", scene.target, scene.camera, scene.mount_T_camera @ off, None, scene.noise)
+    return ScenePrior("eye-in-hand", scene.target, scene.camera, scene.mount_T_camera @ off, None, scene.noise)
 
 
 def _look(scene: Scene) -> Array:

@@ -21,7 +21,7 @@ from benchmarks.hand_eye.cells import drawn_cell, error_of, point_bound_mm, poin
 from benchmarks.hand_eye.closed_form_peers import OPENCV_HAS_THEM, opencv_methods, own, whose
 from calibration.likelihood.predicted_uncertainty import point_weights, predict, working_points_mm
 from calibration.planning.plan import plan_poses
-from calibration.planning.viewpoints import Limits
+from calibration.planning.viewpoints import ViewpointLimits
 from calibration.preprocessing.prepare import prepare
 from calibration.solution import Solution
 from calibration.solve import estimated, solve_hand_eye
@@ -144,7 +144,7 @@ def seed_table(seeds: int = 8, trials: int = 10) -> None:
     middle = (seed_poses @ X @ np.array([0.0, 0.0, 600.0, 1.0]))[:, :3].mean(axis=0)
     Y = transform(turn, middle - turn @ BOARD.points_mm.mean(axis=0))
     scene = scene_of(observed(np.random.default_rng(0), "eye-in-hand", BOARD, seed_poses, X, Y, noise), noise)
-    limits = Limits(float(np.radians(45.0)), float(np.radians(180.0)), (450.0, 750.0))
+    limits = ViewpointLimits(float(np.radians(45.0)), float(np.radians(180.0)), (450.0, 750.0))
     planned = plan_poses(scene, limits, 3).base_T_flange
     print(f"Three poses, 0.05 px, 0.05 mm, 0.005 deg: a registered point, mm; {seeds} seeds of {trials} sessions each")
     print("(what the seed's poses reach depends on where the target stands, which the paper does not tell)")

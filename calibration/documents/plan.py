@@ -12,7 +12,7 @@ from calibration.documents.validation import Document
 from calibration.kinematics.robot_accuracy import PLANNING_NOISE
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Prediction, Scene
 from calibration.planning.plan import Plan
-from calibration.planning.viewpoints import Limits
+from calibration.planning.viewpoints import ViewpointLimits
 
 
 class NoiseExpectedDocument(Document):
@@ -44,9 +44,11 @@ class LimitsDocument(Document):
             raise ValueError("box_mm is [[xmin, ymin, zmin], [xmax, ymax, zmax]]")
         return self
 
-    def limits(self) -> Limits:
+    def limits(self) -> ViewpointLimits:
         box = None if self.box_mm is None else np.array(self.box_mm)
-        return Limits(float(np.deg2rad(self.tilt_deg)), float(np.deg2rad(self.roll_deg)), self.distance_mm, box)
+        return ViewpointLimits(
+            float(np.deg2rad(self.tilt_deg)), float(np.deg2rad(self.roll_deg)), self.distance_mm, box
+        )
 
 
 class PlanDocument(Document):

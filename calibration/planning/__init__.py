@@ -1,1 +1,1 @@
-"""Choosing calibration poses: the choice decides a factor of a hundred in the uncertainty of X."""
+"""Choice of calibration poses; between poor and good poses the uncertainty of X differs by a factor of a hundred."""

@@ -1,7 +1,7 @@
-"""What somebody who jogs the arm by hand should do next: one turn or two of the flange, and a shift.
+"""Instructions for an operator who jogs the arm: one or two turns of the flange about its axes, and a shift.
 
-A planner's best pose is hard to reach with a joystick. Among poses that are a turn or two about the flange's own axes
-away, with the target brought back to the middle of the picture, the one that tells most is nearly as good.
+A planner's best pose is hard to reach with a joystick. The most informative pose among those that are one or two such
+turns away, with the target moved back to the middle of the image, is nearly as good.
 """
 
 from dataclasses import dataclass
@@ -20,79 +20,94 @@ from calibration.likelihood.predicted_uncertainty import (
     working_points_mm,
 )
 from calibration.observability import summarise_motion
-from calibration.planning.next_view import Wish
-from calibration.planning.scene_belief import Belief, Guess, learnt
+from calibration.planning.next_view import StoppingRule
+from calibration.planning.scene_belief import SceneBelief, ScenePrior, infer_scene
 from calibration.planning.viewpoint_selection import Reachable
-from calibration.planning.viewpoints import Limits, allowed
+from calibration.planning.viewpoints import ViewpointLimits, within_limits
 from calibration.problem import Problem
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 
 Turn = tuple[str, float]
-"""About which of the flange's axes, and by how many degrees."""
+"""Axis of the flange, and angle in degrees."""
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 ANGLES_DEG = (15.0, 30.0, 45.0, 60.0)
 ANGLES_OF_TWO_DEG = (20.0, 40.0, 60.0)
 
-SINGLE_IS_AS_GOOD = 1.15
-"""Two turns must leave this much less than one to be worth jogging."""
+MIN_GAIN_OF_TWO_TURNS = 1.15
+"""Two turns are advised only when they divide the uncertainty that one leaves by more than this."""
 
 FIRST_TURN = ("z", 30.0)
-"""Before anything is known: most cameras look along z, and a turn about it keeps the target in the picture."""
+"""The first turn without an X: most cameras look along z, and a turn about z keeps the target in the image."""
 
-BLIND_DEG = 30.0
-LEAST_DEG = 20.0
-"""Turns about an axis by less than this count as not made."""
+EXPLORING_TURN_DEG = 30.0
+MIN_TURN_DEG = 20.0
+"""Least turn advised when the limits allow none of the poses searched."""
 
-ENOUGH = "that is enough: finish the run; or go on: "
+GOAL_REACHED = "that is enough: finish the run; or go on: "
 
 
 @dataclass(frozen=True, eq=False)
 class Advice:
-    """`words` for the operator. `base_T_flange` (4, 4): where that leads, None when only the turn is known.
+    """The next view for the operator.
 
-    `now_mm`, `planned_mm`: what the views so far tell of a mapped point, and what they and that view will; None before
-    they determine X.
+    instruction : a sentence.
+    base_T_flange : (4, 4) the pose it leads to, None when only the turn is determined.
+    now_mm, planned_mm : uncertainty of a mapped point from the views so far, and with that view; None before X is
+        determined.
     """
 
-    words: str
+    instruction: str
     base_T_flange: Array | None
     now_mm: float | None
     planned_mm: float | None
 
 
 def advise(
-    guess: Guess, problem: Problem, limits: Limits, wish: Wish, *, here: Array, reachable: Reachable | None = None
+    prior: ScenePrior,
+    problem: Problem,
+    limits: ViewpointLimits,
+    stop: StoppingRule,
+    *,
+    base_T_flange_now: Array,
+    reachable: Reachable | None = None,
 ) -> Advice:
-    """The next view for an operator whose flange stands at `here` (4, 4). Eye-in-hand."""
+    """The next view to take, from the flange's pose `base_T_flange_now` (4, 4). Eye-in-hand only."""
     try:
-        belief = learnt(guess, problem)
+        belief = infer_scene(prior, problem)
     except UndeterminedError:
-        return _blind(problem)
+        return _advise_without_x(problem)
     now_mm = float(belief.predicted_mm) if np.isfinite(belief.predicted_mm) else None
-    enough = ENOUGH if now_mm is not None and _enough(belief, wish) else ""
+    enough = GOAL_REACHED if now_mm is not None and _goal_reached(belief, stop) else ""
     taken = np.array([view.base_T_flange for view in problem.views if view.detection is not None])
-    found = _best(belief.scene, guess.prior(), limits, taken, here, reachable)
+    found = _best_jog(belief.scene, prior.covariance(), limits, taken, base_T_flange_now, reachable)
     if found is None:
-        axes = " and ".join(_least_turned(taken))
-        words = f"turn the flange by {LEAST_DEG:g} deg or more about its {axes}, with the whole target in the picture"
+        axes = " and ".join(_axes_by_variation(taken))
+        words = (
+            f"turn the flange by {MIN_TURN_DEG:g} deg or more about its {axes}, with the whole target in the picture"
+        )
         return Advice(enough + words, None, now_mm, None)
     turns, pose, planned_mm = found
-    return Advice(enough + _in_words(turns, pose[:3, 3] - here[:3, 3]), pose, now_mm, planned_mm)
+    return Advice(enough + _instruction(turns, pose[:3, 3] - base_T_flange_now[:3, 3]), pose, now_mm, planned_mm)
 
 
-def _enough(belief: Belief, wish: Wish) -> bool:
-    known_mm = max(belief.reached_mm, belief.predicted_mm)
-    return wish.views_left <= 0 if wish.uncertainty_mm is None else known_mm <= wish.uncertainty_mm
+def _goal_reached(belief: SceneBelief, stop: StoppingRule) -> bool:
+    known_mm = max(belief.estimated_mm, belief.predicted_mm)
+    return stop.views_left <= 0 if stop.uncertainty_mm is None else known_mm <= stop.uncertainty_mm
 
 
-def _best(
-    scene: Scene, prior: Array, limits: Limits, taken: Array, here: Array, reachable: Reachable | None
+def _best_jog(
+    scene: Scene,
+    prior_covariance: Array,
+    limits: ViewpointLimits,
+    taken: Array,
+    here: Array,
+    reachable: Reachable | None,
 ) -> tuple[tuple[Turn, ...], Array, float | None] | None:
-    """The turns to make, where they lead, and what is known then; None when the limits allow none."""
-    choices = tuple(_choices())
-    poses = np.array([_turned(scene, limits, here, turns) for turns in choices])
-    keep = allowed(scene, limits, poses) & (_tilts_rad(scene, poses) <= limits.tilt_rad)
+    """The best turns, the pose (4, 4) they lead to, and its predicted mm; None when the limits allow none."""
+    choices = tuple(_turn_choices())
+    poses = np.array([_turn_and_centre(scene, limits, here, turns) for turns in choices])
+    keep = within_limits(scene, limits, poses) & (_tilts_rad(scene, poses) <= limits.tilt_rad)
     if reachable is not None:
         keep[keep] = reachable(poses[keep])
     if not keep.any():
@@ -101,17 +116,17 @@ def _best(
     information = known + view_information(scene, poses[keep])
     distance_mm = median_distance_mm(scene, taken)
     weights = point_weights(working_points_mm(scene.camera, distance_mm))
-    doubtful = information.copy()
-    doubtful[:, :6, :6] += np.linalg.inv(prior)  # two views determine nothing, yet some tell more than others
-    left = np.sqrt(np.einsum("ij,nji->n", weights, covariance_of(doubtful)))
+    regularised = information.copy()
+    regularised[:, :6, :6] += np.linalg.inv(prior_covariance)  # two views do not determine X
+    sigma_mm = np.sqrt(np.einsum("ij,nji->n", weights, covariance_of(regularised)))
     single = np.array([len(choices[row]) == 1 for row in np.flatnonzero(keep)])
-    best = int(np.argmin(np.where(single, left, SINGLE_IS_AS_GOOD * left)))
+    best = int(np.argmin(np.where(single, sigma_mm, MIN_GAIN_OF_TWO_TURNS * sigma_mm)))
     row = int(np.flatnonzero(keep)[best])
     planned_mm = prediction_of(scene, information[best], distance_mm).point_mm
     return choices[row], poses[row], float(planned_mm) if np.isfinite(planned_mm) else None
 
 
-def _choices() -> "list[tuple[Turn, ...]]":
+def _turn_choices() -> "list[tuple[Turn, ...]]":
     signs = (1.0, -1.0)
     single: list[tuple[Turn, ...]] = [((axis, sign * angle),) for axis, angle, sign in product(AXES, ANGLES_DEG, signs)]
     double: list[tuple[Turn, ...]] = [
@@ -122,8 +137,8 @@ def _choices() -> "list[tuple[Turn, ...]]":
     return single + double
 
 
-def _turned(scene: Scene, limits: Limits, here: Array, turns: tuple[Turn, ...]) -> Array:
-    """The flange (4, 4) turned about its own axes, one after the other, the target then in the picture's middle."""
+def _turn_and_centre(scene: Scene, limits: ViewpointLimits, here: Array, turns: tuple[Turn, ...]) -> Array:
+    """The flange's pose (4, 4) after `turns` about its own axes, shifted to bring the target to the image's middle."""
     rotation = here[:3, :3]
     for axis, angle_deg in turns:
         rotation = rotation @ rotation_from_vector(np.radians(angle_deg) * np.array(AXES[axis]))
@@ -135,30 +150,30 @@ def _turned(scene: Scene, limits: Limits, here: Array, turns: tuple[Turn, ...]) 
 
 
 def _tilts_rad(scene: Scene, poses: Array) -> Array:
-    """Between the board's normal and the ray to the camera (n,), for targets in the picture's middle."""
+    """Angles (n,) between the board's normal and the ray to the camera, for a target in the middle of the image."""
     normals = scene.camera_T_target(poses)[:, :3, 2]
     tilts: Array = np.arccos(np.clip(np.abs(normals[:, 2]), 0.0, 1.0))
     return tilts
 
 
-def _blind(problem: Problem) -> Advice:
-    """Nothing is known of where the camera sits: turns about different axes will tell."""
+def _advise_without_x(problem: Problem) -> Advice:
+    """Advice before X is known: turns about different axes, which determine it."""
     taken = np.array([view.base_T_flange for view in problem.views if view.detection is not None])
-    axis, angle_deg = FIRST_TURN if len(taken) < 2 else (_least_turned(taken)[0], BLIND_DEG)
+    axis, angle_deg = FIRST_TURN if len(taken) < 2 else (_axes_by_variation(taken)[0], EXPLORING_TURN_DEG)
     words = (
         f"turn the flange by about {angle_deg:g} deg about its {axis}, and bring the whole target back into the picture"
     )
     return Advice(words, None, None, None)
 
 
-def _least_turned(taken: Array) -> list[str]:
-    """The flange's axes, the one about which the views differ least first."""
+def _axes_by_variation(taken: Array) -> list[str]:
+    """The flange's axes, in ascending order of the rotation between views about them."""
     motion = summarise_motion(taken)
     along = np.abs(motion.main_axis)
     return [tuple(AXES)[index] for index in np.argsort(along, kind="stable")]
 
 
-def _in_words(turns: tuple[Turn, ...], shift_mm: Array) -> str:
+def _instruction(turns: tuple[Turn, ...], shift_mm: Array) -> str:
     turned = ", then ".join(f"{angle:+g} deg about its {axis}" for axis, angle in turns)
     shift = ", ".join(f"{value:+.0f}" for value in shift_mm)
     return f"turn the flange by {turned}, and move it by ({shift}) mm in the base: the target is in the middle then"

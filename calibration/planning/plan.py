@@ -1,4 +1,4 @@
-"""From a scene and limits to the poses a run should take, and what they will tell of X."""
+"""Planning of calibration poses for a scene within limits, with the predicted uncertainty of X."""
 
 from dataclasses import dataclass
 
@@ -6,14 +6,14 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.likelihood.predicted_uncertainty import Prediction, Scene, predict, view_information
-from calibration.planning.route import ordered
-from calibration.planning.viewpoint_selection import RESTARTS, Reachable, Search, best_set
-from calibration.planning.viewpoints import Limits, target_in_view
+from calibration.planning.route import visiting_order
+from calibration.planning.viewpoint_selection import RESTARTS, Reachable, Search, select_viewpoints
+from calibration.planning.viewpoints import ViewpointLimits, target_in_view
 from calibration.transforms import Array
 
 
 class PlanningError(CalibrationError):
-    """No set of poses satisfies the limits. `what` and `fix` are for people."""
+    """No set of poses satisfies the limits. `what` and `fix` are sentences for people."""
 
     def __init__(self, what: str, fix: str) -> None:
         self.what, self.fix = what, fix
@@ -22,7 +22,8 @@ class PlanningError(CalibrationError):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """`base_T_flange` (n, 4, 4) in the order to visit; `target_in_view` (n,); `predicted` counts views taken before."""
+    """`base_T_flange` (n, 4, 4) in the order to visit; `target_in_view` (n,) share of the target's points in the image;
+    `predicted` uncertainty, including the views taken before."""
 
     base_T_flange: Array
     target_in_view: Array
@@ -31,7 +32,7 @@ class Plan:
 
 def plan_poses(
     scene: Scene,
-    limits: Limits,
+    limits: ViewpointLimits,
     count: int,
     *,
     start: Array | None = None,
@@ -43,18 +44,18 @@ def plan_poses(
 ) -> Plan:
     """The `count` poses that, with those already `taken` (m, 4, 4), determine X best.
 
-    `start` (4, 4) is where the flange stands now. The target is in view in all `alternatives` as well. The same
-    input gives the same plan. Raises PlanningError.
+    `start` (4, 4): the flange's pose now. The target is in view in all `alternatives`, too. Deterministic for a given
+    `seed`. Raises PlanningError.
     """
     known = view_information(scene, np.empty((0, 4, 4)) if taken is None else taken).sum(axis=0)
     search = Search(scene, limits, reachable, np.random.default_rng(seed), alternatives)
-    chosen = best_set(search, count, known, restarts)
+    chosen = select_viewpoints(search, count, known, restarts)
     poses = chosen.base_T_flange
     if len(poses) < count:
         raise PlanningError(
             f"only {len(poses)} of {count} poses are within the limits",
             "widen tilt, distance or box, bring the target nearer to the middle of the box, or correct the guesses",
         )
-    poses = poses[ordered(poses, start)]
+    poses = poses[visiting_order(poses, start)]
     every = poses if taken is None else np.concatenate([taken, poses])
     return Plan(poses, target_in_view(scene, poses), predict(scene, every))

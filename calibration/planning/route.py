@@ -1,18 +1,18 @@
-"""The order in which to visit poses: short moves, so that little can go wrong on the way."""
+"""The order in which to visit poses, for short moves."""
 
 import numpy as np
 
 from calibration.transforms import Array, rotation_angle_rad
 
-TURN_MM = 300.0
-"""A turn of one radian counts as this much travel: about what the camera's lever arm sweeps."""
+TURN_MM_PER_RAD = 300.0
+"""Travel that a turn of one radian counts as, about that of the camera on its lever arm."""
 
 
-def ordered(base_T_flange: Array, start: Array | None = None) -> list[int]:
-    """Order of the poses (n, 4, 4) from `start` (4, 4), or from the first: nearest neighbour, then 2-opt."""
+def visiting_order(base_T_flange: Array, start: Array | None = None) -> list[int]:
+    """Indices (n,) of the poses (n, 4, 4) from `start` (4, 4), or from the first: nearest neighbour, then 2-opt."""
     poses = base_T_flange if start is None else np.concatenate([start[None], base_T_flange])
     length = _lengths(poses)
-    route = _improved(_nearest_neighbour(length), length)
+    route = _two_opt(_nearest_neighbour(length), length)
     return route if start is None else [index - 1 for index in route[1:]]
 
 
@@ -21,7 +21,7 @@ def _lengths(poses: Array) -> Array:
     travel = np.linalg.norm(poses[:, None, :3, 3] - poses[None, :, :3, 3], axis=-1)
     n = len(poses)
     turn = np.reshape(rotation_angle_rad(relative.reshape(-1, 3, 3)), (n, n))
-    lengths: Array = travel + TURN_MM * turn
+    lengths: Array = travel + TURN_MM_PER_RAD * turn
     return lengths
 
 
@@ -34,8 +34,8 @@ def _nearest_neighbour(length: Array) -> list[int]:
     return route
 
 
-def _improved(route: list[int], length: Array) -> list[int]:
-    """2-opt on an open route with a fixed beginning."""
+def _two_opt(route: list[int], length: Array) -> list[int]:
+    """The route shortened by 2-opt, open, with a fixed beginning."""
 
     def total(order: list[int]) -> float:
         return float(length[order[:-1], order[1:]].sum())

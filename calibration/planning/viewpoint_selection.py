@@ -1,4 +1,4 @@
-"""The set of viewpoints that determines X best: exchange among random candidates, then local search.
+"""Selection of the set of viewpoints that determines X best: exchange among random candidates, then local search.
 
 The value of a set is the predicted variance of a registered point, trace(W cov): A-optimal design for the
 quantity the user wants (Yang, Rebello & Waslander, arXiv:2303.06766 choose views by information as well).
@@ -18,19 +18,19 @@ from calibration.likelihood.predicted_uncertainty import (
     working_points_mm,
 )
 from calibration.planning.viewpoints import (
-    Limits,
-    allowed,
-    clipped,
+    ViewpointLimits,
+    clip_to_limits,
     flange_poses,
     in_sight,
     random_viewpoints,
+    within_limits,
 )
 from calibration.transforms import Array
 
 Indices = NDArray[np.intp]
 
 Reachable = Callable[[Array], NDArray[np.bool_]]
-"""Which of base_T_flange (n, 4, 4) can the arm take?"""
+"""Mask (n,) of the poses base_T_flange (n, 4, 4) that the arm can take."""
 
 LOCAL_STEPS = np.array([0.15, 0.15, 0.3, 40.0, 0.1, 0.1])
 """First step of the local search, in the units of a viewpoint."""
@@ -38,7 +38,7 @@ LOCAL_STEPS = np.array([0.15, 0.15, 0.3, 40.0, 0.1, 0.1])
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Viewpoints (n, 6), where they bring the flange (n, 4, 4), and what each view would tell (n, k, k)."""
+    """Viewpoints (n, 6), the flange's poses there (n, 4, 4), and the Fisher information of each view (n, k, k)."""
 
     viewpoints: Array
     base_T_flange: Array
@@ -47,10 +47,10 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Everything the search keeps asking. From each pose the target is in view in all `alternatives` as well."""
+    """The conditions of a search. From each pose the target must be in view in all `alternatives` as well."""
 
     scene: Scene
-    limits: Limits
+    limits: ViewpointLimits
     reachable: Reachable | None
     rng: np.random.Generator
     alternatives: tuple[Scene, ...] = ()
@@ -58,7 +58,7 @@ class Search:
     def candidates(self, viewpoints: Array) -> Candidates:
         """Those of the viewpoints (n, 6) that are allowed and reachable."""
         poses = flange_poses(self.scene, viewpoints)
-        keep = allowed(self.scene, self.limits, poses)
+        keep = within_limits(self.scene, self.limits, poses)
         if self.reachable is not None:
             keep[keep] = self.reachable(poses[keep])
         for other in self.alternatives:
@@ -76,22 +76,22 @@ class Search:
         return np.where(np.isfinite(variance), variance, np.inf)
 
 
-POOL = 500
-"""Candidates to choose among; more improve a planned set by less than the local search does."""
+POOL_SIZE = 500
+"""Random candidates; more of them improve a set by less than the local search does."""
 
 RESTARTS = 8
-"""Exchanges from so many random sets; the best goes on to the local search."""
+"""Random sets from which an exchange starts; the best result goes to the local search."""
 
-DRAWS = 40
-"""Batches of `POOL` random viewpoints drawn at most: tight limits leave few of them."""
+MAX_BATCHES = 40
+"""Most batches of POOL_SIZE random viewpoints that are drawn; narrow limits leave few of a batch."""
 
 
-def best_set(search: Search, count: int, known: Array, restarts: int) -> Candidates:
-    """`count` candidates that, with the information (k, k) `known` already, leave the least variance.
+def select_viewpoints(search: Search, count: int, known: Array, restarts: int) -> Candidates:
+    """The `count` candidates that, together with the information `known` (k, k), leave the least variance.
 
     Returns fewer than `count` when the limits leave fewer candidates.
     """
-    candidates = _pool(search)
+    candidates = _draw_pool(search)
     if len(candidates.viewpoints) <= count:
         return candidates
     sets = [_exchange(search, candidates, count, known) for _ in range(restarts)]
@@ -99,11 +99,11 @@ def best_set(search: Search, count: int, known: Array, restarts: int) -> Candida
     return _improve(search, _take(candidates, sets[int(np.argmin(values))]), known)
 
 
-def _pool(search: Search) -> Candidates:
+def _draw_pool(search: Search) -> Candidates:
     batches: list[Candidates] = []
-    for _ in range(DRAWS):
-        batches.append(search.candidates(random_viewpoints(search.limits, POOL, search.rng)))
-        if sum(len(batch.viewpoints) for batch in batches) >= POOL:
+    for _ in range(MAX_BATCHES):
+        batches.append(search.candidates(random_viewpoints(search.limits, POOL_SIZE, search.rng)))
+        if sum(len(batch.viewpoints) for batch in batches) >= POOL_SIZE:
             break
     return Candidates(
         np.concatenate([batch.viewpoints for batch in batches]),
@@ -138,7 +138,7 @@ def _improve(search: Search, chosen: Candidates, known: Array, rounds: int = 8, 
     for step in LOCAL_STEPS * 0.7 ** np.arange(rounds)[:, None]:
         for slot in range(len(viewpoints)):
             around = viewpoints[slot] + step * search.rng.standard_normal((tries, 6))
-            near = search.candidates(clipped(search.limits, around))
+            near = search.candidates(clip_to_limits(search.limits, around))
             others = known + np.delete(information, slot, axis=0).sum(axis=0)
             values = search.variance(others + np.concatenate([information[slot][None], near.information]))
             if (best := int(np.argmin(values)) - 1) >= 0:

@@ -1,4 +1,4 @@
-"""Where a camera may look at the target from: six numbers a viewpoint, and the robot pose that takes it there."""
+"""Viewpoints of a target as six parameters, their limits, and the robot poses that reach them."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from calibration.transforms import Array, inverse, map_points, rotation_from_vec
 
 
 @dataclass(frozen=True)
-class Limits:
+class ViewpointLimits:
     """Bounds of the search.
 
     tilt_rad : largest angle between the board's normal and the ray to the camera.
@@ -29,14 +29,14 @@ class Limits:
 
 
 AIM_LIMIT = 0.4
-"""Of `aim_x` and `aim_y`, in shares of half the image from its middle."""
+"""Largest `aim_x` and `aim_y`, in halves of the image from its middle."""
 
 
-def random_viewpoints(limits: Limits, count: int, rng: np.random.Generator) -> Array:
-    """Viewpoints (count, 6), spread evenly over what `limits` allow.
+def random_viewpoints(limits: ViewpointLimits, count: int, rng: np.random.Generator) -> Array:
+    """Viewpoints (count, 6), distributed uniformly within `limits`.
 
-    A viewpoint is [tilt_x_rad, tilt_y_rad, roll_rad, distance_mm, aim_x, aim_y]; aim is where in the image the target's
-    middle is meant to lie.
+    A viewpoint is [tilt_x_rad, tilt_y_rad, roll_rad, distance_mm, aim_x, aim_y]; aim is the place of the target's
+    middle in the image.
     """
     tilt = limits.tilt_rad * np.sqrt(rng.random(count))
     azimuth = rng.uniform(-np.pi, np.pi, count)
@@ -51,8 +51,8 @@ def random_viewpoints(limits: Limits, count: int, rng: np.random.Generator) -> A
     )
 
 
-def clipped(limits: Limits, viewpoints: Array) -> Array:
-    """The nearest viewpoints (n, 6) within the limits."""
+def clip_to_limits(limits: ViewpointLimits, viewpoints: Array) -> Array:
+    """The viewpoints (n, 6) within the limits that are nearest to those given."""
     result = viewpoints.copy()
     tilt = np.linalg.norm(result[:, :2], axis=1, keepdims=True)
     result[:, :2] *= np.minimum(1.0, limits.tilt_rad / np.maximum(tilt, 1e-12))
@@ -63,14 +63,14 @@ def clipped(limits: Limits, viewpoints: Array) -> Array:
 
 
 def flange_poses(scene: Scene, viewpoints: Array) -> Array:
-    """base_T_flange (n, 4, 4) that takes the camera to each viewpoint, if the guesses hold."""
+    """base_T_flange (n, 4, 4) for viewpoints (n, 6) in the scene."""
     target_T_camera = inverse(camera_T_target(scene, viewpoints))
     anchor_T_mount = scene.anchor_T_target @ target_T_camera @ inverse(scene.mount_T_camera)
     return base_T_flange_of(scene.setup, anchor_T_mount)
 
 
 def camera_T_target(scene: Scene, viewpoints: Array) -> Array:
-    """(n, 4, 4)"""
+    """camera_T_target (n, 4, 4) of viewpoints (n, 6)."""
     tilts = np.column_stack([viewpoints[:, :2], np.zeros(len(viewpoints))])
     rolls = np.column_stack([np.zeros((len(viewpoints), 2)), viewpoints[:, 2]])
     rotation = rotation_from_vector(rolls) @ rotation_from_vector(tilts)
@@ -100,8 +100,8 @@ def target_in_view(scene: Scene, base_T_flange: Array, margin: float = 0.0) -> A
     return share
 
 
-def allowed(scene: Scene, limits: Limits, base_T_flange: Array) -> NDArray[np.bool_]:
-    """(n,) bool: the whole target in the image with margin, and the flange in the box."""
+def within_limits(scene: Scene, limits: ViewpointLimits, base_T_flange: Array) -> NDArray[np.bool_]:
+    """Mask (n,): the whole target is in the image with the margin, and the flange in the box."""
     result: NDArray[np.bool_] = target_in_view(scene, base_T_flange, limits.image_margin) == 1.0
     if limits.box_mm is not None:
         origin = base_T_flange[:, :3, 3]
@@ -109,14 +109,14 @@ def allowed(scene: Scene, limits: Limits, base_T_flange: Array) -> NDArray[np.bo
     return result
 
 
-NEAREST_OF_LIMIT = 0.7
-"""A scene that is only possible may bring the camera nearer to the target than planned, but not into it."""
+MIN_DISTANCE_OF_LIMIT = 0.7
+"""In an alternative scene the camera keeps at least this share of the nearest distance allowed."""
 
 
-def in_sight(scene: Scene, limits: Limits, base_T_flange: Array) -> NDArray[np.bool_]:
-    """(n,) bool: the whole target in the image, and not much nearer than it should be."""
+def in_sight(scene: Scene, limits: ViewpointLimits, base_T_flange: Array) -> NDArray[np.bool_]:
+    """Mask (n,): the whole target is in the image, not much nearer than the limits allow. For alternative scenes."""
     centre = scene.target.points_mm.mean(axis=0, keepdims=True)
     distance = np.linalg.norm(map_points(scene.camera_T_target(base_T_flange), centre)[:, 0], axis=1)
-    result: NDArray[np.bool_] = distance >= NEAREST_OF_LIMIT * limits.distance_mm[0]
+    result: NDArray[np.bool_] = distance >= MIN_DISTANCE_OF_LIMIT * limits.distance_mm[0]
     result &= target_in_view(scene, base_T_flange) == 1.0
     return result

@@ -1,4 +1,4 @@
-"""What better poses would have given: for a verdict on poses that somebody else chose."""
+"""Comparison of given poses with planned ones, as a finding of the verdict."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,40 +9,41 @@ from calibration.kinematics.arm import Arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.planning.plan import PlanningError, plan_poses
 from calibration.planning.reachability import reachable_by
-from calibration.planning.scene_belief import LEAST_IMAGE_NOISE_PX, VIEWS_THAT_TELL_NOISE
-from calibration.planning.viewpoints import Limits
+from calibration.planning.scene_belief import MIN_IMAGE_NOISE_PX, MIN_VIEWS_FOR_NOISE
+from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import Problem
 from calibration.solution import Finding, Solution
 from calibration.transforms import inverse, map_points
 
 RESTARTS = 2
-"""A comparison needs no better plan than a run makes at each step."""
+"""Restarts of the search; as few as in a run."""
 
-WORTH_TELLING = 0.7
-"""Planned poses that would leave this share of the uncertainty, or more, are no news."""
+MAX_REPORTED_SHARE = 0.7
+"""The finding is given only when planned poses leave less than this share of the uncertainty."""
 
-MOST_VIEWS = 5
-"""Planned poses at most: more take long to plan, and the comparison is to show what their choice does."""
+MAX_VIEWS = 5
+"""Most poses planned for the comparison; more take long."""
 
-FURTHER, NEARER = 1.25, 0.8
-"""Of the distances at which somebody else's poses are: as far and as near as planned ones may go."""
+MAX_DISTANCE_FACTOR, MIN_DISTANCE_FACTOR = 1.25, 0.8
+"""Bounds of the planned distances, over the largest and the smallest distance of the given poses."""
 
-USUAL_TILT_RAD = float(np.radians(45.0))
+DEFAULT_TILT_RAD = float(np.radians(45.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Alternative:
-    """Within which limits, and under which noise, poses could have been planned instead."""
+class PlanComparison:
+    """The conditions of the comparison: limits, noise, and the arm where it is known."""
 
-    limits: Limits
+    limits: ViewpointLimits
     noise: ExpectedNoise
     arm: Arm | None = None
 
     @classmethod
-    def like(cls, problem: Problem, solution: Solution, stated: ExpectedNoise) -> "Alternative | None":
-        """About as far from the target as these poses are, for sessions whose cell is not known; None without X.
+    def for_session(cls, problem: Problem, solution: Solution, stated: ExpectedNoise) -> "PlanComparison | None":
+        """Conditions like those of a session, for cells that are not known; None without X.
 
-        Under the noise that the session shows, the `stated` one where it is too short to show any.
+        About the session's distances from the target, and the noise estimated from it, or the `stated` one where it
+        has too few views.
         """
         if solution.mount_T_camera is None or solution.anchor_T_target is None:
             return None
@@ -50,13 +51,13 @@ class Alternative:
         camera_T_target = inverse(poses @ solution.mount_T_camera) @ solution.anchor_T_target
         centre = problem.target.points_mm.mean(axis=0, keepdims=True)
         distances = np.linalg.norm(map_points(camera_T_target, centre), axis=-1)
-        nearest, furthest = float(NEARER * distances.min()), float(FURTHER * distances.max())
-        return cls(Limits(USUAL_TILT_RAD, np.pi, (nearest, furthest)), _shown(solution) or stated)
+        nearest, furthest = float(MIN_DISTANCE_FACTOR * distances.min()), float(MAX_DISTANCE_FACTOR * distances.max())
+        return cls(ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest)), _estimated_noise(solution) or stated)
 
     def findings(self, problem: Problem, solution: Solution) -> Iterator[Finding]:
-        """At most one: both predicted under the same noise at the X and target that were found.
+        """At most one finding, `better-poses`; both uncertainties are predicted at the same noise, X and target.
 
-        As many planned poses as there are, five at most.
+        As many poses are planned as were taken, MAX_VIEWS at most.
         """
         if solution.mount_T_camera is None or solution.anchor_T_target is None or solution.camera is None:
             return
@@ -68,13 +69,13 @@ class Alternative:
             problem.setup, problem.target, solution.camera, solution.mount_T_camera, solution.anchor_T_target,
             self.noise, solution.camera_source == "estimated",
         )  # fmt: skip
-        theirs, count = predict(scene, taken).point_mm, min(max(len(taken), 3), MOST_VIEWS)
+        theirs, count = predict(scene, taken).point_mm, min(max(len(taken), 3), MAX_VIEWS)
         reachable = None if self.arm is None else reachable_by(self.arm)
         try:
             planned = plan_poses(scene, self.limits, count, reachable=reachable, restarts=RESTARTS).predicted.point_mm
         except PlanningError:
             return
-        if not planned < WORTH_TELLING * theirs:
+        if not planned < MAX_REPORTED_SHARE * theirs:
             return
         leave = f"these {len(taken)} leave {theirs:.2g} mm" if np.isfinite(theirs) else "these leave X open"
         yield Finding(
@@ -85,12 +86,10 @@ class Alternative:
         )
 
 
-def _shown(solution: Solution) -> ExpectedNoise | None:
+def _estimated_noise(solution: Solution) -> ExpectedNoise | None:
     noise = solution.noise
-    if solution.observability.views_used < VIEWS_THAT_TELL_NOISE:
+    if solution.observability.views_used < MIN_VIEWS_FOR_NOISE:
         return None
     if noise.image_px is None or noise.robot_rotation_rad is None or noise.robot_translation_mm is None:
         return None
-    return ExpectedNoise(
-        max(noise.image_px, LEAST_IMAGE_NOISE_PX), noise.robot_rotation_rad, noise.robot_translation_mm
-    )
+    return ExpectedNoise(max(noise.image_px, MIN_IMAGE_NOISE_PX), noise.robot_rotation_rad, noise.robot_translation_mm)

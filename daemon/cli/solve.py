@@ -72,7 +72,7 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
 
     from calibration.documents.calibration import calibration_document
     from calibration.documents.plan import NoiseExpectedDocument
-    from calibration.planning.what_if import Alternative
+    from calibration.planning.what_if import PlanComparison
     from calibration.solve import solve_hand_eye
     from calibration.verdict import judge
     from daemon.runtime.clock import Clock, time_ordered_id
@@ -86,7 +86,7 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
         error_line(f"{session.file}: {line}")
     solution = solve_hand_eye(problem, method=method)
     verdict = judge(problem, solution)
-    if (better := Alternative.like(problem, solution, NoiseExpectedDocument().noise())) is not None:
+    if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise())) is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
     return calibration_document(
         problem,

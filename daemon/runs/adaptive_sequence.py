@@ -4,12 +4,12 @@ import asyncio
 from dataclasses import dataclass, field, replace
 
 from calibration.errors import UndeterminedError
-from calibration.planning.exploration import Exploration, turned
-from calibration.planning.next_view import NextView, Wish, foresee, next_view
+from calibration.planning.exploration import Exploration, turn_flange
+from calibration.planning.next_view import NextView, StoppingRule, next_view, plan_ahead
 from calibration.planning.plan import Plan, PlanningError
 from calibration.planning.reachability import reachable_by
-from calibration.planning.scene_belief import Guess
-from calibration.planning.viewpoints import Limits
+from calibration.planning.scene_belief import ScenePrior
+from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import Problem, View
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
@@ -35,9 +35,9 @@ BRING_IN_VIEW = "drive the arm to where the camera sees the whole target, and st
 class AdaptiveRoute:
     """What a run that plans as it goes is given. `wish.views_left` counts the poses it drives to, after the look."""
 
-    guess: Guess
-    limits: Limits
-    wish: Wish
+    guess: ScenePrior
+    limits: ViewpointLimits
+    wish: StoppingRule
     rules: MotionRules
     assumed: str = ""
 
@@ -47,7 +47,7 @@ class _Progress:
     """Where such a run stands."""
 
     views: list[View] = field(default_factory=list)
-    wish: Wish = field(default_factory=lambda: Wish(0))
+    wish: StoppingRule = field(default_factory=lambda: StoppingRule(0))
     stations: int = 0
     misses: int = 0
     foreseen: Plan | None = None
@@ -99,7 +99,7 @@ class AdaptiveSequence:
             return
         start, exploration = self._at.views[0].base_T_flange, Exploration()
         while (turn := exploration.next_turn()) is not None:
-            pose = turned(start, turn)
+            pose = turn_flange(start, turn)
             if not await self._possible(robot, pose):
                 exploration = exploration.after(turn, seen=False)
                 continue
@@ -109,7 +109,7 @@ class AdaptiveSequence:
             await self.log.took(E.PLANNED, planning=replace(self._at.planning, note=note), stations=self._at.stations)
             seen = (await self._visit(robot, pose)).detection is not None
             exploration = exploration.after(turn, seen)
-        if not exploration.done:
+        if not exploration.is_complete:
             raise TargetNotSeen(
                 f"the target left the picture in {len(exploration.tried)} small turns of the flange",
                 "bring the target nearer to the middle of the picture, or state flange_T_camera_guess",
@@ -132,7 +132,7 @@ class AdaptiveSequence:
         try:
             return await self.workers.run(
                 next_view, self.route.guess, problem, self.route.limits, at.wish,
-                here=here, reachable=rules.reachable_from(joints), misses=at.misses, foreseen=at.foreseen,
+                base_T_flange_now=here, reachable=rules.reachable_from(joints), misses=at.misses, prepared=at.foreseen,
             )  # fmt: skip
         except PlanningError as error:
             raise NoPoses(error.what, error.fix) from None
@@ -147,7 +147,7 @@ class AdaptiveSequence:
         reachable = None if rules.arm is None or joints is None else reachable_by(rules.arm, joints)
         problem = self.session.problem(at.views)
         ahead = asyncio.create_task(
-            self.workers.run(foresee, found, problem, self.route.limits, at.wish, reachable=reachable)
+            self.workers.run(plan_ahead, found, problem, self.route.limits, at.wish, reachable=reachable)
         )
         try:
             view = await self._visit(robot, pose)
@@ -176,7 +176,7 @@ class AdaptiveSequence:
 
     async def _told(self, event: E, found: NextView) -> None:
         self._at.planning = replace(
-            self._at.planning, now_mm=found.now_mm, planned_mm=found.planned_mm, ahead=found.ahead
+            self._at.planning, now_mm=found.now_mm, planned_mm=found.planned_mm, ahead=found.planned_views
         )
         await self.log.took(event, planning=self._at.planning, stations=self._at.stations)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from calibration.diagnosis.findings import ExpectedMount, mount_findings
 from calibration.documents.calibration import CalibrationDocument, calibration_document
-from calibration.planning.what_if import Alternative
+from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
@@ -34,7 +34,7 @@ class CalibrationRun:
     workers: Workers
     clock: Clock
     apply_when_accepted: bool
-    better: Alternative | None = None
+    better: PlanComparison | None = None
     expected: ExpectedMount | None = None
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> Ending:
@@ -62,7 +62,7 @@ def solved(
     problem: Problem,
     calibration_id: str,
     created_at: str,
-    better: Alternative | None = None,
+    better: PlanComparison | None = None,
     expected: ExpectedMount | None = None,
 ) -> CalibrationDocument:
     """The same steps as `handeyed solve`; `better` adds what planned poses would have given, `expected` what is not."""

@@ -118,7 +118,7 @@ class ManualSequence:
             now_mm=advice.now_mm,
             planned_mm=advice.planned_mm,
             ahead=int(advice.planned_mm is not None),
-            advice=advice.words,
+            advice=advice.instruction,
             next_pose=None if advice.base_T_flange is None else PoseDocument.of(advice.base_T_flange).model_dump(),
         )
         stations = max(self.log.run.stations, self.log.run.station + 1)
@@ -139,7 +139,7 @@ class ManualSequence:
         wish = replace(planning.wish, views_left=max(planning.wish.views_left - len(self._at.seen), 0))
         return await self.workers.run(
             advise, planning.guess, self.session.problem(self._at.views), planning.limits, wish,
-            here=reading.base_T_flange, reachable=planning.rules.reachable_from(joints),
+            base_T_flange_now=reading.base_T_flange, reachable=planning.rules.reachable_from(joints),
         )  # fmt: skip
 
 

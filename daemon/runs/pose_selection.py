@@ -8,9 +8,9 @@ from calibration.diagnosis.findings import ExpectedMount
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.target import TargetDocument
-from calibration.planning.next_view import Wish
-from calibration.planning.scene_belief import Guess
-from calibration.planning.viewpoints import Limits
+from calibration.planning.next_view import StoppingRule
+from calibration.planning.scene_belief import ScenePrior
+from calibration.planning.viewpoints import ViewpointLimits
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import CalibrationSettings, TaughtPose
 from daemon.errors import NoPoses
@@ -58,16 +58,16 @@ def taught(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose
     return settings.poses[:count]
 
 
-def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> Limits:
+def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> ViewpointLimits:
     """Where planned poses may lie."""
     return settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
 
 
 def adaptive_route(
-    settings: CalibrationSettings, rules: MotionRules, target: TargetDocument, known: Known, wish: Wish
+    settings: CalibrationSettings, rules: MotionRules, target: TargetDocument, known: Known, wish: StoppingRule
 ) -> AdaptiveRoute:
     """A run that plans as it goes, from whatever is known; the first look must show the target, or both guesses be."""
-    guess = Guess(
+    guess = ScenePrior(
         "eye-in-hand",
         target.target(),
         known.camera,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise
-from calibration.planning.scene_belief import Guess, learnt
+from calibration.planning.scene_belief import ScenePrior, infer_scene
 from calibration.problem import Detection, Problem, View
 from calibration.solve import METHODS, solve_hand_eye
 from calibration.targets import Chessboard
@@ -140,7 +140,7 @@ def test_a_wildly_wrong_guess_is_forgotten_once_three_views_are_there(guess: Arr
     truth = cell(16, 6)
     problem = truth.problem
     noise = ExpectedNoise(0.05, 1e-4, 0.05)
-    belief = learnt(Guess(problem.setup, problem.target, problem.camera, guess, guess, noise), problem)
+    belief = infer_scene(ScenePrior(problem.setup, problem.target, problem.camera, guess, guess, noise), problem)
     assert error_of(belief.scene.mount_T_camera, truth)[0] < 1.0
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.planning.scene_belief import Guess
-from calibration.planning.viewpoints import Limits, flange_poses, target_in_view
+from calibration.planning.scene_belief import ScenePrior
+from calibration.planning.viewpoints import ViewpointLimits, flange_poses, target_in_view
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Chessboard
 from calibration.transforms import (
@@ -32,7 +32,7 @@ SEED_X = (
 SEED_TARGET_CENTRE_MM = (7.8773, -396.5096, 835.4014)
 
 GOOD_NOISE = ExpectedNoise(image_px=0.05, robot_rotation_rad=float(np.deg2rad(0.005)), robot_translation_mm=0.05)
-WIDE = Limits(tilt_rad=float(np.deg2rad(45)), roll_rad=np.pi, distance_mm=(450.0, 750.0))
+WIDE = ViewpointLimits(tilt_rad=float(np.deg2rad(45)), roll_rad=np.pi, distance_mm=(450.0, 750.0))
 
 
 def seed_poses() -> Array:
@@ -63,13 +63,13 @@ LOOK = flange_poses(TRUTH, np.array([[0.05, 0.1, 0.3, 650.0, 0.1, -0.1]]))[0]
 
 def guess_off(
     translation_mm: float, rotation_deg: float, *, direction: int = 0, intrinsics_known: bool = True
-) -> Guess:
+) -> ScenePrior:
     """A guess of X that is off by so much, in one of a few directions."""
     rng = np.random.default_rng(direction)
     turn, shift = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
     off = transform(rotation_from_vector(np.radians(rotation_deg) * turn), translation_mm * shift)
     camera = TRUTH.camera if intrinsics_known else None
-    return Guess("eye-in-hand", TRUTH.target, camera, TRUTH.mount_T_camera @ off, None, GOOD_NOISE)
+    return ScenePrior("eye-in-hand", TRUTH.target, camera, TRUTH.mount_T_camera @ off, None, GOOD_NOISE)
 
 
 def problem_of(poses: list[Array], camera: object = TRUTH.camera) -> Problem:

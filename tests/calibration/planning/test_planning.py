@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.plan import PlanningError, plan_poses
-from calibration.planning.route import ordered
+from calibration.planning.route import visiting_order
 from calibration.planning.viewpoints import (
-    Limits,
+    ViewpointLimits,
     camera_T_target,
     flange_poses,
     random_viewpoints,
@@ -48,7 +48,7 @@ def test_more_poses_never_tell_less():
 )
 def test_a_plan_keeps_its_limits(tilt_deg, roll_deg, nearest, depth, setup):
     scene = replace(seed_scene(), setup=setup)
-    limits = Limits(float(np.deg2rad(tilt_deg)), float(np.deg2rad(roll_deg)), (nearest, nearest + depth))
+    limits = ViewpointLimits(float(np.deg2rad(tilt_deg)), float(np.deg2rad(roll_deg)), (nearest, nearest + depth))
     plan = plan_poses(scene, limits, 4)
     views = scene.camera_T_target(plan.base_T_flange)
     centre = map_points(views, scene.target.points_mm.mean(axis=0, keepdims=True))[:, 0]
@@ -106,7 +106,7 @@ def test_the_route_is_no_longer_than_any_shuffled_one():
         return np.linalg.norm(np.diff(poses[order][:, :3, 3], axis=0), axis=1).sum()
 
     shuffled = [length(rng.permutation(7)) for _ in range(50)]
-    order = ordered(poses, start=poses[3])
+    order = visiting_order(poses, start=poses[3])
     assert order[0] == 3
     assert sorted(order) == list(range(7))
     assert length(order) < np.median(shuffled)

@@ -4,7 +4,7 @@ import numpy as np
 
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import UnreachablePoseError
-from calibration.planning.reachability import CLEARANCE, reachable_by
+from calibration.planning.reachability import MIN_SINGULARITY_CLEARANCE, reachable_by
 
 ARM = find_arm("IRB 1600-6/1.45")
 
@@ -25,7 +25,7 @@ def test_it_agrees_with_the_arms_inverse():
     poses = ARM.forward(random_joints(120))
     poses[::3, :3, 3] *= 1.4  # some of them out of reach
     answers = reachable_by(ARM)(poses)
-    expected = [np.any(ARM.singularity_clearance(solutions(pose)) >= CLEARANCE) for pose in poses]
+    expected = [np.any(ARM.singularity_clearance(solutions(pose)) >= MIN_SINGULARITY_CLEARANCE) for pose in poses]
     assert answers.tolist() == [bool(answer) for answer in expected]
     assert 10 < answers.sum() < 110
 
@@ -37,4 +37,4 @@ def test_the_posture_is_kept():
     cfx = ARM.configuration(now).cfx
     for pose, answer in zip(ARM.forward(joints), answers, strict=True):
         kept = [q for q in solutions(pose) if ARM.configuration(q).cfx == cfx]
-        assert bool(answer) == any(ARM.singularity_clearance(q) >= CLEARANCE for q in kept)
+        assert bool(answer) == any(ARM.singularity_clearance(q) >= MIN_SINGULARITY_CLEARANCE for q in kept)

@@ -7,11 +7,11 @@ import pytest
 
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import Scene
-from calibration.planning.exploration import ANGLES_DEG, Exploration, turned
-from calibration.planning.next_view import NextView, Wish, foresee, next_view
-from calibration.planning.scene_belief import Guess, alternatives, learnt
+from calibration.planning.exploration import ANGLES_DEG, Exploration, turn_flange
+from calibration.planning.next_view import NextView, StoppingRule, next_view, plan_ahead
+from calibration.planning.scene_belief import ScenePrior, infer_scene, sigma_points
 from calibration.planning.viewpoints import target_in_view
-from calibration.planning.what_if import Alternative
+from calibration.planning.what_if import PlanComparison
 from calibration.solve import solve_hand_eye
 from calibration.transforms import (
     Array,
@@ -32,11 +32,11 @@ from tests.calibration.planning.scenes import (
 )
 
 
-def taken_step_by_step(guess: Guess, wish: Wish) -> tuple[list[Array], list[NextView]]:
+def taken_step_by_step(guess: ScenePrior, wish: StoppingRule) -> tuple[list[Array], list[NextView]]:
     """The poses an arm would have taken, and what was told at each."""
     poses, told = [LOOK], []
     while True:
-        told.append(next_view(guess, problem_of(poses, guess.camera), WIDE, wish, here=poses[-1]))
+        told.append(next_view(guess, problem_of(poses, guess.camera), WIDE, wish, base_T_flange_now=poses[-1]))
         pose = told[-1].base_T_flange
         if pose is None:
             return poses, told
@@ -45,15 +45,15 @@ def taken_step_by_step(guess: Guess, wish: Wish) -> tuple[list[Array], list[Next
 
 
 def test_after_the_first_look_the_target_is_where_the_image_shows_it_for_that_x():
-    belief = learnt(guess_off(0.0, 0.0), problem_of([LOOK]))
+    belief = infer_scene(guess_off(0.0, 0.0), problem_of([LOOK]))
     shift_mm, turn_rad = difference(belief.scene.anchor_T_target, TRUTH.anchor_T_target)
     assert (shift_mm < 1.0, turn_rad < 2e-3) == (True, True)
-    assert not np.isfinite(belief.reached_mm)
+    assert not np.isfinite(belief.estimated_mm)
 
 
 @pytest.mark.parametrize("direction", range(4))
 def test_with_a_guess_50_mm_and_10_deg_off_the_target_stays_in_the_picture_and_the_result_is_as_good(direction):
-    poses, told = taken_step_by_step(guess_off(50.0, 10.0, direction=direction), Wish(3))
+    poses, told = taken_step_by_step(guess_off(50.0, 10.0, direction=direction), StoppingRule(3))
     # The farthest guesses may cost a few of the target's points in the first move, never the target.
     assert target_in_view(TRUTH, np.array(poses)).min() > 0.6
     assert told[-1].now_mm is not None
@@ -61,10 +61,10 @@ def test_with_a_guess_50_mm_and_10_deg_off_the_target_stays_in_the_picture_and_t
 
 
 def test_doubt_shrinks_with_every_view():
-    poses, _ = taken_step_by_step(guess_off(20.0, 4.0), Wish(3))
+    poses, _ = taken_step_by_step(guess_off(20.0, 4.0), StoppingRule(3))
 
     def doubt(views: int) -> float:
-        belief = learnt(guess_off(20.0, 4.0), problem_of(poses[:views]))
+        belief = infer_scene(guess_off(20.0, 4.0), problem_of(poses[:views]))
         return max(difference(other.mount_T_camera, belief.scene.mount_T_camera)[0] for other in belief.alternatives)
 
     spread = [doubt(views) for views in (1, 2, 4)]
@@ -76,8 +76,8 @@ def test_doubt_shrinks_with_every_view():
 
 def test_a_planned_pose_keeps_the_target_in_view_in_every_scene_that_could_be_true():
     guess = guess_off(10.0, 2.0)
-    belief = learnt(guess, problem_of([LOOK]))
-    told = next_view(guess, problem_of([LOOK]), WIDE, Wish(3), here=LOOK)
+    belief = infer_scene(guess, problem_of([LOOK]))
+    told = next_view(guess, problem_of([LOOK]), WIDE, StoppingRule(3), base_T_flange_now=LOOK)
     assert told.base_T_flange is not None
     seen = [target_in_view(other, told.base_T_flange[None])[0] for other in belief.alternatives]
     assert len(seen) == 12
@@ -86,7 +86,7 @@ def test_a_planned_pose_keeps_the_target_in_view_in_every_scene_that_could_be_tr
 
 def test_it_ends_when_a_mapped_point_is_known_as_well_as_asked():
     guess = guess_off(10.0, 2.0)
-    poses, told = taken_step_by_step(guess, Wish(12, uncertainty_mm=0.08))
+    poses, told = taken_step_by_step(guess, StoppingRule(12, uncertainty_mm=0.08))
     assert 4 <= len(poses) < 12
     uncertainty = solve_hand_eye(problem_of(poses)).uncertainty
     assert uncertainty is not None
@@ -98,7 +98,7 @@ def test_it_ends_when_a_mapped_point_is_known_as_well_as_asked():
 
 def test_with_unknown_intrinsics_it_starts_from_a_usual_field_of_view():
     guess = guess_off(10.0, 2.0, intrinsics_known=False)
-    poses, told = taken_step_by_step(guess, Wish(4))
+    poses, told = taken_step_by_step(guess, StoppingRule(4))
     assert target_in_view(TRUTH, np.array(poses)).min() > 0.6
     assert told[-1].now_mm is not None
     assert told[-1].now_mm < 0.4
@@ -107,15 +107,15 @@ def test_with_unknown_intrinsics_it_starts_from_a_usual_field_of_view():
 def test_nothing_known_and_nothing_seen_is_refused():
     guess = replace(guess_off(0.0, 0.0), mount_T_camera=None)
     with pytest.raises(UndeterminedError, match="nothing says where it is"):
-        learnt(guess, problem_of([]))
+        infer_scene(guess, problem_of([]))
     with pytest.raises(UndeterminedError, match="turn the flange about two axes"):
-        learnt(guess, problem_of([LOOK, turned(LOOK, ("z", 15.0))]))
+        infer_scene(guess, problem_of([LOOK, turn_flange(LOOK, ("z", 15.0))]))
 
 
 def test_two_small_turns_give_a_rough_x():
     guess = replace(guess_off(0.0, 0.0), mount_T_camera=None)
-    poses = [LOOK, turned(LOOK, ("z", 10.0)), turned(LOOK, ("x", -3.0))]
-    belief = learnt(guess, problem_of(poses))
+    poses = [LOOK, turn_flange(LOOK, ("z", 10.0)), turn_flange(LOOK, ("x", -3.0))]
+    belief = infer_scene(guess, problem_of(poses))
     shift_mm, turn_rad = difference(belief.scene.mount_T_camera, TRUTH.mount_T_camera)
     assert (shift_mm < 30, turn_rad < np.radians(3)) == (True, True)
 
@@ -126,7 +126,7 @@ def test_exploring_reverses_a_turn_that_loses_the_target_and_stops_after_two_axe
         turns.append(turn)
         exploration = exploration.after(turn, seen=turn[1] < 0)
     assert turns == [("z", 15.0), ("z", -15.0), ("x", 12.0), ("x", -12.0)]
-    assert exploration.done
+    assert exploration.is_complete
 
 
 def test_exploring_gives_up_when_nothing_is_left_and_never_moves_the_flanges_origin():
@@ -134,15 +134,15 @@ def test_exploring_gives_up_when_nothing_is_left_and_never_moves_the_flanges_ori
     while (turn := exploration.next_turn()) is not None:
         turns.append(turn)
         exploration = exploration.after(turn, seen=False)
-    assert (len(turns), exploration.done) == (sum(map(len, ANGLES_DEG.values())), False)
-    poses = np.array([turned(LOOK, turn) for turn in turns])
+    assert (len(turns), exploration.is_complete) == (sum(map(len, ANGLES_DEG.values())), False)
+    poses = np.array([turn_flange(LOOK, turn) for turn in turns])
     assert np.ptp(poses[:, :3, 3], axis=0).max() < 1e-9
     assert np.max(rotation_angle_rad(inverse(LOOK)[:3, :3] @ poses[:, :3, :3])) < np.radians(15.1)
 
 
 def test_alternatives_lie_at_two_sigma_whichever_way_the_covariance_lies():
     covariance = np.diag([1e-3, 1e-4, 1e-4, 4.0, 100.0, 1.0])
-    others = alternatives(TRUTH.mount_T_camera, covariance)
+    others = sigma_points(TRUTH.mount_T_camera, covariance)
     shifts = sorted(difference(other, TRUTH.mount_T_camera)[0] for other in others)
     assert len(others) == 12
     assert shifts[-1] == pytest.approx(2 * np.sqrt(101.0))
@@ -154,41 +154,41 @@ def test_poses_that_somebody_chose_badly_hear_what_planned_ones_would_have_given
         solution = solve_hand_eye(problem)
         solution = replace(solution, mount_T_camera=scene.mount_T_camera, anchor_T_target=scene.anchor_T_target)
         solution = replace(solution, camera=TRUTH.camera)
-        return [finding.message for finding in Alternative(WIDE, GOOD_NOISE).findings(problem, solution)]
+        return [finding.message for finding in PlanComparison(WIDE, GOOD_NOISE).findings(problem, solution)]
 
     (told,) = findings(TRUTH, seed_poses())
     assert told.startswith("3 planned poses would leave 0.0")
-    poses, _ = taken_step_by_step(guess_off(5.0, 1.0), Wish(5))
+    poses, _ = taken_step_by_step(guess_off(5.0, 1.0), StoppingRule(5))
     assert findings(TRUTH, np.array(poses)) == []
 
 
 def test_what_was_foreseen_while_the_arm_moved_is_taken_when_the_view_shows_what_was_expected():
     guess, poses = guess_off(5.0, 1.0), [LOOK]
     for _ in range(3):
-        told = next_view(guess, problem_of(poses), WIDE, Wish(6), here=poses[-1])
+        told = next_view(guess, problem_of(poses), WIDE, StoppingRule(6), base_T_flange_now=poses[-1])
         assert told.base_T_flange is not None
         poses.append(told.base_T_flange)
-    before = next_view(guess, problem_of(poses), WIDE, Wish(4), here=poses[-1])
-    foreseen = foresee(before, problem_of(poses), WIDE, Wish(4))
+    before = next_view(guess, problem_of(poses), WIDE, StoppingRule(4), base_T_flange_now=poses[-1])
+    foreseen = plan_ahead(before, problem_of(poses), WIDE, StoppingRule(4))
     assert foreseen is not None and before.base_T_flange is not None
     assert len(foreseen.base_T_flange) == 3
     after = [*poses, before.base_T_flange]
 
-    told = next_view(guess, problem_of(after), WIDE, Wish(3), here=after[-1], foreseen=foreseen)
+    told = next_view(guess, problem_of(after), WIDE, StoppingRule(3), base_T_flange_now=after[-1], prepared=foreseen)
     np.testing.assert_array_equal(told.base_T_flange, foreseen.base_T_flange[0])
-    anew = next_view(guess, problem_of(after), WIDE, Wish(3), here=after[-1])
+    anew = next_view(guess, problem_of(after), WIDE, StoppingRule(3), base_T_flange_now=after[-1])
     assert told.planned_mm is not None and anew.planned_mm is not None
     assert told.planned_mm < 1.1 * anew.planned_mm
 
     elsewhere = replace(foreseen, base_T_flange=foreseen.base_T_flange @ transform(np.eye(3), [400.0, 0, 0]))
-    told = next_view(guess, problem_of(after), WIDE, Wish(3), here=after[-1], foreseen=elsewhere)
+    told = next_view(guess, problem_of(after), WIDE, StoppingRule(3), base_T_flange_now=after[-1], prepared=elsewhere)
     np.testing.assert_array_equal(told.base_T_flange, anew.base_T_flange)
 
 
 def test_nothing_is_foreseen_before_x_is_known_or_after_the_last_view():
     guess = guess_off(5.0, 1.0)
-    first = next_view(guess, problem_of([LOOK]), WIDE, Wish(4), here=LOOK)
-    assert foresee(first, problem_of([LOOK]), WIDE, Wish(4)) is None
+    first = next_view(guess, problem_of([LOOK]), WIDE, StoppingRule(4), base_T_flange_now=LOOK)
+    assert plan_ahead(first, problem_of([LOOK]), WIDE, StoppingRule(4)) is None
     poses = [LOOK, *(LOOK @ transform(rotation_from_vector(v), [0.0, 0, 0]) for v in ([0.1, 0, 0.2], [0, 0.2, -0.2]))]
-    last = next_view(guess, problem_of(poses), WIDE, Wish(1), here=poses[-1])
-    assert foresee(last, problem_of(poses), WIDE, Wish(1)) is None
+    last = next_view(guess, problem_of(poses), WIDE, StoppingRule(1), base_T_flange_now=poses[-1])
+    assert plan_ahead(last, problem_of(poses), WIDE, StoppingRule(1)) is None
