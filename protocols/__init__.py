@@ -1,1 +1,1 @@
-"""Bytes to messages and back. No socket, no clock, no numpy."""
+"""Wire protocols as pure code: bytes to messages and back. No socket, no clock, no numpy."""

@@ -30,24 +30,24 @@ from daemon.store.actor import AuditContext, acting_as
 from drivers.errors import DeviceError
 from protocols.modbus.words import Words
 from protocols.plc.bank import PlcBank
-from protocols.plc.codes import Command, Control, DriftState
+from protocols.plc.codes import ControlBit, DriftState, PlcCommand
 from protocols.plc.error_codes import UNKNOWN, number_of
 from protocols.plc.events import (
-    Abort,
-    Accepted,
-    Beat,
-    CellSeen,
+    AbortRun,
+    CellStatus,
+    CommandEnded,
     Effect,
-    Ended,
-    Event,
-    Progressed,
-    Refused,
-    Start,
-    Written,
+    HandshakeEvent,
+    RegistersWritten,
+    StartAccepted,
+    StartCommand,
+    StartRefused,
+    StationReached,
+    TimePassed,
 )
-from protocols.plc.handshake import COUNT_MOST, Handshake, Rules, react
-from protocols.plc.image import image_of
-from protocols.plc.results import Result
+from protocols.plc.handshake import MAX_COUNT, Handshake, Rules, react
+from protocols.plc.image import register_image
+from protocols.plc.results import CommandResult
 from registration.errors import RegistrationError
 
 log = logging.getLogger(__name__)
@@ -88,9 +88,9 @@ class PlcGateway:
 
     def __post_init__(self) -> None:
         # After a restart the ids begin at the time in seconds, so that the PLC cannot take an old result for a new one.
-        begin = int(self.clock.utc_now().timestamp()) % COUNT_MOST + 1
+        begin = int(self.clock.utc_now().timestamp()) % MAX_COUNT + 1
         self._state = Handshake(self.rules, acquisition_id=begin, result_id=begin)
-        self._image = image_of(self._state)
+        self._image = register_image(self._state)
 
     def bank(self, client: str, may_write: bool) -> PlcBank:
         """The register bank for one client."""
@@ -111,25 +111,25 @@ class PlcGateway:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _write(self, words: Words, client: str) -> None:
-        rising = Control(words[0]) & ~self._state.control
+        rising = ControlBit(words[0]) & ~self._state.control
         if rising:
             self._by = f"the PLC at {client}"
             log.info("%s sets %s", self._by, ", ".join(bit.name.lower() for bit in rising if bit.name))
-        self._take(Written(words))
+        self._take(RegistersWritten(words))
 
-    def _take(self, event: Event) -> None:
+    def _take(self, event: HandshakeEvent) -> None:
         reaction = react(self._state, event)
         for state in reaction.states:
             if state != self._state:
-                self._state, self._image = state, image_of(state)
+                self._state, self._image = state, register_image(state)
         for effect in reaction.effects:
             self._do(effect)
 
     def _do(self, effect: Effect) -> None:
         match effect:
-            case Start():
+            case StartCommand():
                 self._run(self._carry_out(effect), f"PLC {effect.command.name.lower()}")
-            case Abort(why):
+            case AbortRun(why):
                 self._run(self._abort(why), "PLC abort")
 
     def _run(self, work: Coroutine[Any, Any, None], name: str) -> None:
@@ -139,30 +139,30 @@ class PlcGateway:
 
     # commands of the PLC
 
-    async def _carry_out(self, start: Start) -> None:
+    async def _carry_out(self, start: StartCommand) -> None:
         """Start the run, follow it and report its result. The PLC gets an answer in every case."""
         name = f"plc-{start.command.name.lower()}-{self._state.acquisition_id + 1}"
         with about_request(name), acting_as(AuditContext(self._by, "operator")):
             try:
                 run = await self._begin(start)
             except EXPECTED_ERRORS as error:
-                self._take(Refused(self._code_of(error)))
+                self._take(StartRefused(self._code_of(error)))
                 return
             except Exception:
                 log.exception("a defect kept a command of %s from being begun", self._by)
-                self._take(Refused(number_of("internal-error")))
+                self._take(StartRefused(number_of("internal-error")))
                 return
-            self._take(Accepted())
-            self._take(Ended(await self._follow(start.command, run)))
+            self._take(StartAccepted())
+            self._take(CommandEnded(await self._follow(start.command, run)))
         await self._update_cell()
 
-    async def _begin(self, start: Start) -> RunRecord:
+    async def _begin(self, start: StartCommand) -> RunRecord:
         """Start the run through `daemon.operations`, as REST does, and return it. Raises the same errors."""
         match start.command:
-            case Command.CALIBRATE:
+            case PlcCommand.CALIBRATE:
                 wanted = {"count": start.stations_wanted} if start.stations_wanted else {}
                 return await self.operations.calibrate(validate_document(CalibrateRequest, wanted, "stations_wanted"))
-            case Command.VERIFY:
+            case PlcCommand.VERIFY:
                 return await self.operations.verify(VerifyRequest())
             case _:
                 await self.operations.calibration("current")
@@ -171,12 +171,12 @@ class PlcGateway:
                 assert run is not None  # it moves the arm
                 return run
 
-    async def _follow(self, command: Command, run: RunRecord) -> Result:
+    async def _follow(self, command: PlcCommand, run: RunRecord) -> CommandResult:
         """Wait for the end of the run, publishing its progress, and return its result."""
         try:
             while not run.over:
                 run = await self.operations.supervisor.wait(run.id, PROGRESS_S)
-                self._take(Progressed(run.station, run.stations))
+                self._take(StationReached(run.station, run.stations))
             return await self._result(command, run)
         except EXPECTED_ERRORS as error:
             return command_failure(command, run.id, self._code_of(error))
@@ -184,16 +184,16 @@ class PlcGateway:
             log.exception("a defect kept a result from %s", self._by)
             return command_failure(command, run.id, number_of("internal-error"))
 
-    async def _result(self, command: Command, run: RunRecord) -> Result:
+    async def _result(self, command: PlcCommand, run: RunRecord) -> CommandResult:
         if run.state is not RunState.FINISHED or run.result is None:
             return failed_run_result(command, run)
         operations, now = self.operations, self.clock.utc_now()
-        if command is Command.REGISTER:
+        if command is PlcCommand.REGISTER:
             document = await operations.calibration("current")
             report = await (await operations.scans.registered(run.result["scan_id"], document, refine=True))
             return registration_result(run, document, now, report)
         document = (await operations.store.calibration(run.result["calibration_id"])).document
-        if command is Command.CALIBRATE:
+        if command is PlcCommand.CALIBRATE:
             return calibration_result(run, document, now)
         return verification_result(run, document, now, holds=not (await self.drift.entered(run)).alarm)
 
@@ -219,7 +219,7 @@ class PlcGateway:
         while True:
             before_s = self.clock.monotonic_s()
             await self.clock.sleep(BEAT_S)
-            self._take(Beat(self.clock.monotonic_s() - before_s))
+            self._take(TimePassed(self.clock.monotonic_s() - before_s))
 
     async def _poll_cell(self) -> None:
         while True:
@@ -232,14 +232,14 @@ class PlcGateway:
         except EXPECTED_ERRORS as error:
             if str(error) != self._last_warning:
                 log.warning("not ready for the PLC: %s", error)
-            self._last_warning, seen = str(error), CellSeen(ready=False)
+            self._last_warning, seen = str(error), CellStatus(ready=False)
         self._take(seen)
 
-    async def _read_cell(self) -> CellSeen:
+    async def _read_cell(self) -> CellStatus:
         busy = self.operations.supervisor.in_progress is not None
         obstacles = () if busy else await self.operations.cell.obstacles()
         report = self.drift.report
-        seen = CellSeen(
+        seen = CellStatus(
             ready=not busy and not obstacles,
             drift=DriftState.DRIFTING if report.alarm else DRIFT[report.standing],
             drift_shift_um=round(1e3 * report.shift_mm),

@@ -6,59 +6,59 @@ from datetime import datetime
 from calibration.documents.calibration import CalibrationDocument
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
-from protocols.plc.codes import Command, Verdict
+from protocols.plc.codes import PlcCommand, PlcVerdict
 from protocols.plc.error_codes import UNKNOWN, number_of
-from protocols.plc.results import Camera, Result, Sigma
+from protocols.plc.results import CameraPose, CommandResult, Sigma
 from registration.documents import RegistrationReportDocument
 
 
-def failed_run_result(command: Command, run: RunRecord) -> Result:
+def failed_run_result(command: PlcCommand, run: RunRecord) -> CommandResult:
     """The result of a run that failed or was aborted."""
-    verdict = Verdict.ABORTED if run.state is RunState.ABORTED else Verdict.FAILED
+    verdict = PlcVerdict.ABORTED if run.state is RunState.ABORTED else PlcVerdict.FAILED
     code = number_of(run.cause.code) if run.cause else UNKNOWN
-    return Result(command, verdict, run.id, code, run.station)
+    return CommandResult(command, verdict, run.id, code, run.station)
 
 
-def command_failure(command: Command, run_id: str, error_code: int) -> Result:
+def command_failure(command: PlcCommand, run_id: str, error_code: int) -> CommandResult:
     """The result of a command whose run ended but whose result could not be read."""
-    return Result(command, Verdict.FAILED, run_id, error_code)
+    return CommandResult(command, PlcVerdict.FAILED, run_id, error_code)
 
 
-def calibration_result(run: RunRecord, document: CalibrationDocument, now: datetime) -> Result:
+def calibration_result(run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
     """The result of a calibration: X, and its hold-out error as the deviation."""
     deviation_mm = document.hold_out.base_error_mm if document.hold_out else None
-    found = base_result(Command.CALIBRATE, run, document, now)
+    found = base_result(PlcCommand.CALIBRATE, run, document, now)
     return replace(found, verdict=verdict_of(document.verdict.accepted), deviation_mm=deviation_mm)
 
 
-def verification_result(run: RunRecord, document: CalibrationDocument, now: datetime, holds: bool) -> Result:
+def verification_result(run: RunRecord, document: CalibrationDocument, now: datetime, holds: bool) -> CommandResult:
     """The result of a verification: the calibration in force, and the largest sigma of the target's points."""
     assert run.result is not None
     sigma_mm = run.result["verification"]["sigma_mm"]
-    found = base_result(Command.VERIFY, run, document, now)
+    found = base_result(PlcCommand.VERIFY, run, document, now)
     return replace(found, verdict=verdict_of(holds), deviation_mm=float(max(sigma_mm)))
 
 
 def registration_result(
     run: RunRecord, document: CalibrationDocument, now: datetime, report: RegistrationReportDocument
-) -> Result:
+) -> CommandResult:
     """The result of a registration: the calibration used, and the RMS between views, refined if they were."""
     rms = report.rms_mm
     deviation_mm = rms.before if rms.after is None else rms.after
-    found = base_result(Command.REGISTER, run, document, now)
+    found = base_result(PlcCommand.REGISTER, run, document, now)
     return replace(found, verdict=verdict_of(report.verdict.accepted), deviation_mm=deviation_mm)
 
 
-def base_result(command: Command, run: RunRecord, document: CalibrationDocument, now: datetime) -> Result:
+def base_result(command: PlcCommand, run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
     """The fields common to all results: run, X, its uncertainty and age."""
     camera = sigma = None
     if document.flange_T_camera is not None:
-        camera = Camera(document.flange_T_camera.translation_mm, document.flange_T_camera.quaternion_wxyz)
+        camera = CameraPose(document.flange_T_camera.translation_mm, document.flange_T_camera.quaternion_wxyz)
     if document.uncertainty is not None:
         uncertainty = document.uncertainty
         sigma = Sigma(uncertainty.translation_mm, uncertainty.rotation_deg, uncertainty.point_mm)
     age_s = age_of(document, now)
-    return Result(command, Verdict.NONE, run.id, 0, run.station, age_s, camera, sigma)
+    return CommandResult(command, PlcVerdict.NONE, run.id, 0, run.station, age_s, camera, sigma)
 
 
 def age_of(document: CalibrationDocument, now: datetime) -> int:
@@ -66,5 +66,5 @@ def age_of(document: CalibrationDocument, now: datetime) -> int:
     return max(0, int((now - datetime.fromisoformat(document.created_at)).total_seconds()))
 
 
-def verdict_of(good: bool) -> Verdict:
-    return Verdict.ACCEPTED if good else Verdict.REJECTED
+def verdict_of(good: bool) -> PlcVerdict:
+    return PlcVerdict.ACCEPTED if good else PlcVerdict.REJECTED

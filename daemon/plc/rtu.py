@@ -15,7 +15,7 @@ from drivers.backoff import Backoff
 from drivers.serial_errors import SERIAL_ERRORS, reason_of
 from protocols.modbus.bank import Bank, Identification
 from protocols.modbus.codes import Function
-from protocols.modbus.errors import RequestRefused
+from protocols.modbus.errors import ModbusException
 from protocols.plc.bank import BITS
 from protocols.plc.registers import SIZE
 
@@ -111,7 +111,7 @@ class ModbusRtu:
             if values is not None:
                 self._write(Function(function), address, values)
             registers[:] = self._image(Function(function))
-        except RequestRefused as refused:
+        except ModbusException as refused:
             return ExcCodes(refused.code)
         return None
 

@@ -11,7 +11,7 @@ from protocols.cb.events import (
     DuplicateAnswered,
     DuplicatePending,
     RequestReceived,
-    RequestRefused,
+    RequestRejected,
 )
 from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.messages import COMMAND_OF, Bye
@@ -48,7 +48,7 @@ class ControllerLink:
         steps = self._restarted()
         for answer in self._controller.tick(now_s):
             if self._session.state.name == "GREETED":
-                steps += self._faults.outgoing(None, self._session.unsolicited(answer))
+                steps += self._faults.outgoing(None, self._session.announce(answer))
         if self._session.half_frame_bytes and now_s - self._last_byte_s >= HALF_FRAME_S:
             steps += self._act_on(self._session.abandon_half_frame(), now_s)
         if not self._serial and now_s - self.heard_at_s >= IDLE_S:
@@ -84,7 +84,7 @@ class ControllerLink:
         match event:
             case RequestReceived():
                 return self._request(event, now_s)
-            case DuplicateAnswered() | RequestRefused():
+            case DuplicateAnswered() | RequestRejected():
                 self._alive(now_s)
                 return [*self._faults.outgoing(None, event.answer)]
             case BadChecksum():
@@ -123,5 +123,5 @@ class RefusedLink:
     def receive_data(self, data: bytes) -> list[WireStep]:
         """Take bytes as they came."""
         events = self._session.receive_data(data)
-        answers = [Send(event.answer) for event in events if isinstance(event, RequestRefused)]
+        answers = [Send(event.answer) for event in events if isinstance(event, RequestRejected)]
         return [*answers[:1], Close()] if events else []

@@ -124,7 +124,7 @@ class Controller(Cabinet):
     def _status(self, seq: int, request: cb.GetStatus, now_s: float) -> cb.Reply:
         return self._report(now_s)
 
-    def _arm(self, seq: int, request: cb.Arm, now_s: float) -> cb.Reply:
+    def _arm(self, seq: int, request: cb.SetArmed, now_s: float) -> cb.Reply:
         if not request.armed:
             self.halt(now_s, Status.ABORTED)
             return cb.ArmingDone()
@@ -225,7 +225,7 @@ _HANDLERS: dict[type[Any], Callable[[Controller, int, Any, float], cb.Reply]] = 
     cb.Move: Controller._move_request,
     cb.Stop: Controller._stop_request,
     cb.GetStatus: Controller._status,
-    cb.Arm: Controller._arm,
+    cb.SetArmed: Controller._arm,
     cb.GetJoints: Controller._joints,
     cb.Bye: Controller._bye,
 }

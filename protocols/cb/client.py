@@ -1,4 +1,4 @@
-"""The client's end of the CB link: numbers requests, matches replies, repeats without ever renumbering."""
+"""The client's end of the CB link: numbers requests, matches replies, and repeats a request under its old number."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -17,11 +17,11 @@ from protocols.cb.events import (
 )
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.messages import ANSWERS, COMMAND_OF, Refused, Reply, Request, Stop, Welcome, good_status, pack, unpack
-from protocols.cb.sequence import following
+from protocols.cb.sequence import next_seq
 
 
-class ClientState(Enum):
-    """Where a client's end stands with its controller."""
+class ClientSessionState(Enum):
+    """State of the client's session with its controller."""
 
     NOT_GREETED = "not greeted"
     GREETED = "greeted"
@@ -29,7 +29,7 @@ class ClientState(Enum):
 
 
 class ClientTrigger(Enum):
-    """What changes a ClientState."""
+    """Events that change a ClientSessionState."""
 
     WELCOMED = "welcomed"
     GREETING_LOST = "greeting lost"
@@ -37,28 +37,28 @@ class ClientTrigger(Enum):
     FRAMING_BROKE = "framing broke"
 
 
-ALLOWED: dict[ClientState, frozenset[Command]] = {
-    ClientState.NOT_GREETED: frozenset({Command.PING, Command.HELLO}),
-    ClientState.GREETED: frozenset(Command),
-    ClientState.BROKEN: frozenset(),
+ALLOWED_COMMANDS: dict[ClientSessionState, frozenset[Command]] = {
+    ClientSessionState.NOT_GREETED: frozenset({Command.PING, Command.HELLO}),
+    ClientSessionState.GREETED: frozenset(Command),
+    ClientSessionState.BROKEN: frozenset(),
 }
-"""Which commands may be sent."""
+"""Commands that may be sent in each state."""
 
-NEXT_STATE: dict[ClientState, dict[ClientTrigger, ClientState]] = {
-    ClientState.NOT_GREETED: {
-        ClientTrigger.WELCOMED: ClientState.GREETED,
-        ClientTrigger.GREETING_LOST: ClientState.NOT_GREETED,
-        ClientTrigger.FRAMING_BROKE: ClientState.BROKEN,
+NEXT_STATE: dict[ClientSessionState, dict[ClientTrigger, ClientSessionState]] = {
+    ClientSessionState.NOT_GREETED: {
+        ClientTrigger.WELCOMED: ClientSessionState.GREETED,
+        ClientTrigger.GREETING_LOST: ClientSessionState.NOT_GREETED,
+        ClientTrigger.FRAMING_BROKE: ClientSessionState.BROKEN,
     },
-    ClientState.GREETED: {
-        ClientTrigger.WELCOMED: ClientState.GREETED,
-        ClientTrigger.GREETING_LOST: ClientState.NOT_GREETED,
-        ClientTrigger.GOT_FAREWELL: ClientState.NOT_GREETED,
-        ClientTrigger.FRAMING_BROKE: ClientState.BROKEN,
+    ClientSessionState.GREETED: {
+        ClientTrigger.WELCOMED: ClientSessionState.GREETED,
+        ClientTrigger.GREETING_LOST: ClientSessionState.NOT_GREETED,
+        ClientTrigger.GOT_FAREWELL: ClientSessionState.NOT_GREETED,
+        ClientTrigger.FRAMING_BROKE: ClientSessionState.BROKEN,
     },
-    ClientState.BROKEN: {ClientTrigger.FRAMING_BROKE: ClientState.BROKEN},
+    ClientSessionState.BROKEN: {ClientTrigger.FRAMING_BROKE: ClientSessionState.BROKEN},
 }
-"""Whatever changes the state is a row here; a reply without a row leaves it as it is."""
+"""Every transition of the state; a reply without a row leaves the state unchanged."""
 
 _TRIGGER_OF_REPLY = {
     Command.HELLO: ClientTrigger.WELCOMED,
@@ -74,77 +74,77 @@ class _Outstanding:
 
 
 class ClientSession:
-    """Requests out, bytes in, events out; one request at a time, and a STOP may overtake it.
+    """Encodes requests and decodes received bytes. One request is outstanding at a time; only STOP may overtake it.
 
-    The controller remembers only the newest request. So an overtaken or abandoned request is never repeated:
-    behind a newer one it would count as new.
+    The controller remembers only the newest request, so an overtaken or abandoned request must not be repeated: the
+    controller would take it for a new one.
     """
 
     def __init__(self, *, resynchronise: bool, known_session: int | None = None, last_seq: int = 0) -> None:
         self._reader = FrameReader(resynchronise=resynchronise)
-        self._state = ClientState.NOT_GREETED
+        self._state = ClientSessionState.NOT_GREETED
         self._session = known_session
         self._last_seq = last_seq
         self._outstanding: _Outstanding | None = None
 
     @property
-    def state(self) -> ClientState:
-        """Where this end stands with its controller."""
+    def state(self) -> ClientSessionState:
+        """State of the session."""
         return self._state
 
     @property
     def session(self) -> int | None:
-        """The controller's session number as last greeted with; None before the first HELLO."""
+        """Session number in the controller's last HELLO reply; None before the first HELLO."""
         return self._session
 
     @property
     def last_seq(self) -> int:
-        """The number of the newest request; hand it to the next connection's session."""
+        """Sequence number of the newest request; pass it to the session of the next connection."""
         return self._last_seq
 
     @property
     def outstanding_seq(self) -> int | None:
-        """The request that has no answer yet."""
+        """Sequence number of the request that has no reply yet; None when there is none."""
         return None if self._outstanding is None else self._outstanding.seq
 
     @property
     def half_frame_bytes(self) -> int:
-        """How many bytes of an unfinished frame wait; when they wait too long, call `abandon_half_frame`."""
+        """Number of buffered bytes of an incomplete frame; after a timeout call `abandon_half_frame`."""
         return self._reader.half_frame_bytes
 
     def request(self, message: Request) -> bytes:
-        """The bytes of a new request, under the next number. STOP abandons the request it overtakes.
+        """Encode a new request under the next sequence number. STOP abandons the request it overtakes.
 
         Raises RequestOutstanding, NotAllowedNow or FieldOutOfRange.
         """
         command = COMMAND_OF[type(message)]
-        if command not in ALLOWED[self._state]:
+        if command not in ALLOWED_COMMANDS[self._state]:
             raise NotAllowedNow(f"{command.name} while the session is {self._state.value}")
         if self._outstanding is not None and not isinstance(message, Stop):
             waiting = self._outstanding
             raise RequestOutstanding(f"{command.name} while {waiting.seq} ({waiting.request}) has no answer")
-        seq = following(self._last_seq)
+        seq = next_seq(self._last_seq)
         encoded = Frame(command, seq, pack(message)).encode()
         self._last_seq = seq
         self._outstanding = _Outstanding(seq, message, encoded)
         return encoded
 
     def repeat(self) -> bytes:
-        """The outstanding request once more: the same number, the same bytes."""
+        """Encode the outstanding request again, with the same number and the same bytes."""
         if self._outstanding is None:
             raise NothingToAnswer("no request waits for an answer")
         return self._outstanding.encoded
 
     def abandon(self) -> None:
-        """Give the outstanding request up; an answer that comes later is an UnexpectedReply."""
+        """Give up the outstanding request; a late reply to it becomes an UnexpectedReply."""
         self._outstanding = None
 
     def receive_data(self, data: bytes) -> list[ClientEvent]:
-        """Take bytes as they came; what they mean."""
+        """Feed received bytes; returns the events they complete."""
         return [meaning for event in self._reader.feed(data) for meaning in self._events(event)]
 
     def abandon_half_frame(self) -> list[ClientEvent]:
-        """Bytes stayed away too long: TCP breaks, a serial line looks for the next frame."""
+        """Report a timeout inside a frame: breaks a TCP stream, makes a serial line resynchronise."""
         return [meaning for event in self._reader.abandon_half_frame() for meaning in self._events(event)]
 
     def _events(self, event: ReaderEvent) -> list[ClientEvent]:
@@ -174,15 +174,15 @@ class ClientSession:
             return [GarbledReply(frame.seq, str(error))]
         if waiting is None or frame.seq == 0:
             return [Unsolicited(reply, command)]
-        return self._answered(waiting, command, reply)
+        return self._handle_reply(waiting, command, reply)
 
-    def _answered(self, waiting: _Outstanding, command: Command, reply: Reply) -> list[ClientEvent]:
+    def _handle_reply(self, waiting: _Outstanding, command: Command, reply: Reply) -> list[ClientEvent]:
         if isinstance(reply, Refused) and reply.status == Status.BAD_SUM:
             return [RepeatWanted(waiting.seq)]
         self._outstanding = None
         answered: list[ClientEvent] = [ReplyReceived(waiting.seq, waiting.request, reply)]
         if isinstance(reply, Refused):
-            if reply.status == Status.VERSION and self._state is ClientState.GREETED:
+            if reply.status == Status.VERSION and self._state is ClientSessionState.GREETED:
                 self._advance(ClientTrigger.GREETING_LOST)
                 answered.insert(0, GreetingLost())
             return answered
@@ -199,7 +199,7 @@ class ClientSession:
 
 
 def _reply(command: Command, frame: Frame) -> Reply:
-    """The reply in a frame; raises PayloadRefused. A status that is not the good one has an empty payload."""
+    """Decode the reply in a frame; raises PayloadRefused. A reply with a refusing status must have an empty payload."""
     kind = ANSWERS[command]
     if frame.status in (Status.OK, Status.ACCEPTED):
         answer: Reply = unpack(kind, frame.payload)

@@ -1,16 +1,16 @@
-"""Commands, statuses, flags and selectors of the CB link, as numbers with names."""
+"""Command, status, flag and selector codes of the CB link."""
 
 from enum import IntEnum, IntFlag
 
 VERSION = 1
-"""The version of the link this code speaks."""
+"""Protocol version implemented here."""
 
 REPLY_BIT = 0x80
-"""A reply carries its request's command with this bit set."""
+"""Set in a reply's command byte, beside its request's command."""
 
 
 class Command(IntEnum):
-    """What a client may ask."""
+    """Commands a client can send."""
 
     PING = 1
     HELLO = 2
@@ -24,7 +24,7 @@ class Command(IntEnum):
 
 
 class Status(IntEnum):
-    """How a request ended. OK and ACCEPTED are the good ones; every other reply has an empty payload."""
+    """Result of a request. Replies other than OK and ACCEPTED have an empty payload."""
 
     OK = 0
     ACCEPTED = 1
@@ -47,7 +47,7 @@ class Status(IntEnum):
 
 
 class Flag(IntFlag):
-    """The controller's state in 16 bits."""
+    """Controller state as 16 bits."""
 
     MOTORS_ON = 1
     AUTO = 2
@@ -60,21 +60,21 @@ class Flag(IntFlag):
 
 
 class FrameSelector(IntEnum):
-    """Which tool and work object a pose is asked in."""
+    """Tool and work object of a requested pose."""
 
     TOOL0_WOBJ0 = 0
     CELL = 1
 
 
 class MoveKind(IntEnum):
-    """Interpolation: J between joint angles, L along a line."""
+    """Interpolation: joint or linear."""
 
     JOINT = 1
     LINEAR = 2
 
 
 class Capability(IntFlag):
-    """What a controller says it can do, in its HELLO reply."""
+    """Capabilities a controller reports in its HELLO reply."""
 
     MOVES = 1
     STOPS_DURING_MOTION = 2

@@ -1,4 +1,4 @@
-"""The controller's end of the CB link: who may ask what, what was asked before, and how refusals look."""
+"""The controller's end of the CB link: allowed commands, detection of repeated requests, encoding of refusals."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -11,7 +11,7 @@ from protocols.cb.events import (
     DuplicateAnswered,
     DuplicatePending,
     RequestReceived,
-    RequestRefused,
+    RequestRejected,
 )
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.messages import (
@@ -29,8 +29,8 @@ from protocols.cb.messages import (
 from protocols.cb.sequence import is_older
 
 
-class ControllerState(Enum):
-    """Where a controller's end stands with its client."""
+class ControllerSessionState(Enum):
+    """State of the controller's session with its client."""
 
     AWAITING_HELLO = "awaiting HELLO"
     GREETED = "greeted"
@@ -38,33 +38,33 @@ class ControllerState(Enum):
 
 
 class ControllerTrigger(Enum):
-    """What changes a ControllerState."""
+    """Events that change a ControllerSessionState."""
 
     WELCOMED = "welcomed"
     SAID_FAREWELL = "said farewell"
     FRAMING_BROKE = "framing broke"
 
 
-ALLOWED: dict[ControllerState, frozenset[Command]] = {
-    ControllerState.AWAITING_HELLO: frozenset({Command.PING, Command.HELLO}),
-    ControllerState.GREETED: frozenset(Command),
-    ControllerState.BROKEN: frozenset(),
+ALLOWED_COMMANDS: dict[ControllerSessionState, frozenset[Command]] = {
+    ControllerSessionState.AWAITING_HELLO: frozenset({Command.PING, Command.HELLO}),
+    ControllerSessionState.GREETED: frozenset(Command),
+    ControllerSessionState.BROKEN: frozenset(),
 }
-"""Which commands are handed up; any other is answered with VERSION: the versions have not been agreed."""
+"""Commands passed up in each state; any other gets status VERSION, since no version has been agreed."""
 
-NEXT_STATE: dict[ControllerState, dict[ControllerTrigger, ControllerState]] = {
-    ControllerState.AWAITING_HELLO: {
-        ControllerTrigger.WELCOMED: ControllerState.GREETED,
-        ControllerTrigger.FRAMING_BROKE: ControllerState.BROKEN,
+NEXT_STATE: dict[ControllerSessionState, dict[ControllerTrigger, ControllerSessionState]] = {
+    ControllerSessionState.AWAITING_HELLO: {
+        ControllerTrigger.WELCOMED: ControllerSessionState.GREETED,
+        ControllerTrigger.FRAMING_BROKE: ControllerSessionState.BROKEN,
     },
-    ControllerState.GREETED: {
-        ControllerTrigger.WELCOMED: ControllerState.GREETED,
-        ControllerTrigger.SAID_FAREWELL: ControllerState.AWAITING_HELLO,
-        ControllerTrigger.FRAMING_BROKE: ControllerState.BROKEN,
+    ControllerSessionState.GREETED: {
+        ControllerTrigger.WELCOMED: ControllerSessionState.GREETED,
+        ControllerTrigger.SAID_FAREWELL: ControllerSessionState.AWAITING_HELLO,
+        ControllerTrigger.FRAMING_BROKE: ControllerSessionState.BROKEN,
     },
-    ControllerState.BROKEN: {ControllerTrigger.FRAMING_BROKE: ControllerState.BROKEN},
+    ControllerSessionState.BROKEN: {ControllerTrigger.FRAMING_BROKE: ControllerSessionState.BROKEN},
 }
-"""Whatever changes the state is a row here; an answer without a row leaves it as it is."""
+"""Every transition of the state; an answer without a row leaves the state unchanged."""
 
 _TRIGGER_OF_ANSWER = {
     Command.HELLO: ControllerTrigger.WELCOMED,
@@ -74,45 +74,45 @@ _TRIGGER_OF_ANSWER = {
 
 @dataclass
 class _Last:
-    """The newest request and, once there is one, its reply's bytes."""
+    """The newest request, and its encoded reply once there is one."""
 
     request: Frame
     reply: bytes | None = None
 
 
 class ControllerSession:
-    """Bytes in, events out. Every event with an `answer` has the bytes to send; a RequestReceived wants `reply`.
+    """Decodes received bytes to events. Send an event's `answer` as it is; RequestReceived needs a call of `reply`.
 
-    `refuse_with` makes it the session of a client that is not wanted (a second one): every request gets that status.
+    `refuse_with` serves a client that must be turned away (a second one): every request gets that status.
     """
 
     def __init__(self, *, resynchronise: bool, refuse_with: Status | None = None) -> None:
         self._reader = FrameReader(resynchronise=resynchronise)
         self._refuse_with = refuse_with
-        self._state = ControllerState.AWAITING_HELLO
+        self._state = ControllerSessionState.AWAITING_HELLO
         self._last: _Last | None = None
         self._waiting: dict[int, Frame] = {}
 
     @property
-    def state(self) -> ControllerState:
-        """Where this end stands with its client."""
+    def state(self) -> ControllerSessionState:
+        """State of the session."""
         return self._state
 
     @property
     def half_frame_bytes(self) -> int:
-        """How many bytes of an unfinished frame wait; when they wait too long, call `abandon_half_frame`."""
+        """Number of buffered bytes of an incomplete frame; after a timeout call `abandon_half_frame`."""
         return self._reader.half_frame_bytes
 
     def receive_data(self, data: bytes) -> list[ControllerEvent]:
-        """Take bytes as they came; what they mean."""
+        """Feed received bytes; returns the events they complete."""
         return [self._event(event) for event in self._reader.feed(data)]
 
     def abandon_half_frame(self) -> list[ControllerEvent]:
-        """Bytes stayed away too long: TCP breaks, a serial line looks for the next frame."""
+        """Report a timeout inside a frame: breaks a TCP stream, makes a serial line resynchronise."""
         return [self._event(event) for event in self._reader.abandon_half_frame()]
 
     def reply(self, seq: int, reply: Reply) -> bytes:
-        """The bytes that answer request `seq`; kept, so that a repeated request gets the same ones."""
+        """Encode the reply to request `seq` and store it, so that a repeated request gets the same bytes."""
         request = self._waiting.get(seq)
         if request is None:
             raise NothingToAnswer(f"request {seq} does not wait for a reply")
@@ -124,8 +124,8 @@ class ControllerSession:
             self._advance(_TRIGGER_OF_ANSWER.get(Command(request.command)))
         return answer
 
-    def unsolicited(self, answer: Answer) -> bytes:
-        """A frame the client did not ask for: seq 0."""
+    def announce(self, answer: Answer) -> bytes:
+        """Encode a message that answers no request: sequence number 0."""
         return self._encode(0, COMMAND_OF[type(answer)], answer)
 
     def _event(self, event: ReaderEvent) -> ControllerEvent:
@@ -168,7 +168,7 @@ class ControllerSession:
             message = unpack(REQUESTS[command], frame.payload)
         except PayloadRefused as error:
             return self._refuse(frame, error.status, error.reason)
-        if command not in ALLOWED[self._state]:
+        if command not in ALLOWED_COMMANDS[self._state]:
             return self._refuse(frame, Status.VERSION, "HELLO must come first")
         if isinstance(message, Hello) and not message.speaks(VERSION):
             return self._refuse(frame, Status.VERSION, f"versions {message.version_min} to {message.version_max}")
@@ -176,9 +176,9 @@ class ControllerSession:
         self._waiting[frame.seq] = frame
         return RequestReceived(frame.seq, message)
 
-    def _refuse(self, frame: Frame, status: Status, reason: str) -> RequestRefused:
+    def _refuse(self, frame: Frame, status: Status, reason: str) -> RequestRejected:
         answer = self._encode(frame.seq, frame.command & ~REPLY_BIT, Refused(status))
-        return RequestRefused(frame.seq, frame.command, status, reason, answer)
+        return RequestRejected(frame.seq, frame.command, status, reason, answer)
 
     def _encode(self, seq: int, command: int, reply: Reply) -> bytes:
         if isinstance(reply, Refused):

@@ -1,4 +1,4 @@
-"""What the sessions report. Framing events come from frames.py unchanged."""
+"""Events reported by the client and controller sessions. Framing events of frames.py pass through unchanged."""
 
 from dataclasses import dataclass
 
@@ -6,12 +6,12 @@ from protocols.cb.codes import Status
 from protocols.cb.frames import ChecksumFailed, FramingBroken, GarbageSkipped
 from protocols.cb.messages import Reply, Request
 
-# --- the client's ---
+# --- client ---
 
 
 @dataclass(frozen=True)
 class ReplyReceived:
-    """The outstanding request is answered."""
+    """The outstanding request was answered."""
 
     seq: int
     request: Request
@@ -20,14 +20,14 @@ class ReplyReceived:
 
 @dataclass(frozen=True)
 class RepeatWanted:
-    """The controller got our request with a wrong checksum and did nothing: send `repeat()`."""
+    """The controller received the request with a wrong checksum and did nothing: send `repeat()`."""
 
     seq: int
 
 
 @dataclass(frozen=True)
 class SessionChanged:
-    """The controller greets with another session number than before: it restarted, and knows of no move of ours."""
+    """The controller's session number changed: it restarted and has forgotten earlier moves."""
 
     before: int
     now: int
@@ -35,12 +35,12 @@ class SessionChanged:
 
 @dataclass(frozen=True)
 class GreetingLost:
-    """The controller wants HELLO again: it restarted behind a line that has no connection."""
+    """The controller requires HELLO again: it restarted, on a serial line, which shows no disconnection."""
 
 
 @dataclass(frozen=True)
 class Unsolicited:
-    """The controller speaks by itself (seq 0)."""
+    """A message the controller sent by itself (sequence number 0)."""
 
     reply: Reply
     command: int
@@ -48,7 +48,7 @@ class Unsolicited:
 
 @dataclass(frozen=True)
 class UnexpectedReply:
-    """A well-formed reply to nothing we wait for: late, repeated, or meant for another."""
+    """A well-formed reply that matches no outstanding request: late or repeated."""
 
     seq: int
     command: int
@@ -56,7 +56,7 @@ class UnexpectedReply:
 
 @dataclass(frozen=True)
 class GarbledReply:
-    """A whole frame that is not what its command promises; to repeat the request would not help."""
+    """A complete frame whose payload does not fit its command; repeating the request would not help."""
 
     seq: int
     reason: str
@@ -75,20 +75,20 @@ ClientEvent = (
     | FramingBroken
 )
 
-# --- the controller's ---
+# --- controller ---
 
 
 @dataclass(frozen=True)
 class RequestReceived:
-    """A new request: do it and call `reply(seq, ...)`."""
+    """A new request: execute it and call `reply(seq, ...)`."""
 
     seq: int
     message: Request
 
 
 @dataclass(frozen=True)
-class RequestRefused:
-    """The session answered a request by itself; `answer` is what to send."""
+class RequestRejected:
+    """The session refused a request by itself; send `answer`."""
 
     seq: int
     command: int
@@ -99,7 +99,7 @@ class RequestRefused:
 
 @dataclass(frozen=True)
 class BadChecksum:
-    """A frame with a wrong sum; `answer` (BAD_SUM) is what to send. Nothing was done."""
+    """A frame had a wrong checksum and was ignored; send `answer` (BAD_SUM)."""
 
     seq: int
     command: int
@@ -108,7 +108,7 @@ class BadChecksum:
 
 @dataclass(frozen=True)
 class DuplicateAnswered:
-    """The last request came again: `answer`, the stored reply, is what to send. It is not done twice."""
+    """The last request was repeated and not executed again; send `answer`, the stored reply."""
 
     seq: int
     answer: bytes
@@ -116,14 +116,14 @@ class DuplicateAnswered:
 
 @dataclass(frozen=True)
 class DuplicatePending:
-    """The last request came again before its reply was ready: nothing to send, the reply will come."""
+    """The last request was repeated before its reply was ready; send nothing, the reply follows."""
 
     seq: int
 
 
 ControllerEvent = (
     RequestReceived
-    | RequestRefused
+    | RequestRejected
     | BadChecksum
     | DuplicateAnswered
     | DuplicatePending

@@ -10,11 +10,11 @@ MAGIC = b"\x43\x42"
 HEADER = struct.Struct("<2sBBHHHH")
 HEADER_BYTES = HEADER.size
 SUMMED_HEADER_BYTES = 10
-PAYLOAD_MAX = 1012  # one frame fits one RAPID rawbytes of 1024
+MAX_PAYLOAD_BYTES = 1012  # so that a frame fits one RAPID rawbytes of 1024
 
 
 def fletcher16(data: bytes) -> int:
-    """Fletcher's checksum modulo 255 (J. G. Fletcher 1982): the sum of sums in the high byte."""
+    """Fletcher's checksum modulo 255 (J. G. Fletcher 1982): the sum of sums in the high byte, the sum in the low."""
     low = high = 0
     for byte in data:
         low = (low + byte) % 255
@@ -24,7 +24,7 @@ def fletcher16(data: bytes) -> int:
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame whose checksum held. `command` is the raw number, the reply bit included."""
+    """A frame whose checksum is right. `command` is the raw byte, including the reply bit."""
 
     command: int
     seq: int
@@ -40,7 +40,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class ChecksumFailed:
-    """A whole frame came, but its sum does not hold; nothing in it can be trusted."""
+    """A complete frame with a wrong checksum; its content is not to be trusted."""
 
     command: int
     seq: int
@@ -48,14 +48,14 @@ class ChecksumFailed:
 
 @dataclass(frozen=True)
 class GarbageSkipped:
-    """Bytes that belong to no frame were dropped on the way to the next one."""
+    """Number of bytes dropped before the next frame."""
 
     count: int
 
 
 @dataclass(frozen=True)
 class FramingBroken:
-    """The stream is no longer frames. On TCP: close the connection."""
+    """The stream can no longer be split into frames. On TCP: close the connection."""
 
     reason: str
 
@@ -64,11 +64,11 @@ ReaderEvent = Frame | ChecksumFailed | GarbageSkipped | FramingBroken
 
 
 class FrameReader:
-    """Bytes in, frames out, however the bytes are cut.
+    """Splits a byte stream into frames, wherever the stream is cut.
 
-    Strict (TCP): the first thing that is no frame breaks the stream for good. Resynchronising (serial): bytes are
-    dropped until a magic with a plausible length and a sum that holds. A false magic can promise a payload that
-    never comes: the owner of the clock calls `abandon_half_frame` when bytes stay away.
+    Strict (TCP): any byte that fits no frame breaks the stream for good. Resynchronising (serial): bytes are dropped up
+    to a magic with a plausible length and a right checksum. A false magic may announce a payload that never comes, so
+    the caller, who has the clock, calls `abandon_half_frame` after a timeout.
     """
 
     def __init__(self, *, resynchronise: bool) -> None:
@@ -78,18 +78,18 @@ class FrameReader:
 
     @property
     def half_frame_bytes(self) -> int:
-        """How many bytes of an unfinished frame wait here."""
+        """Number of buffered bytes of an incomplete frame."""
         return len(self._buffer)
 
     def feed(self, data: bytes) -> list[ReaderEvent]:
-        """Take bytes as they came; return what is complete now."""
+        """Feed received bytes; returns what they complete."""
         if self._broken is not None:
             return [self._broken]
         self._buffer += data
         return list(self._complete())
 
     def abandon_half_frame(self) -> list[ReaderEvent]:
-        """Bytes stayed away for too long: the half frame is none. Strict breaks, else the search goes on behind it."""
+        """Discard an incomplete frame after a timeout: a strict stream breaks, a serial one searches on."""
         if self._broken is not None:
             return [self._broken]
         if not self._buffer:
@@ -97,7 +97,7 @@ class FrameReader:
         if not self._resynchronise:
             return [self._break(f"a frame stopped after {len(self._buffer)} bytes")]
         events: list[ReaderEvent] = []
-        while self._buffer:  # behind a false magic another may wait: no byte will come for that one either
+        while self._buffer:  # a second false magic may follow the first one
             del self._buffer[:1]
             events += self._complete(skipped=1)
         return events
@@ -125,7 +125,7 @@ class FrameReader:
             yield GarbageSkipped(skipped)
 
     def _seek_header(self) -> tuple[int, str]:
-        """Drop what cannot begin a frame; return how many bytes that were, and what was wrong with the first."""
+        """Drop bytes that cannot begin a frame; returns their number and what was wrong with the first."""
         dropped, fault = 0, ""
         while self._buffer:
             wrong = self._fault_at_start()
@@ -141,18 +141,18 @@ class FrameReader:
         return dropped, fault
 
     def _fault_at_start(self) -> str:
-        """Why the buffer does not begin a frame; empty when it does, as far as its bytes tell."""
+        """Why the buffer cannot begin a frame; empty when it can, judged by the bytes so far."""
         start = bytes(self._buffer[:2])
         if not MAGIC.startswith(start):
             return f"expected the magic 43 42, got {start.hex(' ')}"
         if len(self._buffer) >= SUMMED_HEADER_BYTES:
             promised = int.from_bytes(self._buffer[8:10], "little")
-            if promised > PAYLOAD_MAX:
-                return f"a payload of {promised} bytes is promised, at most {PAYLOAD_MAX} are allowed"
+            if promised > MAX_PAYLOAD_BYTES:
+                return f"a payload of {promised} bytes is promised, at most {MAX_PAYLOAD_BYTES} are allowed"
         return ""
 
     def _take_frame(self) -> Frame | ChecksumFailed | None:
-        """The frame at the buffer's start, or None while it is not whole."""
+        """Take the first frame from the buffer; None while it is incomplete."""
         if len(self._buffer) < HEADER_BYTES:
             return None
         _, version, command, seq, status, promised, checksum = HEADER.unpack_from(self._buffer)
@@ -161,7 +161,7 @@ class FrameReader:
             return None
         payload = bytes(self._buffer[HEADER_BYTES:end])
         if fletcher16(bytes(self._buffer[:SUMMED_HEADER_BYTES]) + payload) != checksum:
-            del self._buffer[:1]  # the length itself may be wrong: a good frame may begin inside
+            del self._buffer[:1]  # the length itself may be corrupted: drop one byte, a good frame may begin inside
             return ChecksumFailed(command, seq)
         del self._buffer[:end]
         return Frame(command, seq, payload, status, version)

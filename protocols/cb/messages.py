@@ -1,4 +1,4 @@
-"""Every message of the CB link as a frozen dataclass, and the table that says how each lies in its payload.
+"""Messages of the CB link as frozen dataclasses, with one table of their binary layouts.
 
 Millimetres, degrees, quaternions (w, x, y, z); little-endian; every real number is a float32 on the wire.
 """
@@ -14,22 +14,22 @@ from protocols.cb.errors import FieldOutOfRange, PayloadRefused
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 Six = tuple[float, float, float, float, float, float]
-FourQuarters = tuple[int, int, int, int]
+ConfData = tuple[int, int, int, int]
 
 _STATUS_NAMES = {int(status): status.name for status in Status}
 
 T_MS_WRAP = 8_000_000
-"""The controller's milliseconds since HELLO wrap here: RAPID's num is exact only to 2^23."""
+"""The controller's milliseconds since HELLO wrap here, because RAPID's num is exact only up to 2^23."""
 
 
 @dataclass(frozen=True)
 class Ping:
-    """Are you there? Also the heartbeat."""
+    """Connection check and heartbeat."""
 
 
 @dataclass(frozen=True)
 class Hello:
-    """The client's versions and its id; the first request of every connection. A `version_max` of 0 means the min."""
+    """Versions and id of the client; the first request of a connection. `version_max` 0 means `version_min`."""
 
     version_min: int
     version_max: int
@@ -37,24 +37,24 @@ class Hello:
     flags: int = 0
 
     def speaks(self, version: int) -> bool:
-        """Is `version` among the client's?"""
+        """Whether the client supports `version`."""
         return self.version_min <= version <= (self.version_max or self.version_min)
 
 
 @dataclass(frozen=True)
 class GetPose:
-    """Where does the flange (or the cell's tool) stand?"""
+    """Request the pose of the flange (or of the cell's tool)."""
 
     frame: FrameSelector = FrameSelector.TOOL0_WOBJ0
 
 
 @dataclass(frozen=True)
 class Move:
-    """Go there and stop there. `configuration` is confdata, `external_axes` in degrees or mm, 9e9 where unused."""
+    """Move to a stop point. `configuration` is confdata, `external_axes` in degrees or mm, 9e9 where unused."""
 
     position_mm: Three
     quaternion_wxyz: Four
-    configuration: FourQuarters
+    configuration: ConfData
     external_axes: Six
     speed_mm_s: float
     kind: MoveKind
@@ -62,17 +62,17 @@ class Move:
 
 @dataclass(frozen=True)
 class Stop:
-    """Stop now and drop the move."""
+    """Stop at once and drop the move."""
 
 
 @dataclass(frozen=True)
 class GetStatus:
-    """Flags, and how far the last move came."""
+    """Request the flags and the progress of the last move."""
 
 
 @dataclass(frozen=True)
-class Arm:
-    """Allow or forbid motion, in this session."""
+class SetArmed:
+    """Allow or forbid motion in this session."""
 
     session: int
     armed: bool
@@ -80,22 +80,22 @@ class Arm:
 
 @dataclass(frozen=True)
 class GetJoints:
-    """At which angles do the axes stand?"""
+    """Request the axis angles."""
 
 
 @dataclass(frozen=True)
 class Bye:
-    """The client leaves; the controller disarms."""
+    """The client disconnects; the controller disarms."""
 
 
 @dataclass(frozen=True)
 class Pong:
-    """The answer to PING."""
+    """Reply to PING."""
 
 
 @dataclass(frozen=True)
 class Welcome:
-    """The answer to HELLO. A `session` that differs from the last one means that the controller restarted."""
+    """Reply to HELLO. A `session` other than the last one means that the controller restarted."""
 
     version: int
     capabilities: Capability
@@ -107,11 +107,11 @@ class Welcome:
 
 @dataclass(frozen=True)
 class Pose:
-    """The answer to GET_POSE. `t_ms` counts from HELLO and wraps at 8 000 000."""
+    """Reply to GET_POSE. `t_ms` counts from HELLO and wraps at 8 000 000."""
 
     position_mm: Three
     quaternion_wxyz: Four
-    configuration: FourQuarters
+    configuration: ConfData
     external_axes: Six
     t_ms: int
     flags: Flag
@@ -119,19 +119,19 @@ class Pose:
 
 @dataclass(frozen=True)
 class MoveAccepted:
-    """The move begins; STATUS tells when it ended. Its status is ACCEPTED, not OK."""
+    """Reply to MOVE: the move begins; GET_STATUS reports its end. Its status is ACCEPTED, not OK."""
 
 
 @dataclass(frozen=True)
 class Stopped:
-    """The answer to STOP."""
+    """Reply to STOP."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """The answer to STATUS. The last move that ended, by its seq and its result; the progress of the one that runs.
+    """Reply to STATUS: number and result of the last finished move, progress of the current one.
 
-    `finished_seq` is 0 when no move ended in this session; `progress_per_mille` is 1000 when none runs.
+    `finished_seq` is 0 when no move has ended in this session; `progress_per_mille` is 1000 when none is in progress.
     """
 
     flags: Flag
@@ -143,12 +143,12 @@ class Report:
 
 @dataclass(frozen=True)
 class ArmingDone:
-    """The answer to ARM."""
+    """Reply to ARM."""
 
 
 @dataclass(frozen=True)
 class Joints:
-    """The answer to GET_JOINTS: six arm axes in degrees, six external axes (9e9 where unused)."""
+    """Reply to GET_JOINTS: six arm axes in degrees, six external axes (9e9 where unused)."""
 
     axes_deg: Six
     external_axes: Six
@@ -156,22 +156,22 @@ class Joints:
 
 @dataclass(frozen=True)
 class Farewell:
-    """The answer to BYE."""
+    """Reply to BYE."""
 
 
 @dataclass(frozen=True)
 class Refused:
-    """The answer to any request that was not done, and why. `status` is a plain number when it has no name here."""
+    """Reply to a request that was not executed. `status` is the raw number."""
 
     status: int
 
     @property
     def name(self) -> str:
-        """The status's name, or its number."""
+        """Name of the status, or its number when it has none here."""
         return _STATUS_NAMES.get(self.status, str(self.status))
 
 
-Request = Ping | Hello | GetPose | Move | Stop | GetStatus | Arm | GetJoints | Bye
+Request = Ping | Hello | GetPose | Move | Stop | GetStatus | SetArmed | GetJoints | Bye
 Answer = Pong | Welcome | Pose | MoveAccepted | Stopped | Report | ArmingDone | Joints | Farewell
 Reply = Answer | Refused
 
@@ -203,7 +203,7 @@ _FIELDS: dict[type[Any], tuple[_Field, ...]] = {
     Move: (*_POSE, _Field("speed_mm_s", "f"), _Field("kind", "Hxx", MoveKind)),
     Stop: (),
     GetStatus: (),
-    Arm: (_Field("session", "H"), _Field("armed", "H", _boolean)),
+    SetArmed: (_Field("session", "H"), _Field("armed", "H", _boolean)),
     GetJoints: (),
     Bye: (),
     Pong: (),
@@ -239,11 +239,11 @@ REQUESTS: dict[Command, type[Request]] = {
     Command.MOVE: Move,
     Command.STOP: Stop,
     Command.STATUS: GetStatus,
-    Command.ARM: Arm,
+    Command.ARM: SetArmed,
     Command.GET_JOINTS: GetJoints,
     Command.BYE: Bye,
 }
-"""Which request a command is."""
+"""Request type of each command."""
 
 ANSWERS: dict[Command, type[Answer]] = {
     Command.PING: Pong,
@@ -256,21 +256,21 @@ ANSWERS: dict[Command, type[Answer]] = {
     Command.GET_JOINTS: Joints,
     Command.BYE: Farewell,
 }
-"""Which answer a command gets when it is done."""
+"""Reply type of each command that succeeded."""
 
 COMMAND_OF: dict[type[Any], Command] = {
     kind: command for table in (REQUESTS, ANSWERS) for command, kind in table.items()
 }
-"""The command a message belongs to, requests and answers alike."""
+"""Command of each message type, requests and replies alike."""
 
 
 def good_status(answer: Answer) -> Status:
-    """The status an answer travels with."""
+    """Status sent with a reply: ACCEPTED for a move, otherwise OK."""
     return Status.ACCEPTED if isinstance(answer, MoveAccepted) else Status.OK
 
 
 def pack(message: Request | Answer) -> bytes:
-    """The payload of a message; raises FieldOutOfRange."""
+    """Encode a message's payload; raises FieldOutOfRange."""
     kind = type(message)
     values: list[Any] = []
     for field in _FIELDS[kind]:
@@ -283,7 +283,7 @@ def pack(message: Request | Answer) -> bytes:
 
 
 def unpack(kind: type[Any], payload: bytes) -> Any:
-    """The message of type `kind` in a payload; raises PayloadRefused."""
+    """Decode a payload as a message of type `kind`; raises PayloadRefused."""
     layout = _STRUCTS[kind]
     if len(payload) != layout.size:
         raise PayloadRefused(kind.__name__, f"{len(payload)} bytes instead of {layout.size}", Status.BAD_LEN)
@@ -300,5 +300,5 @@ def unpack(kind: type[Any], payload: bytes) -> Any:
 
 
 def payload_bytes(kind: type[Any]) -> int:
-    """How long the payload of a message type is."""
+    """Payload length of a message type in bytes."""
     return _STRUCTS[kind].size

@@ -1,13 +1,13 @@
-"""Sequence numbers: 1 to 65535 in a circle; 0 is reserved for what a controller says by itself."""
+"""Sequence numbers of requests: 1 to 65535, cyclic; 0 marks what a controller sends unasked."""
 
-SEQ_MAX = 65535
+MAX_SEQ = 65535
 
 
-def following(seq: int) -> int:
-    """The number after `seq`, 0 left out."""
-    return seq % SEQ_MAX + 1
+def next_seq(seq: int) -> int:
+    """The number after `seq`, skipping 0."""
+    return seq % MAX_SEQ + 1
 
 
 def is_older(seq: int, last: int) -> bool:
-    """Does `seq` lie in the half circle before `last`? Such a request was delayed on the way: it must not be done."""
-    return (seq - last) % SEQ_MAX > SEQ_MAX // 2
+    """Whether `seq` lies in the half circle before `last`: such a request was delayed and must not be executed."""
+    return (seq - last) % MAX_SEQ > MAX_SEQ // 2

@@ -1,1 +1,1 @@
-"""Externally Guided Motion: what a controller tells of itself 250 times a second over UDP. Read only."""
+"""Externally Guided Motion: the controller's feedback at 250 Hz over UDP. Read only."""

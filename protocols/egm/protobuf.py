@@ -1,37 +1,37 @@
-"""As much of protocol buffers' wire format as a message of doubles, whole numbers and messages needs.
+"""The part of the protocol buffers wire format needed for doubles, integers and nested messages.
 
-Source: protobuf.dev, "Encoding". Unknown fields are passed over, as the format wants it.
+Source: protobuf.dev, "Encoding". Unknown fields are skipped, as the format requires.
 """
 
 import struct
 from collections.abc import Iterable, Iterator, Sequence
 
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
-VARINT_MAX_BYTES = 10
+MAX_VARINT_BYTES = 10
 Value = int | float | bytes
 
 
 class NotProtobuf(ValueError):
-    """The bytes are cut off, or no message."""
+    """The bytes are truncated or not a message."""
 
 
 def fields(data: bytes) -> Iterator[tuple[int, Value]]:
-    """Number and value of each field in the order of the bytes. Raises NotProtobuf."""
+    """Number and value of each field in order. Raises NotProtobuf."""
     at, end = 0, len(data)
     while at < end:
-        key, at = _varint(data, at)
+        key, at = _decode_varint(data, at)
         number, kind = key >> 3, key & 7
         if kind == FIXED64 and at + 8 <= end:
             yield number, struct.unpack_from("<d", data, at)[0]
             at += 8
         elif kind == BYTES:
-            length, at = _varint(data, at)
+            length, at = _decode_varint(data, at)
             if at + length > end:
                 raise NotProtobuf(f"field {number} is cut off")
             yield number, data[at : at + length]
             at += length
         elif kind == VARINT:
-            value, at = _varint(data, at)
+            value, at = _decode_varint(data, at)
             yield number, value
         elif kind == FIXED32 and at + 4 <= end:
             yield number, struct.unpack_from("<f", data, at)[0]
@@ -40,9 +40,9 @@ def fields(data: bytes) -> Iterator[tuple[int, Value]]:
             raise NotProtobuf(f"field {number} is cut off, or of kind {kind}")
 
 
-def _varint(data: bytes, at: int) -> tuple[int, int]:
+def _decode_varint(data: bytes, at: int) -> tuple[int, int]:
     value = 0
-    for count in range(VARINT_MAX_BYTES):
+    for count in range(MAX_VARINT_BYTES):
         if at + count >= len(data):
             break
         byte = data[at + count]
@@ -52,8 +52,8 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
     raise NotProtobuf("a number is cut off, or longer than 64 bits")
 
 
-def tagged_doubles(data: bytes, numbers: Sequence[int]) -> tuple[float, ...] | None:
-    """The values of exactly these fields in this order, all doubles: at once. None when the bytes are not so."""
+def doubles_by_tags(data: bytes, numbers: Sequence[int]) -> tuple[float, ...] | None:
+    """Values of a message that consists of exactly these double fields in this order (fast path); otherwise None."""
     if len(data) != 9 * len(numbers):
         return None
     flat = struct.unpack("<" + "Bd" * len(numbers), data)
@@ -62,33 +62,33 @@ def tagged_doubles(data: bytes, numbers: Sequence[int]) -> tuple[float, ...] | N
 
 
 def doubles(data: bytes) -> list[float]:
-    """A packed list of doubles. Raises NotProtobuf."""
+    """Decode a packed list of doubles. Raises NotProtobuf."""
     if len(data) % 8:
         raise NotProtobuf(f"{len(data)} bytes are no list of doubles")
     return list(struct.unpack(f"<{len(data) // 8}d", data))
 
 
-def whole(number: int, value: int) -> bytes:
-    """A field that holds a whole number, not negative."""
-    return _key(number, VARINT) + _packed_varint(value)
+def integer_field(number: int, value: int) -> bytes:
+    """Encode a field with an integer that is not negative."""
+    return _key(number, VARINT) + _encode_varint(value)
 
 
-def double(number: int, value: float) -> bytes:
-    """A field that holds a double."""
+def double_field(number: int, value: float) -> bytes:
+    """Encode a field with a double."""
     return _key(number, FIXED64) + struct.pack("<d", value)
 
 
-def message(number: int, parts: Iterable[bytes]) -> bytes:
-    """A field that holds a message."""
+def message_field(number: int, parts: Iterable[bytes]) -> bytes:
+    """Encode a field with a nested message."""
     content = b"".join(parts)
-    return _key(number, BYTES) + _packed_varint(len(content)) + content
+    return _key(number, BYTES) + _encode_varint(len(content)) + content
 
 
 def _key(number: int, kind: int) -> bytes:
-    return _packed_varint(number << 3 | kind)
+    return _encode_varint(number << 3 | kind)
 
 
-def _packed_varint(value: int) -> bytes:
+def _encode_varint(value: int) -> bytes:
     packed = bytearray()
     while value > 0x7F:
         packed.append(value & 0x7F | 0x80)

@@ -1,4 +1,4 @@
-"""A server's memory, and the answer to any request from it."""
+"""The interface of a server's registers and bits, and the execution of requests on it."""
 
 import struct
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from protocols.modbus.codes import ERROR_BIT, ExceptionCode, Function
-from protocols.modbus.errors import RequestRefused
+from protocols.modbus.errors import ModbusException
 from protocols.modbus.requests import (
     COIL_OFF,
     COIL_ON,
@@ -24,7 +24,7 @@ from protocols.modbus.requests import (
 
 
 class Bank(Protocol):
-    """Registers and bits. Every method raises RequestRefused; a refused write changes nothing."""
+    """Registers and bits of a server. Every method raises ModbusException; a refused write changes nothing."""
 
     def words(self, function: Function, address: int, count: int) -> Sequence[int]: ...
 
@@ -37,7 +37,7 @@ class Bank(Protocol):
 
 @dataclass(frozen=True)
 class Identification:
-    """What function 43 / 14 tells: basic objects 0 to 2, regular ones 3 to 6."""
+    """Reply to function 43 / 14: basic objects 0 to 2, regular objects 3 to 6."""
 
     vendor: str
     product: str
@@ -46,24 +46,24 @@ class Identification:
     name: str = ""
 
     def objects(self, level: int) -> dict[int, bytes]:
-        """By number, as far as the level reaches."""
+        """Objects by number, up to the requested level."""
         texts = {0: self.vendor, 1: self.product, 2: self.revision, 3: self.url, 4: self.name}
         return {number: text.encode("ascii", "replace") for number, text in texts.items() if number < 3 or level > 1}
 
 
 def respond(pdu: bytes, bank: Bank, identification: Identification) -> bytes:
-    """The PDU that answers a PDU; a refusal is an answer, too."""
+    """Execute a request PDU and return the reply PDU, which may be an exception reply."""
     try:
-        return _done(parse_request(pdu), bank, identification)
-    except RequestRefused as refused:
+        return _execute(parse_request(pdu), bank, identification)
+    except ModbusException as refused:
         function = pdu[0] if pdu else 0
         return bytes([function & 0x7F | ERROR_BIT, refused.code])
 
 
-def _done(request: Request, bank: Bank, identification: Identification) -> bytes:
+def _execute(request: Request, bank: Bank, identification: Identification) -> bytes:
     match request:
         case ReadBits(function, address, count):
-            packed = packed_bits(bank.bits(function, address, count))
+            packed = pack_bits(bank.bits(function, address, count))
             return bytes([function, len(packed)]) + packed
         case ReadWords(function, address, count):
             return _words_reply(function, bank.words(function, address, count))
@@ -81,19 +81,19 @@ def _done(request: Request, bank: Bank, identification: Identification) -> bytes
             return struct.pack(">BHH", function, address, len(values))
         case MaskWrite(address, and_mask, or_mask):
             (word,) = bank.words(Function.READ_HOLDING_REGISTERS, address, 1)
-            bank.write_words(address, (request.applied(word),))
+            bank.write_words(address, (request.apply(word),))
             return struct.pack(">BHHH", Function.MASK_WRITE_REGISTER, address, and_mask, or_mask)
         case ReadWriteWords(read_address, read_count, write_address, values):
-            bank.words(Function.READ_HOLDING_REGISTERS, read_address, read_count)  # refused before anything is written
+            bank.words(Function.READ_HOLDING_REGISTERS, read_address, read_count)  # check the read before writing
             bank.write_words(write_address, values)
             read = bank.words(Function.READ_HOLDING_REGISTERS, read_address, read_count)
             return _words_reply(Function.READ_WRITE_REGISTERS, read)
         case ReadIdentification(level, object_id):
-            return _identified(level, object_id, identification)
+            return _identification_reply(level, object_id, identification)
 
 
-def packed_bits(bits: Sequence[bool]) -> bytes:
-    """Eight to a byte, the first in the lowest bit."""
+def pack_bits(bits: Sequence[bool]) -> bytes:
+    """Pack eight bits to a byte, the first in the lowest bit."""
     packed = bytearray((len(bits) + 7) // 8)
     for i, bit in enumerate(bits):
         packed[i // 8] |= bool(bit) << (i % 8)
@@ -104,14 +104,14 @@ def _words_reply(function: Function, words: Sequence[int]) -> bytes:
     return struct.pack(f">BB{len(words)}H", function, 2 * len(words), *words)
 
 
-def _identified(level: int, object_id: int, identification: Identification) -> bytes:
-    """Streams begin again at object 0 when the one asked for is not there; single objects must be."""
+def _identification_reply(level: int, object_id: int, identification: Identification) -> bytes:
+    """A stream restarts at object 0 when the requested object does not exist; a single object must exist."""
     objects = identification.objects(3 if level == 4 else level)
     if object_id not in objects:
         if level == 4:
-            raise RequestRefused(ExceptionCode.ILLEGAL_DATA_ADDRESS, f"there is no object {object_id}")
+            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS, f"there is no object {object_id}")
         object_id = 0
-    told = [object_id] if level == 4 else [number for number in objects if number >= object_id]
-    conformity = 0x82  # regular, as stream and one by one
-    head = [Function.ENCAPSULATED, READ_DEVICE_IDENTIFICATION, level, conformity, 0, 0, len(told)]
-    return bytes(head) + b"".join(bytes([number, len(objects[number])]) + objects[number] for number in told)
+    numbers = [object_id] if level == 4 else [number for number in objects if number >= object_id]
+    conformity = 0x82  # regular identification, as a stream and object by object
+    head = [Function.ENCAPSULATED, READ_DEVICE_IDENTIFICATION, level, conformity, 0, 0, len(numbers)]
+    return bytes(head) + b"".join(bytes([number, len(objects[number])]) + objects[number] for number in numbers)

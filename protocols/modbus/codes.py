@@ -1,21 +1,21 @@
-"""Function and exception codes (MODBUS Application Protocol Specification V1.1b3), and the limits it sets."""
+"""Function codes, exception codes and limits (MODBUS Application Protocol Specification V1.1b3)."""
 
 from enum import IntEnum
 
 ERROR_BIT = 0x80
-"""A reply with an exception code carries its request's function code with this bit set."""
+"""Set in the function code of an exception reply."""
 
-READ_WORDS_MOST = 125
-READ_BITS_MOST = 2000
-WRITE_WORDS_MOST = 123
-WRITE_BITS_MOST = 1968
-READ_WRITE_WORDS_MOST = 121
-PDU_MOST = 253
-"""Bytes of a request or reply without its transport's envelope."""
+MAX_READ_WORDS = 125
+MAX_READ_BITS = 2000
+MAX_WRITE_WORDS = 123
+MAX_WRITE_BITS = 1968
+MAX_READ_WRITE_WORDS = 121
+MAX_PDU_BYTES = 253
+"""Bytes of a request or reply without the header of its transport."""
 
 
 class Function(IntEnum):
-    """What may be asked here."""
+    """Supported function codes."""
 
     READ_COILS = 1
     READ_DISCRETE_INPUTS = 2
@@ -31,7 +31,7 @@ class Function(IntEnum):
 
 
 class ExceptionCode(IntEnum):
-    """Why a request is not done. ILLEGAL_FUNCTION is also the answer to a client that may not write."""
+    """Reasons for an exception reply. ILLEGAL_FUNCTION also refuses writes of a client that may only read."""
 
     ILLEGAL_FUNCTION = 1
     ILLEGAL_DATA_ADDRESS = 2

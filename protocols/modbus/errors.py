@@ -1,19 +1,19 @@
 """Errors of Modbus.
 
 ModbusError
-├── RequestRefused   the request is whole, but is answered with an exception code
-└── HeaderBroken     the stream is no longer Modbus TCP: close the connection
+├── ModbusException   a complete request is answered with an exception code
+└── HeaderBroken      the stream can no longer be split into frames: close the connection
 """
 
 from protocols.modbus.codes import ExceptionCode
 
 
 class ModbusError(Exception):
-    """Root."""
+    """Root of the Modbus errors."""
 
 
-class RequestRefused(ModbusError):
-    """The request is whole, but is answered with `code`."""
+class ModbusException(ModbusError):
+    """A complete request is answered with exception code `code`."""
 
     def __init__(self, code: ExceptionCode, what: str) -> None:
         self.code, self.what = code, what
@@ -21,4 +21,4 @@ class RequestRefused(ModbusError):
 
 
 class HeaderBroken(ModbusError):
-    """What came cannot be an MBAP header; nothing behind it can be trusted."""
+    """The bytes are no MBAP header, and frame boundaries are lost."""

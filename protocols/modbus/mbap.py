@@ -1,20 +1,20 @@
-"""The header of Modbus TCP: bytes in, requests out, however the bytes are cut."""
+"""Splits a Modbus TCP byte stream into ADUs by the MBAP header."""
 
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from protocols.modbus.codes import PDU_MOST
+from protocols.modbus.codes import MAX_PDU_BYTES
 from protocols.modbus.errors import HeaderBroken
 
 HEADER = struct.Struct(">HHHB")
-LENGTH_LEAST, LENGTH_MOST = 2, PDU_MOST + 1
-"""Of what follows the length field: the unit, and a PDU of at least its function code."""
+MIN_LENGTH, MAX_LENGTH = 2, MAX_PDU_BYTES + 1
+"""Limits of the length field, which counts the unit identifier and a PDU of at least its function code."""
 
 
 @dataclass(frozen=True)
 class Adu:
-    """One request or reply in its envelope. `transaction` is the client's number, echoed."""
+    """One request or reply with its header. `transaction` is chosen by the client and echoed."""
 
     transaction: int
     unit: int
@@ -26,7 +26,7 @@ class Adu:
 
 
 class MbapReader:
-    """A header that cannot be one breaks the stream for good: there is no way to find the next one."""
+    """Splits a stream into ADUs. An invalid header breaks the stream for good: nothing marks the next one."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -34,18 +34,18 @@ class MbapReader:
 
     @property
     def half_frame_bytes(self) -> int:
-        """How many bytes of an unfinished frame wait here."""
+        """Number of buffered bytes of an incomplete frame."""
         return len(self._buffer)
 
     def feed(self, data: bytes) -> Iterator[Adu]:
-        """What is complete now, in the order it came. Raises HeaderBroken behind the last whole frame."""
+        """Feed received bytes; yields the complete ADUs in order. Raises HeaderBroken after the last valid one."""
         if not self._broken:
             self._buffer += data
         while (adu := self._take()) is not None:
             yield adu
 
     def _take(self) -> Adu | None:
-        """The next whole frame, None while it is not whole."""
+        """Take the next ADU from the buffer; None while it is incomplete."""
         if self._broken:
             raise HeaderBroken(self._broken)
         fault = self._fault()
@@ -64,12 +64,12 @@ class MbapReader:
         return Adu(transaction, unit, pdu)
 
     def _fault(self) -> str:
-        """Why the buffer begins no frame, as early as its bytes tell; empty when it does."""
+        """Why the buffer cannot begin a frame, found as early as its bytes allow; empty when it can."""
         buffer = self._buffer
         if any(buffer[2:4]):
             return f"protocol identifier {bytes(buffer[2:4]).hex(' ')} where 00 00 is expected"
         if len(buffer) >= 6:
             length = buffer[4] << 8 | buffer[5]
-            if not LENGTH_LEAST <= length <= LENGTH_MOST:
-                return f"a length of {length}, where {LENGTH_LEAST} to {LENGTH_MOST} are allowed"
+            if not MIN_LENGTH <= length <= MAX_LENGTH:
+                return f"a length of {length}, where {MIN_LENGTH} to {MAX_LENGTH} are allowed"
         return ""

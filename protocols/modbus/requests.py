@@ -1,23 +1,23 @@
-"""Every request of the protocol as a frozen dataclass, read from the bytes of its PDU."""
+"""Requests as frozen dataclasses, and their decoding from a PDU."""
 
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from protocols.modbus.codes import (
-    READ_BITS_MOST,
-    READ_WORDS_MOST,
-    READ_WRITE_WORDS_MOST,
-    WRITE_BITS_MOST,
-    WRITE_WORDS_MOST,
+    MAX_READ_BITS,
+    MAX_READ_WORDS,
+    MAX_READ_WRITE_WORDS,
+    MAX_WRITE_BITS,
+    MAX_WRITE_WORDS,
     ExceptionCode,
     Function,
 )
-from protocols.modbus.errors import RequestRefused
+from protocols.modbus.errors import ModbusException
 
 COIL_ON, COIL_OFF = 0xFF00, 0x0000
 READ_DEVICE_IDENTIFICATION = 14
-"""The one kind of encapsulated transport that is spoken here."""
+"""MEI type 14, the only encapsulated transport supported."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +64,14 @@ class MaskWrite:
     and_mask: int
     or_mask: int
 
-    def applied(self, word: int) -> int:
-        """The register afterwards."""
+    def apply(self, word: int) -> int:
+        """The register's new value."""
         return (word & self.and_mask) | (self.or_mask & ~self.and_mask & 0xFFFF)
 
 
 @dataclass(frozen=True)
 class ReadWriteWords:
-    """Function 23: the write is done first."""
+    """Function 23: write first, then read."""
 
     read_address: int
     read_count: int
@@ -81,7 +81,7 @@ class ReadWriteWords:
 
 @dataclass(frozen=True)
 class ReadIdentification:
-    """Function 43 / 14. `level` 1 basic, 2 regular, 3 extended: a stream from `object_id` on; 4: that object alone."""
+    """Function 43 / 14. `level` 1 basic, 2 regular, 3 extended: a stream from `object_id` on; 4: that object only."""
 
     level: int
     object_id: int
@@ -91,12 +91,12 @@ Request = ReadBits | ReadWords | WriteBits | WriteWords | MaskWrite | ReadWriteW
 
 
 def parse_request(pdu: bytes) -> Request:
-    """The request in a PDU. Raises RequestRefused with the exception code that the specification wants."""
+    """Decode the request in a PDU. Raises ModbusException with the exception code of the specification."""
     if not pdu:
-        raise RequestRefused(ExceptionCode.ILLEGAL_FUNCTION, "an empty request")
+        raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, "an empty request")
     parse = _PARSERS.get(pdu[0])
     if parse is None:
-        raise RequestRefused(ExceptionCode.ILLEGAL_FUNCTION, f"function {pdu[0]} is not spoken here")
+        raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, f"function {pdu[0]} is not supported")
     try:
         return parse(Function(pdu[0]), pdu[1:])
     except struct.error:
@@ -104,17 +104,17 @@ def parse_request(pdu: bytes) -> Request:
 
 
 def words_of(data: bytes) -> tuple[int, ...]:
-    """Registers are big-endian."""
+    """Decode big-endian registers."""
     return struct.unpack(f">{len(data) // 2}H", data)
 
 
 def bits_of(data: bytes, count: int) -> tuple[bool, ...]:
-    """The first bit is the lowest of the first byte."""
+    """Unpack `count` bits; the first is the lowest of the first byte."""
     return tuple(bool(data[i // 8] >> (i % 8) & 1) for i in range(count))
 
 
-def _bad_value(what: str) -> RequestRefused:
-    return RequestRefused(ExceptionCode.ILLEGAL_DATA_VALUE, what)
+def _bad_value(what: str) -> ModbusException:
+    return ModbusException(ExceptionCode.ILLEGAL_DATA_VALUE, what)
 
 
 def _require_count(count: int, most: int) -> None:
@@ -127,75 +127,75 @@ def _require_bytes(promised: int, data: bytes, wanted: int) -> None:
         raise _bad_value(f"{len(data)} bytes of values, {promised} promised, {wanted} needed")
 
 
-def _read_bits(function: Function, data: bytes) -> Request:
+def _parse_read_bits(function: Function, data: bytes) -> Request:
     address, count = struct.unpack(">HH", data)
-    _require_count(count, READ_BITS_MOST)
+    _require_count(count, MAX_READ_BITS)
     return ReadBits(function, address, count)
 
 
-def _read_words(function: Function, data: bytes) -> Request:
+def _parse_read_words(function: Function, data: bytes) -> Request:
     address, count = struct.unpack(">HH", data)
-    _require_count(count, READ_WORDS_MOST)
+    _require_count(count, MAX_READ_WORDS)
     return ReadWords(function, address, count)
 
 
-def _write_coil(function: Function, data: bytes) -> Request:
+def _parse_write_coil(function: Function, data: bytes) -> Request:
     address, value = struct.unpack(">HH", data)
     if value not in (COIL_ON, COIL_OFF):
         raise _bad_value(f"a coil of {value:#06x}, where ff00 or 0000 are allowed")
     return WriteBits(function, address, (value == COIL_ON,))
 
 
-def _write_register(function: Function, data: bytes) -> Request:
+def _parse_write_register(function: Function, data: bytes) -> Request:
     address, value = struct.unpack(">HH", data)
     return WriteWords(function, address, (value,))
 
 
-def _write_coils(function: Function, data: bytes) -> Request:
+def _parse_write_coils(function: Function, data: bytes) -> Request:
     address, count, promised = struct.unpack(">HHB", data[:5])
-    _require_count(count, WRITE_BITS_MOST)
+    _require_count(count, MAX_WRITE_BITS)
     _require_bytes(promised, data[5:], (count + 7) // 8)
     return WriteBits(function, address, bits_of(data[5:], count))
 
 
-def _write_registers(function: Function, data: bytes) -> Request:
+def _parse_write_registers(function: Function, data: bytes) -> Request:
     address, count, promised = struct.unpack(">HHB", data[:5])
-    _require_count(count, WRITE_WORDS_MOST)
+    _require_count(count, MAX_WRITE_WORDS)
     _require_bytes(promised, data[5:], 2 * count)
     return WriteWords(function, address, words_of(data[5:]))
 
 
-def _mask_write(_function: Function, data: bytes) -> Request:
+def _parse_mask_write(_function: Function, data: bytes) -> Request:
     return MaskWrite(*struct.unpack(">HHH", data))
 
 
-def _read_write(_function: Function, data: bytes) -> Request:
+def _parse_read_write(_function: Function, data: bytes) -> Request:
     read_address, read_count, write_address, write_count, promised = struct.unpack(">HHHHB", data[:9])
-    _require_count(read_count, READ_WORDS_MOST)
-    _require_count(write_count, READ_WRITE_WORDS_MOST)
+    _require_count(read_count, MAX_READ_WORDS)
+    _require_count(write_count, MAX_READ_WRITE_WORDS)
     _require_bytes(promised, data[9:], 2 * write_count)
     return ReadWriteWords(read_address, read_count, write_address, words_of(data[9:]))
 
 
-def _encapsulated(_function: Function, data: bytes) -> Request:
+def _parse_identification(_function: Function, data: bytes) -> Request:
     kind, level, object_id = struct.unpack(">BBB", data)
     if kind != READ_DEVICE_IDENTIFICATION:
-        raise RequestRefused(ExceptionCode.ILLEGAL_FUNCTION, f"encapsulated transport {kind} is not spoken here")
+        raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, f"encapsulated transport {kind} is not supported")
     if not 1 <= level <= 4:
         raise _bad_value(f"a level of identification of {level}, where 1 to 4 are allowed")
     return ReadIdentification(level, object_id)
 
 
 _PARSERS: dict[int, Callable[[Function, bytes], Request]] = {
-    Function.READ_COILS: _read_bits,
-    Function.READ_DISCRETE_INPUTS: _read_bits,
-    Function.READ_HOLDING_REGISTERS: _read_words,
-    Function.READ_INPUT_REGISTERS: _read_words,
-    Function.WRITE_COIL: _write_coil,
-    Function.WRITE_REGISTER: _write_register,
-    Function.WRITE_COILS: _write_coils,
-    Function.WRITE_REGISTERS: _write_registers,
-    Function.MASK_WRITE_REGISTER: _mask_write,
-    Function.READ_WRITE_REGISTERS: _read_write,
-    Function.ENCAPSULATED: _encapsulated,
+    Function.READ_COILS: _parse_read_bits,
+    Function.READ_DISCRETE_INPUTS: _parse_read_bits,
+    Function.READ_HOLDING_REGISTERS: _parse_read_words,
+    Function.READ_INPUT_REGISTERS: _parse_read_words,
+    Function.WRITE_COIL: _parse_write_coil,
+    Function.WRITE_REGISTER: _parse_write_register,
+    Function.WRITE_COILS: _parse_write_coils,
+    Function.WRITE_REGISTERS: _parse_write_registers,
+    Function.MASK_WRITE_REGISTER: _parse_mask_write,
+    Function.READ_WRITE_REGISTERS: _parse_read_write,
+    Function.ENCAPSULATED: _parse_identification,
 }

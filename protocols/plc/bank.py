@@ -1,47 +1,49 @@
-"""The handshake's registers as a Modbus server's memory, for one client that may, or may not, write."""
+"""The PLC's registers as the memory of a Modbus server, for a client with or without write access."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from protocols.modbus.codes import ExceptionCode, Function
-from protocols.modbus.errors import RequestRefused
+from protocols.modbus.errors import ModbusException
 from protocols.modbus.words import Words
 from protocols.plc.registers import CONTROL, SIZE, STATUS, WRITABLE
 
 BITS = 16
-"""Coils are the bits of the control register, discrete inputs those of the status register."""
+"""Coils are the bits of the control register, discrete inputs the bits of the status register."""
 
 
 @dataclass(frozen=True)
 class PlcBank:
-    """`image` gives the registers of this moment, `write` takes the writable ones."""
+    """`image` returns the current registers; `write` receives the writable ones."""
 
     image: Callable[[], Words]
     write: Callable[[Words], None]
     may_write: bool
 
     def words(self, function: Function, address: int, count: int) -> Sequence[int]:
-        """Raises RequestRefused."""
+        """Read registers. Raises ModbusException."""
         _require_inside(address, count, SIZE)
         return self.image()[address : address + count]
 
     def bits(self, function: Function, address: int, count: int) -> Sequence[bool]:
-        """Raises RequestRefused."""
+        """Read bits. Raises ModbusException."""
         _require_inside(address, count, BITS)
         word = self.image()[CONTROL if function is Function.READ_COILS else STATUS]
         return [bool(word >> bit & 1) for bit in range(address, address + count)]
 
     def write_words(self, address: int, values: Sequence[int]) -> None:
-        """Raises RequestRefused; nothing is written then."""
+        """Write registers, all or none. Raises ModbusException."""
         self._require_writer()
         if not WRITABLE.issuperset(range(address, address + len(values))):
-            raise RequestRefused(ExceptionCode.ILLEGAL_DATA_ADDRESS, f"{address} and {len(values) - 1} more: read only")
+            raise ModbusException(
+                ExceptionCode.ILLEGAL_DATA_ADDRESS, f"{address} and {len(values) - 1} more: read only"
+            )
         now = list(self.image()[: len(WRITABLE)])
         now[address : address + len(values)] = values
         self.write(tuple(now))
 
     def write_bits(self, address: int, values: Sequence[bool]) -> None:
-        """Raises RequestRefused."""
+        """Write bits, all or none. Raises ModbusException."""
         self._require_writer()
         _require_inside(address, len(values), BITS)
         word = self.image()[CONTROL]
@@ -51,9 +53,9 @@ class PlcBank:
 
     def _require_writer(self) -> None:
         if not self.may_write:
-            raise RequestRefused(ExceptionCode.ILLEGAL_FUNCTION, "this client may read only: see [plc] writers")
+            raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, "this client may read only: see [plc] writers")
 
 
 def _require_inside(address: int, count: int, size: int) -> None:
     if address + count > size:
-        raise RequestRefused(ExceptionCode.ILLEGAL_DATA_ADDRESS, f"{address} and {count - 1} more: there are {size}")
+        raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS, f"{address} and {count - 1} more: there are {size}")

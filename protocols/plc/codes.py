@@ -1,13 +1,13 @@
-"""Commands, verdicts, bits and states of the register map, as numbers with names."""
+"""Commands, verdicts, bits and states of the register map."""
 
 from enum import IntEnum, IntFlag
 
 MAP_VERSION = 1
-"""Counts up when a register changes its place or meaning; one that is only added leaves it as it is."""
+"""Incremented when a register changes its address or meaning; added registers leave it unchanged."""
 
 
-class Command(IntEnum):
-    """What a PLC can start."""
+class PlcCommand(IntEnum):
+    """Commands a PLC can trigger."""
 
     NONE = 0
     CALIBRATE = 1
@@ -15,8 +15,8 @@ class Command(IntEnum):
     REGISTER = 3
 
 
-class Verdict(IntEnum):
-    """How a command ended. ACCEPTED is the only good one."""
+class PlcVerdict(IntEnum):
+    """How a command ended. Only ACCEPTED is a success."""
 
     NONE = 0
     ACCEPTED = 1
@@ -25,8 +25,8 @@ class Verdict(IntEnum):
     ABORTED = 4
 
 
-class Control(IntFlag):
-    """The control register. Everything acts on its rising edge; results_ack is a level, too."""
+class ControlBit(IntFlag):
+    """Bits of the control register. All act on their rising edge; RESULTS_ACK is read as a level, too."""
 
     TRIGGER_CALIBRATE = 1
     TRIGGER_VERIFY = 2
@@ -36,17 +36,17 @@ class Control(IntFlag):
     CLEAR_ERROR = 32
 
 
-TRIGGERS: dict[Control, Command] = {
-    Control.TRIGGER_CALIBRATE: Command.CALIBRATE,
-    Control.TRIGGER_VERIFY: Command.VERIFY,
-    Control.TRIGGER_REGISTER: Command.REGISTER,
+TRIGGERS: dict[ControlBit, PlcCommand] = {
+    ControlBit.TRIGGER_CALIBRATE: PlcCommand.CALIBRATE,
+    ControlBit.TRIGGER_VERIFY: PlcCommand.VERIFY,
+    ControlBit.TRIGGER_REGISTER: PlcCommand.REGISTER,
 }
 
-TRIGGER_BITS = Control.TRIGGER_CALIBRATE | Control.TRIGGER_VERIFY | Control.TRIGGER_REGISTER
+TRIGGER_BITS = ControlBit.TRIGGER_CALIBRATE | ControlBit.TRIGGER_VERIFY | ControlBit.TRIGGER_REGISTER
 
 
-class Status(IntFlag):
-    """The status register; the positions are In-Sight's where it has the same bit."""
+class StatusBit(IntFlag):
+    """Bits of the status register, at In-Sight's positions where In-Sight has the same bit."""
 
     READY = 1
     TRIGGER_ACK = 2
@@ -63,8 +63,8 @@ class Status(IntFlag):
     ERROR = 32768
 
 
-class Contents(IntFlag):
-    """Which numbers of a result block mean something; all others are 0."""
+class ContentsBit(IntFlag):
+    """Which values of a result block are valid; all others are 0."""
 
     X = 1
     UNCERTAINTY = 2
@@ -72,7 +72,7 @@ class Contents(IntFlag):
 
 
 class DriftState(IntEnum):
-    """Where the control chart of the verifications stands."""
+    """State of the control chart of the verifications."""
 
     OFF = 0
     LEARNING = 1

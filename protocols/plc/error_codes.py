@@ -1,8 +1,8 @@
-"""What the daemon refuses or fails with, as numbers for a PLC. Numbers are never used again for something else."""
+"""Error codes as numbers for a PLC. A number is never reused for another error."""
 
 NO_ERROR = 0
 UNKNOWN = 999
-"""An error that has no number yet: the log and the REST interface have its words."""
+"""An error without a number: the log and the REST interface have its message."""
 
 ERROR_CODES: dict[str, tuple[int, str]] = {
     # the PLC itself

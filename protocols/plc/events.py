@@ -1,48 +1,48 @@
-"""What happens to the handshake, and what it wants done."""
+"""Inputs (events) and outputs (effects) of the handshake."""
 
 from dataclasses import dataclass
 
-from protocols.plc.codes import Command, DriftState
-from protocols.plc.results import Result
+from protocols.plc.codes import DriftState, PlcCommand
+from protocols.plc.results import CommandResult
 
 
 @dataclass(frozen=True)
-class Written:
-    """The PLC wrote the writable registers; these are all of them, from address 0 on, as they are now."""
+class RegistersWritten:
+    """The PLC wrote to the control block; `words` are all writable registers from address 0 on, after the write."""
 
     words: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Accepted:
-    """The daemon has begun what Start asked for."""
+class StartAccepted:
+    """The daemon has begun the requested command."""
 
 
 @dataclass(frozen=True)
-class Refused:
-    """The daemon has not, and why."""
+class StartRefused:
+    """The daemon refused the requested command."""
 
     error_code: int
 
 
 @dataclass(frozen=True)
-class Progressed:
-    """The command in progress goes on."""
+class StationReached:
+    """Progress of the command."""
 
     station: int
     stations: int
 
 
 @dataclass(frozen=True)
-class Ended:
-    """The command in progress is over."""
+class CommandEnded:
+    """The command has ended."""
 
-    result: Result
+    result: CommandResult
 
 
 @dataclass(frozen=True)
-class CellSeen:
-    """What else the PLC should know. `ready`: the daemon could start something now."""
+class CellStatus:
+    """State of the cell for the PLC's status registers. `ready`: the daemon could start a command now."""
 
     ready: bool
     in_force: bool = False
@@ -52,29 +52,31 @@ class CellSeen:
 
 
 @dataclass(frozen=True)
-class Beat:
-    """So much time has passed."""
+class TimePassed:
+    """Time that has passed since the last one."""
 
     seconds: float
 
 
-Event = Written | Accepted | Refused | Progressed | Ended | CellSeen | Beat
+HandshakeEvent = (
+    RegistersWritten | StartAccepted | StartRefused | StationReached | CommandEnded | CellStatus | TimePassed
+)
 
 
 @dataclass(frozen=True)
-class Start:
-    """Begin a command; answer with Accepted or Refused."""
+class StartCommand:
+    """Begin a command; report back with StartAccepted or StartRefused."""
 
-    command: Command
+    command: PlcCommand
     stations_wanted: int
     part_id: int
 
 
 @dataclass(frozen=True)
-class Abort:
-    """Stop whatever run is in progress."""
+class AbortRun:
+    """Abort the run in progress, whoever started it."""
 
     why: str
 
 
-Effect = Start | Abort
+Effect = StartCommand | AbortRun

@@ -1,8 +1,8 @@
-"""The handshake with a PLC: events in, states and effects out. Its image is `protocols.plc.image`.
+"""State machine of the handshake with a PLC: events in, states and effects out.
 
-Triggers act on their rising edge, and only after this daemon has once seen all of them low: a PLC that still holds
-one from before a restart moves nothing. A result block is written before RESULTS_VALID rises, and stays as it is until
-it is acknowledged; results that come meanwhile wait behind it, WAITING_MOST of them, then BUFFER_OVERRUN is set.
+Triggers act on their rising edge, and only after all of them have been seen low once since the daemon started, so that
+a trigger held over a restart moves nothing. A result block is written before RESULTS_VALID rises and stays unchanged
+until it is acknowledged. Up to MAX_WAITING_RESULTS further results queue behind it; beyond that BUFFER_OVERRUN is set.
 """
 
 from collections.abc import Callable
@@ -11,32 +11,32 @@ from enum import Enum
 from typing import Any
 
 from protocols.modbus.words import WordOrder, Words, unsigned_of
-from protocols.plc.codes import TRIGGER_BITS, TRIGGERS, Command, Control
+from protocols.plc.codes import TRIGGER_BITS, TRIGGERS, ControlBit, PlcCommand
 from protocols.plc.error_codes import NO_ERROR, number_of
 from protocols.plc.events import (
-    Abort,
-    Accepted,
-    Beat,
-    CellSeen,
+    AbortRun,
+    CellStatus,
+    CommandEnded,
     Effect,
-    Ended,
-    Event,
-    Progressed,
-    Refused,
-    Start,
-    Written,
+    HandshakeEvent,
+    RegistersWritten,
+    StartAccepted,
+    StartCommand,
+    StartRefused,
+    StationReached,
+    TimePassed,
 )
 from protocols.plc.registers import BY_NAME, WRITABLE
 from protocols.plc.results import NO_RESULT, result_block
 
-WAITING_MOST = 4
-"""Results behind the one shown."""
+MAX_WAITING_RESULTS = 4
+"""Results queued behind the one shown."""
 
-COUNT_MOST = 65535
+MAX_COUNT = 65535
 
 
 class Phase(Enum):
-    """Where the command of a PLC stands."""
+    """Phase of the PLC's command."""
 
     IDLE = "idle"
     STARTING = "starting"
@@ -44,20 +44,20 @@ class Phase(Enum):
 
 
 NEXT_PHASE: dict[Phase, dict[type[Any], Phase]] = {
-    Phase.IDLE: {Start: Phase.STARTING},
-    Phase.STARTING: {Accepted: Phase.RUNNING, Refused: Phase.IDLE},
-    Phase.RUNNING: {Progressed: Phase.RUNNING, Ended: Phase.IDLE},
+    Phase.IDLE: {StartCommand: Phase.STARTING},
+    Phase.STARTING: {StartAccepted: Phase.RUNNING, StartRefused: Phase.IDLE},
+    Phase.RUNNING: {StationReached: Phase.RUNNING, CommandEnded: Phase.IDLE},
 }
-"""Whatever changes the phase is a row here; Start is what a trigger becomes when it may."""
+"""Every transition of the phase; StartCommand is an accepted trigger."""
 
 
-class IllegalEvent(Exception):
-    """An event that the table does not allow: a defect of the program, never of the PLC."""
+class IllegalHandshakeEvent(Exception):
+    """An event that NEXT_PHASE does not allow: a defect of the daemon, never of the PLC."""
 
 
 @dataclass(frozen=True)
 class Rules:
-    """From the settings. `silence_s` None: the PLC's heartbeat is not watched."""
+    """Settings of the handshake. `silence_s` None: the PLC's heartbeat is not monitored."""
 
     order: WordOrder = WordOrder.HIGH_FIRST
     motion_allowed: bool = False
@@ -66,13 +66,13 @@ class Rules:
 
 @dataclass(frozen=True)
 class Handshake:
-    """Everything the PLC is told, and what is remembered to tell it."""
+    """Everything the PLC reads, and the state needed to derive it."""
 
     rules: Rules = Rules()
     written: Words = (0,) * len(WRITABLE)
     armed: bool = False
     phase: Phase = Phase.IDLE
-    command: Command = Command.NONE
+    command: PlcCommand = PlcCommand.NONE
     answered: bool = False
     abort_wanted: bool = False
     missed: bool = False
@@ -87,27 +87,27 @@ class Handshake:
     valid: bool = False
     waiting: tuple[Words, ...] = ()
     overrun: bool = False
-    cell: CellSeen | None = None
+    cell: CellStatus | None = None
     heartbeat_out: int = 0
     silent_s: float = 0.0
 
     @property
-    def control(self) -> Control:
-        return Control(self.written[0])
+    def control(self) -> ControlBit:
+        return ControlBit(self.written[0])
 
     @property
     def silent(self) -> bool:
-        """The PLC's heartbeat is watched, and has stopped."""
+        """Whether the PLC's heartbeat is monitored and has stopped."""
         return self.rules.silence_s is not None and self.silent_s > self.rules.silence_s
 
     @property
     def ready(self) -> bool:
-        """A trigger that rises now would be accepted, as far as is known."""
+        """Whether a trigger rising now would be accepted, as far as is known."""
         could = self.cell is not None and self.cell.ready and self.rules.motion_allowed and not self.silent
         return could and self.armed and self.phase is Phase.IDLE and not self.control & TRIGGER_BITS
 
     def input(self, name: str) -> int:
-        """A number the PLC wrote."""
+        """Value of a register written by the PLC."""
         register = BY_NAME[name]
         words = self.written[register.address : register.address + register.registers]
         return words[0] if len(words) == 1 else unsigned_of(words, self.rules.order)
@@ -115,7 +115,7 @@ class Handshake:
 
 @dataclass(frozen=True)
 class Reaction:
-    """The states to show one after the other, and what to do. The last state is the one that stays."""
+    """The states to show in turn, the last of which stays, and the effects to carry out."""
 
     states: tuple[Handshake, ...]
     effects: tuple[Effect, ...] = ()
@@ -125,42 +125,42 @@ class Reaction:
         return self.states[-1]
 
 
-def react(state: Handshake, event: Event) -> Reaction:
-    """What becomes of `state`. Raises IllegalEvent."""
+def react(state: Handshake, event: HandshakeEvent) -> Reaction:
+    """Process an event. Raises IllegalHandshakeEvent."""
     after, effects = _REACTIONS[type(event)](state, event)
-    return Reaction(_presented(after), effects)
+    return Reaction(_show_next_result(after), effects)
 
 
-def following(count: int) -> int:
-    """1 to 65535, then 1 again: 0 means that nothing has happened yet."""
-    return count % COUNT_MOST + 1
+def next_count(count: int) -> int:
+    """The number after `count`: 1 to 65535, cyclic; 0 means that nothing has happened yet."""
+    return count % MAX_COUNT + 1
 
 
 Change = tuple[Handshake, tuple[Effect, ...]]
 
 
-def _written(state: Handshake, event: Written) -> Change:
-    rising = Control(event.words[0]) & ~state.control
+def _on_write(state: Handshake, event: RegistersWritten) -> Change:
+    rising = ControlBit(event.words[0]) & ~state.control
     beat = event.words[BY_NAME["heartbeat_in"].address] != state.input("heartbeat_in")
     effects: tuple[Effect, ...] = ()
     after = replace(state, written=event.words, silent_s=0.0 if beat else state.silent_s)
-    if rising & Control.CLEAR_ERROR:
+    if rising & ControlBit.CLEAR_ERROR:
         after = replace(after, error_code=NO_ERROR, missed=False, overrun=False)
-    if rising & Control.RESULTS_ACK:
+    if rising & ControlBit.RESULTS_ACK:
         after = replace(after, valid=False)
-    if rising & Control.ABORT:
-        after, effects = _aborting(after, "the PLC")
+    if rising & ControlBit.ABORT:
+        after, effects = _abort(after, "the PLC")
     if after.armed and rising & TRIGGER_BITS:
-        after, more = _triggered(after, rising)
+        after, more = _on_trigger(after, rising)
         return after, (*effects, *more)
     if not after.control & TRIGGER_BITS:
         after = replace(after, armed=True, answered=False)
     return after, effects
 
 
-def _triggered(state: Handshake, rising: Control) -> Change:
-    """A rising edge: begun, or refused with the reason."""
-    refusal = _refusal(state, rising)
+def _on_trigger(state: Handshake, rising: ControlBit) -> Change:
+    """Process rising triggers: start the command, or refuse it with an error code."""
+    refusal = _refusal_code(state, rising)
     if refusal:
         missed = state.phase is not Phase.IDLE
         return replace(state, error_code=number_of(refusal), missed=missed or state.missed, answered=True), ()
@@ -168,7 +168,7 @@ def _triggered(state: Handshake, rising: Control) -> Change:
     part_id = state.input("part_id")
     after = replace(
         state,
-        phase=_next_phase(state, Start),
+        phase=_next_phase(state, StartCommand),
         command=command,
         part_id=part_id,
         completed=False,
@@ -178,13 +178,13 @@ def _triggered(state: Handshake, rising: Control) -> Change:
         station=0,
         stations=0,
     )
-    return after, (Start(command, state.input("stations_wanted"), part_id),)
+    return after, (StartCommand(command, state.input("stations_wanted"), part_id),)
 
 
-def _refusal(state: Handshake, rising: Control) -> str:
-    """Why a trigger is refused without asking the daemon; empty when it is not."""
+def _refusal_code(state: Handshake, rising: ControlBit) -> str:
+    """Error code that refuses a trigger without asking the daemon; empty when it may start."""
     checks = (
-        (bool(state.control & Control.ABORT), "aborted"),
+        (bool(state.control & ControlBit.ABORT), "aborted"),
         (rising & TRIGGER_BITS not in TRIGGERS, "plc-trigger-ambiguous"),
         (state.phase is not Phase.IDLE, "run-in-progress"),
         (not state.rules.motion_allowed, "plc-motion-not-allowed"),
@@ -194,67 +194,67 @@ def _refusal(state: Handshake, rising: Control) -> str:
     return next((code for hit, code in checks if hit), "")
 
 
-def _aborting(state: Handshake, why: str) -> Change:
-    """Stop now, or as soon as what is being started has begun."""
+def _abort(state: Handshake, why: str) -> Change:
+    """Abort now, or as soon as the command being started has begun."""
     if state.phase is Phase.STARTING:
         return replace(state, abort_wanted=True), ()
-    return state, (Abort(why),)
+    return state, (AbortRun(why),)
 
 
-def _accepted(state: Handshake, _event: Accepted) -> Change:
+def _on_acceptance(state: Handshake, _event: StartAccepted) -> Change:
     after = replace(
         state,
-        phase=_next_phase(state, Accepted),
-        acquisition_id=following(state.acquisition_id),
+        phase=_next_phase(state, StartAccepted),
+        acquisition_id=next_count(state.acquisition_id),
         answered=bool(state.control & TRIGGER_BITS),
         abort_wanted=False,
     )
-    return after, (Abort("the PLC"),) if state.abort_wanted else ()
+    return after, (AbortRun("the PLC"),) if state.abort_wanted else ()
 
 
-def _refused(state: Handshake, event: Refused) -> Change:
+def _on_refusal(state: Handshake, event: StartRefused) -> Change:
     answered = bool(state.control & TRIGGER_BITS)
-    phase = _next_phase(state, Refused)
+    phase = _next_phase(state, StartRefused)
     return replace(state, phase=phase, error_code=event.error_code, answered=answered, abort_wanted=False), ()
 
 
-def _progressed(state: Handshake, event: Progressed) -> Change:
-    phase = _next_phase(state, Progressed)
+def _on_progress(state: Handshake, event: StationReached) -> Change:
+    phase = _next_phase(state, StationReached)
     return replace(state, phase=phase, station=event.station, stations=event.stations), ()
 
 
-def _ended(state: Handshake, event: Ended) -> Change:
-    number = following(state.result_id)
+def _on_end(state: Handshake, event: CommandEnded) -> Change:
+    number = next_count(state.result_id)
     block = result_block(event.result, number, state.acquisition_id, state.part_id, state.rules.order)
     after = replace(
         state,
-        phase=_next_phase(state, Ended),
+        phase=_next_phase(state, CommandEnded),
         result_id=number,
         completed=True,
         error_code=event.result.error_code or state.error_code,
     )
-    if len(state.waiting) >= WAITING_MOST:
+    if len(state.waiting) >= MAX_WAITING_RESULTS:
         return replace(after, overrun=True), ()
     return replace(after, waiting=(*state.waiting, block)), ()
 
 
-def _cell_seen(state: Handshake, event: CellSeen) -> Change:
+def _on_cell_status(state: Handshake, event: CellStatus) -> Change:
     return replace(state, cell=event), ()
 
 
-def _beaten(state: Handshake, event: Beat) -> Change:
+def _on_time(state: Handshake, event: TimePassed) -> Change:
     after = replace(
-        state, heartbeat_out=following(state.heartbeat_out), silent_s=min(state.silent_s + event.seconds, 1e6)
+        state, heartbeat_out=next_count(state.heartbeat_out), silent_s=min(state.silent_s + event.seconds, 1e6)
     )
     if not after.silent or state.silent:
         return after, ()
     after = replace(after, error_code=number_of("plc-silent"))
-    return (after, ()) if after.phase is Phase.IDLE else _aborting(after, "the PLC's silence")
+    return (after, ()) if after.phase is Phase.IDLE else _abort(after, "the PLC's silence")
 
 
-def _presented(state: Handshake) -> tuple[Handshake, ...]:
-    """The next result when the PLC is done with the last: first its block, then the bit that says it is there."""
-    if state.valid or not state.waiting or state.control & Control.RESULTS_ACK:
+def _show_next_result(state: Handshake) -> tuple[Handshake, ...]:
+    """Show the next result once the last is acknowledged: first its block, then RESULTS_VALID."""
+    if state.valid or not state.waiting or state.control & ControlBit.RESULTS_ACK:
         return (state,)
     block, *behind = state.waiting
     laid_out = replace(state, shown=block, waiting=tuple(behind))
@@ -265,15 +265,15 @@ def _next_phase(state: Handshake, event: type[Any]) -> Phase:
     try:
         return NEXT_PHASE[state.phase][event]
     except KeyError:
-        raise IllegalEvent(f"{event.__name__} while the handshake is {state.phase.value}") from None
+        raise IllegalHandshakeEvent(f"{event.__name__} while the handshake is {state.phase.value}") from None
 
 
 _REACTIONS: dict[type[Any], Callable[[Handshake, Any], Change]] = {
-    Written: _written,
-    Accepted: _accepted,
-    Refused: _refused,
-    Progressed: _progressed,
-    Ended: _ended,
-    CellSeen: _cell_seen,
-    Beat: _beaten,
+    RegistersWritten: _on_write,
+    StartAccepted: _on_acceptance,
+    StartRefused: _on_refusal,
+    StationReached: _on_progress,
+    CommandEnded: _on_end,
+    CellStatus: _on_cell_status,
+    TimePassed: _on_time,
 }

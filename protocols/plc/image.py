@@ -1,50 +1,50 @@
-"""The registers a PLC reads, from the state of the handshake."""
+"""Encodes the registers a PLC reads from the state of the handshake."""
 
 from protocols.modbus.words import Words
-from protocols.plc.codes import MAP_VERSION, DriftState, Status
-from protocols.plc.events import CellSeen
+from protocols.plc.codes import MAP_VERSION, DriftState, StatusBit
+from protocols.plc.events import CellStatus
 from protocols.plc.handshake import Handshake, Phase
 from protocols.plc.registers import REGISTERS, RESULT, STATUS
-from protocols.plc.results import Value, placed
+from protocols.plc.results import Value, encode_block
 
 STATUS_REGISTERS = tuple(register for register in REGISTERS if STATUS <= register.address < RESULT)
 
 CONSTANT_FLOAT, CONSTANT_INT = 123.456, 123456
 
-NOTHING_SEEN = CellSeen(ready=False)
+UNKNOWN_CELL = CellStatus(ready=False)
 
 
-def image_of(state: Handshake) -> Words:
+def register_image(state: Handshake) -> Words:
     """All registers from address 0 on."""
-    status = placed(_values(state), STATUS_REGISTERS, STATUS, RESULT - STATUS, state.rules.order)
+    status = encode_block(_values(state), STATUS_REGISTERS, STATUS, RESULT - STATUS, state.rules.order)
     return (*state.written, *(0,) * (STATUS - len(state.written)), *status, *state.shown)
 
 
-def status_of(state: Handshake) -> Status:
-    """The status register."""
-    cell = state.cell or NOTHING_SEEN
+def status_bits(state: Handshake) -> StatusBit:
+    """Bits of the status register."""
+    cell = state.cell or UNKNOWN_CELL
     bits = (
-        (state.ready, Status.READY),
-        (state.answered, Status.TRIGGER_ACK),
-        (cell.in_force, Status.CALIBRATION_IN_FORCE),
-        (state.missed, Status.MISSED_TRIGGER),
-        (cell.drift is DriftState.DRIFTING, Status.DRIFT_ALARM),
-        (state.rules.motion_allowed, Status.MOTION_ALLOWED),
-        (state.silent, Status.PLC_SILENT),
-        (state.cell is not None, Status.ONLINE),
-        (state.phase is not Phase.IDLE, Status.BUSY),
-        (state.completed, Status.COMPLETED),
-        (state.overrun, Status.BUFFER_OVERRUN),
-        (state.valid, Status.RESULTS_VALID),
-        (bool(state.error_code), Status.ERROR),
+        (state.ready, StatusBit.READY),
+        (state.answered, StatusBit.TRIGGER_ACK),
+        (cell.in_force, StatusBit.CALIBRATION_IN_FORCE),
+        (state.missed, StatusBit.MISSED_TRIGGER),
+        (cell.drift is DriftState.DRIFTING, StatusBit.DRIFT_ALARM),
+        (state.rules.motion_allowed, StatusBit.MOTION_ALLOWED),
+        (state.silent, StatusBit.PLC_SILENT),
+        (state.cell is not None, StatusBit.ONLINE),
+        (state.phase is not Phase.IDLE, StatusBit.BUSY),
+        (state.completed, StatusBit.COMPLETED),
+        (state.overrun, StatusBit.BUFFER_OVERRUN),
+        (state.valid, StatusBit.RESULTS_VALID),
+        (bool(state.error_code), StatusBit.ERROR),
     )
-    return Status(sum(bit for hit, bit in bits if hit))
+    return StatusBit(sum(bit for hit, bit in bits if hit))
 
 
 def _values(state: Handshake) -> dict[str, Value]:
-    cell = state.cell or NOTHING_SEEN
+    cell = state.cell or UNKNOWN_CELL
     return {
-        "status": status_of(state),
+        "status": status_bits(state),
         "command": state.command,
         "error_code": state.error_code,
         "acquisition_id": state.acquisition_id,

@@ -1,17 +1,17 @@
-"""The register map: the one table. docs/plc.md and docs/plc-registers.csv are written from it.
+"""The register map. docs/plc.md and docs/plc-registers.csv are generated from it.
 
-One address space, read with function 3 or 4 alike. Coil n is bit n of register 0, discrete input n bit n of 16.
+One address space for functions 3 and 4. Coil n is bit n of register 0, discrete input n is bit n of register 16.
 """
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 CONTROL, STATUS, RESULT = 0, 16, 64
-"""Where each block begins."""
+"""First address of each block."""
 
 
 class Kind(StrEnum):
-    """How a value lies in its registers."""
+    """Encoding of a value in its registers."""
 
     BITS = "bits"
     UINT16 = "uint16"
@@ -28,7 +28,7 @@ REGISTERS_OF: dict[Kind, int] = {
 
 @dataclass(frozen=True)
 class Register:
-    """One named value. `writable`: a PLC may write it."""
+    """One named value. `writable`: the PLC may write it."""
 
     address: int
     name: str
@@ -47,17 +47,17 @@ class Register:
 
 
 def _axes(address: int, name: str, kind: Kind, unit: str, axes: str, about: str) -> tuple[Register, ...]:
-    """One value for each letter of `axes`."""
+    """One register per letter of `axes`."""
     size = REGISTERS_OF[kind]
     return tuple(
         Register(address + size * k, f"{name}_{axis}", kind, unit, f"{about}, {axis}") for k, axis in enumerate(axes)
     )
 
 
-_X = "place of the camera on the flange (X)"
-_Q = "turn of the camera on the flange, unit quaternion (ABB's q1..q4)"
-_SX = "one standard deviation of X's place"
-_SR = "one standard deviation of X's turn about the camera's axis"
+_X = "position of the camera on the flange (X)"
+_Q = "orientation of the camera on the flange, unit quaternion (ABB's q1..q4)"
+_SX = "one standard deviation of X's position"
+_SR = "one standard deviation of X's rotation about the camera's axis"
 _POINT = "one standard deviation of a mapped point"
 _DEVIATION = (
     "calibrate: hold-out error; verify: largest scatter of the target over the positions; register: RMS between views"
@@ -70,18 +70,18 @@ REGISTERS: tuple[Register, ...] = (
     Register(3, "part_id", Kind.UINT32, "", "any number of the PLC's; it comes back with the result", True),
     Register(16, "status", Kind.BITS, "", "see its bits"),
     Register(17, "command", Kind.UINT16, "", "the command in progress, or the last: 1 calibrate, 2 verify, 3 register"),
-    Register(18, "error_code", Kind.UINT16, "", "why, while the error bit is set: see the table of codes"),
+    Register(18, "error_code", Kind.UINT16, "", "set while the error bit is: see the table of codes"),
     Register(19, "acquisition_id", Kind.UINT16, "", "counts accepted triggers, to 65535, then 1 again"),
-    Register(20, "result_id", Kind.UINT16, "", "counts ended commands alike; a gap: one was lost to the PLC"),
+    Register(20, "result_id", Kind.UINT16, "", "counts ended commands in the same way; a gap means a result was lost"),
     Register(21, "heartbeat_out", Kind.UINT16, "", "counts up twice a second while the daemon works"),
-    Register(22, "heartbeat_echo", Kind.UINT16, "", "heartbeat_in as it was seen"),
-    Register(23, "map_version", Kind.UINT16, "", "of this table"),
+    Register(22, "heartbeat_echo", Kind.UINT16, "", "heartbeat_in as last read"),
+    Register(23, "map_version", Kind.UINT16, "", "version of this table"),
     Register(24, "constant_float", Kind.FLOAT32, "", "always 123.456: if it reads otherwise, the word order is wrong"),
     Register(26, "constant_int", Kind.INT32, "", "always 123456, for the same purpose"),
     Register(28, "station", Kind.UINT16, "", "stations done by the command in progress"),
-    Register(29, "stations", Kind.UINT16, "", "stations it foresees"),
+    Register(29, "stations", Kind.UINT16, "", "stations planned"),
     Register(30, "calibration_age", Kind.UINT32, "s", "since the calibration in force was made; 0 without one"),
-    Register(32, "results_waiting", Kind.UINT16, "", "results behind the one shown"),
+    Register(32, "results_waiting", Kind.UINT16, "", "results queued behind the one shown"),
     Register(33, "drift_state", Kind.UINT16, "", "0 off, 1 learning, 2 steady, 3 drifting"),
     Register(34, "drift_shift", Kind.INT32, "µm", "how far the fixed target seems to have moved, averaged over time"),
     Register(64, "result_number", Kind.UINT16, "", "result_id of this block"),
@@ -90,9 +90,9 @@ REGISTERS: tuple[Register, ...] = (
     Register(67, "verdict", Kind.UINT16, "", "1 accepted, 2 rejected, 3 failed, 4 aborted"),
     Register(68, "result_error", Kind.UINT16, "", "why it failed or was aborted: see the table of codes; else 0"),
     Register(69, "result_stations", Kind.UINT16, "", "stations done"),
-    Register(70, "contents", Kind.BITS, "", "which numbers below mean something: see its bits; the others are 0"),
+    Register(70, "contents", Kind.BITS, "", "which values below are valid: see its bits; the others are 0"),
     Register(71, "result_part", Kind.UINT32, "", "part_id when the command was triggered"),
-    Register(73, "age", Kind.UINT32, "s", "of the calibration this result is about, when the result was written"),
+    Register(73, "age", Kind.UINT32, "s", "age of the result's calibration when the result was written"),
     Register(75, "run_id", Kind.TEXT24, "", "of the run, as in the REST interface and the log"),
     *_axes(87, "x", Kind.FLOAT32, "mm", "xyz", _X),
     *_axes(93, "q", Kind.FLOAT32, "", "wxyz", _Q),
@@ -110,11 +110,11 @@ REGISTERS: tuple[Register, ...] = (
 )  # fmt: skip
 
 SIZE = REGISTERS[-1].address + REGISTERS[-1].registers
-"""Addresses 0 to SIZE - 1 can be read; what lies between the named ones reads 0."""
+"""Addresses 0 to SIZE - 1 can be read; unnamed ones read 0."""
 
 BY_NAME: dict[str, Register] = {register.name: register for register in REGISTERS}
 
 WRITABLE: frozenset[int] = frozenset(
     address for register in REGISTERS if register.writable for address in register.addresses
 )
-"""Addresses a PLC may write."""
+"""Addresses the PLC may write."""

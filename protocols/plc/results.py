@@ -1,4 +1,4 @@
-"""What a command found, and how it lies in the result block."""
+"""Result of a command, and its encoding in the result block."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from protocols.modbus.words import (
     text_words,
     unsigned_words,
 )
-from protocols.plc.codes import Command, Contents, Verdict
+from protocols.plc.codes import ContentsBit, PlcCommand, PlcVerdict
 from protocols.plc.registers import REGISTERS, RESULT, SIZE, Kind, Register
 
 Three = tuple[float, float, float]
@@ -23,8 +23,8 @@ NO_RESULT: Words = (0,) * (SIZE - RESULT)
 
 
 @dataclass(frozen=True)
-class Camera:
-    """X, flange_T_camera: mm, and a unit quaternion."""
+class CameraPose:
+    """X as flange_T_camera: mm, and a unit quaternion."""
 
     x_mm: Three
     quaternion_wxyz: Four
@@ -32,7 +32,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sigma:
-    """One standard deviation of X, and of a mapped point."""
+    """Standard deviations of X and of a mapped point."""
 
     x_mm: Three
     rotation_deg: Three
@@ -40,22 +40,22 @@ class Sigma:
 
 
 @dataclass(frozen=True)
-class Result:
-    """How a command ended. What is None is not known, and `contents` of the block says so."""
+class CommandResult:
+    """Result of a command. None marks an unknown value, which the block's `contents` shows as missing."""
 
-    command: Command
-    verdict: Verdict
+    command: PlcCommand
+    verdict: PlcVerdict
     run_id: str = ""
     error_code: int = 0
     stations: int = 0
     age_s: int = 0
-    camera: Camera | None = None
+    camera: CameraPose | None = None
     sigma: Sigma | None = None
     deviation_mm: float | None = None
 
     def values(self) -> dict[str, Value]:
-        """By the names of the register map; without the numbers that the handshake counts."""
-        camera = self.camera or Camera((0.0,) * 3, (0.0,) * 4)
+        """Values by register name, without the counters of the handshake."""
+        camera = self.camera or CameraPose((0.0,) * 3, (0.0,) * 4)
         sigma = self.sigma or Sigma((0.0,) * 3, (0.0,) * 3, 0.0)
         deviation_mm = self.deviation_mm or 0.0
         return {
@@ -66,48 +66,50 @@ class Result:
             "contents": self._contents(),
             "age": self.age_s,
             "run_id": self.run_id,
-            **_each("x", "xyz", camera.x_mm),
-            **_each("q", "wxyz", camera.quaternion_wxyz),
-            **_each("sigma", "xyz", sigma.x_mm),
-            **_each("sigma_r", "xyz", sigma.rotation_deg),
+            **_by_axis("x", "xyz", camera.x_mm),
+            **_by_axis("q", "wxyz", camera.quaternion_wxyz),
+            **_by_axis("sigma", "xyz", sigma.x_mm),
+            **_by_axis("sigma_r", "xyz", sigma.rotation_deg),
             "sigma_point": sigma.point_mm,
             "deviation": deviation_mm,
-            **_each("x_um", "xyz", _scaled(camera.x_mm, 1e3)),
-            **_each("q_ppm", "wxyz", _scaled(camera.quaternion_wxyz, 1e6)),
-            **_each("sigma_um", "xyz", _scaled(sigma.x_mm, 1e3)),
-            **_each("sigma_r_udeg", "xyz", _scaled(sigma.rotation_deg, 1e6)),
+            **_by_axis("x_um", "xyz", _to_integers(camera.x_mm, 1e3)),
+            **_by_axis("q_ppm", "wxyz", _to_integers(camera.quaternion_wxyz, 1e6)),
+            **_by_axis("sigma_um", "xyz", _to_integers(sigma.x_mm, 1e3)),
+            **_by_axis("sigma_r_udeg", "xyz", _to_integers(sigma.rotation_deg, 1e6)),
             "sigma_point_um": round(1e3 * sigma.point_mm),
             "deviation_um": round(1e3 * deviation_mm),
         }
 
-    def _contents(self) -> Contents:
+    def _contents(self) -> ContentsBit:
         known = (
-            (self.camera, Contents.X), (self.sigma, Contents.UNCERTAINTY), (self.deviation_mm, Contents.DEVIATION)
-        )  # fmt: skip
-        return Contents(sum(bit for value, bit in known if value is not None))
+            (self.camera, ContentsBit.X),
+            (self.sigma, ContentsBit.UNCERTAINTY),
+            (self.deviation_mm, ContentsBit.DEVIATION),
+        )
+        return ContentsBit(sum(bit for value, bit in known if value is not None))
 
 
-def result_block(result: Result, number: int, acquisition: int, part_id: int, order: WordOrder) -> Words:
-    """The registers from RESULT on, closed by their CRC."""
+def result_block(result: CommandResult, number: int, acquisition: int, part_id: int, order: WordOrder) -> Words:
+    """Encode the registers from RESULT on, closed by their CRC."""
     counted = {"result_number": number, "result_acquisition": acquisition, "result_part": part_id}
-    words = placed({**result.values(), **counted}, RESULT_REGISTERS, RESULT, SIZE - RESULT, order)
+    words = encode_block({**result.values(), **counted}, RESULT_REGISTERS, RESULT, SIZE - RESULT, order)
     return (*words[:-1], crc16(words[:-1]))
 
 
-def placed(
+def encode_block(
     values: dict[str, Value], registers: tuple[Register, ...], first: int, count: int, order: WordOrder
 ) -> Words:
-    """`values` by name in `count` words from address `first` on; what has no value is 0."""
+    """Encode `values` (by register name) in `count` words from address `first` on; values not given are 0."""
     words = [0] * count
     for register in registers:
         if register.name in values:
             start = register.address - first
-            words[start : start + register.registers] = words_of(register, values[register.name], order)
+            words[start : start + register.registers] = encode_value(register, values[register.name], order)
     return tuple(words)
 
 
-def words_of(register: Register, value: Value, order: WordOrder) -> Words:
-    """One value in its registers."""
+def encode_value(register: Register, value: Value, order: WordOrder) -> Words:
+    """Encode one value in its registers."""
     match register.kind, value:
         case Kind.TEXT24, str():
             return text_words(value, register.registers)
@@ -123,9 +125,9 @@ def words_of(register: Register, value: Value, order: WordOrder) -> Words:
             raise TypeError(f"{register.name} is {register.kind}, and {value!r} is not")
 
 
-def _each(name: str, axes: str, numbers: tuple[float, ...]) -> dict[str, Value]:
+def _by_axis(name: str, axes: str, numbers: tuple[float, ...]) -> dict[str, Value]:
     return {f"{name}_{axis}": number for axis, number in zip(axes, numbers, strict=True)}
 
 
-def _scaled(numbers: tuple[float, ...], factor: float) -> tuple[int, ...]:
+def _to_integers(numbers: tuple[float, ...], factor: float) -> tuple[int, ...]:
     return tuple(round(number * factor) for number in numbers)

@@ -1,50 +1,62 @@
-"""The register map as a CSV for PLC engineers and as Markdown for people, both written from the one table."""
+"""The register map as CSV for PLC engineers and as Markdown for docs/plc.md."""
 
 import csv
 from collections.abc import Iterable
 from enum import IntFlag
 from io import StringIO
 
-from protocols.plc.codes import Contents, Control, Status
+from protocols.plc.codes import ContentsBit, ControlBit, StatusBit
 from protocols.plc.error_codes import ERROR_CODES, UNKNOWN
 from protocols.plc.registers import REGISTERS, RESULT, STATUS, Register
 
-BITS: dict[str, type[IntFlag]] = {"control": Control, "status": Status, "contents": Contents}
+BITS: dict[str, type[IntFlag]] = {"control": ControlBit, "status": StatusBit, "contents": ContentsBit}
 
 BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
-    (Control, Control.TRIGGER_CALIBRATE): "rising edge: calibrate",
-    (Control, Control.TRIGGER_VERIFY): "rising edge: verify the calibration in force",
-    (Control, Control.TRIGGER_REGISTER): "rising edge: scan the part from the taught poses and register it",
-    (Control, Control.RESULTS_ACK): "rising edge: the result has been read; the next is shown when this is low again",
-    (Control, Control.ABORT): "rising edge: stop the run in progress, whoever started it",
-    (Control, Control.CLEAR_ERROR): "rising edge: clear error, missed_trigger and buffer_overrun",
-    (Status, Status.READY): "a trigger that rises now would be accepted",
-    (Status, Status.TRIGGER_ACK): "the trigger was answered: begun, or refused with error; falls with the trigger",
-    (Status, Status.CALIBRATION_IN_FORCE): "verify and register can be done",
-    (Status, Status.MISSED_TRIGGER): "a trigger rose while a command was in progress; it was not obeyed",
+    (ControlBit, ControlBit.TRIGGER_CALIBRATE): "rising edge: calibrate",
+    (ControlBit, ControlBit.TRIGGER_VERIFY): "rising edge: verify the calibration in force",
+    (ControlBit, ControlBit.TRIGGER_REGISTER): "rising edge: scan the part from the taught poses and register it",
     (
-        Status,
-        Status.DRIFT_ALARM,
-    ): "the verifications say that the calibration no longer holds: calibrate before parts go wrong",
-    (Status, Status.MOTION_ALLOWED): "[plc] motion = true: triggers may move the arm",
-    (Status, Status.PLC_SILENT): "heartbeat_in has stopped: triggers are refused, and a command in progress is stopped",
-    (Status, Status.ONLINE): "the daemon has looked at the cell; everything else means something",
-    (Status, Status.BUSY): "a command of the PLC is in progress",
-    (Status, Status.COMPLETED): "the last command has ended, well or not; falls with the next trigger that is begun",
+        ControlBit,
+        ControlBit.RESULTS_ACK,
+    ): "rising edge: the result has been read; the next is shown when this is low again",
+    (ControlBit, ControlBit.ABORT): "rising edge: stop the run in progress, whoever started it",
+    (ControlBit, ControlBit.CLEAR_ERROR): "rising edge: clear error, missed_trigger and buffer_overrun",
+    (StatusBit, StatusBit.READY): "a trigger that rises now would be accepted",
     (
-        Status,
-        Status.BUFFER_OVERRUN,
+        StatusBit,
+        StatusBit.TRIGGER_ACK,
+    ): "the trigger was answered: begun, or refused with error; falls with the trigger",
+    (StatusBit, StatusBit.CALIBRATION_IN_FORCE): "verify and register can be done",
+    (StatusBit, StatusBit.MISSED_TRIGGER): "a trigger rose while a command was in progress; it was ignored",
+    (
+        StatusBit,
+        StatusBit.DRIFT_ALARM,
+    ): "the verifications show that the calibration no longer holds: calibrate again",
+    (StatusBit, StatusBit.MOTION_ALLOWED): "[plc] motion = true: triggers may move the arm",
+    (
+        StatusBit,
+        StatusBit.PLC_SILENT,
+    ): "heartbeat_in has stopped: triggers are refused, and a command in progress is stopped",
+    (StatusBit, StatusBit.ONLINE): "the daemon has read the cell's state; all other bits are valid",
+    (StatusBit, StatusBit.BUSY): "a command of the PLC is in progress",
+    (
+        StatusBit,
+        StatusBit.COMPLETED,
+    ): "the last command has ended, well or not; falls with the next trigger that is begun",
+    (
+        StatusBit,
+        StatusBit.BUFFER_OVERRUN,
     ): "a result was lost to the PLC (not to the store): results were not acknowledged in time",
-    (Status, Status.RESULTS_VALID): "the result block is complete and stays as it is until it is acknowledged",
-    (Status, Status.ERROR): "error_code says why; cleared by clear_error or by the next trigger that is begun",
-    (Contents, Contents.X): "x, q and their integers",
-    (Contents, Contents.UNCERTAINTY): "sigma, sigma_r, sigma_point and their integers",
-    (Contents, Contents.DEVIATION): "deviation and its integer",
+    (StatusBit, StatusBit.RESULTS_VALID): "the result block is complete and stays as it is until it is acknowledged",
+    (StatusBit, StatusBit.ERROR): "error_code says why; cleared by clear_error or by the next trigger that is begun",
+    (ContentsBit, ContentsBit.X): "x, q and their integers",
+    (ContentsBit, ContentsBit.UNCERTAINTY): "sigma, sigma_r, sigma_point and their integers",
+    (ContentsBit, ContentsBit.DEVIATION): "deviation and its integer",
 }
 
 
 def csv_text() -> str:
-    """One line a register, and one for each of its bits."""
+    """One line per register and one per bit."""
     out = StringIO()
     table = csv.writer(out, lineterminator="\n")
     table.writerow(
@@ -64,7 +76,7 @@ def csv_text() -> str:
 
 
 def markdown_text() -> str:
-    """Registers by block, bits, numbers, error codes."""
+    """Tables of registers by block, bits, numbers and error codes."""
     parts: list[str] = []
     for block in ("control", "status", "result"):
         rows = [(_places(r), f"`{r.name}`", str(r.kind), r.unit, r.meaning) for r in REGISTERS if block_of(r) == block]
@@ -79,12 +91,12 @@ def markdown_text() -> str:
 
 
 def block_of(register: Register) -> str:
-    """control, status or result."""
+    """Block of a register: control, status or result."""
     return "control" if register.address < STATUS else "status" if register.address < RESULT else "result"
 
 
 def bit_name(bit: IntFlag) -> str:
-    """As the tables and the text write it."""
+    """Name of a bit as in the tables and the text."""
     return (bit.name or "").lower()
 
 

@@ -10,14 +10,14 @@ from pymodbus.client import AsyncModbusTcpClient
 
 from daemon.plc.service import PlcService
 from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_of, unsigned_of
-from protocols.plc.codes import Control, Status
+from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind
 from tests.daemon.cell_under_test import Bench
 
 MOVING = {"port": 0, "writers": ["127.0.0.1"], "motion": True}
 """[plc] of a PLC that may move the arm."""
 
-NONE = Status(0)
+NONE = StatusBit(0)
 
 READERS = {Kind.FLOAT32: float_of, Kind.INT32: integer_of, Kind.UINT32: unsigned_of}
 
@@ -40,7 +40,7 @@ class Ladder:
     """Somebody with pymodbus."""
 
     client: Any
-    control: Control = field(default=Control(0))
+    control: ControlBit = field(default=ControlBit(0))
 
     async def image(self) -> list[int]:
         """Every register: two reads, as no PLC takes more than 125 at once."""
@@ -48,15 +48,15 @@ class Ladder:
         second = await self.client.read_input_registers(RESULT, count=SIZE - RESULT)
         return [*first.registers, *second.registers]
 
-    async def status(self) -> Status:
-        return Status((await self.client.read_input_registers(16, count=1)).registers[0])
+    async def status(self) -> StatusBit:
+        return StatusBit((await self.client.read_input_registers(16, count=1)).registers[0])
 
-    async def sets(self, control: Control) -> None:
+    async def sets(self, control: ControlBit) -> None:
         self.control = control
         answer = await self.client.write_register(0, int(control))
         assert not answer.isError(), answer
 
-    async def waits(self, wanted: Status, unwanted: Status = NONE, within_s: float = 20.0) -> Status:
+    async def waits(self, wanted: StatusBit, unwanted: StatusBit = NONE, within_s: float = 20.0) -> StatusBit:
         async with asyncio.timeout(within_s):
             while True:
                 status = await self.status()
@@ -64,23 +64,23 @@ class Ladder:
                     return status
                 await asyncio.sleep(0.01)
 
-    async def triggers(self, trigger: Control) -> Status:
+    async def triggers(self, trigger: ControlBit) -> StatusBit:
         """Until it is answered; then lets go."""
-        await self.sets(Control(0))
+        await self.sets(ControlBit(0))
         await self.sets(trigger)
-        status = await self.waits(Status.TRIGGER_ACK)
-        await self.sets(Control(0))
-        await self.waits(Status(0), unwanted=Status.TRIGGER_ACK)
+        status = await self.waits(StatusBit.TRIGGER_ACK)
+        await self.sets(ControlBit(0))
+        await self.waits(StatusBit(0), unwanted=StatusBit.TRIGGER_ACK)
         return status
 
     async def result(self) -> list[int]:
         """The block once it is valid, checked, acknowledged."""
-        await self.waits(Status.RESULTS_VALID)
+        await self.waits(StatusBit.RESULTS_VALID)
         image = await self.image()
         assert image[-1] == crc16(image[RESULT:-1])
-        await self.sets(Control.RESULTS_ACK)
-        await self.waits(Status(0), unwanted=Status.RESULTS_VALID)
-        await self.sets(Control(0))
+        await self.sets(ControlBit.RESULTS_ACK)
+        await self.waits(StatusBit(0), unwanted=StatusBit.RESULTS_VALID)
+        await self.sets(ControlBit(0))
         return image
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from protocols.modbus.bank import Identification, respond
 from protocols.modbus.codes import ExceptionCode, Function
-from protocols.modbus.errors import RequestRefused
+from protocols.modbus.errors import ModbusException
 from protocols.modbus.mbap import Adu, MbapReader
 
 
@@ -23,11 +23,11 @@ class Terminal:
     writers: set[asyncio.StreamWriter] = field(default_factory=set)
 
     def words(self, function: Function, address: int, count: int) -> Sequence[int]:
-        raise RequestRefused(ExceptionCode.ILLEGAL_FUNCTION, "bits only")
+        raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, "bits only")
 
     def bits(self, function: Function, address: int, count: int) -> Sequence[bool]:
         if address + count > 8:
-            raise RequestRefused(ExceptionCode.ILLEGAL_DATA_ADDRESS, "eight")
+            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS, "eight")
         self.asked += 1
         return (self.coils if function is Function.READ_COILS else self.inputs)[address : address + count]
 

@@ -81,7 +81,7 @@ class Bench:
 
     def is_armed(self) -> "Bench":
         self.is_greeted()
-        assert self.asks(cb.Arm(self.controller.session, True)) == cb.ArmingDone()
+        assert self.asks(cb.SetArmed(self.controller.session, True)) == cb.ArmingDone()
         return self
 
     def report(self) -> cb.Report:

@@ -44,7 +44,7 @@ class CbClient:
     async def is_armed(self) -> "CbClient":
         welcome = await self.asks(cb.Hello(1, 1, 9))
         assert isinstance(welcome, cb.Welcome), welcome
-        assert await self.asks(cb.Arm(welcome.session, True)) == cb.ArmingDone()
+        assert await self.asks(cb.SetArmed(welcome.session, True)) == cb.ArmingDone()
         return self
 
     async def moves(self, request: cb.Move) -> Status:

@@ -5,7 +5,6 @@ from typing import NamedTuple
 from protocols.cb.codes import Capability, Flag, FrameSelector, MoveKind, Status
 from protocols.cb.messages import (
     Answer,
-    Arm,
     ArmingDone,
     Bye,
     Farewell,
@@ -21,6 +20,7 @@ from protocols.cb.messages import (
     Pose,
     Report,
     Request,
+    SetArmed,
     Stop,
     Stopped,
     Welcome,
@@ -70,7 +70,7 @@ REQUEST_ROWS = (
     ),
     Row("stop", 6, Stop(), "43 42 01 05 06 00 00 00 00 00 91 44"),
     Row("status", 7, GetStatus(), "43 42 01 06 07 00 00 00 00 00 93 51"),
-    Row("arm", 8, Arm(9, True), "43 42 01 07 08 00 00 00 04 00 a3 f2 09 00 01 00", (9, 1)),
+    Row("arm", 8, SetArmed(9, True), "43 42 01 07 08 00 00 00 04 00 a3 f2 09 00 01 00", (9, 1)),
     Row("get joints", 9, GetJoints(), "43 42 01 08 09 00 00 00 00 00 97 6b"),
     Row("bye", 10, Bye(), "43 42 01 09 0a 00 00 00 00 00 99 78"),
 )

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.egm.messages import NotEgm, RobotSample, decode, encode
-from protocols.egm.protobuf import double, message, whole
+from protocols.egm.protobuf import double_field, integer_field, message_field
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 samples = st.builds(
@@ -47,17 +47,23 @@ def test_a_packet_that_is_cut_off_is_never_another_sample(cut: int) -> None:
 
 
 def test_fields_of_newer_controllers_are_passed_over_and_packed_joints_are_read() -> None:
-    newer = message(12, (whole(1, 1), double(2, 0.5))) + whole(11, 9) + b"\x7d" + struct.pack("<f", 1.0)
+    newer = (
+        message_field(12, (integer_field(1, 1), double_field(2, 0.5)))
+        + integer_field(11, 9)
+        + b"\x7d"
+        + struct.pack("<f", 1.0)
+    )
     assert decode(encode(SAMPLE) + newer) == SAMPLE
-    packed = message(1, (struct.pack("<6d", *SAMPLE.joints_deg),))
-    pose = message(2, (message(1, (double(n, v) for n, v in enumerate(SAMPLE.position_mm, 1))),
-                       message(2, (double(n, v) for n, v in enumerate(SAMPLE.quaternion_wxyz, 1)))))  # fmt: skip
-    header = message(1, (whole(1, 7), whole(2, 123), whole(3, 2)))
-    assert decode(header + message(2, (message(1, (packed,)), pose))) == SAMPLE
+    packed = message_field(1, (struct.pack("<6d", *SAMPLE.joints_deg),))
+    position = message_field(1, (double_field(n, v) for n, v in enumerate(SAMPLE.position_mm, 1)))
+    rotation = message_field(2, (double_field(n, v) for n, v in enumerate(SAMPLE.quaternion_wxyz, 1)))
+    pose = message_field(2, (position, rotation))
+    header = message_field(1, (integer_field(1, 7), integer_field(2, 123), integer_field(3, 2)))
+    assert decode(header + message_field(2, (message_field(1, (packed,)), pose))) == SAMPLE
 
 
 @pytest.mark.parametrize("kind", [0, 1, 3])
 def test_a_message_that_is_no_robots_data_is_refused(kind: int) -> None:
-    assert encode(SAMPLE).count(whole(3, 2)) >= 1
+    assert encode(SAMPLE).count(integer_field(3, 2)) >= 1
     with pytest.raises(NotEgm, match="not of a robot's data"):
-        decode(encode(SAMPLE).replace(whole(3, 2), whole(3, kind), 1))
+        decode(encode(SAMPLE).replace(integer_field(3, 2), integer_field(3, kind), 1))

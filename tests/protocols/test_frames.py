@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocols.cb.frames import (
-    PAYLOAD_MAX,
+    MAX_PAYLOAD_BYTES,
     ChecksumFailed,
     Frame,
     FrameReader,
@@ -100,7 +100,7 @@ def test_a_too_long_promise_breaks_before_its_payload_comes():
 @both_modes
 def test_the_longest_payload_passes(resynchronise):
     longest = Frame(3, 4, bytes(range(253)) * 4)
-    assert len(longest.payload) == PAYLOAD_MAX
+    assert len(longest.payload) == MAX_PAYLOAD_BYTES
     assert FrameReader(resynchronise=resynchronise).feed(longest.encode()) == [longest]
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from protocols.modbus.bank import Identification, respond
 from protocols.modbus.codes import ExceptionCode, Function
-from protocols.modbus.errors import HeaderBroken, RequestRefused
+from protocols.modbus.errors import HeaderBroken, ModbusException
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.modbus.words import (
     WordOrder,
@@ -52,7 +52,7 @@ class Memory:
 
     def _inside(self, address: int, count: int, size: int) -> None:
         if address + count > size:
-            raise RequestRefused(ExceptionCode.ILLEGAL_DATA_ADDRESS, "outside")
+            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS, "outside")
 
 
 ANSWERS = {

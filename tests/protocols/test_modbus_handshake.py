@@ -8,40 +8,49 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from protocols.modbus.words import crc16
-from protocols.plc.codes import TRIGGER_BITS, TRIGGERS, Command, Control, DriftState, Status, Verdict
+from protocols.plc.codes import TRIGGER_BITS, TRIGGERS, ControlBit, DriftState, PlcCommand, PlcVerdict, StatusBit
 from protocols.plc.error_codes import number_of
 from protocols.plc.events import (
-    Abort,
-    Accepted,
-    Beat,
-    CellSeen,
+    AbortRun,
+    CellStatus,
+    CommandEnded,
     Effect,
-    Ended,
-    Event,
-    Progressed,
-    Refused,
-    Start,
-    Written,
+    HandshakeEvent,
+    RegistersWritten,
+    StartAccepted,
+    StartCommand,
+    StartRefused,
+    StationReached,
+    TimePassed,
 )
-from protocols.plc.handshake import NEXT_PHASE, WAITING_MOST, Handshake, IllegalEvent, Phase, Rules, following, react
-from protocols.plc.image import image_of, status_of
+from protocols.plc.handshake import (
+    MAX_WAITING_RESULTS,
+    NEXT_PHASE,
+    Handshake,
+    IllegalHandshakeEvent,
+    Phase,
+    Rules,
+    next_count,
+    react,
+)
+from protocols.plc.image import register_image, status_bits
 from protocols.plc.registers import BY_NAME, RESULT
-from protocols.plc.results import NO_RESULT, Result
+from protocols.plc.results import NO_RESULT, CommandResult
 
-C, S = Control, Status
+C, S = ControlBit, StatusBit
 MOVING = Rules(motion_allowed=True)
-SEEN = CellSeen(ready=True, in_force=True)
+SEEN = CellStatus(ready=True, in_force=True)
 
 
-def control(word: int, stations: int = 0, part: int = 0, beat: int = 0) -> Written:
-    return Written((word, beat, stations, part >> 16, part & 0xFFFF))
+def control(word: int, stations: int = 0, part: int = 0, beat: int = 0) -> RegistersWritten:
+    return RegistersWritten((word, beat, stations, part >> 16, part & 0xFFFF))
 
 
-def ended(verdict: Verdict = Verdict.ACCEPTED, error: int = 0) -> Ended:
-    return Ended(Result(Command.VERIFY, verdict, "run", error))
+def ended(verdict: PlcVerdict = PlcVerdict.ACCEPTED, error: int = 0) -> CommandEnded:
+    return CommandEnded(CommandResult(PlcCommand.VERIFY, verdict, "run", error))
 
 
-def after(*events: Event, rules: Rules = MOVING) -> tuple[Handshake, list[Effect]]:
+def after(*events: HandshakeEvent, rules: Rules = MOVING) -> tuple[Handshake, list[Effect]]:
     state, effects = Handshake(rules), []
     for event in events:
         reaction = react(state, event)
@@ -51,11 +60,12 @@ def after(*events: Event, rules: Rules = MOVING) -> tuple[Handshake, list[Effect
 
 
 READY = (SEEN, control(0))
-RUNNING = (*READY, control(C.TRIGGER_VERIFY), Accepted())
+RUNNING = (*READY, control(C.TRIGGER_VERIFY), StartAccepted())
 DONE = (*RUNNING, control(0), ended())
-VERIFY = Start(Command.VERIFY, 0, 0)
+VERIFY = StartCommand(PlcCommand.VERIFY, 0, 0)
+CALIBRATE_8 = StartCommand(PlcCommand.CALIBRATE, 8, 70000)
 
-STORIES: dict[str, tuple[tuple[Event, ...], Status, list[Effect], int]] = {
+STORIES: dict[str, tuple[tuple[HandshakeEvent, ...], StatusBit, list[Effect], int]] = {
     "nothing yet": ((), S.MOTION_ALLOWED, [], 0),
     "the cell was seen, the PLC not": ((SEEN,), S.ONLINE, [], 0),
     "ready": (READY, S.ONLINE | S.READY, [], 0),
@@ -66,25 +76,25 @@ STORIES: dict[str, tuple[tuple[Event, ...], Status, list[Effect], int]] = {
         (SEEN, control(C.TRIGGER_VERIFY), control(0), control(C.TRIGGER_VERIFY)), S.ONLINE | S.BUSY, [VERIFY], 0),
     "a trigger is asked for": ((*READY, control(C.TRIGGER_VERIFY)), S.ONLINE | S.BUSY, [VERIFY], 0),
     "with stations and part": (
-        (*READY, control(C.TRIGGER_CALIBRATE, 8, 70000)), S.ONLINE | S.BUSY, [Start(Command.CALIBRATE, 8, 70000)], 0),
+        (*READY, control(C.TRIGGER_CALIBRATE, 8, 70000)), S.ONLINE | S.BUSY, [CALIBRATE_8], 0),
     "accepted": (RUNNING, S.ONLINE | S.BUSY | S.TRIGGER_ACK, [VERIFY], 0),
     "the trigger goes, and so does its ack": ((*RUNNING, control(0)), S.ONLINE | S.BUSY, [VERIFY], 0),
     "a pulse that is gone before it is accepted leaves no ack, but its number": (
-        (*READY, control(C.TRIGGER_VERIFY), control(0), Accepted()), S.ONLINE | S.BUSY, [VERIFY], 0),
+        (*READY, control(C.TRIGGER_VERIFY), control(0), StartAccepted()), S.ONLINE | S.BUSY, [VERIFY], 0),
     "refused by the daemon": (
-        (*READY, control(C.TRIGGER_VERIFY), Refused(12)), S.ONLINE | S.TRIGGER_ACK | S.ERROR, [VERIFY], 12),
+        (*READY, control(C.TRIGGER_VERIFY), StartRefused(12)), S.ONLINE | S.TRIGGER_ACK | S.ERROR, [VERIFY], 12),
     "the error stays when the trigger goes": (
-        (*READY, control(C.TRIGGER_VERIFY), Refused(12), control(0)), S.ONLINE | S.READY | S.ERROR, [VERIFY], 12),
+        (*READY, control(C.TRIGGER_VERIFY), StartRefused(12), control(0)), S.ONLINE | S.READY | S.ERROR, [VERIFY], 12),
     "until it is cleared": (
-        (*READY, control(C.TRIGGER_VERIFY), Refused(12), control(0), control(C.CLEAR_ERROR)),
+        (*READY, control(C.TRIGGER_VERIFY), StartRefused(12), control(0), control(C.CLEAR_ERROR)),
         S.ONLINE | S.READY, [VERIFY], 0),
     "or until the next trigger": (
-        (*READY, control(C.TRIGGER_VERIFY), Refused(12), control(0), control(C.TRIGGER_VERIFY)),
+        (*READY, control(C.TRIGGER_VERIFY), StartRefused(12), control(0), control(C.TRIGGER_VERIFY)),
         S.ONLINE | S.BUSY, [VERIFY, VERIFY], 0),
     "two triggers at once are none": (
         (*READY, control(C.TRIGGER_VERIFY | C.TRIGGER_REGISTER)), S.ONLINE | S.TRIGGER_ACK | S.ERROR, [], 1),
     "a trigger and an abort at once are an abort": (
-        (*READY, control(C.TRIGGER_VERIFY | C.ABORT)), S.ONLINE | S.TRIGGER_ACK | S.ERROR, [Abort("the PLC")], 23),
+        (*READY, control(C.TRIGGER_VERIFY | C.ABORT)), S.ONLINE | S.TRIGGER_ACK | S.ERROR, [AbortRun("the PLC")], 23),
     "a second trigger meanwhile is missed": (
         (*RUNNING, control(0), control(C.TRIGGER_CALIBRATE)),
         S.ONLINE | S.BUSY | S.TRIGGER_ACK | S.MISSED_TRIGGER | S.ERROR, [VERIFY], 10),
@@ -92,18 +102,18 @@ STORIES: dict[str, tuple[tuple[Event, ...], Status, list[Effect], int]] = {
     "done with the trigger still held": (
         (*RUNNING, ended()), S.ONLINE | S.TRIGGER_ACK | S.COMPLETED | S.RESULTS_VALID, [VERIFY], 0),
     "failed": (
-        (*RUNNING, control(0), ended(Verdict.FAILED, 30)),
+        (*RUNNING, control(0), ended(PlcVerdict.FAILED, 30)),
         S.ONLINE | S.READY | S.COMPLETED | S.RESULTS_VALID | S.ERROR, [VERIFY], 30),
     "acknowledged": ((*DONE, control(C.RESULTS_ACK)), S.ONLINE | S.READY | S.COMPLETED, [VERIFY], 0),
-    "abort": ((*RUNNING, control(C.ABORT)), S.ONLINE | S.BUSY, [VERIFY, Abort("the PLC")], 0),
+    "abort": ((*RUNNING, control(C.ABORT)), S.ONLINE | S.BUSY, [VERIFY, AbortRun("the PLC")], 0),
     "abort while it is being started is remembered": (
-        (*READY, control(C.TRIGGER_VERIFY), control(C.ABORT), Accepted()),
-        S.ONLINE | S.BUSY, [VERIFY, Abort("the PLC")], 0),
+        (*READY, control(C.TRIGGER_VERIFY), control(C.ABORT), StartAccepted()),
+        S.ONLINE | S.BUSY, [VERIFY, AbortRun("the PLC")], 0),
     "and forgotten when it is refused": (
-        (*READY, control(C.TRIGGER_VERIFY), control(C.ABORT), Refused(12), control(0), control(C.TRIGGER_VERIFY),
-         Accepted()), S.ONLINE | S.BUSY | S.TRIGGER_ACK, [VERIFY, VERIFY], 0),
+        (*READY, control(C.TRIGGER_VERIFY), control(C.ABORT), StartRefused(12), control(0), control(C.TRIGGER_VERIFY),
+         StartAccepted()), S.ONLINE | S.BUSY | S.TRIGGER_ACK, [VERIFY, VERIFY], 0),
     "abort when nothing of ours runs still goes out": (
-        (*READY, control(C.ABORT)), S.ONLINE | S.READY, [Abort("the PLC")], 0),
+        (*READY, control(C.ABORT)), S.ONLINE | S.READY, [AbortRun("the PLC")], 0),
     "drift": (
         (replace(SEEN, drift=DriftState.DRIFTING), control(0)), S.ONLINE | S.READY | S.DRIFT_ALARM, [], 0),
     "the cell is not ready": ((replace(SEEN, ready=False), control(0)), S.ONLINE, [], 0),
@@ -111,20 +121,20 @@ STORIES: dict[str, tuple[tuple[Event, ...], Status, list[Effect], int]] = {
 
 
 @pytest.mark.parametrize(("events", "status", "effects", "error"), STORIES.values(), ids=STORIES.keys())
-def test_stories(events: tuple[Event, ...], status: Status, effects: list[Effect], error: int) -> None:
+def test_stories(events: tuple[HandshakeEvent, ...], status: StatusBit, effects: list[Effect], error: int) -> None:
     state, done = after(*events)
     in_force = S.CALIBRATION_IN_FORCE if state.cell else S(0)
-    assert status_of(state) == status | S.MOTION_ALLOWED | in_force
+    assert status_bits(state) == status | S.MOTION_ALLOWED | in_force
     assert done == effects
     assert state.error_code == error
 
 
 @pytest.mark.parametrize("command", TRIGGERS)
-def test_without_the_settings_word_no_trigger_moves_anything(command: Control) -> None:
+def test_without_the_settings_word_no_trigger_moves_anything(command: ControlBit) -> None:
     state, effects = after(*READY, control(command), rules=Rules(motion_allowed=False))
     assert effects == []
     assert state.error_code == number_of("plc-motion-not-allowed")
-    assert not status_of(state) & (S.READY | S.MOTION_ALLOWED | S.BUSY)
+    assert not status_bits(state) & (S.READY | S.MOTION_ALLOWED | S.BUSY)
 
 
 def test_a_trigger_before_the_cell_was_seen_is_refused() -> None:
@@ -135,7 +145,7 @@ def test_a_trigger_before_the_cell_was_seen_is_refused() -> None:
 def test_the_block_is_written_before_it_is_valid() -> None:
     state, _ = after(*RUNNING, control(0))
     reaction = react(state, ended())
-    first, last = (image_of(shown) for shown in reaction.states)
+    first, last = (register_image(shown) for shown in reaction.states)
     assert first[RESULT:] == last[RESULT:] != NO_RESULT
     assert not first[16] & S.RESULTS_VALID
     assert last[16] & S.RESULTS_VALID
@@ -143,16 +153,16 @@ def test_the_block_is_written_before_it_is_valid() -> None:
 
 def test_results_wait_behind_the_one_shown_in_order_until_there_are_too_many() -> None:
     state, _ = after(*DONE)
-    for _ in range(WAITING_MOST + 2):
-        for event in (control(C.TRIGGER_VERIFY), Accepted(), control(0), ended()):
+    for _ in range(MAX_WAITING_RESULTS + 2):
+        for event in (control(C.TRIGGER_VERIFY), StartAccepted(), control(0), ended()):
             state = react(state, event).state
-    assert (state.result_id, len(state.waiting), state.overrun) == (WAITING_MOST + 3, WAITING_MOST, True)
+    assert (state.result_id, len(state.waiting), state.overrun) == (MAX_WAITING_RESULTS + 3, MAX_WAITING_RESULTS, True)
     numbers = []
     while state.valid:
         numbers.append(state.shown[0])
         assert react(state, control(C.RESULTS_ACK)).state.shown == state.shown
         state = react(react(state, control(C.RESULTS_ACK)).state, control(0)).state
-    assert numbers == list(range(1, WAITING_MOST + 2))
+    assert numbers == list(range(1, MAX_WAITING_RESULTS + 2))
     assert state.overrun
     assert not react(state, control(C.CLEAR_ERROR)).state.overrun
 
@@ -165,36 +175,38 @@ def test_a_result_that_comes_while_the_ack_is_held_waits_for_it() -> None:
 
 def test_a_silent_plc_is_noticed_and_what_it_started_is_stopped() -> None:
     rules = replace(MOVING, silence_s=2.0)
-    state, effects = after(*RUNNING, control(0, beat=1), Beat(1.5), Beat(0.6), Beat(5.0), rules=rules)
-    assert effects == [VERIFY, Abort("the PLC's silence")]
-    assert status_of(state) & S.PLC_SILENT
+    state, effects = after(*RUNNING, control(0, beat=1), TimePassed(1.5), TimePassed(0.6), TimePassed(5.0), rules=rules)
+    assert effects == [VERIFY, AbortRun("the PLC's silence")]
+    assert status_bits(state) & S.PLC_SILENT
     assert state.error_code == number_of("plc-silent")
-    state = react(react(state, ended(Verdict.ABORTED, 23)).state, control(C.TRIGGER_VERIFY, beat=1)).state
+    state = react(react(state, ended(PlcVerdict.ABORTED, 23)).state, control(C.TRIGGER_VERIFY, beat=1)).state
     assert (state.phase, state.error_code) == (Phase.IDLE, number_of("plc-silent"))
     state = react(state, control(0, beat=2)).state
-    assert not status_of(state) & S.PLC_SILENT
+    assert not status_bits(state) & S.PLC_SILENT
     assert react(state, control(C.TRIGGER_VERIFY, beat=3)).effects == (VERIFY,)
 
 
 def test_heartbeats_go_both_ways() -> None:
-    state, _ = after(*READY, control(0, beat=77), Beat(0.5), Beat(0.5))
-    image = image_of(state)
+    state, _ = after(*READY, control(0, beat=77), TimePassed(0.5), TimePassed(0.5))
+    image = register_image(state)
     assert image[BY_NAME["heartbeat_out"].address] == 2
     assert image[BY_NAME["heartbeat_echo"].address] == 77
 
 
 def test_ids_count_from_one_and_never_show_zero_again() -> None:
-    assert [following(0), following(1), following(65534), following(65535)] == [1, 2, 65535, 1]
+    assert [next_count(0), next_count(1), next_count(65534), next_count(65535)] == [1, 2, 65535, 1]
 
 
 @pytest.mark.parametrize("phase", Phase)
-@pytest.mark.parametrize("event", [Accepted(), Refused(1), Progressed(1, 2), ended()], ids=lambda e: type(e).__name__)
-def test_every_phase_with_every_event_of_the_daemon(phase: Phase, event: Event) -> None:
+@pytest.mark.parametrize(
+    "event", [StartAccepted(), StartRefused(1), StationReached(1, 2), ended()], ids=lambda e: type(e).__name__
+)
+def test_every_phase_with_every_event_of_the_daemon(phase: Phase, event: HandshakeEvent) -> None:
     state = Handshake(MOVING, phase=phase)
     if type(event) in NEXT_PHASE[phase]:
         assert react(state, event).state.phase is NEXT_PHASE[phase][type(event)]
     else:
-        with pytest.raises(IllegalEvent):
+        with pytest.raises(IllegalHandshakeEvent):
             react(state, event)
 
 
@@ -204,15 +216,15 @@ class AnyOrder(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.state = Handshake(replace(MOVING, silence_s=3.0))
-        self.asked: list[Start] = []
+        self.asked: list[StartCommand] = []
         self.run = 0
         self.blocks: list[int] = []
 
-    def _take(self, event: Event) -> None:
-        before = image_of(self.state)
+    def _take(self, event: HandshakeEvent) -> None:
+        before = register_image(self.state)
         reaction = react(self.state, event)
         for shown in reaction.states:
-            now = image_of(shown)
+            now = register_image(shown)
             valid_before, valid_now = before[16] & S.RESULTS_VALID, now[16] & S.RESULTS_VALID
             if now[RESULT:] != before[RESULT:]:
                 assert not valid_before and not valid_now, "a block changed while it was valid, or became valid at once"
@@ -221,9 +233,9 @@ class AnyOrder(RuleBasedStateMachine):
                 assert now[-1] == crc16(now[RESULT:-1])
             before = now
         self.state = reaction.state
-        starts = [effect for effect in reaction.effects if isinstance(effect, Start)]
+        starts = [effect for effect in reaction.effects if isinstance(effect, StartCommand)]
         if starts:
-            assert isinstance(event, Written)
+            assert isinstance(event, RegistersWritten)
             assert event.words[0] & TRIGGER_BITS
         self.asked += starts
 
@@ -236,35 +248,35 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule(ready=st.booleans(), force=st.booleans())
     def sees_the_cell(self, ready: bool, force: bool) -> None:
-        self._take(CellSeen(ready, force))
+        self._take(CellStatus(ready, force))
 
     @rule(seconds=st.floats(0, 4))
     def beats(self, seconds: float) -> None:
-        self._take(Beat(seconds))
+        self._take(TimePassed(seconds))
 
     @precondition(lambda self: self.state.phase is Phase.STARTING)
     @rule(accepted=st.booleans())
     def answers(self, accepted: bool) -> None:
         self.asked.pop()
         before = self.state.acquisition_id
-        self._take(Accepted() if accepted else Refused(12))
-        assert self.state.acquisition_id == (following(before) if accepted else before)
+        self._take(StartAccepted() if accepted else StartRefused(12))
+        assert self.state.acquisition_id == (next_count(before) if accepted else before)
 
     @precondition(lambda self: self.state.phase is Phase.RUNNING)
     @rule(station=st.integers(0, 9))
     def goes_on(self, station: int) -> None:
-        self._take(Progressed(station, 9))
+        self._take(StationReached(station, 9))
 
     @precondition(lambda self: self.state.phase is Phase.RUNNING)
-    @rule(verdict=st.sampled_from(Verdict))
-    def ends(self, verdict: Verdict) -> None:
+    @rule(verdict=st.sampled_from(PlcVerdict))
+    def ends(self, verdict: PlcVerdict) -> None:
         self.run += 1
-        self._take(ended(verdict, 0 if verdict is Verdict.ACCEPTED else 30))
+        self._take(ended(verdict, 0 if verdict is PlcVerdict.ACCEPTED else 30))
         assert self.state.result_id == self.run
 
     @invariant()
     def busy_is_busy(self) -> None:
-        status = status_of(self.state)
+        status = status_bits(self.state)
         assert bool(status & S.BUSY) == (self.state.phase is not Phase.IDLE)
         assert not (status & S.READY and status & S.BUSY)
         assert bool(status & S.ERROR) == bool(self.state.error_code)
@@ -276,11 +288,11 @@ class AnyOrder(RuleBasedStateMachine):
     @invariant()
     def results_come_in_order_and_are_never_shown_twice(self) -> None:
         assert self.blocks == sorted(set(self.blocks))
-        assert len(self.state.waiting) <= WAITING_MOST
+        assert len(self.state.waiting) <= MAX_WAITING_RESULTS
 
     @invariant()
     def the_image_is_registers(self) -> None:
-        assert all(0 <= word <= 0xFFFF for word in image_of(self.state))
+        assert all(0 <= word <= 0xFFFF for word in register_image(self.state))
 
 
 TestAnyOrder = AnyOrder.TestCase

@@ -7,17 +7,17 @@ import pytest
 from daemon import errors as daemon_errors
 from drivers import errors as driver_errors
 from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_of, unsigned_of
-from protocols.plc.codes import Command, Verdict
+from protocols.plc.codes import PlcCommand, PlcVerdict
 from protocols.plc.error_codes import ERROR_CODES, UNKNOWN, number_of
 from protocols.plc.registers import BY_NAME, REGISTERS, RESULT, SIZE, WRITABLE, Kind
-from protocols.plc.results import Camera, Result, Sigma, result_block
+from protocols.plc.results import CameraPose, CommandResult, Sigma, result_block
 from protocols.plc.tables import BIT_MEANINGS, BITS, csv_text, markdown_text
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
-RESULT_OF_ALL = Result(
-    Command.CALIBRATE, Verdict.ACCEPTED, "20261121-090000-3f9a1c", 0, 8, 61,
-    Camera((40.125, -25.5, 90.0625), (0.5, -0.5, 0.5, -0.5)),
+RESULT_OF_ALL = CommandResult(
+    PlcCommand.CALIBRATE, PlcVerdict.ACCEPTED, "20261121-090000-3f9a1c", 0, 8, 61,
+    CameraPose((40.125, -25.5, 90.0625), (0.5, -0.5, 0.5, -0.5)),
     Sigma((0.01, 0.02, 0.03), (0.001, 0.002, 0.003), 0.0625), 0.125,
 )  # fmt: skip
 
@@ -89,7 +89,9 @@ def test_a_result_reads_as_it_was_in_both_word_orders(order: WordOrder) -> None:
 
 
 def test_what_is_not_known_is_zero_and_said_to_be() -> None:
-    block = result_block(Result(Command.VERIFY, Verdict.FAILED, error_code=30), 1, 1, 0, WordOrder.HIGH_FIRST)
+    block = result_block(
+        CommandResult(PlcCommand.VERIFY, PlcVerdict.FAILED, error_code=30), 1, 1, 0, WordOrder.HIGH_FIRST
+    )
     assert block[BY_NAME["contents"].address - RESULT] == 0
     assert not any(block[BY_NAME["x_x"].address - RESULT : -1])
 

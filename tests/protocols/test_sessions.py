@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from protocols.cb import client as client_module
 from protocols.cb import controller as controller_module
-from protocols.cb.client import ClientSession, ClientState, ClientTrigger
+from protocols.cb.client import ClientSession, ClientSessionState, ClientTrigger
 from protocols.cb.codes import Capability, Command, Flag, MoveKind, Status
-from protocols.cb.controller import ControllerSession, ControllerState, ControllerTrigger
+from protocols.cb.controller import ControllerSession, ControllerSessionState, ControllerTrigger
 from protocols.cb.errors import NotAllowedNow, NothingToAnswer, RequestOutstanding
 from protocols.cb.events import (
     BadChecksum,
@@ -19,7 +19,7 @@ from protocols.cb.events import (
     RepeatWanted,
     ReplyReceived,
     RequestReceived,
-    RequestRefused,
+    RequestRejected,
     SessionChanged,
     UnexpectedReply,
     Unsolicited,
@@ -27,7 +27,6 @@ from protocols.cb.events import (
 from protocols.cb.frames import ChecksumFailed, Frame, FramingBroken, GarbageSkipped
 from protocols.cb.messages import (
     REQUESTS,
-    Arm,
     Bye,
     Farewell,
     GetPose,
@@ -39,11 +38,12 @@ from protocols.cb.messages import (
     Pong,
     Refused,
     Report,
+    SetArmed,
     Stop,
     Stopped,
     Welcome,
 )
-from protocols.cb.sequence import following, is_older
+from protocols.cb.sequence import is_older, next_seq
 from tests.protocols.dirt import GARBAGE
 from tests.protocols.rows import FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS, Row
 from tests.support.cases import cases, long_enough_s
@@ -78,31 +78,31 @@ def asked(client, controller, message, answer):
 
 
 def controller_in(state):
-    if state is ControllerState.GREETED:
+    if state is ControllerSessionState.GREETED:
         return greeted_pair()[1]
     controller = ControllerSession(resynchronise=False)
-    if state is ControllerState.BROKEN:
+    if state is ControllerSessionState.BROKEN:
         controller.receive_data(b"dirt")
     return controller
 
 
-@pytest.mark.parametrize("state", ControllerState)
+@pytest.mark.parametrize("state", ControllerSessionState)
 @pytest.mark.parametrize("row", REQUEST_ROWS, ids=lambda row: row.name)
 def test_a_controller_hands_up_what_its_state_allows(state, row: Row):
     controller = controller_in(state)
     assert controller.state is state
     (event,) = controller.receive_data(Frame(row.encoded[3], 400, row.encoded[12:]).encode())
-    if row.encoded[3] in controller_module.ALLOWED[state]:
+    if row.encoded[3] in controller_module.ALLOWED_COMMANDS[state]:
         assert event == RequestReceived(400, row.message)
-    elif state is ControllerState.BROKEN:
+    elif state is ControllerSessionState.BROKEN:
         assert isinstance(event, FramingBroken)
     else:
-        assert isinstance(event, RequestRefused)
+        assert isinstance(event, RequestRejected)
         assert event.status is Status.VERSION
     assert controller.state is state
 
 
-@pytest.mark.parametrize("state", ControllerState)
+@pytest.mark.parametrize("state", ControllerSessionState)
 @pytest.mark.parametrize("trigger", ControllerTrigger)
 def test_every_controller_state_with_every_trigger(state, trigger):
     controller = controller_in(state)
@@ -111,27 +111,27 @@ def test_every_controller_state_with_every_trigger(state, trigger):
 
 
 def client_in(state):
-    if state is ClientState.GREETED:
+    if state is ClientSessionState.GREETED:
         return greeted_pair()[0]
     client = ClientSession(resynchronise=False)
-    if state is ClientState.BROKEN:
+    if state is ClientSessionState.BROKEN:
         client.receive_data(b"dirt")
     return client
 
 
-@pytest.mark.parametrize("state", ClientState)
+@pytest.mark.parametrize("state", ClientSessionState)
 @pytest.mark.parametrize("row", REQUEST_ROWS, ids=lambda row: row.name)
 def test_a_client_sends_what_its_state_allows(state, row: Row):
     client = client_in(state)
     assert client.state is state
-    if row.encoded[3] in client_module.ALLOWED[state]:
+    if row.encoded[3] in client_module.ALLOWED_COMMANDS[state]:
         assert client.request(row.message)[3] == row.encoded[3]
     else:
         with pytest.raises(NotAllowedNow, match=state.value):
             client.request(row.message)
 
 
-@pytest.mark.parametrize("state", ClientState)
+@pytest.mark.parametrize("state", ClientSessionState)
 @pytest.mark.parametrize("trigger", ClientTrigger)
 def test_every_client_state_with_every_trigger(state, trigger):
     client = client_in(state)
@@ -157,13 +157,13 @@ def test_every_refusal_arrives_with_its_status(status):
 def test_after_bye_both_ends_want_a_hello():
     client, controller = greeted_pair()
     asked(client, controller, Bye(), Farewell())
-    assert (client.state, controller.state) == (ClientState.NOT_GREETED, ControllerState.AWAITING_HELLO)
+    assert (client.state, controller.state) == (ClientSessionState.NOT_GREETED, ControllerSessionState.AWAITING_HELLO)
 
 
 def test_a_refused_hello_does_not_greet():
     client, controller = ClientSession(resynchronise=False), ControllerSession(resynchronise=False)
     asked(client, controller, HELLO, Refused(Status.BUSY))
-    assert (client.state, controller.state) == (ClientState.NOT_GREETED, ControllerState.AWAITING_HELLO)
+    assert (client.state, controller.state) == (ClientSessionState.NOT_GREETED, ControllerSessionState.AWAITING_HELLO)
 
 
 # --- numbers ---
@@ -183,7 +183,7 @@ def test_numbers_go_round_and_leave_zero_out():
 def test_what_follows_is_never_older(last, steps):
     seq = last
     for _ in range(min(steps, 3)):
-        seq = following(seq)
+        seq = next_seq(seq)
     assert 1 <= seq <= 65535
     assert not is_older(seq, last)
     assert is_older(last, seq)
@@ -289,7 +289,7 @@ def test_a_wrong_kind_of_answer_is_our_own_mistake():
 def test_a_controller_refuses_by_itself(frame, status):
     client, controller = greeted_pair()
     (refused,) = controller.receive_data(frame.encode())
-    assert isinstance(refused, RequestRefused)
+    assert isinstance(refused, RequestRejected)
     assert refused.status is status
     assert refused.answer[4:8] == frame.seq.to_bytes(2, "little") + status.to_bytes(2, "little")
     assert asked(client, controller, GetStatus(), REPORT), "the session goes on"
@@ -318,7 +318,7 @@ def test_a_wrong_sum_on_tcp_is_answered_and_breaks():
     bad, broken = controller.receive_data(sent[:-1] + b"\x55")
     assert isinstance(bad, BadChecksum)
     assert isinstance(broken, FramingBroken)
-    assert controller.state is ControllerState.BROKEN
+    assert controller.state is ControllerSessionState.BROKEN
 
 
 # --- what a client notices ---
@@ -343,14 +343,14 @@ def test_a_controller_that_restarted_behind_a_serial_line_wants_a_greeting():
     restarted = ControllerSession(resynchronise=True)
     (refused,) = restarted.receive_data(client.request(GetPose()))
     assert client.receive_data(refused.answer)[0] == GreetingLost()
-    assert client.state is ClientState.NOT_GREETED
+    assert client.state is ClientSessionState.NOT_GREETED
     assert asked(client, restarted, HELLO, welcome(10))[0] == SessionChanged(9, 10)
 
 
 def test_what_the_controller_says_by_itself():
     client, controller = greeted_pair()
     client.request(GetPose())
-    assert client.receive_data(controller.unsolicited(REPORT)) == [Unsolicited(REPORT, Command.STATUS)]
+    assert client.receive_data(controller.announce(REPORT)) == [Unsolicited(REPORT, Command.STATUS)]
     assert client.outstanding_seq == 2
 
 
@@ -415,7 +415,7 @@ def fed(end, line, chunk):
 def test_a_conversation_survives_cutting_and_dirt_on_a_serial_line(kinds, chunk, data):
     client, controller = greeted_pair(resynchronise=True)
     for kind in kinds:
-        if client.state is not ClientState.GREETED:
+        if client.state is not ClientSessionState.GREETED:
             asked(client, controller, HELLO, welcome())
         message = messages[kind]
         heard = fed(controller, data.draw(dirt) + client.request(message), chunk)
@@ -430,7 +430,7 @@ def test_a_conversation_survives_cutting_and_dirt_on_a_serial_line(kinds, chunk,
 def test_no_bytes_raise_anything_at_either_end(data):
     for resynchronise in (False, True):
         client, controller = greeted_pair(resynchronise=resynchronise)
-        client.request(Arm(9, True))
+        client.request(SetArmed(9, True))
         for end in (client, controller):
             end.receive_data(data)
             end.abandon_half_frame()

@@ -15,7 +15,6 @@ from drivers.robots.transport import Transport
 from drivers.timing import Timing
 from protocols.cb.codes import Status
 from protocols.cb.messages import (
-    Arm,
     GetJoints,
     GetPose,
     GetStatus,
@@ -25,6 +24,7 @@ from protocols.cb.messages import (
     Refused,
     Report,
     Request,
+    SetArmed,
     Stop,
 )
 
@@ -80,7 +80,7 @@ class CbRobot:
         """Allow or forbid motion in this connection; raises RequestRefused."""
         session = self._link.conversation().session.session
         assert session is not None
-        await self._read(Arm(session, armed), "arming" if armed else "disarming")
+        await self._read(SetArmed(session, armed), "arming" if armed else "disarming")
 
     async def stop(self) -> None:
         """Stop now: overtakes every other request."""

@@ -22,7 +22,7 @@ from daemon.model.records import AppliedCalibration, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from drivers.interfaces import Frame
-from protocols.plc.codes import Control, DriftState, Status, Verdict
+from protocols.plc.codes import ControlBit, DriftState, PlcVerdict, StatusBit
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import FakeCamera, picture_of_the_board
 from tests.daemon.plcs import MOVING, ladder, value_of
@@ -76,16 +76,16 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
         assert watch.report.standing is DriftStanding.STEADY
         assert watch.report.alarm is None
         assert (await bench.client.get("/ready")).json()["warnings"] == []
-        await plc.waits(Status.ONLINE, unwanted=Status.DRIFT_ALARM)
+        await plc.waits(StatusBit.ONLINE, unwanted=StatusBit.DRIFT_ALARM)
 
         camera.knock = transform(np.eye(3), [0.0, 3.0, 0.0])
         heard = bench.application.events.last
-        await plc.sets(Control(0))
-        await plc.waits(Status.READY)
-        await plc.triggers(Control.TRIGGER_VERIFY)
+        await plc.sets(ControlBit(0))
+        await plc.waits(StatusBit.READY)
+        await plc.triggers(ControlBit.TRIGGER_VERIFY)
         image = await plc.result()
-        assert value_of(image, "verdict") == Verdict.REJECTED
-        await plc.waits(Status.DRIFT_ALARM)
+        assert value_of(image, "verdict") == PlcVerdict.REJECTED
+        await plc.waits(StatusBit.DRIFT_ALARM)
         assert value_of(await plc.image(), "drift_state") == DriftState.DRIFTING
         assert value_of(await plc.image(), "drift_shift") > 100
         (warning,) = (await bench.client.get("/ready")).json()["warnings"]

@@ -20,9 +20,9 @@ from protocols.modbus.bank import Identification, respond
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.modbus.words import Words
 from protocols.plc.bank import PlcBank
-from protocols.plc.events import CellSeen, Written
+from protocols.plc.events import CellStatus, RegistersWritten
 from protocols.plc.handshake import Handshake, Rules, react
-from protocols.plc.image import image_of
+from protocols.plc.image import register_image
 from protocols.plc.registers import SIZE
 
 CLOSED_WITHIN_S = 1.0
@@ -34,12 +34,12 @@ class Registers:
     """The handshake without a daemon behind it."""
 
     def __init__(self) -> None:
-        self.state = react(Handshake(Rules(motion_allowed=False)), CellSeen(ready=True)).state
-        self.image = image_of(self.state)
+        self.state = react(Handshake(Rules(motion_allowed=False)), CellStatus(ready=True)).state
+        self.image = register_image(self.state)
 
     def write(self, words: Words) -> None:
-        self.state = react(self.state, Written(words)).state
-        self.image = image_of(self.state)
+        self.state = react(self.state, RegistersWritten(words)).state
+        self.image = register_image(self.state)
 
     def respond_to(self, _client: str) -> Callable[[bytes], bytes]:
         bank = PlcBank(lambda: self.image, self.write, may_write=True)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from protocols.plc.codes import Control, Status
+from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.cell_under_test import Parts, serving, settings_for
 from tests.daemon.plcs import MOVING, ladder, value_of
 from tests.drivers.modbus_terminal import Terminal, terminal
@@ -30,8 +30,8 @@ async def test_an_open_gate_is_named_at_every_door(tmp_path: Path) -> None:
         answer = await bench.client.post("/calibrate")
         assert (answer.status_code, answer.json()["code"]) == (503, "interlock-open")
         assert answer.json()["reasons"] == ["interlock gate closed: is 0"]
-        await plc.waits(Status.ONLINE, unwanted=Status.READY)
-        assert await plc.triggers(Control.TRIGGER_CALIBRATE) & Status.ERROR
+        await plc.waits(StatusBit.ONLINE, unwanted=StatusBit.READY)
+        assert await plc.triggers(ControlBit.TRIGGER_CALIBRATE) & StatusBit.ERROR
         assert value_of(await plc.image(), "error_code") == 13
         assert not bench.robot.goals
         device.inputs[0] = True

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from protocols.plc.codes import Status
+from protocols.plc.codes import StatusBit
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.plc.foreign_clients import needs_mbpoll, output_of
 from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
@@ -17,7 +17,7 @@ from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
 @needs_mbpoll
 async def test_mbpoll_reads_and_writes(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
-        await plc.waits(Status.ONLINE)
+        await plc.waits(StatusBit.ONLINE)
         base = ("mbpoll", "-m", "tcp", "-p", str(plc_of(bench).tcp.port), "-a", "1", "-0", "-1")
 
         async def read(*options: str) -> list[str]:
@@ -48,7 +48,7 @@ def modbus_serial() -> str:
 async def test_modbus_serial_reads_and_writes(tmp_path: Path) -> None:
     folder = modbus_serial()
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
-        await plc.waits(Status.ONLINE)
+        await plc.waits(StatusBit.ONLINE)
         script = Path(__file__).with_name("modbus_serial.js")
         out = await output_of("node", str(script), str(plc_of(bench).tcp.port), NODE_PATH=folder)
         told = json.loads(out.splitlines()[-1])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from pymodbus.client import AsyncModbusSerialClient
 
-from protocols.plc.codes import Control, Status
+from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import SIZE
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.plc.foreign_clients import needs_mbpoll, output_of
@@ -28,9 +28,9 @@ async def test_a_calibration_over_rtu(tmp_path: Path) -> None:
         assert await client.connect()
         try:
             plc = Ladder(OfUnit(client, 7))
-            await plc.sets(Control(0))
-            await plc.waits(Status.READY)
-            await plc.triggers(Control.TRIGGER_CALIBRATE)
+            await plc.sets(ControlBit(0))
+            await plc.waits(StatusBit.READY)
+            await plc.triggers(ControlBit.TRIGGER_CALIBRATE)
             image = await plc.result()
             assert value_of(image, "verdict") == 1
             assert value_of(image, "result_number") == value_of(image, "result_id")

@@ -11,14 +11,14 @@ from daemon.config.plc_settings import PlcSettings
 from daemon.errors import PortTaken
 from drivers.errors import LinkLost
 from protocols.modbus.words import WordOrder, crc16
-from protocols.plc.codes import Command, Contents, Control, DriftState, Status, Verdict
+from protocols.plc.codes import ContentsBit, ControlBit, DriftState, PlcCommand, PlcVerdict, StatusBit
 from protocols.plc.registers import RESULT, SIZE
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, poses_around_the_target
 from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
 
-C, S = Control, Status
+C, S = ControlBit, StatusBit
 
 
 async def test_calibrate_verify_and_register_by_handshake(tmp_path: Path) -> None:
@@ -34,9 +34,12 @@ async def test_calibrate_verify_and_register_by_handshake(tmp_path: Path) -> Non
         image = await plc.result()
         run = (await bench.client.get("/runs")).json()["runs"][0]
         assert (run["kind"], run["id"]) == ("calibration", value_of(image, "run_id"))
-        assert value_of(image, "result_command") == Command.CALIBRATE
-        assert value_of(image, "verdict") == Verdict.ACCEPTED
-        assert value_of(image, "contents") & (Contents.X | Contents.UNCERTAINTY) == Contents.X | Contents.UNCERTAINTY
+        assert value_of(image, "result_command") == PlcCommand.CALIBRATE
+        assert value_of(image, "verdict") == PlcVerdict.ACCEPTED
+        assert (
+            value_of(image, "contents") & (ContentsBit.X | ContentsBit.UNCERTAINTY)
+            == ContentsBit.X | ContentsBit.UNCERTAINTY
+        )
         assert value_of(image, "result_part") == 70000
         assert value_of(image, "result_stations") == value_of(image, "station") == 5
         x = [value_of(image, f"x_{axis}") for axis in "xyz"]
@@ -48,8 +51,11 @@ async def test_calibrate_verify_and_register_by_handshake(tmp_path: Path) -> Non
         await plc.waits(S.CALIBRATION_IN_FORCE | S.COMPLETED | S.READY)
         await plc.triggers(C.TRIGGER_VERIFY)
         image = await plc.result()
-        assert (value_of(image, "result_command"), value_of(image, "verdict")) == (Command.VERIFY, Verdict.ACCEPTED)
-        assert value_of(image, "contents") & Contents.DEVIATION
+        assert (value_of(image, "result_command"), value_of(image, "verdict")) == (
+            PlcCommand.VERIFY,
+            PlcVerdict.ACCEPTED,
+        )
+        assert value_of(image, "contents") & ContentsBit.DEVIATION
         assert 0 < value_of(image, "deviation") < 0.5
         assert value_of(image, "drift_state") in (DriftState.OFF, DriftState.LEARNING)
 
@@ -59,8 +65,8 @@ async def test_calibrate_verify_and_register_by_handshake(tmp_path: Path) -> Non
         scan = (await bench.client.get("/scans")).json()["scans"][0]
         assert scan["name"] == "part 70000"
         assert len(scan["views"]) == 2
-        assert value_of(image, "result_command") == Command.REGISTER
-        assert value_of(image, "verdict") in (Verdict.ACCEPTED, Verdict.REJECTED, Verdict.FAILED)
+        assert value_of(image, "result_command") == PlcCommand.REGISTER
+        assert value_of(image, "verdict") in (PlcVerdict.ACCEPTED, PlcVerdict.REJECTED, PlcVerdict.FAILED)
         ids = [value_of(image, name) for name in ("result_number", "result_acquisition", "result_id")]
         assert ids == [(begin + 2) % 65535 + 1] * 3
 
@@ -74,7 +80,7 @@ REFUSALS = {
 
 @pytest.mark.parametrize(("robot", "trigger", "number", "status", "path"), REFUSALS.values(), ids=REFUSALS.keys())
 async def test_refusals_are_those_of_rest(
-    tmp_path: Path, robot: dict[str, bool], trigger: Control, number: int, status: int, path: str
+    tmp_path: Path, robot: dict[str, bool], trigger: ControlBit, number: int, status: int, path: str
 ) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
         if trigger is not C.TRIGGER_VERIFY:
@@ -117,7 +123,7 @@ async def test_a_command_is_aborted_and_told(tmp_path: Path) -> None:
         assert await plc.waits(S.BUSY)
         await plc.sets(C.ABORT)
         image = await plc.result()
-        assert (value_of(image, "verdict"), value_of(image, "result_error")) == (Verdict.ABORTED, 23)
+        assert (value_of(image, "verdict"), value_of(image, "result_error")) == (PlcVerdict.ABORTED, 23)
         assert value_of(image, "result_stations") == 2
         assert bench.robot.stops
         assert not bench.robot.armed
@@ -135,7 +141,7 @@ async def test_a_command_that_fails_says_why(tmp_path: Path) -> None:
         bench.robot.before_move = breaks
         await plc.triggers(C.TRIGGER_CALIBRATE)
         image = await plc.result()
-        assert (value_of(image, "verdict"), value_of(image, "result_error")) == (Verdict.FAILED, 30)
+        assert (value_of(image, "verdict"), value_of(image, "result_error")) == (PlcVerdict.FAILED, 30)
         assert value_of(image, "contents") == 0
 
 
@@ -184,7 +190,7 @@ async def test_a_plc_that_falls_silent_stops_what_it_started(tmp_path: Path) -> 
         await gate.reached.wait()
         image = await plc.result()
         assert value_of(image, "status") & S.PLC_SILENT
-        assert (value_of(image, "verdict"), value_of(image, "heartbeat_echo")) == (Verdict.ABORTED, 41)
+        assert (value_of(image, "verdict"), value_of(image, "heartbeat_echo")) == (PlcVerdict.ABORTED, 41)
         run = (await bench.client.get("/runs")).json()["runs"][0]
         assert "silence" in run["cause"]["what"]
 

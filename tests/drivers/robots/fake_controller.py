@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 from calibration.transforms import transform_from_quaternion
 from protocols.cb.codes import Capability, Flag, Status
 from protocols.cb.controller import ControllerSession
-from protocols.cb.events import BadChecksum, DuplicateAnswered, RequestReceived, RequestRefused
+from protocols.cb.events import BadChecksum, DuplicateAnswered, RequestReceived, RequestRejected
 from protocols.cb.frames import FramingBroken
 from protocols.cb.messages import (
-    Arm,
     ArmingDone,
     Bye,
     Farewell,
@@ -31,6 +30,7 @@ from protocols.cb.messages import (
     Reply,
     Report,
     Request,
+    SetArmed,
     Stop,
     Stopped,
     Welcome,
@@ -80,7 +80,7 @@ class FakeArm:
                 return self.pose
             case GetJoints():
                 return JOINTS
-            case Arm(session=session, armed=armed):
+            case SetArmed(session=session, armed=armed):
                 if session != self.session:
                     return Refused(Status.BAD_FIELD)
                 self.armed = armed
@@ -149,7 +149,7 @@ class FakeController:
                 case DuplicateAnswered(answer=answer):
                     self.duplicates += 1
                     pieces.append(answer)
-                case RequestRefused(answer=answer) | BadChecksum(answer=answer):
+                case RequestRejected(answer=answer) | BadChecksum(answer=answer):
                     pieces.append(answer)
                 case FramingBroken():
                     pieces.append(b"")

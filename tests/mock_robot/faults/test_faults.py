@@ -10,7 +10,7 @@ from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send
 from mock_robot.errors import UnknownFault
 from mock_robot.faults.robot_faults import FAULTS
 from protocols.cb import messages as cb
-from protocols.cb.client import ClientState
+from protocols.cb.client import ClientSessionState
 from protocols.cb.codes import Command, Flag, Status
 from protocols.cb.events import (
     GarbledReply,
@@ -156,7 +156,7 @@ def test_a_restart_closes_tcp_and_asks_a_serial_client_to_greet_again() -> None:
     bench.faults.switch_on("link-restart", bench.controller, bench.now_s)
     heard = bench.sends(bench.client.request(STATUS))
     assert any(isinstance(event, GreetingLost) for event in heard)
-    assert bench.client.state is ClientState.NOT_GREETED
+    assert bench.client.state is ClientSessionState.NOT_GREETED
     assert not bench.controller.armed
 
 
@@ -261,7 +261,7 @@ def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: bool) 
         for _ in range(4):
             fault = schedule.choice(LINE_FAULTS)
             bench.faults.switch_on(fault, bench.controller, bench.now_s, after_moves=schedule.randrange(2))
-            if bench.closed or bench.client.state is not ClientState.GREETED:
+            if bench.closed or bench.client.state is not ClientSessionState.GREETED:
                 break
             bench.client.abandon()
             data = bench.client.request(move_to(schedule.choice([HOME, AWAY])))

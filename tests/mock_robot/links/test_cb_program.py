@@ -96,9 +96,9 @@ def test_a_move_that_cannot_be_is_refused_by_name_and_nothing_moves(request_: cb
 def test_motion_needs_arming_in_this_session() -> None:
     bench = Bench().is_greeted()
     assert bench.asks(GOOD) == cb.Refused(Status.NOT_ARMED)
-    assert bench.asks(cb.Arm(bench.controller.session + 1, True)) == cb.Refused(Status.NOT_ARMED)
+    assert bench.asks(cb.SetArmed(bench.controller.session + 1, True)) == cb.Refused(Status.NOT_ARMED)
     assert bench.asks(GOOD) == cb.Refused(Status.NOT_ARMED)
-    assert bench.asks(cb.Arm(bench.controller.session, True)) == cb.ArmingDone()
+    assert bench.asks(cb.SetArmed(bench.controller.session, True)) == cb.ArmingDone()
     assert bench.asks(GOOD) == cb.MoveAccepted()
 
 
@@ -196,7 +196,7 @@ def test_a_switch_stops_disarms_and_forbids_motion_by_its_name(switch, status) -
     assert bench.finishes(seq) is status
     assert not bench.controller.armed
     assert bench.asks(move_to(HOME)) == cb.Refused(status)
-    assert bench.asks(cb.Arm(bench.controller.session, True)) == cb.Refused(status)
+    assert bench.asks(cb.SetArmed(bench.controller.session, True)) == cb.Refused(status)
 
 
 def test_releasing_the_emergency_stop_gives_no_power_back() -> None:

@@ -43,7 +43,7 @@ async def talking(
             welcome = await client.asks(cb.Hello(1, 1, 9))
             assert isinstance(welcome, cb.Welcome)
             if armed:
-                assert await client.asks(cb.Arm(welcome.session, True)) == cb.ArmingDone()
+                assert await client.asks(cb.SetArmed(welcome.session, True)) == cb.ArmingDone()
             yield cell, client
 
 
@@ -83,7 +83,7 @@ async def moves_again(cell: RunningCell, client: CbClient) -> None:
 
     cell.controller.press_emergency_stop(False, cell.cell.clock())
     cell.controller.put_right(cell.cell.clock())
-    await is_answered(client, cb.Arm(cell.controller.session, True), cb.ArmingDone(), stands)
+    await is_answered(client, cb.SetArmed(cell.controller.session, True), cb.ArmingDone(), stands)
     await is_answered(client, move_to(AWAY, 1000.0), cb.MoveAccepted(), stands)
     assert await ends_as(client, client.session.last_seq) is Status.OK
 
@@ -164,10 +164,10 @@ async def test_motion_needs_arming_in_this_session() -> None:
     async with talking(armed=False) as (cell, client):
         session = cell.controller.session
         assert await client.asks(GOOD) == cb.Refused(Status.NOT_ARMED)
-        assert await client.asks(cb.Arm(session + 1, True)) == cb.Refused(Status.NOT_ARMED)
-        assert await client.asks(cb.Arm(session, True)) == cb.ArmingDone()
+        assert await client.asks(cb.SetArmed(session + 1, True)) == cb.Refused(Status.NOT_ARMED)
+        assert await client.asks(cb.SetArmed(session, True)) == cb.ArmingDone()
         assert cell.controller.armed
-        assert await client.asks(cb.Arm(session, False)) == cb.ArmingDone()
+        assert await client.asks(cb.SetArmed(session, False)) == cb.ArmingDone()
         assert await client.asks(GOOD) == cb.Refused(Status.NOT_ARMED)
 
 
@@ -237,7 +237,7 @@ async def test_a_switch_ends_the_move_and_starting_the_program_again_moves_nothi
         switch(cell.controller, cell.cell.clock())
         assert await ends_as(client, seq) is status
         assert not cell.controller.armed
-        assert await client.asks(cb.Arm(cell.controller.session, True)) == cb.Refused(status)
+        assert await client.asks(cb.SetArmed(cell.controller.session, True)) == cb.Refused(status)
         await moves_again(cell, client)
 
 
@@ -302,7 +302,7 @@ async def test_a_line_that_cannot_be_followed_ends_in_a_motion_error_with_abbs_n
         assert await client.asks(move_to(across, kind=MoveKind.LINEAR)) == cb.MoveAccepted()
         assert await ends_as(client, client.session.last_seq) is Status.MOTION_ERROR
         assert cell.controller.log[-1].code == 50026
-        assert await client.asks(cb.Arm(cell.controller.session, True)) == cb.Refused(Status.MOTION_ERROR)
+        assert await client.asks(cb.SetArmed(cell.controller.session, True)) == cb.Refused(Status.MOTION_ERROR)
         await moves_again(cell, client)
 
 
