@@ -1,1 +1,1 @@
-"""The other end of every wire, with known truth: controller, arm, camera and scanner."""
+"""Simulated cell with known ground truth: controller, arm, camera and scanner on real sockets and serial lines."""

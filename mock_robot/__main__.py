@@ -12,7 +12,7 @@ from mock_robot.errors import MockError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line; the exit code."""
+    """Run the command line; returns the exit code."""
     parser = _parser()
     options = parser.parse_args(arguments)
     try:
@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="mock_robot", description="An ABB cell with known truth, on real wires.")
+    parser = argparse.ArgumentParser(prog="mock_robot", description="A simulated ABB cell with known truth.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="start the cell; print one JSON line with every address when it is ready")
@@ -38,16 +38,16 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--controller",
         choices=("rapid", "python"),
-        help="whose program answers: the shipped RAPID, interpreted (the default where its files are), "
-        "or its quick twin in Python",
+        help="robot program: the shipped RAPID, interpreted (the default where its files are), "
+        "or a fast equivalent in Python",
     )
     run.add_argument("--egm", type=_address, metavar="HOST:PORT", help="send EGM there, 250 packets a second")
-    run.add_argument("--robot-only", action="store_true", help="no camera and no scanner")
+    run.add_argument("--robot-only", action="store_true", help="without camera and scanner")
     run.add_argument(
         "--serial", action="store_true", help="open a serial line (a pty): with RAPID in place of the socket"
     )
     run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")
-    run.add_argument("--ready-file", type=Path, help="write the JSON line there, too")
+    run.add_argument("--ready-file", type=Path, help="write the JSON line there")
     run.add_argument("--with-parent", action="store_true", help="end when standard input closes")
     run.set_defaults(command=_run)
 
@@ -98,9 +98,9 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from mock_robot.process import run_until_told  # the heavy half is only needed here
+    from mock_robot.process import run_cell  # imports the renderer, which only `run` needs
 
-    return run_until_told(options)
+    return run_cell(options)
 
 
 def _truth(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""The line of JSON with which a mock cell says that it is ready, and where."""
+"""The JSON line a mock cell prints when it is ready: addresses and the cell's nominal data."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from mock_robot.rws.station import RwsUrls
 
 @dataclass(frozen=True)
 class Announcement:
-    """Every address, and the cell's sheet: what an integrator knows. Nothing of the truth."""
+    """Addresses of all interfaces, and the cell sheet: what an integrator knows, nothing of the truth."""
 
     seed: int
     robot_host: str
@@ -23,7 +23,7 @@ class Announcement:
     rws: RwsUrls | None = None
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """The announcement as a JSON document."""
         return {
             "schema_version": 1,
             "seed": self.seed,
@@ -40,11 +40,11 @@ class Announcement:
         return None if self.devices_url is None else f"{self.devices_url}/{path}"
 
     def line(self) -> str:
-        """One line."""
+        """The announcement as one line of JSON."""
         return json.dumps(self.document())
 
     def write(self, path: Path) -> None:
-        """Into a file that is there whole or not at all."""
+        """Write the line atomically: readers see the whole file or none."""
         unfinished = path.with_name(f".{path.name}.{os.getpid()}")
         unfinished.write_text(self.line() + "\n")
         unfinished.replace(path)

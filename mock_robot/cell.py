@@ -1,4 +1,4 @@
-"""The mock cell put together: truth, arm, controller, links, camera and scanner, and the bench's control port."""
+"""The complete mock cell: truth, arm, controller, links, camera, scanner and control port."""
 
 from collections.abc import Callable
 from contextlib import AsyncExitStack
@@ -12,8 +12,8 @@ import numpy as np
 from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array
 from mock_robot.announcement import Announcement
-from mock_robot.arm.simulated_arm import RobotNoise, SimulatedArm
-from mock_robot.cabinet.cabinet import Box
+from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
+from mock_robot.cabinet.cabinet import MotionBox
 from mock_robot.control_port import ControlPort
 from mock_robot.devices.egm import EgmSender
 from mock_robot.devices.http_server import HttpServer
@@ -29,19 +29,19 @@ from protocols.cb.codes import Command
 LOOPBACK = "127.0.0.1"
 
 RobotProgram = Literal["rapid", "python"]
-"""Whose program answers the link: the shipped RAPID in the mock's interpreter, or its quick twin in Python."""
+"""Robot program behind the link: the shipped RAPID in the interpreter, or a fast equivalent in Python."""
 ROBOT_PROGRAMS: tuple[RobotProgram, ...] = get_args(RobotProgram)
 
 _WIRES: dict[RobotProgram, type[PythonWires] | type[RapidWires]] = {"rapid": RapidWires, "python": PythonWires}
 
 
 def default_program() -> RobotProgram:
-    """The shipped RAPID; its twin where only the daemon was installed."""
+    """ "rapid" where its files are installed, otherwise "python"."""
     return "rapid" if DEPLOYED.is_dir() else "python"
 
 
 class FlangeNow(NamedTuple):
-    """Where the flange truly is, and whether it moves."""
+    """True flange pose, and whether the flange moves."""
 
     base_T_flange: Array
     moving: bool
@@ -49,12 +49,11 @@ class FlangeNow(NamedTuple):
 
 @dataclass(frozen=True)
 class Ports:
-    """Which ports to listen on; 0: the system chooses.
+    """Ports to listen on; 0: chosen by the system.
 
-    `serial` opens a pty: beside the socket with the Python program, in its place with the RAPID, as on a controller.
-
-    `devices` None: no camera and no scanner, for who needs the robot alone. `rws` None: no Robot Web Services;
-    else the ports of 1.0 and 2.0. `egm`: host and port that EGM is sent to.
+    `serial` opens a pty: beside the socket with the Python program, instead of it with RAPID, as on a real controller.
+    `devices` None: no camera and scanner. `rws` None: no Robot Web Services, otherwise the ports of 1.0 and 2.0.
+    `egm`: host and port to send EGM to.
     """
 
     host: str = LOOPBACK
@@ -67,7 +66,7 @@ class Ports:
 
 
 class MockCell:
-    """The one owner of everything in the mock. Times come from `clock`."""
+    """Owns all parts of the mock. Times come from `clock`."""
 
     def __init__(
         self,
@@ -79,14 +78,14 @@ class MockCell:
         program: RobotProgram = "python",
     ) -> None:
         arm = find_arm(truth.arm)
-        noise = RobotNoise(truth.noise.robot_translation_mm, np.radians(truth.noise.robot_rotation_deg), truth.seed)
+        noise = ArmNoise(truth.noise.robot_translation_mm, np.radians(truth.noise.robot_rotation_deg), truth.seed)
         self.truth, self.clock = truth, clock
         self._wires: Wires = _WIRES[program](
             SimulatedArm(arm, start_joints(arm, truth), noise),
             session=session or Random().randrange(1, 65536),
             time_scale=time_scale,
             started_at_s=clock(),
-            box=Box(*BOX_MM),
+            box=MotionBox(*BOX_MM),
             clock=clock,
             seed=truth.seed,
         )
@@ -97,7 +96,7 @@ class MockCell:
         self._closing = AsyncExitStack()
 
     async def start(self, ports: Ports) -> Announcement:
-        """Open every wire; where they are."""
+        """Open all interfaces and return their addresses."""
         self._closing.push_async_callback(self._wires.close)
         host, port, serial = await self._wires.start(ports.host, ports.robot, ports.serial)
         devices = None if ports.devices is None else await self._serve(self._devices(), ports.host, ports.devices)
@@ -111,34 +110,34 @@ class MockCell:
         return Announcement(self.truth.seed, host, port, serial, devices, control, cell_sheet(self.truth), rws)
 
     async def close(self) -> None:
-        """Close every wire."""
+        """Close all interfaces."""
         await self._closing.aclose()
 
     def flange_now(self) -> FlangeNow:
-        """What camera and scanner go by."""
+        """Flange pose as camera and scanner see it."""
         robot_s = self.controller.robot_s(self.clock())
         arm = self.controller.arm
-        return FlangeNow(arm.true_base_T_flange(robot_s), arm.moving_at(robot_s))
+        return FlangeNow(arm.true_base_T_flange(robot_s), arm.is_moving_at(robot_s))
 
-    def breaks(
+    def inject_fault(
         self, fault: str, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0
     ) -> None:
         """Switch a fault on, as `POST /faults/{name}` does."""
         self.faults.switch_on(fault, self.clock(), strikes=strikes, only=only, after_moves=after_moves)
         self.nudge()
 
-    def mends(self, fault: str | None = None) -> None:
-        """Switch a fault off, or all of them."""
+    def clear_faults(self, fault: str | None = None) -> None:
+        """Switch one fault off, or all of them."""
         self.faults.clear(self.clock(), fault)
         self.nudge()
 
     def nudge(self) -> None:
-        """Something changed by hand: the links look at it now."""
+        """Let the links react now to a change made from outside."""
         self._wires.nudge()
         self.rws.nudge()
 
     def _devices(self) -> object:
-        from mock_robot.devices.http_devices import create_app  # renderer and ray caster: only where they are wanted
+        from mock_robot.devices.http_devices import create_app  # imports renderer and ray caster only when needed
         from mock_robot.faults.device_faults import DEVICE_FAULTS
 
         application = create_app(self.truth, self.flange_now)

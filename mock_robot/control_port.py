@@ -1,6 +1,6 @@
-"""The test bench's own HTTP port: look at the robot, turn switches, switch faults on. Nothing of the truth is here.
+"""HTTP port for tests: read the robot's state, operate switches, switch faults. It does not reveal the truth.
 
-A plain ASGI application: a table of routes, JSON in (body or query) and out.
+A plain ASGI application: a table of routes with JSON input (body or query) and output.
 """
 
 import json
@@ -22,13 +22,13 @@ Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 Fields = Mapping[str, Any]
-BODY_MAX = 65536
+MAX_BODY_BYTES = 65536
 TRUE, FALSE = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 
 
 @dataclass
 class ControlPort:
-    """The application. `nudge` tells the links that something changed."""
+    """The ASGI application. `nudge` makes the links react to a change at once."""
 
     controller: Cabinet
     faults: FaultBoards
@@ -36,7 +36,7 @@ class ControlPort:
     nudge: Callable[[], None]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve one request."""
+        """Handle one request."""
         if scope["type"] != "http":
             return
         status, answer = self._answer(scope, await _body(receive))
@@ -67,9 +67,9 @@ class ControlPort:
             self.nudge()
             return 200, answer
         if allowed:
-            return _problem(405, f"only {', '.join(sorted(allowed))} here")
+            return _problem(405, f"allowed here: {', '.join(sorted(allowed))}")
         listed = ", ".join(f"{method} {pattern.pattern}" for method, pattern, _ in _ROUTES)
-        return _problem(404, f"no such resource; there are {listed}")
+        return _problem(404, f"no such resource; the resources are {listed}")
 
     # --- handlers ---
 
@@ -81,7 +81,7 @@ class ControlPort:
         flags = controller.flags(now_s)
         return {
             "joints_deg": [round(float(angle), 4) for angle in np.degrees(controller.arm.joints_at(robot_s))],
-            "moving": controller.arm.moving_at(robot_s),
+            "moving": controller.arm.is_moving_at(robot_s),
             "in_position": bool(flags & Flag.IN_POSITION),
             "armed": controller.armed,
             "moves_commanded": controller.moves_accepted,
@@ -124,7 +124,7 @@ class ControlPort:
         return self._state(fields)
 
     def _mode(self, fields: Fields) -> Any:
-        self.controller.switch_mode(Mode.named(str(fields.get("mode"))), self.clock())
+        self.controller.switch_mode(Mode.from_name(str(fields.get("mode"))), self.clock())
         return self._state(fields)
 
     def _emergency_stop(self, fields: Fields) -> Any:
@@ -160,7 +160,7 @@ _ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]]
 
 async def _body(receive: Receive) -> bytes:
     body = b""
-    while len(body) <= BODY_MAX:
+    while len(body) <= MAX_BODY_BYTES:
         message = await receive()
         body += message.get("body", b"")
         if not message.get("more_body"):

@@ -1,17 +1,17 @@
-"""Errors of the mock_robot room.
+"""Errors of mock_robot.
 
 MockError
-├── UnknownFault        no fault has that name; the message lists those there are
-└── NoSuchState         a mode or switch position that no controller has
+├── UnknownFault        no fault has this name; the message lists the known ones
+└── NoSuchState         a mode or switch position that controllers do not have
 """
 
 
 class MockError(Exception):
-    """Root."""
+    """Root of mock_robot's errors."""
 
 
 class UnknownFault(MockError):
-    """No fault has that name."""
+    """No fault has this name."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:
         self.name, self.known = name, known
@@ -19,7 +19,7 @@ class UnknownFault(MockError):
 
 
 class NoSuchState(MockError):
-    """A mode or switch position that no controller has."""
+    """A mode or switch position that controllers do not have."""
 
     def __init__(self, what: str, value: object, known: tuple[str, ...]) -> None:
         self.what, self.value, self.known = what, value, known

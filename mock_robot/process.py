@@ -1,4 +1,4 @@
-"""The mock cell as a process: announce itself, run until told to end, leave nothing behind."""
+"""The mock cell as a process: announces its addresses and runs until it is stopped."""
 
 import argparse
 import asyncio
@@ -11,7 +11,7 @@ from mock_robot.cell import MockCell, Ports, default_program
 from mock_robot.truth.truth import CellTruth
 
 
-def run_until_told(options: argparse.Namespace) -> int:
+def run_cell(options: argparse.Namespace) -> int:
     """Run the cell until SIGTERM, SIGINT or, with --with-parent, the end of standard input. The exit code."""
     return asyncio.run(_run(options))
 
@@ -22,10 +22,10 @@ async def _run(options: argparse.Namespace) -> int:
         time_scale=options.time_scale,
         program=options.controller or default_program(),
     )
-    told = asyncio.Event()
+    stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, told.set)
+        loop.add_signal_handler(number, stop.set)
     devices = None if options.robot_only else options.devices_port
     ports = Ports(
         options.host,
@@ -39,20 +39,20 @@ async def _run(options: argparse.Namespace) -> int:
     try:
         announcement = await cell.start(ports)
         for fault in options.fault:
-            cell.breaks(fault)
+            cell.inject_fault(fault)
         if options.ready_file is not None:
             announcement.write(options.ready_file)
         sys.stdout.write(announcement.line() + "\n")
         sys.stdout.flush()
         if options.with_parent:
-            threading.Thread(target=_until_input_ends, args=(loop, told), daemon=True).start()
-        await told.wait()
+            threading.Thread(target=_until_input_ends, args=(loop, stop), daemon=True).start()
+        await stop.wait()
     finally:
         await cell.close()
     return 0
 
 
-def _until_input_ends(loop: asyncio.AbstractEventLoop, told: asyncio.Event) -> None:
-    while os.read(sys.stdin.fileno(), 4096):  # not sys.stdin.read: its lock would stand in the way of the exit
+def _until_input_ends(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
+    while os.read(sys.stdin.fileno(), 4096):  # not sys.stdin.read: its lock would block the exit
         pass
-    loop.call_soon_threadsafe(told.set)
+    loop.call_soon_threadsafe(stop.set)

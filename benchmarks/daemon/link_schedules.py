@@ -145,13 +145,13 @@ class Schedule:
         await _armed(robot)
         before = cell.controller.moves_accepted
         for fault, later in self.faults.items():
-            cell.breaks(fault, after_moves=later)
+            cell.inject_fault(fault, after_moves=later)
         self.stage = "moving"
         failed = await _moved(robot, _somewhere(cell, self.random), tally)
         self.stage = "coming to rest"
         await _comes_to_rest(cell)
-        cell.mends()
-        cell.controller.put_right(cell.clock())
+        cell.clear_faults()
+        cell.controller.recover(cell.clock())
         cell.nudge()
         self.stage = "staying at rest"
         if failed and await _moves_by_itself(cell, robot):

@@ -1,1 +1,1 @@
-"""The simulated arm: paths, speed profiles, motion in time."""
+"""The simulated arm: paths, speed profiles, position over time."""

@@ -1,7 +1,7 @@
-"""The simulated arm: where its joints and its flange are, as functions of time handed in.
+"""The simulated arm: joints and flange pose as functions of a time passed in.
 
-Two poses are told apart: the reported one (forward kinematics, float32 as the controller rounds it) and the true one,
-off by the arm's error. The error is drawn anew for each departure and stays while the arm stands.
+The reported flange pose (forward kinematics, rounded to float32 as by a controller) differs from the true one by a
+random error, drawn anew for each move and constant while the arm stands.
 """
 
 from dataclasses import dataclass, replace
@@ -14,30 +14,30 @@ from mock_robot.arm.paths import JointPath, LinePath, Path
 from mock_robot.arm.speed_profile import Braked, Profile, Trapezoid
 
 IN_POSITION_S = 0.3
-"""How long the arm must have stood before it counts as settled: WaitTime \\InPos, 0.3."""
+"""Time of standstill after which the arm counts as settled: WaitTime \\InPos, 0.3."""
 RAMP_S = 0.1
-"""From standstill to the programmed speed, and back when told to stop."""
+"""Time from standstill to the programmed speed, and from it to standstill on a stop."""
 REORIENTATION_RAD_S = np.radians(500.0)
 """v_ori of ABB's predefined speeds v5 to v7000."""
 
 
 @dataclass(frozen=True)
-class RobotNoise:
-    """How far the flange stands from where the controller believes: sigma of each component, and the seed."""
+class ArmNoise:
+    """Standard deviations, per axis, of the true flange pose about the reported one, and the seed."""
 
     translation_sigma_mm: float = 0.0
     rotation_sigma_rad: float = 0.0
     seed: int = 0
 
     def flange_T_true(self, departure: int) -> Array:
-        """The error (4, 4) of the `departure`-th standstill; the same for the same number."""
+        """Error (4, 4) at the standstill after move number `departure`; deterministic."""
         draw = np.random.default_rng([self.seed, departure]).standard_normal(6)
         return transform(rotation_from_vector(self.rotation_sigma_rad * draw[3:]), self.translation_sigma_mm * draw[:3])
 
 
 @dataclass(frozen=True)
-class Motion:
-    """One move: a path, how fast along it, and since when."""
+class ArmMotion:
+    """One move: path, speed profile and start time."""
 
     path: Path
     profile: Profile
@@ -45,31 +45,31 @@ class Motion:
 
     @property
     def end_s(self) -> float:
-        """When the arm stands."""
+        """Time at which the arm comes to rest."""
         return self.start_s + self.profile.duration_s
 
     def along_at(self, now_s: float) -> float:
-        """The part of the way done."""
+        """Fraction of the path done."""
         return self.profile.distance_at(now_s - self.start_s)
 
     def joints_at(self, now_s: float) -> Array:
-        """Joints (6,)."""
+        """Joints (6,) in rad."""
         return self.path.joints_at(self.along_at(now_s))
 
-    def braked(self, now_s: float) -> "Motion":
-        """The same move, told to stop now."""
+    def with_braking(self, now_s: float) -> "ArmMotion":
+        """The same move with braking from now on."""
         deceleration = self.profile.speed_at(self.profile.duration_s / 2) / RAMP_S
         if now_s >= self.end_s or deceleration <= 0.0 or isinstance(self.profile, Braked):
             return self
         return replace(self, profile=Braked(self.profile, max(now_s - self.start_s, 0.0), deceleration))
 
 
-def plan_motion(arm: Arm, start: Array, end: Array, speed_mm_s: float, linear: bool, now_s: float) -> Motion:
-    """The move between two joint vectors at that flange speed, no axis above its own, up to where it is blocked."""
+def plan_motion(arm: Arm, start: Array, end: Array, speed_mm_s: float, linear: bool, now_s: float) -> ArmMotion:
+    """Move between two joint vectors at that flange speed, within the axes' speeds, up to where the path is blocked."""
     path: Path = LinePath(arm, start, end) if linear else JointPath(start, end)
-    if path.blocked_at <= 0.0:
-        return Motion(JointPath(start, start, blocked_at=0.0), Trapezoid(0.0, 1.0, 1.0), now_s)
-    along = np.linspace(0.0, path.blocked_at, 9)
+    if path.reachable_fraction <= 0.0:
+        return ArmMotion(JointPath(start, start, reachable_fraction=0.0), Trapezoid(0.0, 1.0, 1.0), now_s)
+    along = np.linspace(0.0, path.reachable_fraction, 9)
     joints = np.array([path.joints_at(float(part)) for part in along])
     flange = arm.forward(joints)
     travel_mm = float(np.linalg.norm(np.diff(flange[:, :3, 3], axis=0), axis=-1).sum())
@@ -77,61 +77,61 @@ def plan_motion(arm: Arm, start: Array, end: Array, speed_mm_s: float, linear: b
     axis_s = float((np.abs(np.diff(joints, axis=0)) / np.array(arm.speed_rad_s)).max(-1).sum())
     cruise_s = max(travel_mm / speed_mm_s, turn_rad / REORIENTATION_RAD_S, axis_s)
     if cruise_s < 1e-9:
-        return Motion(path, Trapezoid(0.0, 1.0, 1.0), now_s)
-    speed = path.blocked_at / cruise_s
-    return Motion(path, Trapezoid(path.blocked_at, speed, speed / RAMP_S), now_s)
+        return ArmMotion(path, Trapezoid(0.0, 1.0, 1.0), now_s)
+    speed = path.reachable_fraction / cruise_s
+    return ArmMotion(path, Trapezoid(path.reachable_fraction, speed, speed / RAMP_S), now_s)
 
 
 class SimulatedArm:
-    """The one owner of where the arm is. Times are the robot's own seconds; they never run backwards."""
+    """Owner of the arm's position. Times are the robot's own seconds and must not decrease."""
 
-    def __init__(self, arm: Arm, joints: Array, noise: RobotNoise, now_s: float = 0.0) -> None:
+    def __init__(self, arm: Arm, joints: Array, noise: ArmNoise, now_s: float = 0.0) -> None:
         arm.require_within_limits(joints)
         self.arm = arm
         self._noise = noise
         self._departures = 0
-        self._motion = Motion(JointPath(joints, joints), Trapezoid(0.0, 1.0, 1.0), now_s - IN_POSITION_S)
+        self._motion = ArmMotion(JointPath(joints, joints), Trapezoid(0.0, 1.0, 1.0), now_s - IN_POSITION_S)
 
     @property
     def departures(self) -> int:
-        """How many moves have begun: what no duplicate may raise."""
+        """Number of moves begun; a repeated request must not raise it."""
         return self._departures
 
     @property
     def end_s(self) -> float:
-        """When the present motion ends, or ended."""
+        """End of the current motion, or of the last one."""
         return self._motion.end_s
 
     def depart(self, joints: Array, speed_mm_s: float, linear: bool, now_s: float) -> float:
-        """Begin a move from where the arm is now; return how far its path can be followed (1 = to its end)."""
+        """Start a move from the current position; returns the fraction of its path that can be followed (1: all)."""
         self._motion = plan_motion(self.arm, self.joints_at(now_s), joints, speed_mm_s, linear, now_s)
         self._departures += 1
-        return self._motion.path.blocked_at
+        return self._motion.path.reachable_fraction
 
     def stop(self, now_s: float) -> None:
-        """Slow down to standstill on the path; standing, nothing happens."""
-        self._motion = self._motion.braked(now_s)
+        """Brake to standstill on the path; no effect at standstill."""
+        self._motion = self._motion.with_braking(now_s)
 
     def joints_at(self, now_s: float) -> Array:
         """Joints (6,) in rad."""
         return self._motion.joints_at(now_s)
 
-    def moving_at(self, now_s: float) -> bool:
-        """Is it under way?"""
+    def is_moving_at(self, now_s: float) -> bool:
+        """Whether the arm is moving."""
         return now_s < self._motion.end_s
 
-    def settled_at(self, now_s: float) -> bool:
-        """Has it stood for IN_POSITION_S?"""
+    def is_settled_at(self, now_s: float) -> bool:
+        """Whether the arm has stood still for IN_POSITION_S."""
         return now_s >= self._motion.end_s + IN_POSITION_S
 
     def progress_at(self, now_s: float) -> float:
-        """The part of the present move that is done."""
-        return self._motion.along_at(now_s) if self.moving_at(now_s) else 1.0
+        """Fraction of the current move that is done."""
+        return self._motion.along_at(now_s) if self.is_moving_at(now_s) else 1.0
 
     def reported_base_T_flange(self, now_s: float) -> Array:
-        """Where the controller believes the flange to be (before rounding to float32)."""
+        """Flange pose as the controller computes it (before rounding to float32)."""
         return self.arm.forward(self.joints_at(now_s))
 
     def true_base_T_flange(self, now_s: float) -> Array:
-        """Where the flange is: what camera and scanner see."""
+        """True flange pose, as camera and scanner see it."""
         return self.reported_base_T_flange(now_s) @ self._noise.flange_T_true(self._departures)

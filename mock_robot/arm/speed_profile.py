@@ -1,4 +1,4 @@
-"""Speed profiles: how far along its path a motion is, as a pure function of time."""
+"""Speed profiles: distance along a path as a pure function of time."""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Profile(Protocol):
-    """Distance travelled (0 at the start) after a time; `duration_s` is when it stands."""
+    """Distance travelled (0 at the start) over time; `duration_s` is the time to standstill."""
 
     @property
     def duration_s(self) -> float: ...
@@ -18,7 +18,7 @@ class Profile(Protocol):
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """Speed up, cruise, slow down. A short way never reaches the speed: a triangle."""
+    """Acceleration, constant speed, deceleration; a triangle when the path is too short to reach the speed."""
 
     length: float
     speed: float
@@ -26,12 +26,12 @@ class Trapezoid:
 
     @property
     def peak_speed(self) -> float:
-        """The speed in the middle."""
+        """Highest speed reached."""
         return min(self.speed, sqrt(self.length * self.acceleration))
 
     @property
     def duration_s(self) -> float:
-        """From standstill to standstill."""
+        """Duration from standstill to standstill."""
         if self.length <= 0.0:
             return 0.0
         return self.length / self.peak_speed + self.peak_speed / self.acceleration
@@ -56,7 +56,7 @@ class Trapezoid:
 
 @dataclass(frozen=True)
 class Braked:
-    """Another profile until `braked_at_s`, then slowing down to standstill on the same path."""
+    """Follows profile `before` until `braked_at_s`, then decelerates to standstill on the same path."""
 
     before: Profile
     braked_at_s: float
@@ -64,7 +64,7 @@ class Braked:
 
     @property
     def duration_s(self) -> float:
-        """Until standstill; never later than without braking."""
+        """Time to standstill, never later than without braking."""
         return min(self.before.duration_s, self.braked_at_s + self._speed / self.deceleration)
 
     @property

@@ -1,1 +1,1 @@
-"""The controller's cabinet: operator panel, motors, signals."""
+"""The controller cabinet: operator panel, motors, signals."""

@@ -1,6 +1,6 @@
-"""A controller cabinet, whatever program runs in it: the arm, the switches, the event log, and time.
+"""Base class of a controller cabinet: arm, switches, event log and time, independent of the robot program.
 
-No clock: times are handed in. `now_s` is wire time (heartbeat, time stamps); the arm runs `time_scale` times faster.
+Times are passed in. `now_s` is wire time (heartbeat, time stamps); the arm runs `time_scale` times faster.
 """
 
 from abc import ABC, abstractmethod
@@ -16,26 +16,26 @@ from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, Status
 
 MANUAL_SPEED_MM_S = 250.0
-"""Manual reduced speed: faster moves are slowed down to it."""
+"""Manual reduced speed: faster moves are limited to it."""
 UNUSED_AXIS = 9e9
-SLOWEST_OVERRIDE = 1e-6
+MIN_OVERRIDE = 1e-6
 
 
 @dataclass(frozen=True)
-class Box:
-    """Where the flange may be, mm in the base: checked by the robot program, too."""
+class MotionBox:
+    """Allowed volume of the flange, mm in the base frame; the robot program checks it."""
 
     low_mm: tuple[float, float, float] = (-1600.0, -1600.0, 0.0)
     high_mm: tuple[float, float, float] = (1600.0, 1600.0, 2200.0)
 
-    def holds(self, point_mm: Array) -> bool:
-        """Is the point inside?"""
+    def contains(self, point_mm: Array) -> bool:
+        """Whether the point lies inside."""
         return bool(np.all(point_mm >= self.low_mm) and np.all(point_mm <= self.high_mm))
 
 
 @dataclass(frozen=True)
 class LogEntry:
-    """A line of the controller's event log; `code` is ABB's number where there is one."""
+    """A line of the controller's event log; `code` is ABB's number, 0 where there is none."""
 
     at_s: float
     code: int
@@ -44,13 +44,13 @@ class LogEntry:
 
 @dataclass
 class Cabinet(ABC):
-    """What switches do and what a bench may see. The robot program behind the link is the subclass's."""
+    """Switches and state of a controller. The robot program behind the link is implemented by a subclass."""
 
     arm: SimulatedArm
     session: int
     time_scale: float = 1.0
     started_at_s: float = 0.0
-    box: Box = field(default_factory=Box)
+    box: MotionBox = field(default_factory=MotionBox)
     panel: Panel = field(default_factory=Panel)
     external_axes: tuple[float, ...] = (UNUSED_AXIS,) * 6
     settles: bool = True
@@ -60,12 +60,12 @@ class Cabinet(ABC):
     recorded: int = field(default=0, init=False)
 
     def robot_s(self, now_s: float) -> float:
-        """The arm's own time."""
+        """Time on the arm's own clock."""
         return (now_s - self.started_at_s) * self.time_scale
 
     @abstractmethod
     def tick(self, now_s: float) -> list[cb.Answer]:
-        """Let time do its work; what there is to announce, unasked."""
+        """Advance to `now_s`; returns messages to announce without a request."""
 
     @abstractmethod
     def halt(self, now_s: float, result: Status) -> None:
@@ -73,64 +73,64 @@ class Cabinet(ABC):
 
     @abstractmethod
     def restart(self, now_s: float) -> None:
-        """A warm start: a new session, disarmed, nothing remembered."""
+        """Warm start: new session, disarmed, program state cleared."""
 
-    # --- switches, turned by people, tests and faults ---
+    # --- switches, operated by people, tests and faults ---
 
     def switch_motors(self, on: bool, now_s: float) -> None:
-        """Motors on or off; they stay off while the emergency stop is pressed."""
+        """Switch the motors on or off; they stay off while the emergency stop is pressed."""
         self.panel.motors_on = on and not self.panel.emergency_stop
         self.record(now_s, 10011 if self.panel.motors_on else 10012, f"motors {'on' if on else 'off'}")
-        self.obey_panel(now_s)
+        self.apply_panel(now_s)
 
     def switch_mode(self, mode: Mode, now_s: float) -> None:
-        """Turn the mode switch: whatever moves stops, and the client has to arm again."""
+        """Turn the mode switch: motion stops, and the client must arm again."""
         changed, self.panel.mode = mode is not self.panel.mode, mode
         self.record(now_s, 10015 if mode is not Mode.AUTO else 10017, f"mode {mode.value}")
         if changed:
             self.halt(now_s, Status.WRONG_MODE)
 
     def press_emergency_stop(self, pressed: bool, now_s: float) -> None:
-        """Press or release; pressing takes the motors' power, releasing does not give it back."""
+        """Press or release the emergency stop; pressing cuts the motors' power, releasing does not restore it."""
         self.panel.emergency_stop = pressed
         if pressed:
             self.panel.motors_on = False
         self.record(now_s, 10013 if pressed else 10014, f"emergency stop {'pressed' if pressed else 'released'}")
-        self.obey_panel(now_s)
+        self.apply_panel(now_s)
 
     def run_program(self, running: bool, now_s: float) -> None:
         """Start or stop the motion task's program."""
         self.panel.program_running = running
         self.record(now_s, 10002 if running else 10005, f"program {'started' if running else 'stopped'}")
-        self.obey_panel(now_s)
+        self.apply_panel(now_s)
 
-    def put_right(self, now_s: float) -> None:
-        """What an operator does after a stop: automatic, motors on, program started."""
+    def recover(self, now_s: float) -> None:
+        """Recover as an operator does after a stop: automatic mode, motors on, program started."""
         if self.panel.mode is not Mode.AUTO:
             self.switch_mode(Mode.AUTO, now_s)
         self.switch_motors(True, now_s)
         self.run_program(True, now_s)
 
-    def obey_panel(self, now_s: float) -> None:
-        """A switch was turned: whatever it forbids ends."""
+    def apply_panel(self, now_s: float) -> None:
+        """React to a turned switch: end whatever its position forbids."""
         forbidden = self.panel.forbids_motion()
         if forbidden is not None:
             self.halt(now_s, forbidden)
 
     def record(self, now_s: float, code: int, text: str) -> None:
-        """A line for the event log."""
+        """Append a line to the event log."""
         self.log.append(LogEntry(now_s, code, text))
         self.recorded += 1
 
     def flags(self, now_s: float) -> Flag:
-        """The state in 16 bits."""
+        """Controller state as the link's 16 flags."""
         robot_s, panel = self.robot_s(now_s), self.panel
         switches = {
             Flag.MOTORS_ON: panel.motors_on,
             Flag.AUTO: panel.mode is Mode.AUTO,
             Flag.ESTOP: panel.emergency_stop,
-            Flag.MOVING: self.arm.moving_at(robot_s),
-            Flag.IN_POSITION: self.settles and self.arm.settled_at(robot_s),
+            Flag.MOVING: self.arm.is_moving_at(robot_s),
+            Flag.IN_POSITION: self.settles and self.arm.is_settled_at(robot_s),
             Flag.ARMED: self.armed,
             Flag.TASK_RUNNING: panel.program_running,
             Flag.SPEED_LIMITED: panel.mode is not Mode.AUTO or panel.speed_override < 1.0,

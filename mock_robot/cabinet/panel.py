@@ -1,4 +1,4 @@
-"""The switches of a controller cabinet, and what each position forbids."""
+"""Switches of a controller cabinet, and the motion each position forbids."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,15 +9,15 @@ from protocols.cb.codes import Status
 
 
 class Mode(Enum):
-    """The mode switch: automatic, manual reduced speed, manual full speed."""
+    """Operating mode: automatic, manual reduced speed, manual full speed."""
 
     AUTO = "AUTO"
     MANR = "MANR"
     MANF = "MANF"
 
     @classmethod
-    def named(cls, name: str) -> "Mode":
-        """The mode of that name; raises NoSuchState."""
+    def from_name(cls, name: str) -> "Mode":
+        """The mode called `name`; raises NoSuchState."""
         try:
             return cls(name.upper())
         except ValueError:
@@ -26,7 +26,7 @@ class Mode(Enum):
 
 @dataclass
 class Panel:
-    """Switch positions. `speed_override` is the pendant's 0 to 1."""
+    """Switch positions. `speed_override` of the pendant, 0 to 1."""
 
     motors_on: bool = True
     mode: Mode = Mode.AUTO
@@ -35,7 +35,7 @@ class Panel:
     speed_override: float = 1.0
 
     def forbids_motion(self) -> Status | None:
-        """The first reason against any motion, or None."""
+        """First reason that forbids motion, or None."""
         return next((status for forbidden, status in _FORBIDDEN if forbidden(self)), None)
 
 

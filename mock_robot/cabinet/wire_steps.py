@@ -1,30 +1,30 @@
-"""What a link tells its shell to do, step by step. A shell is a socket, a serial line, or a test's list."""
+"""Output steps of a link, carried out by a socket, a serial line or a test."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Send:
-    """Put these bytes on the wire."""
+    """Send these bytes."""
 
     data: bytes
 
 
 @dataclass(frozen=True)
 class Pause:
-    """Let real time pass."""
+    """Wait in real time."""
 
     seconds: float
 
 
 @dataclass(frozen=True)
 class Close:
-    """Close the connection in good order; a serial line stays open."""
+    """Close the connection in order; a serial line stays open."""
 
 
 @dataclass(frozen=True)
 class Reset:
-    """Break the connection: the peer sees a reset. A serial line stays open."""
+    """Reset the connection (TCP RST); a serial line stays open."""
 
 
 WireStep = Send | Pause | Close | Reset

@@ -1,1 +1,1 @@
-"""The camera, the scanner and EGM as servers on sockets."""
+"""Camera, scanner and EGM as servers on sockets."""

@@ -1,4 +1,4 @@
-"""What camera and scanner capture while the flange stands or moves; pure but for the random numbers it is given."""
+"""Simulated captures of camera and scanner at rest or in motion; pure functions of the given random generator."""
 
 from dataclasses import dataclass
 
@@ -20,13 +20,13 @@ BEHIND = transform(np.eye(3), [0.0, 0.0, -1e4])
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """Where the flange truly was when a capture began and when it ended."""
+    """True flange poses at the start and the end of a capture."""
 
     begin_base_T_flange: Array
     end_base_T_flange: Array
 
     def poses(self, count: int) -> list[Array]:
-        """base_T_flange at `count` moments spread evenly; one when it stood."""
+        """base_T_flange at `count` evenly spaced moments; one pose when the flange stood still."""
         moved_mm, turned_rad = difference(self.begin_base_T_flange, self.end_base_T_flange)
         if moved_mm < STILL_MM and turned_rad < STILL_RAD:
             return [self.begin_base_T_flange]
@@ -39,7 +39,7 @@ class Exposure:
 
 
 def picture(truth: CellTruth, exposure: Exposure, hidden: bool, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """What the camera sees (h, w); smeared when the flange moved. `hidden`: something covers the target."""
+    """Camera image (h, w), smeared when the flange moved. `hidden`: the target is covered."""
     camera_T_flange = inverse(truth.flange_T_camera)
     poses = [
         BEHIND if hidden else camera_T_flange @ inverse(base_T_flange) @ truth.base_T_target
@@ -58,6 +58,6 @@ def cloud(truth: CellTruth, exposure: Exposure, rng: np.random.Generator) -> NDA
 
 
 def png(image: NDArray[np.uint8]) -> bytes:
-    """The picture as a PNG file."""
+    """Encode the image as a PNG file."""
     _, encoded = cv2.imencode(".png", image, PNG_SPEED)
     return encoded.tobytes()

@@ -1,4 +1,4 @@
-"""EGM of the mock controller: 250 packets a second to a client's port, from the arm everything else shows."""
+"""EGM of the mock controller: 250 packets per second of the simulated arm's state to a client's port."""
 
 import asyncio
 from collections.abc import Callable
@@ -13,23 +13,23 @@ from protocols.egm.messages import RobotSample, encode
 
 PERIOD_S = 0.004
 VIBRATION_MM, VIBRATION_HZ = 0.3, 12.0
-"""Amplitude and frequency under the fault that lets the arm ring."""
+"""Amplitude and frequency of the fault `egm-vibration`."""
 LOST_EVERY = 5
 
 
 class _Listener(asyncio.DatagramProtocol):
-    """Counts what clients send back: a monitor sends nothing."""
+    """Counts packets sent back; a client that only monitors sends none."""
 
     def __init__(self) -> None:
         self.received = 0
 
     def datagram_received(self, data: bytes, address: object) -> None:
-        """A correction: nobody asked for it."""
+        """Count an unexpected correction."""
         self.received += 1
 
 
 class EgmSender:
-    """The controller's side: it is the client, and sends from a port of its own."""
+    """The controller's side of EGM, a UDP client that sends from a port of its own."""
 
     def __init__(self, cabinet: Cabinet, faults: FaultBoard, clock: Callable[[], float]) -> None:
         self._cabinet, self._faults, self._clock = cabinet, faults, clock
@@ -40,17 +40,17 @@ class EgmSender:
 
     @property
     def corrections(self) -> int:
-        """How many packets came back."""
+        """Number of packets received."""
         return self._listener.received
 
     async def start(self, host: str, port: int) -> None:
-        """Send to that address until closed."""
+        """Send to that address until `close`."""
         loop = asyncio.get_running_loop()
         self._transport, _ = await loop.create_datagram_endpoint(lambda: self._listener, remote_addr=(host, port))
         self._sending = asyncio.create_task(self._send(), name="EGM")
 
     async def close(self) -> None:
-        """Send no more."""
+        """Stop sending."""
         if self._sending is not None:
             self._sending.cancel()
             await asyncio.gather(self._sending, return_exceptions=True)
@@ -58,7 +58,7 @@ class EgmSender:
             self._transport.close()
 
     def packet(self, now_s: float) -> bytes:
-        """What is sent at that moment."""
+        """Encode the packet for the time `now_s`."""
         robot_s, panel = self._cabinet.robot_s(now_s), self._cabinet.panel
         pose = self._cabinet.arm.reported_base_T_flange(robot_s)
         position = np.float32(pose[:3, 3]).astype(float)

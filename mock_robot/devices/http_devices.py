@@ -1,8 +1,8 @@
-"""Camera and scanner of the mock cell over HTTP, as an ASGI application. The truth stays behind it.
+"""Camera and scanner of the mock cell over HTTP, as an ASGI application.
 
-GET /camera/snapshot.png and /scanner/cloud.ply capture on request at the flange's true pose. Answers carry
-`X-Taken-At-Age-S` (how old the capture was when the request came: 0 for one made on request) and `X-Capture-Id`
-(counts captures of that device).
+GET /camera/snapshot.png and /scanner/cloud.ply capture on request at the flange's true pose. Responses carry
+`X-Taken-At-Age-S` (age of the capture when the request arrived; 0 for one made on request) and `X-Capture-Id`
+(a counter per device).
 """
 
 import asyncio
@@ -32,7 +32,7 @@ Develop = Callable[[Exposure, tuple[DeviceFault, ...], np.random.Generator], byt
 
 
 class FlangePose(Protocol):
-    """Where the flange truly is."""
+    """True flange pose."""
 
     @property
     def base_T_flange(self) -> Array: ...
@@ -40,7 +40,7 @@ class FlangePose(Protocol):
 
 @dataclass(frozen=True)
 class Capture:
-    """A file, when its capture began, and its number."""
+    """A captured file, when its capture began, and its number."""
 
     content: bytes
     began_s: float
@@ -48,7 +48,7 @@ class Capture:
 
 
 class DeviceApp:
-    """The ASGI application, and the board that its faults are switched on."""
+    """The ASGI application and its fault board."""
 
     def __init__(self, truth: CellTruth, flange_now: Callable[[], FlangePose]) -> None:
         self.faults = DeviceFaultBoard()
@@ -65,17 +65,17 @@ class DeviceApp:
         receive: Callable[[], Awaitable[Message]],
         send: Callable[[Message], Awaitable[None]],
     ) -> None:
-        """Serve one request."""
+        """Handle one request."""
         await self._app(scope, receive, send)
 
 
 def create_app(truth: CellTruth, flange_now: Callable[[], FlangePose]) -> DeviceApp:
-    """The application; `flange_now` is asked when a capture begins and ends, on the event loop."""
+    """Create the application; `flange_now` is called at the start and end of each capture, on the event loop."""
     return DeviceApp(truth, flange_now)
 
 
 class _Station:
-    """One device: it captures one after the other, develops in a thread, and remembers its last file."""
+    """One device: captures one at a time, renders in a thread, keeps its last file."""
 
     def __init__(
         self,
@@ -92,7 +92,7 @@ class _Station:
         self._captures = 0
 
     async def answer(self, request: Request) -> Response:
-        """Capture and answer the file."""
+        """Capture and respond with the file."""
         asked_s = monotonic()
         struck = self._faults.strike(self._device)
         status = max((fault.status for fault in struck), default=200)

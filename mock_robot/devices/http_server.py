@@ -1,4 +1,4 @@
-"""An ASGI application on a port the system chooses, in the loop that already runs."""
+"""Serves an ASGI application on the running event loop."""
 
 import asyncio
 import socket
@@ -10,19 +10,19 @@ import uvicorn
 
 
 class _Server(uvicorn.Server):
-    """uvicorn without its signal handlers: the cell has its own."""
+    """uvicorn without signal handlers; the cell installs its own."""
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Leave the process's handlers alone."""
+        """Leave the process's signal handlers unchanged."""
         yield
 
 
 class HttpServer:
-    """One application, one port."""
+    """One application on one port."""
 
     def __init__(self, application: Any, **options: Any) -> None:
-        """`options`: more of uvicorn's, such as a certificate."""
+        """`options`: further arguments of uvicorn.Config, such as a certificate."""
         options = {"ws": "none", **options}
         config = uvicorn.Config(
             application, log_level="error", access_log=False, lifespan="off", timeout_graceful_shutdown=1, **options
@@ -32,7 +32,7 @@ class HttpServer:
         self._serving: asyncio.Task[None] | None = None
 
     async def start(self, host: str, port: int) -> str:
-        """Serve; the base URL, without a slash at its end."""
+        """Start serving; returns the base URL without a trailing slash."""
         listening = socket.create_server((host, port))
         chosen = listening.getsockname()[1]
         self._serving = asyncio.create_task(self._server.serve(sockets=[listening]))
@@ -43,7 +43,7 @@ class HttpServer:
         return f"{self._scheme}://{host}:{chosen}"
 
     async def close(self) -> None:
-        """Stop serving; open answers get a second to end."""
+        """Stop serving; requests in progress get one second to finish."""
         self._server.should_exit = True
         if self._serving is not None:
             await asyncio.gather(self._serving, return_exceptions=True)

@@ -1,1 +1,1 @@
-"""Named faults and the board that switches them on and off."""
+"""Tables of named faults, and the boards that switch them."""

@@ -1,8 +1,8 @@
-"""Named faults as a table, and the board on which they are switched on.
+"""Named faults of controller and link, and the board that switches them.
 
-A fault may strike in four places: the controller's state when it begins (`begin`), an answer before it is packed
-(`reply`: the robot lies), the packed bytes on their way out (`send`), and the bytes that come in (`receive`).
-Adding a fault is adding a row to `mock_robot.faults.robot_faults`.
+A fault acts in up to four places: on the controller's state when it begins (`begin`), on a reply before encoding
+(`reply`), on encoded bytes sent (`send`) and on bytes received (`receive`). New faults are new rows of
+`mock_robot.faults.robot_faults`.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,7 +24,7 @@ StateFault = Callable[[Cabinet, float], None]
 
 @dataclass(frozen=True)
 class Fault:
-    """One row. `strikes` is how often it strikes unless told otherwise; None until it is cleared."""
+    """One fault. `strikes`: how many times it acts by default; None: until cleared."""
 
     name: str
     area: Literal["link", "serial", "robot", "rws", "egm"]
@@ -39,7 +39,7 @@ class Fault:
 
 @dataclass
 class ActiveFault:
-    """A fault that was switched on. It sleeps until `from_move` moves were accepted."""
+    """A fault that is switched on. It stays inactive until `from_move` moves have been accepted."""
 
     fault: Fault
     strikes_left: int | None
@@ -52,7 +52,7 @@ class ActiveFault:
 
 @dataclass
 class FaultBoard:
-    """Which faults are on. The same seed gives the same bits flipped and the same garbage."""
+    """The faults that are on. Flipped bits and garbage depend only on the seed."""
 
     table: Mapping[str, Fault]
     seed: int = 0
@@ -64,7 +64,7 @@ class FaultBoard:
 
     @property
     def active(self) -> dict[str, ActiveFault]:
-        """The faults that are on, by name."""
+        """Faults that are on, by name."""
         return dict(self._active)
 
     def switch_on(
@@ -77,7 +77,7 @@ class FaultBoard:
         only: Command | None = None,
         after_moves: int = 0,
     ) -> None:
-        """Switch a fault on: for `strikes` replies, only for replies to `only`, once `after_moves` more moves began.
+        """Switch a fault on: for `strikes` replies, only for replies to `only`, after `after_moves` further moves.
 
         Raises UnknownFault.
         """
@@ -101,64 +101,64 @@ class FaultBoard:
                 active.fault.end(controller, now_s)
 
     def wake(self, controller: Cabinet, now_s: float) -> None:
-        """Let faults begin whose move has come."""
+        """Begin the faults whose move has come."""
         for active in list(self._active.values()):
             if active.awake or controller.moves_accepted < active.from_move:
                 continue
             active.awake = True
             if active.fault.begin is not None:
                 active.fault.begin(controller, now_s)
-                self._struck(active)
-            if active.cleared and active.fault.end is not None:  # by another thread, before it had begun
+                self._count_strike(active)
+            if active.cleared and active.fault.end is not None:  # cleared by another thread before it began
                 active.fault.end(controller, now_s)
 
     def is_on(self, name: str) -> bool:
-        """Is a fault on and awake, for who looks at it by name?"""
+        """Whether a fault is on and active."""
         return name in self._active and self._active[name].awake
 
-    def strikes(self, name: str) -> bool:
-        """The same, and it counts as having struck."""
+    def strike(self, name: str) -> bool:
+        """Whether a fault is on and active; counts as one strike."""
         on = self.is_on(name)
         if on:
-            self._struck(self._active[name])
+            self._count_strike(self._active[name])
         return on
 
-    def incoming(self, data: bytes) -> bytes:
-        """Bytes from the wire as the controller gets to see them."""
+    def alter_incoming(self, data: bytes) -> bytes:
+        """Received bytes as altered by the active faults."""
         for active in self._awake("receive"):
             assert active.fault.receive is not None
             data = active.fault.receive(data, self._random)
-            self._struck(active)
+            self._count_strike(active)
         return data
 
-    def replied(self, command: Command | None, reply: Reply) -> Reply:
-        """An answer as the controller gives it."""
+    def alter_reply(self, command: Command | None, reply: Reply) -> Reply:
+        """A reply as altered by the active faults."""
         for active in self._awake("reply", command):
             assert active.fault.reply is not None
             altered = active.fault.reply(reply)
             if altered is not reply:
-                self._struck(active)
+                self._count_strike(active)
             reply = altered
         return reply
 
     def outgoing(self, command: Command | None, data: bytes) -> tuple[WireStep, ...]:
-        """Packed bytes as they go on the wire: of several faults the first that applies has its way."""
+        """Wire steps for encoded bytes; the first active fault that applies decides."""
         for active in self._awake("send", command):
             assert active.fault.send is not None
-            self._struck(active)
+            self._count_strike(active)
             return active.fault.send(data, self._random)
         return (Send(data),)
 
     def _awake(self, place: Literal["receive", "reply", "send"], command: Command | None = None) -> list[ActiveFault]:
         return [
             active
-            for active in list(self._active.values())  # a program in a thread of its own may ask, too
+            for active in list(self._active.values())  # a copy, since a program's thread may iterate, too
             if active.awake
             and getattr(active.fault, place) is not None
             and (active.only is None or active.only == command or place == "receive")
         ]
 
-    def _struck(self, active: ActiveFault) -> None:
+    def _count_strike(self, active: ActiveFault) -> None:
         active.struck += 1
         if active.strikes_left is not None:
             active.strikes_left -= 1

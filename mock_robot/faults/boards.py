@@ -1,4 +1,4 @@
-"""All named faults of a cell in one place: those of the controller and its links, and those of camera and scanner."""
+"""All faults of a cell behind one interface: those of the controller and its links, those of camera and scanner."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from protocols.cb.codes import Command
 
 
 class FaultRow(Protocol):
-    """What every fault tells of itself."""
+    """Description of a fault."""
 
     @property
     def name(self) -> str: ...
@@ -24,7 +24,7 @@ class FaultRow(Protocol):
 
 
 class DeviceFaults(Protocol):
-    """The board of camera and scanner."""
+    """Interface of the board of camera and scanner."""
 
     @property
     def active(self) -> tuple[str, ...]: ...
@@ -36,7 +36,7 @@ class DeviceFaults(Protocol):
 
 @dataclass(frozen=True)
 class FaultBoards:
-    """Switches the right board. `devices` and `device_rows` are empty for a cell without camera and scanner."""
+    """Dispatches to the right board. `devices` and `device_rows` are None for a cell without camera and scanner."""
 
     controller: Cabinet
     robot: FaultBoard
@@ -45,12 +45,12 @@ class FaultBoards:
 
     @property
     def rows(self) -> dict[str, FaultRow]:
-        """Every fault that can be switched on here."""
+        """All faults available in this cell, by name."""
         return {**self.robot.table, **(self.device_rows or {})}
 
     @property
     def active(self) -> list[str]:
-        """Names of those that are on."""
+        """Names of the faults that are on."""
         return sorted([*self.robot.active, *(self.devices.active if self.devices is not None else ())])
 
     def switch_on(

@@ -1,7 +1,7 @@
-"""Named faults of camera and scanner as a table, and the board on which they are switched on.
+"""Named faults of camera and scanner, and the board that switches them.
 
-A fault may strike at four places: before the capture (`delay_s`, `status`), in the scene (`hides_target`), in what was
-captured (`picture`, `points`) and in the file on its way out (`content`). Adding a fault is adding a row.
+A fault acts in up to four places: before the capture (`delay_s`, `status`), in the scene (`hides_target`), on captured
+data (`picture`, `points`) and on the encoded file (`content`). New faults are new rows.
 """
 
 import threading
@@ -24,9 +24,9 @@ LATE_S = 5.0
 
 @dataclass(frozen=True)
 class DeviceFault:
-    """One row. `strikes` is how many captures it spoils unless told otherwise; None until it is cleared.
+    """One fault. `strikes`: how many captures it affects by default; None: until cleared.
 
-    `repeats`: the previous file comes again, with its true age (`honest`) or as if it were new (`lying`).
+    `repeats`: the previous file is sent again, with its true age (`honest`) or as if new (`lying`).
     """
 
     name: str
@@ -42,8 +42,8 @@ class DeviceFault:
     content: Callable[[bytes], bytes] | None = None
 
 
-def _torn(picture: Picture) -> Picture:
-    """The lower half comes from a readout that lost its place: shifted by a sixteenth of the width."""
+def _tear(picture: Picture) -> Picture:
+    """Shift the lower half by a sixteenth of the width, as a readout that lost synchronisation does."""
     torn = picture.copy()
     half = len(picture) // 2
     torn[half:] = np.roll(picture[half:], picture.shape[1] // 16, axis=1)
@@ -51,7 +51,7 @@ def _torn(picture: Picture) -> Picture:
 
 
 def _with_holes(points: Points) -> Points:
-    """Every tenth point is NaN, as scanners mark pixels without a measurement."""
+    """Set every tenth point to NaN, as scanners mark pixels without a measurement."""
     holes = points.copy()
     holes[::10] = np.nan
     return holes
@@ -65,10 +65,10 @@ _ROWS = (
     DeviceFault("camera-late", "camera", f"the picture comes {LATE_S:.0f} s late", delay_s=LATE_S),
     DeviceFault("camera-away", "camera", "the camera answers 503", status=503),
     DeviceFault("camera-repeated", "camera", "the previous picture comes again as if new", None, repeats="lying"),
-    DeviceFault("camera-stale", "camera", "the previous picture comes again, its age told", None, repeats="honest"),
+    DeviceFault("camera-stale", "camera", "the previous picture comes with its true age", None, repeats="honest"),
     DeviceFault("camera-black", "camera", "the picture is black", picture=np.zeros_like),
     DeviceFault("camera-saturated", "camera", "the picture is white", picture=lambda p: np.full_like(p, 255)),
-    DeviceFault("camera-torn", "camera", "the lower half of the picture is shifted", picture=_torn),
+    DeviceFault("camera-torn", "camera", "the lower half of the picture is shifted", picture=_tear),
     DeviceFault("camera-wrong-size", "camera", "the picture has half the size", picture=lambda p: p[::2, ::2].copy()),
     DeviceFault("camera-half-file", "camera", "half of the file comes", content=_half),
     DeviceFault("camera-empty-file", "camera", "a file of 0 bytes comes", content=lambda content: b""),
@@ -76,7 +76,7 @@ _ROWS = (
     DeviceFault("scanner-late", "scanner", f"the cloud comes {LATE_S:.0f} s late", delay_s=LATE_S),
     DeviceFault("scanner-away", "scanner", "the scanner answers 503", status=503),
     DeviceFault("scanner-repeated", "scanner", "the previous cloud comes again as if new", None, repeats="lying"),
-    DeviceFault("scanner-stale", "scanner", "the previous cloud comes again, its age told", None, repeats="honest"),
+    DeviceFault("scanner-stale", "scanner", "the previous cloud comes with its true age", None, repeats="honest"),
     DeviceFault("scanner-empty", "scanner", "the cloud has no points", points=lambda points: points[:0]),
     DeviceFault("scanner-nan", "scanner", "every tenth point is NaN", points=_with_holes),
     DeviceFault("scanner-half-file", "scanner", "half of the file comes", content=_half),
@@ -87,7 +87,7 @@ DEVICE_FAULTS: Mapping[str, DeviceFault] = MappingProxyType({fault.name: fault f
 
 @dataclass
 class DeviceFaultBoard:
-    """Which faults are on; safe to switch from any thread."""
+    """The faults that are on; thread-safe."""
 
     table: Mapping[str, DeviceFault] = field(default_factory=lambda: DEVICE_FAULTS)
     _strikes_left: dict[str, int | None] = field(default_factory=dict, init=False)
@@ -100,14 +100,14 @@ class DeviceFaultBoard:
             return tuple(self._strikes_left)
 
     def switch_on(self, name: str, strikes: int | None = None) -> None:
-        """From the next capture on, for `strikes` captures (None: the row's own number). Raises UnknownFault."""
+        """Switch on from the next capture, for `strikes` captures (None: the row's default). Raises UnknownFault."""
         if name not in self.table:
             raise UnknownFault(name, tuple(self.table))
         with self._lock:
             self._strikes_left[name] = self.table[name].strikes if strikes is None else strikes
 
     def clear(self, name: str | None = None) -> None:
-        """Switch one fault off, or all. Raises UnknownFault."""
+        """Switch one fault off, or all of them. Raises UnknownFault."""
         if name is not None and name not in self.table:
             raise UnknownFault(name, tuple(self.table))
         with self._lock:
@@ -115,7 +115,7 @@ class DeviceFaultBoard:
                 self._strikes_left.pop(known, None)
 
     def strike(self, device: Device) -> tuple[DeviceFault, ...]:
-        """The faults that spoil this capture; each uses up one strike."""
+        """Faults that affect this capture; each loses one strike."""
         with self._lock:
             struck = tuple(self.table[name] for name in self._strikes_left if self.table[name].area == device)
             for fault in struck:

@@ -1,4 +1,4 @@
-"""The table of named faults of the controller and its two links. Camera and scanner faults are in their own table."""
+"""Table of named faults of the controller, its links, RWS and EGM. Camera and scanner have a table of their own."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -15,7 +15,7 @@ from protocols.cb.messages import Pose, Reply, Report
 
 DELAY_S = 0.4
 STALL_S = 3.0
-"""Longer than the heartbeat allows."""
+"""Longer than the heartbeat's limit."""
 
 
 def _split(data: bytes, random: Random) -> tuple[WireStep, ...]:
@@ -26,7 +26,7 @@ def _split(data: bytes, random: Random) -> tuple[WireStep, ...]:
 
 
 def _flip(data: bytes, random: Random) -> bytes:
-    if not data:  # another fault has swallowed it
+    if not data:  # another fault has dropped the bytes
         return data
     place = random.randrange(2, len(data)) if len(data) > 2 else 0
     return data[:place] + bytes([data[place] ^ (1 << random.randrange(8))]) + data[place + 1 :]
@@ -43,8 +43,8 @@ def _half(data: bytes) -> bytes:
     return data[: len(data) // 2]
 
 
-def _knob(name: str, value: float) -> StateFault:
-    """Set one knob of the controller or its panel."""
+def _set_attribute(name: str, value: float) -> StateFault:
+    """Set an attribute of the controller or its panel."""
 
     def turn(controller: Cabinet, now_s: float) -> None:
         setattr(controller if hasattr(controller, name) else controller.panel, name, value)
@@ -52,12 +52,12 @@ def _knob(name: str, value: float) -> StateFault:
     return turn
 
 
-def _posed(change: Callable[[Pose], Pose]) -> ReplyFault:
-    """Alter poses and nothing else."""
+def _alter_pose(change: Callable[[Pose], Pose]) -> ReplyFault:
+    """Apply `change` to poses only."""
     return lambda reply: change(reply) if isinstance(reply, Pose) else reply
 
 
-def _scaled(values: Any, factor: float) -> Any:
+def _scale(values: Any, factor: float) -> Any:
     return tuple(factor * value for value in values)
 
 
@@ -75,7 +75,7 @@ _ROWS = (
     Fault("link-drop-mid-frame", "link", "half a reply, then closed", send=lambda d, r: (Send(_half(d)), Close())),
     Fault("link-close", "link", "closed in place of a reply", send=lambda d, r: (Close(),)),
     Fault("link-reset", "link", "reset in place of a reply", send=lambda d, r: (Reset(),)),
-    Fault("link-half-open", "link", "nothing is heard and nothing said, yet connected", None, receive=lambda d, r: b""),
+    Fault("link-half-open", "link", "connected, but no bytes pass in either direction", None, receive=lambda d, r: b""),
     Fault("link-reply-lost", "link", "the request is done, its reply is lost", send=lambda d, r: ()),
     Fault("link-deaf-once", "link", "one piece of a request is lost on the way", receive=lambda d, r: b""),
     Fault("link-bit-flip", "link", "one bit of a reply is flipped", send=lambda d, r: (Send(_flip(d, r)),)),
@@ -123,7 +123,7 @@ _ROWS = (
         "the motors lose power",
         None,
         begin=lambda c, now_s: c.switch_motors(False, now_s),
-        end=lambda c, now_s: c.put_right(now_s),
+        end=lambda c, now_s: c.recover(now_s),
     ),
     Fault(
         "robot-manual-mode",
@@ -131,7 +131,7 @@ _ROWS = (
         "somebody turns the key to manual full speed",
         None,
         begin=lambda c, now_s: c.switch_mode(Mode.MANF, now_s),
-        end=lambda c, now_s: c.put_right(now_s),
+        end=lambda c, now_s: c.recover(now_s),
     ),
     Fault(
         "robot-program-stopped",
@@ -146,67 +146,67 @@ _ROWS = (
         "robot",
         "the arm never reports standstill",
         None,
-        _knob("settles", False),
-        _knob("settles", True),
+        _set_attribute("settles", False),
+        _set_attribute("settles", True),
     ),
     Fault(
         "robot-override-zero",
         "robot",
         "speed override 0: moves begin and go nowhere",
         None,
-        _knob("speed_override", 0.0),
-        _knob("speed_override", 1.0),
+        _set_attribute("speed_override", 0.0),
+        _set_attribute("speed_override", 1.0),
     ),
     Fault(
         "robot-nan-pose",
         "robot",
         "a pose with NaN",
         None,
-        reply=_posed(lambda p: replace(p, position_mm=(nan, nan, nan))),
+        reply=_alter_pose(lambda p: replace(p, position_mm=(nan, nan, nan))),
     ),
     Fault(
         "robot-quaternion-not-unit",
         "robot",
         "a quaternion of length 0.9",
         None,
-        reply=_posed(lambda p: replace(p, quaternion_wxyz=_scaled(p.quaternion_wxyz, 0.9))),
+        reply=_alter_pose(lambda p: replace(p, quaternion_wxyz=_scale(p.quaternion_wxyz, 0.9))),
     ),
     Fault(
         "robot-metres",
         "robot",
         "positions in metres",
         None,
-        reply=_posed(lambda p: replace(p, position_mm=_scaled(p.position_mm, 1e-3))),
+        reply=_alter_pose(lambda p: replace(p, position_mm=_scale(p.position_mm, 1e-3))),
     ),
     Fault(
         "robot-quaternion-xyzw",
         "robot",
         "the scalar part comes last",
         None,
-        reply=_posed(lambda p: replace(p, quaternion_wxyz=(*p.quaternion_wxyz[1:], p.quaternion_wxyz[0]))),
+        reply=_alter_pose(lambda p: replace(p, quaternion_wxyz=(*p.quaternion_wxyz[1:], p.quaternion_wxyz[0]))),
     ),
     Fault(
         "robot-wrong-configuration",
         "robot",
         "poses carry another configuration than the arm's",
         None,
-        reply=_posed(lambda p: replace(p, configuration=(*p.configuration[:3], p.configuration[3] ^ 2))),
+        reply=_alter_pose(lambda p: replace(p, configuration=(*p.configuration[:3], p.configuration[3] ^ 2))),
     ),
     Fault("robot-clock-jump", "robot", "the controller's clock is an hour ahead", None, reply=_clock_jump),
-    # --- Robot Web Services: and EGM: looked at by name in mock_robot.rws and mock_robot.devices.egm ---
-    Fault("rws-401", "rws", "every RWS request is told 401, and all sessions end", None),
-    Fault("rws-406", "rws", "every RWS request is told 406: no media type will do", None),
-    Fault("rws-503", "rws", "every RWS request is told 503", None),
+    # --- Robot Web Services and EGM: queried by name in mock_robot.rws and mock_robot.devices.egm ---
+    Fault("rws-401", "rws", "every RWS request is answered 401, and all sessions end", None),
+    Fault("rws-406", "rws", "every RWS request is answered 406 whatever its media type", None),
+    Fault("rws-503", "rws", "every RWS request is answered 503", None),
     Fault("rws-410", "rws", "mastership answers 410, as RobotWare 8 does", None),
     Fault("rws-slow", "rws", "every RWS answer comes 1 s late", None),
     Fault("rws-garbage", "rws", "every RWS answer is cut off", None),
     Fault("rws-sessions-exhausted", "rws", "other clients hold all 70 sessions", None),
     Fault("rws-mastership-held", "rws", "the pendant holds the mastership of everything", None),
-    Fault("rws-subscription-gone", "rws", "subscriptions say nothing any more; their sockets stay open", None),
+    Fault("rws-subscription-gone", "rws", "subscriptions send no more events; their sockets stay open", None),
     Fault("egm-silent", "egm", "no EGM packet comes any more", None),
     Fault("egm-loss", "egm", "every fifth EGM packet is lost", None),
     Fault("egm-garbage", "egm", "EGM packets are cut off", None),
-    Fault("egm-vibration", "egm", "the flange rings with 0.3 mm at 12 Hz, as EGM tells it", None),
+    Fault("egm-vibration", "egm", "EGM reports the flange vibrating by 0.3 mm at 12 Hz", None),
     Fault("rws-other-tool", "rws", "another tool and work object are selected at the pendant", None),
 )
 

@@ -1,1 +1,1 @@
-"""The CB link of the mock controller over TCP and serial lines."""
+"""The CB link of the mock controller, over TCP and serial lines."""

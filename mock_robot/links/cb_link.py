@@ -1,4 +1,4 @@
-"""One client's link: protocols.cb's session, the controller behind it, and the faults between it and the wire."""
+"""One client's link: connects the protocol session, the controller and the faults, without I/O."""
 
 from mock_robot.cabinet.wire_steps import Close, Send, WireStep
 from mock_robot.faults.board import FaultBoard
@@ -17,13 +17,13 @@ from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.messages import COMMAND_OF, Bye
 
 HALF_FRAME_S = 0.5
-"""A frame that stops for longer than this is none."""
+"""A frame interrupted for longer than this is discarded."""
 IDLE_S = 10.0
-"""A TCP client that says nothing for so long is gone; its place is free."""
+"""A TCP client silent for longer than this may be replaced by another."""
 
 
 class ControllerLink:
-    """Bytes in, wire steps out; `tick` when `next_event_s` says so. `serial`: no connection, so nothing ever closes."""
+    """Bytes in, wire steps out; call `tick` when `next_event_s` says so. `serial`: there is no connection to close."""
 
     def __init__(self, controller: Controller, faults: FaultBoard, *, serial: bool, now_s: float) -> None:
         self._controller = controller
@@ -34,18 +34,18 @@ class ControllerLink:
         self._last_byte_s = self.heard_at_s = now_s
 
     def receive_data(self, data: bytes, now_s: float) -> list[WireStep]:
-        """Take bytes as they came."""
-        steps = self._restarted()
-        data = self._faults.incoming(data)
+        """Feed received bytes."""
+        steps = self._handle_restart()
+        data = self._faults.alter_incoming(data)
         if data:
             self._last_byte_s = now_s
             steps += self._act_on(self._session.receive_data(data), now_s)
         return steps
 
     def tick(self, now_s: float) -> list[WireStep]:
-        """Let time do its work."""
+        """Advance to `now_s`."""
         self._faults.wake(self._controller, now_s)
-        steps = self._restarted()
+        steps = self._handle_restart()
         for answer in self._controller.tick(now_s):
             if self._session.state.name == "GREETED":
                 steps += self._faults.outgoing(None, self._session.announce(answer))
@@ -56,7 +56,7 @@ class ControllerLink:
         return steps
 
     def next_event_s(self, now_s: float) -> float | None:
-        """When `tick` is due; None when only bytes can change anything."""
+        """Time at which `tick` is due; None when only received bytes can change anything."""
         times = [self._controller.next_event_s(now_s)]
         if self._session.half_frame_bytes:
             times.append(self._last_byte_s + HALF_FRAME_S)
@@ -64,8 +64,8 @@ class ControllerLink:
             times.append(self.heard_at_s + IDLE_S)
         return min((time for time in times if time is not None), default=None)
 
-    def _restarted(self) -> list[WireStep]:
-        """A restarted controller has no connection and remembers no session."""
+    def _handle_restart(self) -> list[WireStep]:
+        """React to a restart of the controller: its connections and sessions are gone."""
         if self._session_number == self._controller.session:
             return []
         self._session_number = self._controller.session
@@ -101,7 +101,7 @@ class ControllerLink:
         self._alive(now_s)
         command: Command = COMMAND_OF[type(event.message)]
         reply = self._controller.answer(event.seq, event.message, now_s)
-        reply = self._faults.replied(command, reply)
+        reply = self._faults.alter_reply(command, reply)
         answer = self._session.reply(event.seq, reply)
         steps = [*self._faults.outgoing(command, answer)]
         self._faults.wake(self._controller, now_s)
@@ -111,17 +111,17 @@ class ControllerLink:
 
     def _alive(self, now_s: float) -> None:
         self.heard_at_s = now_s
-        self._controller.heard(now_s)
+        self._controller.note_sign_of_life(now_s)
 
 
 class RefusedLink:
-    """The link of a client that is one too many: its first request is answered BUSY, then the connection closes."""
+    """Link of a surplus client: its first request is answered BUSY, then the connection closes."""
 
     def __init__(self) -> None:
         self._session = ControllerSession(resynchronise=False, refuse_with=Status.BUSY)
 
     def receive_data(self, data: bytes) -> list[WireStep]:
-        """Take bytes as they came."""
+        """Feed received bytes."""
         events = self._session.receive_data(data)
         answers = [Send(event.answer) for event in events if isinstance(event, RequestRejected)]
         return [*answers[:1], Close()] if events else []

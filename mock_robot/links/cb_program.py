@@ -1,7 +1,6 @@
-"""The robot program behind the CB link: what a request does, whoever brings it.
+"""The robot program behind the CB link in Python: executes requests, for any transport.
 
-No socket and no clock: times are handed in. `now_s` is wire time (heartbeat, time stamps); the arm runs
-`time_scale` times faster.
+Times are passed in. `now_s` is wire time (heartbeat, time stamps); the arm runs `time_scale` times faster.
 """
 
 from collections.abc import Callable
@@ -14,32 +13,32 @@ from calibration.errors import GeometryError
 from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
 from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
 from mock_robot.arm.simulated_arm import IN_POSITION_S
-from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
+from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, MIN_OVERRIDE, Cabinet
 from mock_robot.cabinet.panel import Mode
 from protocols.cb import messages as cb
 from protocols.cb.codes import VERSION, Capability, MoveKind, Status
 
 HEARTBEAT_S = 2.0
-"""Silence of the client after which the arm is stopped and disarmed."""
-SPEED_MAX_MM_S = 1000.0
-"""The robot program refuses a faster move: nobody calibrates at such a speed."""
+"""Silence of the client after which the arm stops and disarms."""
+MAX_SPEED_MM_S = 1000.0
+"""Faster moves are refused; a calibration never needs such a speed."""
 CAPABILITIES = Capability.MOVES | Capability.STOPS_DURING_MOTION | Capability.JOINTS | Capability.ANNOUNCES_END_OF_MOVE
 BUILD = 1
-RAWBYTES_MAX = 1024
+MAX_RAWBYTES = 1024
 
 
 @dataclass
 class _Move:
-    """The move under way. `result` is what STATUS will say of it; None while nothing speaks against OK."""
+    """The current move. `result` is what STATUS will report; None stands for OK so far."""
 
     seq: int
-    blocked_at: float
+    reachable_fraction: float
     result: Status | None = None
 
 
 @dataclass
 class Controller(Cabinet):
-    """State and behaviour of the robot program. One client at a time; `link.py` sees to that."""
+    """State and behaviour of the robot program. It serves one client at a time, which `servers.py` ensures."""
 
     _move: _Move | None = field(default=None, init=False)
     _finished: tuple[int, Status] = field(default=(0, Status.OK), init=False)
@@ -49,7 +48,7 @@ class Controller(Cabinet):
     # --- time ---
 
     def tick(self, now_s: float) -> list[cb.Answer]:
-        """Let time do its work: the heartbeat, the end of a move. What there is to announce, unasked."""
+        """Advance to `now_s`: heartbeat and end of the move. Returns messages to announce."""
         if self._heard_at_s is not None and now_s - self._heard_at_s >= HEARTBEAT_S:
             self._heard_at_s = None
             if self.armed or self._move is not None:
@@ -58,7 +57,7 @@ class Controller(Cabinet):
         return [self._report(now_s)] if self._finish(now_s) else []
 
     def next_event_s(self, now_s: float) -> float | None:
-        """When `tick` has something to do next, in wire time; None when nothing is pending."""
+        """Time at which `tick` has something to do, in wire time; None when nothing is pending."""
         times = [] if self._heard_at_s is None else [self._heard_at_s + HEARTBEAT_S]
         if self._move is not None and self.settles:
             settled_s = self.arm.end_s + IN_POSITION_S
@@ -67,24 +66,24 @@ class Controller(Cabinet):
 
     # --- the client ---
 
-    def heard(self, now_s: float) -> None:
-        """A sign of life."""
+    def note_sign_of_life(self, now_s: float) -> None:
+        """Note a sign of life of the client."""
         self._heard_at_s = now_s
 
-    def lost(self, now_s: float) -> None:
-        """The client is gone: stop, disarm."""
+    def disconnect(self, now_s: float) -> None:
+        """The client has gone: stop and disarm."""
         self._heard_at_s = None
         self.halt(now_s, Status.ABORTED)
 
     def answer(self, seq: int, request: cb.Request, now_s: float) -> cb.Reply:
-        """Do what was asked, or refuse it."""
-        self.heard(now_s)
+        """Execute or refuse a request."""
+        self.note_sign_of_life(now_s)
         self.tick(now_s)
         return _HANDLERS[type(request)](self, seq, request, now_s)
 
     def restart(self, now_s: float) -> None:
-        """A warm start: a new session, disarmed, nothing remembered."""
-        self.lost(now_s)
+        """Warm start: new session, disarmed, program state cleared."""
+        self.disconnect(now_s)
         self.session = self.session % 65535 + 1
         self._move, self._finished = None, (0, Status.OK)
         self.record(now_s, 10002, "controller restarted")
@@ -103,7 +102,7 @@ class Controller(Cabinet):
         self.halt(now_s, Status.ABORTED)
         self._move, self._finished = None, (0, Status.OK)
         self._greeted_at_s = now_s
-        return cb.Welcome(VERSION, CAPABILITIES, self.session, BUILD, RAWBYTES_MAX, 6)
+        return cb.Welcome(VERSION, CAPABILITIES, self.session, BUILD, MAX_RAWBYTES, 6)
 
     def _pose(self, seq: int, request: cb.GetPose, now_s: float) -> cb.Reply:
         robot_s = self.robot_s(now_s)
@@ -143,7 +142,7 @@ class Controller(Cabinet):
         return cb.Stopped()
 
     def _bye(self, seq: int, request: cb.Bye, now_s: float) -> cb.Reply:
-        self.lost(now_s)
+        self.disconnect(now_s)
         return cb.Farewell()
 
     def _move_request(self, seq: int, request: cb.Move, now_s: float) -> cb.Reply:
@@ -154,7 +153,7 @@ class Controller(Cabinet):
             return self._refuse(now_s, Status.NOT_ARMED, "move refused: not armed")
         if self._move is not None:
             return self._refuse(now_s, Status.BUSY, f"move {self._move.seq} is under way")
-        if not 0.0 < request.speed_mm_s <= SPEED_MAX_MM_S:  # NaN compares false
+        if not 0.0 < request.speed_mm_s <= MAX_SPEED_MM_S:  # NaN compares false
             return self._refuse(now_s, Status.SPEED, f"speed {request.speed_mm_s} mm/s")
         if not np.all(np.isfinite([*request.position_mm, *request.quaternion_wxyz, *request.external_axes])):
             return self._refuse(now_s, Status.BAD_FIELD, "a number of the pose is not finite")
@@ -162,7 +161,7 @@ class Controller(Cabinet):
             base_T_flange = transform_from_quaternion(request.position_mm, request.quaternion_wxyz)
         except GeometryError as error:
             return self._refuse(now_s, Status.BAD_FIELD, str(error))
-        if not self.box.holds(base_T_flange[:3, 3]):
+        if not self.box.contains(base_T_flange[:3, 3]):
             return self._refuse(now_s, Status.OUTSIDE_BOX, f"flange at {request.position_mm} mm")
         return self._depart(seq, request, base_T_flange, now_s)
 
@@ -174,8 +173,8 @@ class Controller(Cabinet):
         except UnreachablePoseError as error:
             code = 50080 if isinstance(error, OtherConfiguration) else 50050
             return self._refuse(now_s, Status.UNREACHABLE, error.what, code)
-        cap = MANUAL_SPEED_MM_S if self.panel.mode is Mode.MANR else SPEED_MAX_MM_S
-        speed_mm_s = min(request.speed_mm_s, cap) * max(self.panel.speed_override, SLOWEST_OVERRIDE)
+        cap = MANUAL_SPEED_MM_S if self.panel.mode is Mode.MANR else MAX_SPEED_MM_S
+        speed_mm_s = min(request.speed_mm_s, cap) * max(self.panel.speed_override, MIN_OVERRIDE)
         self._move = _Move(seq, self.arm.depart(there, speed_mm_s, request.kind is MoveKind.LINEAR, robot_s))
         self.moves_accepted += 1
         self.external_axes = tuple(
@@ -193,19 +192,19 @@ class Controller(Cabinet):
         return cb.Report(self.flags(now_s), seq, status, round(1000 * min(progress, 1.0)), self._t_ms(now_s))
 
     def _finish(self, now_s: float) -> bool:
-        """Note the end of the move when the arm has settled; did one end?"""
+        """Record the end of the move once the arm has settled; returns whether a move ended."""
         move = self._move
-        if move is None or not self.settles or not self.arm.settled_at(self.robot_s(now_s)):
+        if move is None or not self.settles or not self.arm.is_settled_at(self.robot_s(now_s)):
             return False
-        blocked = Status.MOTION_ERROR if move.blocked_at < 1.0 else Status.OK
+        blocked = Status.MOTION_ERROR if move.reachable_fraction < 1.0 else Status.OK
         self._move, self._finished = None, (move.seq, move.result or blocked)
         if self._finished[1] is Status.MOTION_ERROR:
-            self.record(now_s, 50050, f"move {move.seq} could not follow its line beyond {move.blocked_at:.0%}")
+            self.record(now_s, 50050, f"move {move.seq} could not follow its line beyond {move.reachable_fraction:.0%}")
         return True
 
     def _stop(self, now_s: float, result: Status) -> None:
         robot_s = self.robot_s(now_s)
-        if self._move is not None and self.arm.moving_at(robot_s) and self._move.result is None:
+        if self._move is not None and self.arm.is_moving_at(robot_s) and self._move.result is None:
             self._move.result = result
             self.record(now_s, 0, f"move {self._move.seq} stopped: {result.name}")
         self.arm.stop(robot_s)
@@ -232,5 +231,5 @@ _HANDLERS: dict[type[Any], Callable[[Controller, int, Any, float], cb.Reply]] = 
 
 
 def float32_tuple(values: Array | tuple[float, ...]) -> Any:
-    """The numbers as a controller holds them: rounded to float32."""
+    """Round to float32, as a controller stores numbers."""
     return tuple(float(value) for value in np.asarray(values, np.float32))

@@ -1,4 +1,4 @@
-"""The CB link on real wires: a TCP server for one client, and a serial line on a pty. Same controller, same faults."""
+"""The CB link on a TCP server for one client and on a pty, with the same controller and faults."""
 
 import asyncio
 import os
@@ -15,14 +15,14 @@ from mock_robot.links.cb_program import HEARTBEAT_S, Controller
 
 Clock = Callable[[], float]
 REFUSAL_S = 1.0
-"""How long a client that is one too many is listened to."""
+"""How long a surplus client's request is awaited."""
 FAREWELL_S = 0.05
-"""A client that hangs up and dials again at once shall not find its own place taken."""
+"""Grace period, so that a client that reconnects at once does not find its own place taken."""
 CHUNK = 4096
 
 
-class TcpShell:
-    """The robot's server socket. The second client is told BUSY and closed, unless the first has gone silent."""
+class TcpLinkServer:
+    """The robot's server socket. A second client is answered BUSY and closed, unless the first has fallen silent."""
 
     def __init__(self, controller: Controller, faults: FaultBoard, clock: Clock) -> None:
         self._controller, self._faults, self._clock = controller, faults, clock
@@ -33,17 +33,17 @@ class TcpShell:
         self._nudge = asyncio.Event()
 
     async def start(self, host: str, port: int) -> tuple[str, int]:
-        """Listen; the address that is listened on (port 0: chosen by the system)."""
+        """Listen; returns the address (port 0: chosen by the system)."""
         self._server = await asyncio.start_server(self._accept, host, port)
         address = self._server.sockets[0].getsockname()
         return str(address[0]), int(address[1])
 
     def nudge(self) -> None:
-        """Something changed from outside (a fault, a switch): look at it now."""
+        """React now to a change made from outside (a fault, a switch)."""
         self._nudge.set()
 
     async def close(self) -> None:
-        """Stop listening and hang up."""
+        """Stop listening and disconnect."""
         if self._server is not None:
             self._server.close()
         for conversation in list(self._conversations):
@@ -79,7 +79,7 @@ class TcpShell:
         finally:
             if self._link is link:
                 self._link = self._talking = None
-                self._controller.lost(self._clock())
+                self._controller.disconnect(self._clock())
 
     async def _talk(self, link: ControllerLink, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         while True:
@@ -92,7 +92,7 @@ class TcpShell:
                 return
 
     async def _read(self, link: ControllerLink, reader: asyncio.StreamReader) -> bytes | None:
-        """Bytes; b"" when the client hung up; None when it is time to tick."""
+        """Received bytes; b"" after a disconnect; None when a tick is due."""
         due_s = link.next_event_s(self._clock())
         wait_s = None if due_s is None else max(due_s - self._clock(), 0.0)
         reading = asyncio.ensure_future(reader.read(CHUNK))
@@ -116,7 +116,7 @@ async def _turn_away(reader: asyncio.StreamReader, writer: asyncio.StreamWriter)
 
 
 async def _perform(steps: Iterable[WireStep], writer: asyncio.StreamWriter) -> bool:
-    """Do the steps; False when the connection is to end."""
+    """Carry the steps out; returns False when the connection is to end."""
     for step in steps:
         match step:
             case Send(data):
@@ -134,8 +134,8 @@ async def _perform(steps: Iterable[WireStep], writer: asyncio.StreamWriter) -> b
     return True
 
 
-class SerialShell:
-    """The robot's end of a serial line: a pty whose other end any program opens by its path."""
+class SerialLinkServer:
+    """The robot's end of a serial line: a pty, opened by the client by its path."""
 
     def __init__(self, controller: Controller, faults: FaultBoard, clock: Clock) -> None:
         self._controller, self._faults, self._clock = controller, faults, clock
@@ -144,7 +144,7 @@ class SerialShell:
         self._talking: asyncio.Task[None] | None = None
 
     async def start(self) -> str:
-        """Open the pty; the path for the client."""
+        """Open the pty; returns the path for the client."""
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._ours)
         tty.setraw(self._theirs)
@@ -154,7 +154,7 @@ class SerialShell:
         return os.ttyname(self._theirs)
 
     def nudge(self) -> None:
-        """Something changed from outside: look at it now."""
+        """React now to a change made from outside."""
         if self._talking is not None:
             self._arrived.put_nowait(b"")
 
@@ -180,7 +180,7 @@ class SerialShell:
             for step in link.receive_data(data, now_s) if data else link.tick(now_s):
                 match step:
                     case Send(sent):
-                        with suppress(BlockingIOError):  # nobody reads: on a wire those bytes are gone, too
+                        with suppress(BlockingIOError):  # nobody reads: those bytes are lost, as on a real line
                             os.write(self._ours, sent)
                     case Pause(seconds):
                         await asyncio.sleep(seconds)
@@ -188,7 +188,7 @@ class SerialShell:
                         pass
 
     async def _next(self, link: ControllerLink) -> bytes:
-        """Bytes, or b"" when it is time to tick."""
+        """Received bytes, or b"" when a tick is due."""
         due_s = link.next_event_s(self._clock())
         wait_s = None if due_s is None else max(due_s - self._clock(), 0.0)
         try:

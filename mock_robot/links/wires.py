@@ -1,4 +1,4 @@
-"""The robot's wires, and whose program answers on them."""
+"""The robot's links for each robot program."""
 
 import asyncio
 import os
@@ -8,19 +8,19 @@ from contextlib import AsyncExitStack
 from typing import Protocol
 
 from mock_robot.arm.simulated_arm import SimulatedArm
-from mock_robot.cabinet.cabinet import Box, Cabinet
+from mock_robot.cabinet.cabinet import Cabinet, MotionBox
 from mock_robot.faults.board import FaultBoard
 from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.links.cb_program import Controller
-from mock_robot.links.servers import SerialShell, TcpShell
+from mock_robot.links.servers import SerialLinkServer, TcpLinkServer
 from mock_robot.rapid.controller import RapidController
-from mock_robot.rapid.frames import Garbling
+from mock_robot.rapid.frames import FrameFaultBoard
 
 Clock = Callable[[], float]
 
 
 class Wires(Protocol):
-    """A cabinet whose link can be reached between `start` and `close`."""
+    """A cabinet whose link is reachable between `start` and `close`."""
 
     @property
     def controller(self) -> Cabinet: ...
@@ -29,16 +29,16 @@ class Wires(Protocol):
     def board(self) -> FaultBoard: ...
 
     async def start(self, host: str, port: int, serial: bool) -> tuple[str, int | None, str | None]:
-        """Open them; host, port and serial path, None for what is not there."""
+        """Open the links; returns host, port and serial path, None where absent."""
 
     async def close(self) -> None: ...
 
     def nudge(self) -> None:
-        """Something was changed by hand: look at it now."""
+        """React now to a change made from outside."""
 
 
 class PythonWires:
-    """The Python program: a socket, and a pty beside it when it is asked for."""
+    """Links of the Python program: a socket and, if requested, a pty beside it."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class PythonWires:
         session: int,
         time_scale: float,
         started_at_s: float,
-        box: Box,
+        box: MotionBox,
         clock: Clock,
         seed: int,
     ) -> None:
@@ -55,12 +55,12 @@ class PythonWires:
             controller := Controller(arm, session=session, time_scale=time_scale, started_at_s=started_at_s, box=box)
         )
         self.board = FaultBoard(FAULTS, seed)
-        self._tcp = TcpShell(controller, self.board, clock)
-        self._serial = SerialShell(controller, self.board, clock)
+        self._tcp = TcpLinkServer(controller, self.board, clock)
+        self._serial = SerialLinkServer(controller, self.board, clock)
         self._closing = AsyncExitStack()
 
     async def start(self, host: str, port: int, serial: bool) -> tuple[str, int | None, str | None]:
-        """The socket's address, and the pty's path."""
+        """Open the socket and the pty; returns their addresses."""
         host, port = await self._tcp.start(host, port)
         self._closing.push_async_callback(self._tcp.close)
         if not serial:
@@ -70,17 +70,17 @@ class PythonWires:
         return host, port, path
 
     async def close(self) -> None:
-        """Hang up."""
+        """Disconnect."""
         await self._closing.aclose()
 
     def nudge(self) -> None:
-        """Both look."""
+        """Let both links react."""
         self._tcp.nudge()
         self._serial.nudge()
 
 
 class RapidWires:
-    """The RAPID program: it opens its own socket, or the pty behind its serial port, as its settings say."""
+    """Links of the RAPID program, which opens its own socket, or the pty behind its serial port, as configured."""
 
     def __init__(
         self,
@@ -89,18 +89,18 @@ class RapidWires:
         session: int,
         time_scale: float,
         started_at_s: float,
-        box: Box,
+        box: MotionBox,
         clock: Clock,
         seed: int,
     ) -> None:
-        self.board = Garbling(FAULTS, seed)
+        self.board = FrameFaultBoard(FAULTS, seed)
         self.controller = self._rapid = RapidController(
             arm, session, time_scale, started_at_s, box, clock=clock, board=self.board
         )
         self._ends: tuple[int, ...] = ()
 
     async def start(self, host: str, port: int, serial: bool) -> tuple[str, int | None, str | None]:
-        """What an integrator sets before loading, then the program's own doing."""
+        """Configure as an integrator does, then load and start the program."""
         rapid = self._rapid
         rapid.devices.host = host
         rapid.settings = {
@@ -123,11 +123,11 @@ class RapidWires:
         return host, None if address is None else address[1], path
 
     async def close(self) -> None:
-        """The tasks end, their sockets close."""
+        """Stop the tasks, which closes their sockets."""
         await asyncio.to_thread(self._rapid.end)
         for end in self._ends:
             os.close(end)
         self._ends = ()
 
     def nudge(self) -> None:
-        """Its tasks look by themselves."""
+        """Nothing to do: the tasks poll."""

@@ -1,1 +1,1 @@
-"""The RAPID modules of deploy/rapid: their grammar, and the rules a controller has that a syntax check misses."""
+"""Interpreter of the RAPID modules of deploy/rapid, and checks of controller limits that a syntax check misses."""

@@ -6,7 +6,7 @@ from lark import Token, Tree
 
 from mock_robot.rapid.errors import ProgramStopped, RaisedFurther
 from mock_robot.rapid.expressions import Evaluate, expression, reference
-from mock_robot.rapid.scope import Builtin, Context, Frame, Parameter, Routine, Slot
+from mock_robot.rapid.scope import Builtin, CompileContext, Frame, Parameter, Routine, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, parts, word
 from mock_robot.rapid.tasks import EXECUTION_ERROR
 from mock_robot.rapid.types import ANYTYPE, BOOL, CONDITION, SWITCH, Atom
@@ -15,7 +15,7 @@ WRITABLE = {"var": ("var",), "pers": ("pers",), "inout": ("var", "pers")}
 """Which data may be passed to a parameter of that mode."""
 
 
-def call(context: Context, symbol: Routine | Builtin, node: Node) -> Evaluate:
+def call(context: CompileContext, symbol: Routine | Builtin, node: Node) -> Evaluate:
     """What calls the routine or instruction of this node. Raises RapidProgramError."""
     given = _matched(context, symbol, node)
     makers = [
@@ -65,7 +65,7 @@ def _absent(frame: Frame) -> None:
 Argument = Node | bool
 
 
-def _matched(context: Context, symbol: Routine | Builtin, node: Node) -> list[Argument | None]:
+def _matched(context: CompileContext, symbol: Routine | Builtin, node: Node) -> list[Argument | None]:
     """For each parameter its argument: an expression, True for a switch, None when it is left out."""
     arguments = parts(node, "arguments")
     required, options = [], {}
@@ -89,7 +89,9 @@ def _matched(context: Context, symbol: Routine | Builtin, node: Node) -> list[Ar
     return [_option(context, p, options.get(p.name)) if p.optional else next(queue) for p in symbol.parameters]
 
 
-def _require_one_alternative(context: Context, symbol: Routine | Builtin, options: dict[str, Node], node: Node) -> None:
+def _require_one_alternative(
+    context: CompileContext, symbol: Routine | Builtin, options: dict[str, Node], node: Node
+) -> None:
     seen: dict[int, str] = {}
     for parameter in symbol.parameters:
         if parameter.alternative and parameter.name in options:
@@ -99,7 +101,7 @@ def _require_one_alternative(context: Context, symbol: Routine | Builtin, option
             seen[parameter.alternative] = parameter.name
 
 
-def _option(context: Context, parameter: Parameter, node: Node | None) -> Argument | None:
+def _option(context: CompileContext, parameter: Parameter, node: Node | None) -> Argument | None:
     if node is None:
         return None
     value = node.children[1]
@@ -109,7 +111,7 @@ def _option(context: Context, parameter: Parameter, node: Node | None) -> Argume
     return True if value is None else value
 
 
-def _maker(context: Context, parameter: Parameter, argument: Argument, node: Node, own: bool) -> Evaluate:
+def _maker(context: CompileContext, parameter: Parameter, argument: Argument, node: Node, own: bool) -> Evaluate:
     """What makes the argument in the caller's frame: a slot for a routine (`own`), the plain value for a builtin."""
     if not isinstance(argument, Tree):
         return (lambda frame: Slot(True)) if own else (lambda frame: True)
@@ -131,7 +133,7 @@ def _maker(context: Context, parameter: Parameter, argument: Argument, node: Nod
     return lambda frame: Slot(copy(evaluate(frame)))
 
 
-def _by_reference(context: Context, parameter: Parameter, argument: Node, own: bool) -> Evaluate:
+def _by_reference(context: CompileContext, parameter: Parameter, argument: Node, own: bool) -> Evaluate:
     symbol, kind, slot_in = reference(context, argument)
     if symbol.storage not in WRITABLE[parameter.mode]:
         wanted = " or ".join(each.upper() for each in WRITABLE[parameter.mode])

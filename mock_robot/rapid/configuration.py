@@ -1,4 +1,4 @@
-"""The configuration fragments of a controller: tasks and modules, signals and system outputs, serial ports."""
+"""Reads a controller's configuration files: tasks and modules, signals and system outputs, serial ports."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ TASK_TYPES = ("NORMAL", "STATIC", "SEMISTATIC")
 
 
 def instances(text: str) -> dict[str, list[Instance]]:
-    """A .cfg by its types: each instance is a mapping of attributes, "" for one without a value."""
+    """Parse a .cfg by type: each instance maps attributes to values, "" for an attribute without one."""
     found: dict[str, list[Instance]] = {}
     section: list[Instance] = []
     for line in text.replace("\r", "").replace("\\\n", " ").split("\n")[1:]:
@@ -27,7 +27,7 @@ def instances(text: str) -> dict[str, list[Instance]]:
 
 @dataclass(frozen=True)
 class TaskPlan:
-    """A task as SYS.cfg declares it, and its modules, shared ones first."""
+    """A task declared in SYS.cfg, and its modules, shared ones first."""
 
     name: str
     motion: bool
@@ -37,7 +37,7 @@ class TaskPlan:
 
 
 def task_plans(folder: Path) -> list[TaskPlan]:
-    """The tasks of SYS.cfg with the modules' text from the same folder."""
+    """Tasks of SYS.cfg, with the text of their modules from the same folder."""
     system = instances((folder / "SYS.cfg").read_text("ascii"))
     modules = system.get("CAB_TASK_MODULES", [])
     plans = []
@@ -60,7 +60,7 @@ SystemOutput = Callable[[str], bool]
 
 
 def signals(folder: Path, outputs: Mapping[str, SystemOutput]) -> dict[str, Callable[[], bool]]:
-    """The digital outputs of EIO.cfg, each telling what its system output does. Raises for a status nobody knows."""
+    """Digital outputs of EIO.cfg, each as a function of its system output. Raises for an unknown status."""
     inputs = instances((folder / "EIO.cfg").read_text("ascii"))
     found: dict[str, Callable[[], bool]] = {}
     for signal in inputs.get("EIO_SIGNAL", []):
@@ -71,7 +71,7 @@ def signals(folder: Path, outputs: Mapping[str, SystemOutput]) -> dict[str, Call
             raise RapidProgramError("EIO.cfg", 0, f"system output {status} is unknown: {', '.join(sorted(outputs))}")
         if signal_name not in found:
             raise RapidProgramError("EIO.cfg", 0, f"system output {status}: no signal is named {signal_name}")
-        found[signal_name] = _bound(outputs[status], output.get("Arg1", ""))
+        found[signal_name] = _bind(outputs[status], output.get("Arg1", ""))
     return found
 
 
@@ -79,11 +79,11 @@ def _low() -> bool:
     return False
 
 
-def _bound(output: SystemOutput, argument: str) -> Callable[[], bool]:
+def _bind(output: SystemOutput, argument: str) -> Callable[[], bool]:
     return lambda: output(argument)
 
 
 def serial_ports(folder: Path) -> tuple[str, ...]:
-    """The names a program opens: "com1:" for the channel COM1."""
+    """Names a program opens: "com1:" for the channel COM1."""
     ports = instances((folder / "SIO.cfg").read_text("ascii")).get("COM_PHY_CHANNEL", [])
     return tuple(f"{port['Name'].casefold()}:" for port in ports)

@@ -1,4 +1,4 @@
-"""A cabinet that runs the RAPID of deploy/rapid: its tasks, its configuration, and its switches."""
+"""A cabinet that runs the RAPID of deploy/rapid: tasks, configuration and switches."""
 
 import threading
 from collections.abc import Callable
@@ -13,41 +13,41 @@ from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.rapid.configuration import TaskPlan, serial_ports, signals, task_plans
 from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.errors import ProgramStopped
-from mock_robot.rapid.frames import Garbling
+from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
-from mock_robot.rapid.program import Memory, Program
-from mock_robot.rapid.services import Devices, Services
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.program import PersistentMemory, Program
+from mock_robot.rapid.services import OpenDevices, Services
+from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.unit import MotionUnit
 from protocols.cb import messages as cb
 from protocols.cb.codes import Status
 
 _PLACES = (Path(__file__).parent / "modules", Path(__file__).parents[2] / "deploy" / "rapid")
 DEPLOYED = next((place for place in _PLACES if place.is_dir()), _PLACES[-1])
-"""The shipped modules: beside this file in an installed copy, in deploy/ in the repository."""
+"""Folder of the shipped modules: beside this file when installed, deploy/rapid in the repository."""
 READY_LIMIT_S = 20.0
 SYSTEM_STOP = 10014
 
 
 @dataclass
 class Loaded:
-    """A task that was loaded, and what belongs to it."""
+    """A loaded task and what belongs to it."""
 
     plan: TaskPlan
-    task: Task
+    task: ProgramTask
     interrupts: Interrupts
 
 
 @dataclass
 class RapidController(Cabinet):
-    """Tasks in threads, started by `begin` and ended by `end`. `settings`: PERS an integrator sets before loading."""
+    """Tasks in threads, from `begin` to `end`. `settings`: PERS values an integrator sets before loading."""
 
     clock: Callable[[], float] = monotonic
     folder: Path = DEPLOYED
     settings: dict[str, Any] = field(default_factory=dict)
-    board: Garbling = field(default_factory=lambda: Garbling(FAULTS))
-    devices: Devices = field(default_factory=Devices)
-    memory: Memory = field(default_factory=Memory, init=False)
+    board: FrameFaultBoard = field(default_factory=lambda: FrameFaultBoard(FAULTS))
+    devices: OpenDevices = field(default_factory=OpenDevices)
+    memory: PersistentMemory = field(default_factory=PersistentMemory, init=False)
     unit: MotionUnit = field(init=False)
     _loaded: list[Loaded] = field(default_factory=list, init=False)
     _error: set[str] = field(default_factory=set, init=False)
@@ -63,10 +63,10 @@ class RapidController(Cabinet):
         motion = next((plan.name for plan in self._plans if plan.motion), "")
         self.unit = MotionUnit(self, self.clock, motion, lambda: self.board.wake(self, self.clock()))
 
-    # --- life ---
+    # --- lifecycle ---
 
     def begin(self, serial_fileno: int | None = None) -> None:
-        """Load, set what an integrator sets, start every task."""
+        """Load the program, apply the integrator's settings, start every task."""
         if serial_fileno is not None:
             self.devices.lines = {name: SerialLine(serial_fileno) for name in serial_ports(self.folder)}
         self._load()
@@ -75,14 +75,14 @@ class RapidController(Cabinet):
         self._run()
 
     def await_link(self) -> None:
-        """Until somebody can connect. Raises MockError when nobody ever can."""
+        """Wait until a client can connect. Raises MockError on timeout."""
         if not self.devices.reachable.wait(READY_LIMIT_S):
             raise MockError(f"the RAPID program does not answer: {self.log[-1].text if self.log else 'no event'}")
         if self.devices.address is not None:
             self.memory.preset("cell_port", float(self.devices.address[1]))
 
     def end(self) -> None:
-        """End every task, close everything."""
+        """Stop every task and close all devices."""
         with self._turn:
             for loaded in self._loaded:
                 loaded.interrupts.end()
@@ -92,11 +92,11 @@ class RapidController(Cabinet):
             self.devices.close()
 
     def whereabouts(self) -> dict[str, list[str]]:
-        """For each task the statements it is at, innermost first: for who wonders why nothing happens."""
+        """Statements each task is at, innermost first, for debugging."""
         return {loaded.task.name: loaded.task.whereabouts() for loaded in self._loaded}
 
     def restart(self, now_s: float) -> None:
-        """A warm start: PERS keep their values, everything else begins anew; the program is started from main."""
+        """Warm start: PERS keep their values, everything else is reset, the program starts from main."""
         if any(loaded.task.is_current for loaded in self._loaded):
             threading.Thread(target=self._restart, name="rapid restart", daemon=True).start()
         else:
@@ -125,7 +125,7 @@ class RapidController(Cabinet):
             },
         )
         for plan in self._plans:
-            task = Task(plan.name, self, plan.motion)
+            task = ProgramTask(plan.name, self, plan.motion)
             program = Program(task, self.memory, known)
             program.load(plan.sources)
             interrupts = Interrupts(task)
@@ -137,10 +137,10 @@ class RapidController(Cabinet):
         self._watch()
 
     def _watch(self) -> None:
-        """What the bench shows of the program's own state."""
+        """Mirror the program's own state for tests."""
         session, armed = self.memory.find("cell_session"), self.memory.find("cell_armed")
         if session is None or armed is None:
-            return  # another program than the shipped one
+            return  # a program other than the shipped one
 
         def notice() -> None:
             self.session, self.armed = int(session.value), bool(armed.value)
@@ -148,7 +148,7 @@ class RapidController(Cabinet):
         session.watchers = armed.watchers = (notice,)
 
     def _run(self) -> None:
-        with self._switching:  # a switch that is turned meanwhile comes before, or after
+        with self._switching:  # ordered against a switch turned meanwhile
             allowed = self.panel.forbids_motion() is None
             self.unit.held = not allowed
             for loaded in self._loaded:
@@ -157,11 +157,11 @@ class RapidController(Cabinet):
     # --- switches ---
 
     def tick(self, now_s: float) -> list[cb.Answer]:
-        """The tasks do their work by themselves."""
+        """Nothing to do: the tasks run in threads."""
         return []
 
     def halt(self, now_s: float, result: Status) -> None:
-        """Every normal task stops, as on a controller whose program is stopped, and the arm with them."""
+        """Stop every normal task and the arm, as a controller does when its program stops."""
         with self._switching:
             self.panel.program_running = False
             for loaded in self._loaded:
@@ -169,18 +169,18 @@ class RapidController(Cabinet):
                     loaded.task.stop()
             self.unit.hold()
 
-    def obey_panel(self, now_s: float) -> None:
-        """What is forbidden ends; what was stopped goes on when the program is started."""
+    def apply_panel(self, now_s: float) -> None:
+        """Stop what the panel forbids; resume stopped tasks when the program is started."""
         with self._switching:
-            super().obey_panel(now_s)
+            super().apply_panel(now_s)
             if self.panel.forbids_motion() is None:
                 self._error.clear()
                 self.unit.free()
                 for loaded in self._loaded:
                     loaded.task.start()
 
-    def program_failed(self, task: Task, stopped: ProgramStopped) -> None:
-        """A task's program stopped by itself: an entry in the event log, and whatever goes down with it."""
+    def stop_failed_program(self, task: ProgramTask, stopped: ProgramStopped) -> None:
+        """Log a program that stopped by itself, and stop all tasks when the task is trusted."""
         now_s = self.clock()
         self.record(now_s, stopped.code, f"{task.name} stopped at {stopped.where}: {stopped.text}")
         plan = next((loaded.plan for loaded in self._loaded if loaded.task is task), None)
@@ -190,7 +190,7 @@ class RapidController(Cabinet):
         if plan.motion:
             self.unit.clear()
         if plan.stops_all:
-            self.record(now_s, SYSTEM_STOP, f"{task.name} is trusted to run: all tasks are stopped")
+            self.record(now_s, SYSTEM_STOP, f"{task.name} is a trusted task: all tasks are stopped")
         if plan.stops_all or plan.kind == "NORMAL":
             self.halt(now_s, Status.MOTION_ERROR)
 

@@ -1,4 +1,4 @@
-"""Devices of RAPID programs on real ones: socketdev on sockets, iodev on a pty; and the faults on their wires."""
+"""RAPID devices on real ones: socketdev on sockets, iodev on a pty; with the faults of their wires."""
 
 import os
 import queue
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
 from mock_robot.rapid.errors import RapidError
-from mock_robot.rapid.frames import Garbling
+from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.types import Atom
 
 CHUNK = 4096
@@ -20,14 +20,14 @@ CHUNK = 4096
 
 @dataclass
 class Carrier:
-    """What one connection puts on its wire: at once, or later when a fault says so, in order."""
+    """Writes one connection's output in order, delayed where a fault says so."""
 
     write: Callable[[bytes], None]
     hang_up: Callable[[bool], None]
     _late: "queue.SimpleQueue[tuple[float, WireStep]] | None" = field(default=None, init=False)
 
     def carry(self, steps: tuple[WireStep, ...]) -> None:
-        """Do the steps. Pauses delay what is behind them, not the program, nor what it sends next."""
+        """Carry out steps. A pause delays the steps behind it, but neither the program nor what it sends next."""
         if self._late is None and all(isinstance(step, Send) for step in steps):
             for step in steps:
                 self._do(step)
@@ -43,7 +43,7 @@ class Carrier:
                 self._late.put((due_s, step))
 
     def end(self) -> None:
-        """Nothing more will come."""
+        """End the output."""
         if self._late is not None:
             self._late.put((0.0, Close()))
 
@@ -79,14 +79,14 @@ class SocketDevice:
         self._carrier: Carrier | None = None
 
     def create(self) -> None:
-        """A new socket; an open one is an error."""
+        """Create the socket; raises if one is open."""
         self.require(self.end is None, "ERR_SOCK_ISCON", "the socket is in use: close it first")
         self._open(socket.socket(socket.AF_INET, socket.SOCK_STREAM), "created")
         assert self.end is not None
         self.end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
 
     def connect(self, end: socket.socket) -> None:
-        """The end of an accepted connection."""
+        """Adopt an accepted connection."""
         end.setblocking(False)
         end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._open(end, "connected")
@@ -96,7 +96,7 @@ class SocketDevice:
         self.end, self.state, self.arrived, self.over, self._carrier = end, state, bytearray(), False, None
 
     def close(self) -> None:
-        """Close; a closed one stays so."""
+        """Close; a no-op when closed."""
         carrier, self._carrier = self._carrier, None
         if carrier is not None:
             carrier.end()
@@ -105,24 +105,24 @@ class SocketDevice:
             end.close()
         self.arrived.clear()
 
-    def opened(self) -> socket.socket:
-        """The socket of a created one."""
+    def require_open(self) -> socket.socket:
+        """The created socket; raises ERR_SOCK_CLOSED."""
         if self.end is None:
             raise RapidError("ERR_SOCK_CLOSED", "the socket is closed")
         return self.end
 
-    def connected(self) -> socket.socket:
-        """The socket of a connection."""
-        end = self.opened()
+    def require_connected(self) -> socket.socket:
+        """The connected socket; raises when there is no connection."""
+        end = self.require_open()
         self.require(self.state == "connected", "ERR_SOCK_NOT_CONN", f"the socket is {self.state}, not connected")
         return end
 
-    def look(self, board: Garbling) -> int:
-        """Take what has come; how many bytes wait. Raises ERR_SOCK_CLOSED when the peer is gone and nothing waits."""
-        end = self.connected()
+    def look(self, board: FrameFaultBoard) -> int:
+        """Read what has arrived; returns the buffered byte count. Raises ERR_SOCK_CLOSED at the end of the stream."""
+        end = self.require_connected()
         try:
             while not self.over and (data := end.recv(CHUNK)):
-                self.arrived += board.incoming(data)
+                self.arrived += board.alter_incoming(data)
             self.over = True
         except BlockingIOError:
             pass
@@ -133,14 +133,14 @@ class SocketDevice:
         return len(self.arrived)
 
     def take(self, count: int) -> bytes:
-        """So many of the bytes that wait."""
+        """Take `count` of the buffered bytes."""
         taken = bytes(self.arrived[:count])
         del self.arrived[:count]
         return taken
 
-    def send(self, data: bytes, board: Garbling) -> None:
-        """Put bytes on the wire, as the faults have it."""
-        self.connected()
+    def send(self, data: bytes, board: FrameFaultBoard) -> None:
+        """Send bytes, subject to the faults."""
+        self.require_connected()
         assert self._carrier is not None
         try:
             self._carrier.carry(board.outgoing_bytes(data))
@@ -149,7 +149,7 @@ class SocketDevice:
 
     @staticmethod
     def require(holds: bool, error: str, detail: str) -> None:
-        """Raise a RapidError unless it holds."""
+        """Raise the RapidError unless `holds`."""
         if not holds:
             raise RapidError(error, detail)
 
@@ -161,7 +161,7 @@ class SocketDevice:
         end = self.end
         if end is None or self.state != "connected":
             return
-        self.over = True  # the program notices, and closes: with a linger of 0 that is a reset
+        self.over = True  # the program notices and closes; with a linger of 0 that is a reset
         with suppress(OSError):
             if reset:
                 end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
@@ -176,32 +176,32 @@ class SerialLine:
     fileno: int
     arrived: bytearray = field(default_factory=bytearray)
 
-    def look(self, board: Garbling) -> int:
-        """Take what has come; how many bytes wait."""
+    def look(self, board: FrameFaultBoard) -> int:
+        """Read what has arrived; returns the number of buffered bytes."""
         with suppress(BlockingIOError, OSError):
             while data := os.read(self.fileno, CHUNK):
-                self.arrived += board.incoming(data)
+                self.arrived += board.alter_incoming(data)
         return len(self.arrived)
 
     def write(self, data: bytes) -> None:
-        """What nobody reads is gone, as on a wire."""
+        """Write bytes; those nobody reads are lost, as on a real line."""
         with suppress(BlockingIOError):
             os.write(self.fileno, data)
 
 
 class IoDevice:
-    """An iodev: a serial line once it is opened."""
+    """An iodev: a serial line once opened."""
 
     def __init__(self) -> None:
         self._line: SerialLine | None = None
         self._carrier: Carrier | None = None
 
     def open(self, line: SerialLine) -> None:
-        """Belongs to this line from now on."""
+        """Attach to a line."""
         self._line, self._carrier = line, Carrier(line.write, lambda reset: None)
 
     def close(self) -> None:
-        """Let go of the line."""
+        """Detach from the line."""
         if self._carrier is not None:
             self._carrier.end()
         self._line = self._carrier = None
@@ -213,8 +213,8 @@ class IoDevice:
             raise RapidError("ERR_FILEACC", "the channel is not open")
         return self._line
 
-    def send(self, data: bytes, board: Garbling) -> None:
-        """Put bytes on the line, as the faults have it."""
+    def send(self, data: bytes, board: FrameFaultBoard) -> None:
+        """Send bytes, subject to the faults."""
         assert self.line is not None
         assert self._carrier is not None
         self._carrier.carry(board.outgoing_bytes(data))

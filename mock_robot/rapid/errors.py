@@ -1,19 +1,19 @@
-"""Errors of the RAPID interpreter, and the ways a program leaves a routine.
+"""Errors of the RAPID interpreter, and exceptions that leave a routine.
 
 MockError
-├── RapidSyntaxError    a module that cannot be read
-└── RapidProgramError   a module that can be read and that no controller would start: unknown name, wrong argument
+├── RapidSyntaxError    a module that cannot be parsed
+└── RapidProgramError   a module that parses but that a controller would not start: unknown name, wrong argument
 RapidError              a run-time error with a name, for an ERROR handler
-RaisedFurther           the same on its way out of a routine whose handler did RAISE
-ProgramStopped          nobody handled it, or it cannot be handled: the task's program stops
-CycleLeft               ExitCycle, or the program pointer was moved to main: routines are dropped
+RaisedFurther           the same, passed to the caller by RAISE in a handler
+ProgramStopped          an error that nothing handles or that cannot be handled: the task's program stops
+CycleLeft               ExitCycle, or the program pointer moved to main: all routines are left
 """
 
 from mock_robot.errors import MockError
 
 
 class RapidSyntaxError(MockError):
-    """A module that cannot be read: which, where, and what stands there."""
+    """A module that cannot be parsed, with file, line and the text found."""
 
     def __init__(self, module: str, line: int, found: str) -> None:
         self.module, self.line, self.found = module, line, found
@@ -21,7 +21,7 @@ class RapidSyntaxError(MockError):
 
 
 class RapidProgramError(MockError):
-    """A module that no controller would start: which, where, and why."""
+    """A module that a controller would not start, with file, line and reason."""
 
     def __init__(self, module: str, line: int, why: str) -> None:
         self.module, self.line, self.why = module, line, why
@@ -29,7 +29,7 @@ class RapidProgramError(MockError):
 
 
 class RapidError(Exception):
-    """A recoverable error by its RAPID name; `where` is filled in by the statement that failed."""
+    """A recoverable error with its RAPID name; the failing statement fills in `where`."""
 
     def __init__(self, name: str, detail: str) -> None:
         self.name, self.detail, self.where = name, detail, ""
@@ -37,7 +37,7 @@ class RapidError(Exception):
 
 
 class RaisedFurther(Exception):
-    """A routine's handler gave the error to its caller."""
+    """A routine's handler passed the error to its caller."""
 
     def __init__(self, error: RapidError) -> None:
         self.error = error
@@ -53,4 +53,4 @@ class ProgramStopped(Exception):
 
 
 class CycleLeft(Exception):
-    """Every routine is dropped (their UNDO runs), and main begins anew; or the task ends."""
+    """All routines are left (their UNDO runs), then main restarts or the task ends."""

@@ -9,7 +9,7 @@ from lark import Token, Tree
 
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.operators import BINARY, COMPARISONS, MINUS
-from mock_robot.rapid.scope import Builtin, Context, Data, Frame, Part, Routine, Slot
+from mock_robot.rapid.scope import Builtin, CompileContext, Data, Frame, Part, Routine, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
 from mock_robot.rapid.types import BOOL, BYTE, DNUM, NUM, STRING, Array, Record, Type
 from mock_robot.rapid.values import short, single
@@ -25,7 +25,7 @@ class Expression:
     evaluate: Evaluate
 
 
-def expression(context: Context, node: Node, wanted: Type | None = None) -> Expression:
+def expression(context: CompileContext, node: Node, wanted: Type | None = None) -> Expression:
     """Compile an expression; `wanted` decides what a number or an aggregate is. Raises RapidProgramError."""
     found = _KINDS[node.data](context, node, wanted)
     if wanted is not None and found.type != wanted:
@@ -33,7 +33,7 @@ def expression(context: Context, node: Node, wanted: Type | None = None) -> Expr
     return found
 
 
-def _number(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _number(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     value = float(word(node, 0))
     if wanted is DNUM:
         return Expression(DNUM, lambda frame: value)
@@ -43,7 +43,7 @@ def _number(context: Context, node: Node, wanted: Type | None) -> Expression:
     return Expression(NUM, lambda frame: value)
 
 
-def _string(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _string(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     text = unquoted(word(node, 0))
     try:
         short(text)
@@ -65,9 +65,11 @@ def unquoted(literal: str) -> str:
     return text
 
 
-def _aggregate(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _aggregate(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     if not isinstance(wanted, Record | Array):
-        raise context.wrong(line_of(node), f"an aggregate cannot be {'told its type' if wanted is None else 'a value'}")
+        raise context.wrong(
+            line_of(node), f"an aggregate cannot be {'without a type' if wanted is None else 'a value'}"
+        )
     items = parts(node)
     if len(items) != len(wanted.parts):
         raise context.wrong(line_of(node), f"{wanted.name} has {len(wanted.parts)} parts, here are {len(items)}")
@@ -77,7 +79,7 @@ def _aggregate(context: Context, node: Node, wanted: Type | None) -> Expression:
     return Expression(wanted, lambda frame: [copy(evaluate(frame)) for copy, evaluate in pairs])
 
 
-def _binary(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _binary(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     """Operands and operators in turn, from left to right."""
     children = node.children
     wish = DNUM if wanted is DNUM else None
@@ -89,12 +91,12 @@ def _binary(context: Context, node: Node, wanted: Type | None) -> Expression:
     return left
 
 
-def _wish(context: Context, node: Node, wanted: Type | None) -> Type | None:
+def _wish(context: CompileContext, node: Node, wanted: Type | None) -> Type | None:
     """A literal number may become a dnum; nothing else may."""
     return wanted if wanted is DNUM and node.data == "number" else None
 
 
-def _combined(context: Context, operator: str, left: Expression, right: Expression, line: int) -> Expression:
+def _combined(context: CompileContext, operator: str, left: Expression, right: Expression, line: int) -> Expression:
     entry = BINARY.get((operator, left.type.name, right.type.name))
     if entry is None and operator in ("=", "<>") and left.type == right.type and not getattr(left.type, "device", 0):
         entry = (BOOL, COMPARISONS[operator])
@@ -105,7 +107,7 @@ def _combined(context: Context, operator: str, left: Expression, right: Expressi
     return Expression(result, combine(first, second))
 
 
-def _conjunction(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _conjunction(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     terms = [expression(context, item, BOOL).evaluate for item in parts(node)]
     if len(terms) == 2:
         first, second = terms
@@ -113,12 +115,12 @@ def _conjunction(context: Context, node: Node, wanted: Type | None) -> Expressio
     return Expression(BOOL, lambda frame: all(term(frame) for term in terms))
 
 
-def _not(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _not(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     inner = expression(context, part(node, 0), BOOL).evaluate
     return Expression(BOOL, lambda frame: not inner(frame))
 
 
-def _minus(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _minus(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     inner = expression(context, part(node, 0), _wish(context, part(node, 0), wanted))
     if inner.type.name not in MINUS:
         raise context.wrong(line_of(node), f"- {inner.type.name} is nothing")
@@ -126,7 +128,7 @@ def _minus(context: Context, node: Node, wanted: Type | None) -> Expression:
     return Expression(inner.type, lambda frame: negate(evaluate(frame)))
 
 
-def _function(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _function(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     from mock_robot.rapid.calls import call  # calls have arguments, which are expressions
 
     called = name(node, 0)
@@ -139,7 +141,7 @@ def _function(context: Context, node: Node, wanted: Type | None) -> Expression:
     return Expression(symbol.result, call(context, symbol, node))
 
 
-def _present(context: Context, node: Node) -> Expression:
+def _present(context: CompileContext, node: Node) -> Expression:
     arguments = parts(node)
     target = parts(arguments[0])[0] if arguments else None
     symbol = None if target is None or target.data != "target" else context.scope.find(name(target, 0))
@@ -149,7 +151,7 @@ def _present(context: Context, node: Node) -> Expression:
     return Expression(BOOL, lambda frame: frame[place] is not None)
 
 
-def _target(context: Context, node: Node, wanted: Type | None) -> Expression:
+def _target(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     symbol, indices, steps, kind = resolved(context, node)
     base = _reader(symbol)
     if not indices and not steps:
@@ -182,7 +184,7 @@ def _reader(symbol: Data) -> Evaluate:
     return lambda frame: slot.value
 
 
-def resolved(context: Context, node: Node) -> tuple[Data, list[Evaluate], list[int], Type]:
+def resolved(context: CompileContext, node: Node) -> tuple[Data, list[Evaluate], list[int], Type]:
     """What a target names: the data, the indices into it, the components within, and the type in the end."""
     symbol = context.scope.find(name(node, 0))
     if not isinstance(symbol, Data):
@@ -210,7 +212,7 @@ def place_of(index: float, length: int) -> int:
     return int(index) - 1
 
 
-def reference(context: Context, node: Node) -> tuple[Data, Type, Evaluate]:
+def reference(context: CompileContext, node: Node) -> tuple[Data, Type, Evaluate]:
     """A target as something that can be written to: its data, its type, and what gives the slot in a frame."""
     if node.data != "target":
         raise context.wrong(line_of(node), "a data object is wanted here, not an expression")
@@ -231,11 +233,11 @@ def reference(context: Context, node: Node) -> tuple[Data, Type, Evaluate]:
     return symbol, kind, part_of
 
 
-def _literal(value: bool) -> Callable[[Context, Node, Type | None], Expression]:
+def _literal(value: bool) -> Callable[[CompileContext, Node, Type | None], Expression]:
     return lambda context, node, wanted: Expression(BOOL, lambda frame: value)
 
 
-_KINDS: dict[str | Token, Callable[[Context, Node, Type | None], Expression]] = {
+_KINDS: dict[str | Token, Callable[[CompileContext, Node, Type | None], Expression]] = {
     "number": _number,
     "string": _string,
     "true": _literal(True),

@@ -1,4 +1,4 @@
-"""The bench's faults between a RAPID program and its wire: the frames it sends are read, altered, garbled."""
+"""Applies the faults of replies and bytes between a RAPID program and its wire."""
 
 from dataclasses import replace
 
@@ -9,22 +9,22 @@ from protocols.cb.frames import Frame, FrameReader
 from protocols.cb.messages import ANSWERS, Refused, pack, unpack
 
 
-class Garbling(FaultBoard):
-    """A fault board for a program that sends bytes: whole frames are read from them, so that answers can be altered."""
+class FrameFaultBoard(FaultBoard):
+    """A fault board for a program that sends bytes: whole frames are decoded, so that replies can be altered."""
 
     def outgoing_bytes(self, data: bytes) -> tuple[WireStep, ...]:
-        """What the wire carries instead of these bytes of the program."""
+        """Wire steps sent instead of the program's bytes."""
         frame = _frame(data) if self.active else None
         if frame is None or frame.seq == 0:
             return self.outgoing(None, data)
         command = _command(frame)
-        return self.outgoing(command, self._altered(command, frame, data))
+        return self.outgoing(command, self._alter(command, frame, data))
 
-    def _altered(self, command: Command | None, frame: Frame, data: bytes) -> bytes:
+    def _alter(self, command: Command | None, frame: Frame, data: bytes) -> bytes:
         if command is None or frame.status > Status.ACCEPTED:
             return data
         answer = unpack(ANSWERS[command], frame.payload)
-        altered = self.replied(command, answer)
+        altered = self.alter_reply(command, answer)
         return data if altered is answer or isinstance(altered, Refused) else _with(frame, pack(altered))
 
 
@@ -33,7 +33,7 @@ def _with(frame: Frame, payload: bytes) -> bytes:
 
 
 def _frame(data: bytes) -> Frame | None:
-    """The frame these bytes are; None when they are none."""
+    """Decode the bytes as one frame; None when they are not one."""
     events = FrameReader(resynchronise=False).feed(data)
     return events[0] if len(events) == 1 and isinstance(events[0], Frame) else None
 

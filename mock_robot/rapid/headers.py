@@ -1,4 +1,4 @@
-"""Headers of routines, of modules and of system.rapid alike, to parameters; and what a controller brings along."""
+"""Parses routine headers of modules and of system.rapid to parameters; the controller's own types and routines."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -6,19 +6,19 @@ from functools import cache
 from mock_robot.rapid.devices import DEVICES
 from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.instructions.table import DOES
-from mock_robot.rapid.scope import Builtin, Context, ErrorNumbers, Parameter, Scope, Slot
+from mock_robot.rapid.scope import Builtin, CompileContext, ErrorNumbers, Parameter, Scope, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, parse_system, part, parts
 from mock_robot.rapid.types import ATOMS, Record, Type
 
 SYSTEM = "system.rapid"
 
 
-def _bare(scope: Scope) -> Context:
-    return Context(None, SYSTEM, scope, ErrorNumbers({}, Slot(0.0)))
+def _bare(scope: Scope) -> CompileContext:
+    return CompileContext(None, SYSTEM, scope, ErrorNumbers({}, Slot(0.0)))
 
 
-def parameters_of(context: Context, node: Node | None) -> tuple[Parameter, ...]:
-    """The parameters of a header, in order; alternatives carry the same number above 0."""
+def parameters_of(context: CompileContext, node: Node | None) -> tuple[Parameter, ...]:
+    """Parameters of a header, in order; alternatives share a number above 0."""
     found: list[Parameter] = []
     for number, child in enumerate([] if node is None else parts(node), 1):
         if child.data == "parameter":
@@ -30,27 +30,27 @@ def parameters_of(context: Context, node: Node | None) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
-def _parameter(context: Context, node: Node, optional: bool = False, alternative: int = 0) -> Parameter:
+def _parameter(context: CompileContext, node: Node, optional: bool = False, alternative: int = 0) -> Parameter:
     mode = "in" if node.children[0] is None else name(node, 0)
-    kind = context.type_named(name(node, 1), line_of(node))
+    kind = context.require_type(name(node, 1), line_of(node))
     return Parameter(
         name(node, 2), kind, mode, optional, alternative, len(node.children) > 3 and bool(node.children[3])
     )
 
 
-def declare_types(context: Context, module: Node) -> None:
-    """Records and aliases of a module."""
+def declare_types(context: CompileContext, module: Node) -> None:
+    """Declare the records and aliases of a module."""
     for node in parts(module):
         if node.data == "record":
-            components = tuple((name(c, 1), context.type_named(name(c, 0), line_of(c))) for c in parts(node))
+            components = tuple((name(c, 1), context.require_type(name(c, 0), line_of(c))) for c in parts(node))
             context.scope.types[name(node, 0)] = Record(name(node, 0), components)
         elif node.data == "alias":
-            context.scope.types[name(node, 1)] = context.type_named(name(node, 0), line_of(node))
+            context.scope.types[name(node, 1)] = context.require_type(name(node, 0), line_of(node))
 
 
 @cache
 def system_types() -> Mapping[str, Type]:
-    """The types a controller has."""
+    """Types a controller provides."""
     scope = Scope(types={atom.name: atom for atom in (*ATOMS, *DEVICES)})
     declare_types(_bare(scope), parse_system())
     return scope.types
@@ -58,7 +58,7 @@ def system_types() -> Mapping[str, Type]:
 
 @cache
 def builtins() -> tuple[Builtin, ...]:
-    """Every instruction and function of system.rapid with what does it."""
+    """Every instruction and function of system.rapid with its implementation."""
     context = _bare(Scope(types=dict(system_types())))
     found = []
     for node in parts(parse_system()):
@@ -67,8 +67,8 @@ def builtins() -> tuple[Builtin, ...]:
         function = node.data == "func_header"
         called = name(node, int(function))
         if called not in DOES:
-            raise RapidProgramError(SYSTEM, line_of(node), f"nothing does {called}")
+            raise RapidProgramError(SYSTEM, line_of(node), f"{called} has no implementation")
         parameters = parameters_of(context, part(node, -1) if parts(node) else None)
-        result = context.type_named(name(node, 0), line_of(node)) if function else None
+        result = context.require_type(name(node, 0), line_of(node)) if function else None
         found.append(Builtin(called, "func" if function else "proc", parameters, result, DOES[called]))
     return tuple(found)

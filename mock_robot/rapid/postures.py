@@ -1,4 +1,4 @@
-"""Poses and joints between RAPID's data and the arm's: mm and degrees on one side, matrices and rad on the other."""
+"""Converts poses and joints between RAPID data (mm, degrees) and the arm's (matrices, rad)."""
 
 from typing import Any
 
@@ -9,12 +9,12 @@ from calibration.transforms import Array, inverse, quaternion_from_rotation, tra
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.values import single
 
-UNUSED_LEAST = 8.9e9
-"""An unused external axis is 9E9; single precision makes it a little less."""
+MIN_UNUSED_AXIS = 8.9e9
+"""An unused external axis is 9E9, slightly less in single precision."""
 
 
 def matrix_of(pose: list[Any]) -> Array:
-    """The matrix (4, 4) of [trans, rot]."""
+    """Matrix (4, 4) of [trans, rot]."""
     try:
         return transform_from_quaternion(pose[0], pose[1])
     except GeometryError as error:
@@ -27,12 +27,12 @@ def trans_and_rot(matrix: Array) -> list[Any]:
 
 
 def singles(values: Any) -> list[float]:
-    """Numbers as a num holds them."""
+    """Round numbers as a num stores them."""
     return [single(float(value)) for value in values]
 
 
 def flange_of(target: list[Any], tool: list[Any], wobj: list[Any] | None) -> Array:
-    """base_T_flange of a robtarget whose tool point is meant: world_T_user_T_object_T_tool, without the tool."""
+    """base_T_flange for a robtarget of a tool: world_T_user_T_object_T_tool, without the tool."""
     base_T_tool = base_T_object(wobj) @ matrix_of(target)
     return base_T_tool @ inverse(matrix_of(tool[1]))
 
@@ -43,7 +43,7 @@ def target_at(base_T_flange: Array, tool: list[Any], wobj: list[Any] | None) -> 
 
 
 def base_T_object(wobj: list[Any] | None) -> Array:
-    """User frame, then object frame; wobj0 when none is given."""
+    """User frame times object frame; wobj0 by default."""
     if wobj is None:
         return np.eye(4)
     joined: Array = matrix_of(wobj[3]) @ matrix_of(wobj[4])
@@ -51,7 +51,7 @@ def base_T_object(wobj: list[Any] | None) -> Array:
 
 
 def joints_rad(joints: list[Any]) -> Array:
-    """The axes (6,) of a jointtarget."""
+    """Axes (6,) in rad of a jointtarget."""
     axes: Array = np.radians(joints[0])
     return axes
 

@@ -1,4 +1,4 @@
-"""The program of one task: its modules declared, checked and compiled; and the PERS that outlive it."""
+"""The program of one task: declares, checks and compiles its modules; and the PERS that outlive it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, Ra
 from mock_robot.rapid.expressions import expression
 from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
 from mock_robot.rapid.scope import (
-    Context,
+    CompileContext,
     Data,
     ErrorNumbers,
     Frame,
@@ -18,14 +18,14 @@ from mock_robot.rapid.scope import (
     Slot,
 )
 from mock_robot.rapid.statements import Run, block
-from mock_robot.rapid.syntax import Node, given, line_of, name, parse_module, parse_system, part, parts
-from mock_robot.rapid.tasks import EXECUTION_ERROR, Task
+from mock_robot.rapid.syntax import Node, line_of, name, optional_part, parse_module, parse_system, part, parts
+from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
 from mock_robot.rapid.types import NUM, SIGNALDO, Array, Type
 
 
 @dataclass(frozen=True)
 class Source:
-    """A module's file. `shared`: loaded once for all tasks, not into one."""
+    """A module's file. `shared`: loaded once for all tasks."""
 
     name: str
     text: str
@@ -33,13 +33,13 @@ class Source:
 
 
 @dataclass
-class Memory:
-    """The PERS of a controller: shared by its tasks, and kept over a restart."""
+class PersistentMemory:
+    """PERS of a controller: shared by its tasks, kept over a restart."""
 
     _kept: dict[str, tuple[Type, Persistent]] = field(default_factory=dict)
 
     def slot(self, key: str, kind: Type, initial: Callable[[], Any]) -> Persistent:
-        """The PERS of that name; `initial` is asked when there is none of this type yet."""
+        """The PERS of that name; `initial` is called when none of this type exists yet."""
         known = self._kept.get(key)
         if known is None or known[0] != kind:
             known = self._kept[key] = (kind, Persistent(initial()))
@@ -53,17 +53,17 @@ class Memory:
         return self._kept[key][1] if key in self._kept else None
 
     def preset(self, key: str, value: Any) -> None:
-        """What an integrator writes into the module before it is loaded; the type comes from what is there."""
+        """Set a PERS before the module is loaded, as an integrator edits it; the type comes from the existing value."""
         kind, slot = self._kept[key]
         slot.value = kind.copy(value)
 
 
 @dataclass
 class Program:
-    """Everything a task can run."""
+    """All modules of a task."""
 
-    task: Task
-    memory: Memory
+    task: ProgramTask
+    memory: PersistentMemory
     signals: Mapping[str, object]
     scope: Scope = field(init=False)
     errors: ErrorNumbers = field(init=False)
@@ -73,7 +73,7 @@ class Program:
         self.errors = ErrorNumbers({}, Slot(0.0))
         for builtin in builtins():
             self.scope.symbols[builtin.name] = builtin
-        context = Context(self.task, SYSTEM, self.scope, self.errors)
+        context = CompileContext(self.task, SYSTEM, self.scope, self.errors)
         for node in parts(parse_system(), "data"):
             self._declare_data(context, node)
         symbols = {each.name: each for each in self.scope.symbols.values() if isinstance(each, Data)}
@@ -88,22 +88,22 @@ class Program:
     def load(self, sources: Sequence[Source]) -> None:
         """Declare every module, then compile every routine. Raises RapidSyntaxError, RapidProgramError."""
         loaded = [(source, parse_module(source.text, source.name)) for source in sources]
-        pending: list[tuple[Context, Routine, Node]] = []
+        pending: list[tuple[CompileContext, Routine, Node]] = []
         for source, module in loaded:
-            context = Context(self.task, source.name, self.scope, self.errors)
+            context = CompileContext(self.task, source.name, self.scope, self.errors)
             declare_types(context, module)
             for node in parts(module):
                 if node.data in ("proc", "func", "trap"):
                     pending.append((context, self._declare_routine(context, node), node))
         for source, module in loaded:
-            context = Context(self.task, source.name, self.scope, self.errors)
+            context = CompileContext(self.task, source.name, self.scope, self.errors)
             for node in parts(module, "data"):
                 self._declare_data(context, node, shared=source.shared)
         for context, routine, node in pending:
             _compile(context, routine, node)
 
     def main(self) -> Callable[[], None]:
-        """What runs the procedure main once. Raises RapidProgramError when there is none."""
+        """Function that runs procedure main once. Raises RapidProgramError when there is none."""
         main = self.scope.find("main")
         if not isinstance(main, Routine) or main.kind != "proc" or main.parameters:
             raise RapidProgramError(self.task.name, 0, "no module of this task has a PROC main()")
@@ -118,17 +118,17 @@ class Program:
 
         return run
 
-    def _declare_routine(self, context: Context, node: Node) -> Routine:
+    def _declare_routine(self, context: CompileContext, node: Node) -> Routine:
         function = node.data == "func"
         place = int(function)
-        parameters = () if node.data == "trap" else parameters_of(context, given(node, place + 1))
-        result = context.type_named(name(node, 0), line_of(node)) if function else None
+        parameters = () if node.data == "trap" else parameters_of(context, optional_part(node, place + 1))
+        result = context.require_type(name(node, 0), line_of(node)) if function else None
         where = f"{context.module}:{line_of(node)}"
         routine = Routine(name(node, place), str(node.data), parameters, result, where)
         self.scope.declare(routine, context.module, line_of(node))
         return routine
 
-    def _declare_data(self, context: Context, node: Node, shared: bool = False) -> None:
+    def _declare_data(self, context: CompileContext, node: Node, shared: bool = False) -> None:
         storage, called, line = name(node, 1), name(node, 3), line_of(node)
         kind, initial = _type_and_initial(context, node)
         if storage == "var" and shared:
@@ -147,10 +147,10 @@ class Program:
         context.scope.declare(Data(called, kind, storage, slot), context.module, line)
 
 
-def _type_and_initial(context: Context, node: Node) -> tuple[Type, Run | None]:
-    """Of a declaration: REACH, STORAGE, type, name, then at most one dimension, then the initial value."""
-    kind: Type = context.type_named(name(node, 2), line_of(node))
-    initial = given(node, -1)
+def _type_and_initial(context: CompileContext, node: Node) -> tuple[Type, Run | None]:
+    """Parts of a declaration: REACH, STORAGE, type, name, at most one dimension, initial value."""
+    kind: Type = context.require_type(name(node, 2), line_of(node))
+    initial = optional_part(node, -1)
     dimensions = parts(node) if initial is None else parts(node)[:-1]
     for dimension in reversed(dimensions):
         kind = Array(kind, int(expression(context, dimension, NUM).evaluate([None])))
@@ -160,9 +160,9 @@ def _type_and_initial(context: Context, node: Node) -> tuple[Type, Run | None]:
 _STORAGE_OF_MODE = {"in": "var", "var": "var", "inout": "var", "pers": "pers"}
 
 
-def _compile(context: Context, routine: Routine, node: Node) -> None:
-    """Body, handler and UNDO of a routine."""
-    inner = Context(context.task, context.module, Scope(context.scope), context.errors, routine)
+def _compile(context: CompileContext, routine: Routine, node: Node) -> None:
+    """Compile body, handler and UNDO of a routine."""
+    inner = CompileContext(context.task, context.module, Scope(context.scope), context.errors, routine)
     for parameter in routine.parameters:
         storage = _STORAGE_OF_MODE[parameter.mode]
         inner.local(parameter.name, parameter.type, storage, line_of(node), parameter.optional)
@@ -189,7 +189,7 @@ def _compile(context: Context, routine: Routine, node: Node) -> None:
     routine.body = run_with_undo if undo else run
 
 
-def _local(context: Context, node: Node) -> tuple[int, Run]:
+def _local(context: CompileContext, node: Node) -> tuple[int, Run]:
     storage, called, line = name(node, 1), name(node, 3), line_of(node)
     if storage == "pers":
         raise context.wrong(line, f"PERS {called} in a routine: a PERS belongs to a module")

@@ -1,24 +1,24 @@
-"""The limits of a controller that a syntax check misses, as a table of patterns."""
+"""Controller limits that a syntax check misses, and rules of the project, as a table of patterns."""
 
 import re
 from dataclasses import dataclass
 
-STRING_MAX = 80
-NAME_MAX = 32
-INTEGER_MAX = 8388608
+MAX_STRING_LENGTH = 80
+MAX_NAME_LENGTH = 32
+MAX_INTEGER = 8388608
 
 
 @dataclass(frozen=True)
 class Offence:
-    """A line that a controller would refuse, or that the project does not allow, and why."""
+    """A line that a controller would refuse or that the project does not allow, with the reason."""
 
     line: int
     why: str
 
 
 _FORBIDDEN = (
-    (re.compile(rf"\b[A-Za-z]\w{{{NAME_MAX},}}"), f"a name of more than {NAME_MAX} characters"),
-    (re.compile(rf'"[^"]{{{STRING_MAX + 1},}}"'), f"a string of more than {STRING_MAX} characters"),
+    (re.compile(rf"\b[A-Za-z]\w{{{MAX_NAME_LENGTH},}}"), f"a name of more than {MAX_NAME_LENGTH} characters"),
+    (re.compile(rf'"[^"]{{{MAX_STRING_LENGTH + 1},}}"'), f"a string of more than {MAX_STRING_LENGTH} characters"),
     (re.compile(r"\bSocket(Receive|Accept)\b(?!.*\\Time:=)", re.I), "waits 60 s: give \\Time"),
     (re.compile(r"\bReadBin\b(?!.*\\Time:=)", re.I), "waits 60 s: give \\Time"),
     (re.compile(r"\bSocketReceive\b.*\\Str\b", re.I), "\\Str cuts at 80 characters: use \\RawData"),
@@ -32,7 +32,7 @@ _INTEGER = re.compile(r"(?<![\w.])\d+(?![\w.])")
 
 
 def offences(source: bytes) -> list[Offence]:
-    """What the rules object to in a module's file, by line."""
+    """Violations of the rules in a module's file, by line."""
     found = []
     for number, raw in enumerate(source.split(b"\n")[:-1], 1):
         if not raw.isascii():
@@ -43,8 +43,8 @@ def offences(source: bytes) -> list[Offence]:
     for number, line in enumerate(text.split("\n"), 1):
         code = line.split("!")[0].rstrip()
         found += [Offence(number, why) for pattern, why in _FORBIDDEN if pattern.search(code)]
-        if any(int(literal) > INTEGER_MAX for literal in _INTEGER.findall(re.sub(r'"[^"]*"', "", code))):
-            found.append(Offence(number, f"a num is exact up to {INTEGER_MAX} only"))
+        if any(int(literal) > MAX_INTEGER for literal in _INTEGER.findall(re.sub(r'"[^"]*"', "", code))):
+            found.append(Offence(number, f"a num is exact up to {MAX_INTEGER} only"))
     for routine in _ROUTINE.finditer(text):
         if not re.search(r"^\s*ERROR\s*$", routine[0], re.M | re.I):
             line_number = text.count("\n", 0, routine.start(1)) + 1

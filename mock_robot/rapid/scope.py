@@ -1,4 +1,4 @@
-"""What names stand for: data in their slots, routines, types; and where a name is looked up."""
+"""Symbols of a program: data, routines, types, and the scopes in which names are looked up."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -8,23 +8,23 @@ from mock_robot.rapid.errors import RapidError, RapidProgramError
 from mock_robot.rapid.types import Type
 
 Frame = list[Any]
-"""A routine's data while it runs: its result, then a slot for each parameter and local name."""
+"""A routine's data while it runs: its result, then one slot per parameter and local name."""
 
 
 class Slot:
-    """Where a value is kept."""
+    """Storage of a value."""
 
     __slots__ = ("value",)
 
     def __init__(self, value: Any) -> None:
         self.value = value
 
-    def touched(self) -> None:
-        """A part of the value has changed."""
+    def notify_change(self) -> None:
+        """Note that a part of the value changed."""
 
 
 class Persistent(Slot):
-    """A PERS: shared by tasks, and whoever asked for it hears of every change."""
+    """A PERS: shared by tasks; its watchers are called on every change."""
 
     __slots__ = ("_value", "watchers")
 
@@ -40,9 +40,9 @@ class Persistent(Slot):
     def value(self, value: Any) -> None:
         changed, self._value = value != self._value, value
         if changed:
-            self.touched()
+            self.notify_change()
 
-    def touched(self) -> None:
+    def notify_change(self) -> None:
         for notice in self.watchers:
             notice()
 
@@ -62,15 +62,15 @@ class Part:
     @value.setter
     def value(self, value: Any) -> None:
         self._owner[self._place] = value
-        self._root.touched()
+        self._root.notify_change()
 
-    def touched(self) -> None:
-        self._root.touched()
+    def notify_change(self) -> None:
+        self._root.notify_change()
 
 
 @dataclass(frozen=True)
 class Data:
-    """A data object: in `slot`, or at `place` of the frame of its routine. `storage`: const, pers, var, loop."""
+    """A data object: in `slot`, or at `place` of its routine's frame. `storage`: const, pers, var, loop."""
 
     name: str
     type: Type
@@ -82,7 +82,7 @@ class Data:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter. `mode`: in, var, pers, inout. Of those that share an `alternative` only one may be given."""
+    """One parameter. `mode`: in, var, pers, inout. At most one of those sharing an `alternative` may be given."""
 
     name: str
     type: Type
@@ -94,7 +94,7 @@ class Parameter:
 
 @dataclass
 class Routine:
-    """A routine of a module; `body` is set when it is compiled. `kind`: proc, func, trap."""
+    """A routine of a module; `body` is set by the compiler. `kind`: proc, func, trap."""
 
     name: str
     kind: str
@@ -108,7 +108,7 @@ class Routine:
 
 @dataclass(frozen=True)
 class Builtin:
-    """An instruction or a function of the controller: its header, and what does it."""
+    """An instruction or function of the controller: its header and implementation."""
 
     name: str
     kind: str
@@ -122,14 +122,14 @@ Symbol = Data | Routine | Builtin
 
 @dataclass
 class Scope:
-    """Names of one level, and the level around it."""
+    """Names of one level, and the enclosing scope."""
 
     outer: "Scope | None" = None
     symbols: dict[str, Symbol] = field(default_factory=dict)
     types: dict[str, Type] = field(default_factory=dict)
 
     def find(self, name: str) -> Symbol | None:
-        """What the name stands for here; None when it is unknown."""
+        """The symbol of that name, or None."""
         scope: Scope | None = self
         while scope is not None:
             if name in scope.symbols:
@@ -137,8 +137,8 @@ class Scope:
             scope = scope.outer
         return None
 
-    def type_named(self, name: str) -> Type | None:
-        """The type of that name; None when it is unknown."""
+    def find_type(self, name: str) -> Type | None:
+        """The type of that name, or None."""
         scope: Scope | None = self
         while scope is not None:
             if name in scope.types:
@@ -147,7 +147,7 @@ class Scope:
         return None
 
     def declare(self, symbol: Symbol, module: str, line: int) -> None:
-        """A new name; raises RapidProgramError for one that exists at this level."""
+        """Add a name; raises RapidProgramError if it exists at this level."""
         if symbol.name in self.symbols:
             raise RapidProgramError(module, line, f"{symbol.name} is declared twice")
         self.symbols[symbol.name] = symbol
@@ -155,24 +155,24 @@ class Scope:
 
 @dataclass(frozen=True)
 class ErrorNumbers:
-    """Names of errors and the numbers a program sees; ERRNO has that of the last one that was handled."""
+    """Error names and numbers as a program sees them; ERRNO has the number of the last error handled."""
 
     numbers: Mapping[str, float]
     errno: Slot
 
     def note(self, error: RapidError) -> None:
-        """It is handled now."""
+        """Set ERRNO to an error that is being handled."""
         self.errno.value = self.numbers.get(error.name, 0.0)
 
-    def numbered(self, number: float) -> RapidError:
-        """The error a program raises by its number."""
+    def error_of(self, number: float) -> RapidError:
+        """The error that a program raises by number."""
         found = next((name for name, known in self.numbers.items() if known == number), None)
         return RapidError(found or f"error {number:g}", "raised by the program")
 
 
 @dataclass
-class Context:
-    """Where a piece of a program stands: what it is compiled against. `task` runs it."""
+class CompileContext:
+    """Compile-time context of a statement: task, module, scope and routine."""
 
     task: Any
     module: str
@@ -185,15 +185,15 @@ class Context:
         """The error to raise for a line."""
         return RapidProgramError(self.module, line, why)
 
-    def type_named(self, name: str, line: int) -> Type:
-        """A type; raises RapidProgramError for an unknown one."""
-        found = self.scope.type_named(name)
+    def require_type(self, name: str, line: int) -> Type:
+        """The type of that name; raises RapidProgramError for an unknown one."""
+        found = self.scope.find_type(name)
         if found is None:
             raise self.wrong(line, f"no type is named {name}")
         return found
 
     def local(self, name: str, kind: Type, storage: str, line: int, optional: bool = False) -> Data:
-        """A new name in the routine's frame."""
+        """Declare a name in the routine's frame."""
         assert self.routine is not None
         self.routine.places += 1
         data = Data(name, kind, storage, place=self.routine.places, optional=optional)

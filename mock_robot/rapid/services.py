@@ -1,4 +1,4 @@
-"""What instructions reach from a task: the arm, the panel, the devices and their wires, interrupts, the event log."""
+"""Services of a task's instructions: arm, panel, devices, wires, interrupts, event log."""
 
 import threading
 from collections.abc import Callable
@@ -7,15 +7,15 @@ from typing import Any
 
 from mock_robot.cabinet.panel import Panel
 from mock_robot.rapid.devices import SerialLine
-from mock_robot.rapid.frames import Garbling
+from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.scope import ErrorNumbers
 from mock_robot.rapid.unit import MotionUnit
 
 
 @dataclass
-class Devices:
-    """Everything that was opened, the addresses the controller owns, and when somebody can connect."""
+class OpenDevices:
+    """Open devices, the controller's addresses, and whether clients can connect."""
 
     host: str = "127.0.0.1"
     lines: dict[str, SerialLine] = field(default_factory=dict)
@@ -24,19 +24,19 @@ class Devices:
     _open: dict[int, Any] = field(default_factory=dict)
 
     def add(self, device: Any) -> None:
-        """It was opened."""
+        """Register an open device."""
         self._open[id(device)] = device
 
     def drop(self, device: Any) -> None:
-        """It was closed."""
+        """Forget a closed device."""
         self._open.pop(id(device), None)
 
-    def bound(self, address: tuple[str, int]) -> None:
-        """A socket has this address."""
+    def note_address(self, address: tuple[str, int]) -> None:
+        """Note the address of a bound socket."""
         self.address = address
 
-    def listening(self) -> None:
-        """Somebody may connect, or be heard: what came to a serial line before it was read may be thrown away."""
+    def note_listening(self) -> None:
+        """Note that clients can connect; input of a serial line from before may be discarded."""
         self.reachable.set()
 
     def close(self) -> None:
@@ -49,12 +49,12 @@ class Devices:
 
 @dataclass(frozen=True)
 class Services:
-    """Of one task."""
+    """Services of one task."""
 
     unit: MotionUnit
     panel: Panel
-    devices: Devices
-    wire: Garbling
+    devices: OpenDevices
+    wire: FrameFaultBoard
     interrupts: Interrupts
     errors: ErrorNumbers
     note: Callable[[int, str], None]

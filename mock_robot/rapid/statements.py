@@ -1,4 +1,4 @@
-"""Statements to closures. A closure answers how the routine goes on: with the next one (None), or one of `Flow`."""
+"""Compiles statements to closures. A closure returns None to continue with the next statement, or a `Flow`."""
 
 from collections.abc import Callable
 from enum import IntEnum
@@ -8,18 +8,18 @@ from mock_robot.rapid.calls import call
 from mock_robot.rapid.errors import ProgramStopped, RaisedFurther, RapidError
 from mock_robot.rapid.expressions import Evaluate, expression, reference
 from mock_robot.rapid.interrupts import connection
-from mock_robot.rapid.scope import Builtin, Context, Frame, Routine, Scope, Slot
-from mock_robot.rapid.syntax import Node, given, line_of, name, part, parts, word
+from mock_robot.rapid.scope import Builtin, CompileContext, Frame, Routine, Scope, Slot
+from mock_robot.rapid.syntax import Node, line_of, name, optional_part, part, parts, word
 from mock_robot.rapid.tasks import EXECUTION_ERROR
 from mock_robot.rapid.types import BOOL, NUM, Atom
 from mock_robot.rapid.values import single
 
-RETRIES_MAX = 4
+MAX_RETRIES = 4
 """The system parameter No Of Retry."""
 
 
 class Flow(IntEnum):
-    """How a routine goes on when not with the next statement."""
+    """How a routine continues, if not with the next statement."""
 
     RETURNED = 1
     NEXT = 2
@@ -36,8 +36,8 @@ class _RaisedHere(Exception):
 Run = Callable[[Frame], Any]
 
 
-def block(context: Context, statements: list[Node]) -> Run:
-    """Statements one after the other; between two of them the task attends. Errors go to the routine's handler."""
+def block(context: CompileContext, statements: list[Node]) -> Run:
+    """Compile statements in sequence. The task attends between two of them; errors go to the routine's handler."""
     runs = [_KINDS[node.data](context, node) for node in statements]
     lines = [line_of(node) for node in statements]
     task, module, count = context.task, context.module, len(runs)
@@ -61,14 +61,14 @@ def block(context: Context, statements: list[Node]) -> Run:
                 return flow
             if flow is Flow.NEXT:
                 at, retries = at + 1, 0
-            elif (retries := retries + 1) > RETRIES_MAX:
-                raise ProgramStopped(EXECUTION_ERROR, f"{module}:{lines[at]}", f"retried {RETRIES_MAX} times in vain")
+            elif (retries := retries + 1) > MAX_RETRIES:
+                raise ProgramStopped(EXECUTION_ERROR, f"{module}:{lines[at]}", f"retried {MAX_RETRIES} times in vain")
 
     return run
 
 
-def _handle(context: Context, frame: Frame, error: RapidError) -> Flow:
-    """The routine's own handler; without one the system's, which stops: the caller is not asked."""
+def _handle(context: CompileContext, frame: Frame, error: RapidError) -> Flow:
+    """Run the routine's own handler; without one the program stops (the caller's is not tried)."""
     routine = context.routine
     assert routine is not None
     if routine.handler is None:
@@ -80,11 +80,11 @@ def _handle(context: Context, frame: Frame, error: RapidError) -> Flow:
         raise RaisedFurther(raised.error or error) from None
 
 
-def _stop_in_handler(context: Context, frame: Frame, error: RapidError) -> Flow:
+def _stop_in_handler(context: CompileContext, frame: Frame, error: RapidError) -> Flow:
     raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error} inside an ERROR handler") from error
 
 
-def _if(context: Context, node: Node) -> Run:
+def _if(context: CompileContext, node: Node) -> Run:
     """IF, ELSEIF and ELSE: the first branch whose condition holds."""
     branches = [(expression(context, part(node, 0), BOOL).evaluate, block(context, parts(part(node, 1))))]
     for other in parts(node, "elseif"):
@@ -106,16 +106,16 @@ def _if(context: Context, node: Node) -> Run:
 
 
 def _nothing(frame: Frame) -> None:
-    """No statement."""
+    """The empty statement."""
 
 
-def _if_one(context: Context, node: Node) -> Run:
+def _if_one(context: CompileContext, node: Node) -> Run:
     condition = expression(context, part(node, 0), BOOL).evaluate
     then = block(context, [part(node, 1)])
     return lambda frame: then(frame) if condition(frame) else None
 
 
-def _while(context: Context, node: Node) -> Run:
+def _while(context: CompileContext, node: Node) -> Run:
     condition = expression(context, part(node, 0), BOOL).evaluate
     body, task = block(context, parts(part(node, 1))), context.task
 
@@ -130,9 +130,9 @@ def _while(context: Context, node: Node) -> Run:
     return run
 
 
-def _for(context: Context, node: Node) -> Run:
+def _for(context: CompileContext, node: Node) -> Run:
     first, last = (expression(context, part(node, place), NUM).evaluate for place in (1, 2))
-    stride = given(node, 3)
+    stride = optional_part(node, 3)
     step = None if stride is None else expression(context, stride, NUM).evaluate
     outer, context.scope = context.scope, Scope(context.scope)
     place = context.local(name(node, 0), NUM, "loop", line_of(node)).place
@@ -153,7 +153,7 @@ def _for(context: Context, node: Node) -> Run:
     return run
 
 
-def _test(context: Context, node: Node) -> Run:
+def _test(context: CompileContext, node: Node) -> Run:
     subject = expression(context, part(node, 0))
     cases = []
     for case in parts(node, "case"):
@@ -173,7 +173,7 @@ def _test(context: Context, node: Node) -> Run:
     return run
 
 
-def _assign(context: Context, node: Node) -> Run:
+def _assign(context: CompileContext, node: Node) -> Run:
     symbol, kind, slot_in = reference(context, part(node, 0))
     if symbol.storage not in ("var", "pers"):
         raise context.wrong(line_of(node), f"{symbol.name} is {symbol.storage.upper()}: nothing can be assigned to it")
@@ -194,8 +194,8 @@ def _assign(context: Context, node: Node) -> Run:
     return assign
 
 
-def _return(context: Context, node: Node) -> Run:
-    routine, value = context.routine, given(node, 0)
+def _return(context: CompileContext, node: Node) -> Run:
+    routine, value = context.routine, optional_part(node, 0)
     assert routine is not None
     if (routine.kind == "func") is (value is None):
         raise context.wrong(line_of(node), f"RETURN in {routine.name} {'needs a' if value is None else 'has no'} value")
@@ -211,13 +211,13 @@ def _return(context: Context, node: Node) -> Run:
     return run
 
 
-def _raise(context: Context, node: Node) -> Run:
+def _raise(context: CompileContext, node: Node) -> Run:
     number: Evaluate | None = None
-    if (asked := given(node, 0)) is not None:
+    if (asked := optional_part(node, 0)) is not None:
         number = expression(context, asked, NUM).evaluate
     elif not context.in_handler:
         raise context.wrong(line_of(node), "RAISE without a number belongs into an ERROR handler")
-    inside, numbered = context.in_handler, context.errors.numbered
+    inside, numbered = context.in_handler, context.errors.error_of
 
     def run(frame: Frame) -> None:
         error = None if number is None else numbered(number(frame))
@@ -228,8 +228,8 @@ def _raise(context: Context, node: Node) -> Run:
     return run
 
 
-def _in_handler(flow: Flow) -> Callable[[Context, Node], Run]:
-    def compiled(context: Context, node: Node) -> Run:
+def _in_handler(flow: Flow) -> Callable[[CompileContext, Node], Run]:
+    def compiled(context: CompileContext, node: Node) -> Run:
         if not context.in_handler:
             raise context.wrong(line_of(node), f"{str(node.data).upper()} belongs into an ERROR handler")
         return lambda frame: flow
@@ -237,7 +237,7 @@ def _in_handler(flow: Flow) -> Callable[[Context, Node], Run]:
     return compiled
 
 
-def _call(context: Context, node: Node) -> Run:
+def _call(context: CompileContext, node: Node) -> Run:
     symbol = context.scope.find(name(node, 0))
     if not isinstance(symbol, Routine | Builtin) or symbol.kind != "proc":
         raise context.wrong(line_of(node), f"no instruction or procedure is named {word(node, 0)}")
@@ -249,7 +249,7 @@ def _call(context: Context, node: Node) -> Run:
     return calling
 
 
-_KINDS: dict[str, Callable[[Context, Node], Run]] = {
+_KINDS: dict[str, Callable[[CompileContext, Node], Run]] = {
     "if_": _if,
     "if_one": _if_one,
     "while_": _while,

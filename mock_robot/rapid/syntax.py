@@ -1,4 +1,4 @@
-"""RAPID text to a tree; what cannot be read is an error that names file and line."""
+"""Parses RAPID text to a tree; errors name file and line."""
 
 from functools import cache
 from importlib.resources import files
@@ -13,19 +13,19 @@ Node = Tree[Token]
 
 
 def parse_module(text: str, module: str) -> Node:
-    """The tree of a module; raises RapidSyntaxError."""
-    return _parsed(text, module, "module")
+    """Parse a module; raises RapidSyntaxError."""
+    return _parse(text, module, "module")
 
 
 @cache
 def parse_system() -> Node:
-    """The tree of system.rapid: what a controller brings along."""
+    """Parse system.rapid, the declarations a controller provides."""
     text = files("mock_robot.rapid").joinpath("system.rapid").read_text(encoding="ascii")
-    return _parsed(text, "system.rapid", "system")
+    return _parse(text, "system.rapid", "system")
 
 
 @cache
-def _parsed(text: str, module: str, start: Literal["module", "system"]) -> Node:
+def _parse(text: str, module: str, start: Literal["module", "system"]) -> Node:
     try:
         return _parser().parse(text, start=start)
     except UnexpectedInput as error:
@@ -39,7 +39,7 @@ def _parser() -> Lark:
 
 
 def line_of(node: Node | Token) -> int:
-    """The line a node begins in; 0 for an empty one."""
+    """First line of a node; 0 for an empty one."""
     return int((node.line if isinstance(node, Token) else getattr(node.meta, "line", 0)) or 0)
 
 
@@ -50,14 +50,14 @@ def part(node: Node, index: int) -> Node:
     return child
 
 
-def given(node: Node, index: int) -> Node | None:
-    """A child that may be left out; None when it is."""
+def optional_part(node: Node, index: int) -> Node | None:
+    """An optional child; None when it is absent."""
     child: object = node.children[index]
     return child if isinstance(child, Tree) else None
 
 
 def parts(node: Node, rule: str | None = None) -> list[Node]:
-    """The children that are trees, of that rule; what is left out is none."""
+    """Children that are trees, of that rule; absent ones are skipped."""
     return [child for child in node.children if isinstance(child, Tree) and rule in (None, child.data)]
 
 
@@ -69,5 +69,5 @@ def word(node: Node, index: int) -> str:
 
 
 def name(node: Node, index: int) -> str:
-    """A name as the controller compares it: without case."""
+    """A name in lower case, since the controller ignores case."""
     return word(node, index).casefold()

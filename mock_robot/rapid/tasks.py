@@ -1,4 +1,4 @@
-"""A program task: one thread that runs main over and over, stops between instructions, and runs traps there."""
+"""A program task: one thread that runs main repeatedly, stops between instructions, and runs traps there."""
 
 import os
 import select
@@ -19,14 +19,14 @@ EXECUTION_ERROR = 10020
 
 
 class TaskOwner(Protocol):
-    """Who is told that a program stopped by itself."""
+    """Is notified when a program stops by itself."""
 
-    def program_failed(self, task: "Task", stopped: ProgramStopped) -> None: ...
+    def stop_failed_program(self, task: "ProgramTask", stopped: ProgramStopped) -> None: ...
 
 
 @dataclass(eq=False)
-class Task:
-    """One task. `attention` is looked at between instructions; whoever sets it wakes a waiting instruction, too.
+class ProgramTask:
+    """One task. `attention` is checked between instructions; setting it also wakes a waiting instruction.
 
     As on a controller, an interrupt that comes while the task is stopped is lost.
     """
@@ -49,20 +49,20 @@ class Task:
         self._ear, self._mouth = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._thread = threading.Thread(target=self._live, name=f"rapid {self.name}", daemon=True)
 
-    # --- from outside ---
+    # --- called by the controller ---
 
     def begin(self, *, running: bool) -> None:
-        """Start the thread, with its program pointer at main."""
+        """Start the thread, with the program pointer at main."""
         self.running = running
         self._thread.start()
 
     @property
     def is_current(self) -> bool:
-        """Is it this task that asks?"""
+        """Whether the calling thread is this task's."""
         return self._thread is threading.current_thread()
 
     def whereabouts(self) -> list[str]:
-        """The statements it is at, innermost first, from the thread's own stack; none when the thread has ended."""
+        """Current statements, innermost first, from the thread's stack; empty when the thread has ended."""
         found, frame = [], sys._current_frames().get(self._thread.ident or 0)
         while frame is not None:
             if frame.f_code.co_name == "run" and "lines" in (names := frame.f_locals) and "module" in names:
@@ -71,7 +71,7 @@ class Task:
         return found
 
     def start(self) -> None:
-        """Go on where the task was stopped."""
+        """Resume a stopped task."""
         self.running = True
         self.rouse()
 
@@ -83,13 +83,13 @@ class Task:
         self.rouse()
 
     def move_pointer_to_main(self) -> None:
-        """Every routine is dropped."""
+        """Leave every routine."""
         with self._turn:
             self._leaving = True
         self.rouse()
 
     def end(self, limit_s: float = 5.0) -> None:
-        """Drop every routine and end the thread."""
+        """Leave every routine and end the thread."""
         with self._turn:
             self._ended = True
         self.move_pointer_to_main()
@@ -97,7 +97,7 @@ class Task:
             self._thread.join(limit_s)
 
     def interrupt(self, trap: Routine) -> None:
-        """An interrupt came: its trap runs before the next instruction. Lost while the task is stopped."""
+        """Run the trap before the next instruction. Lost while the task is stopped."""
         with self._turn:
             if not self.running:
                 return
@@ -105,19 +105,19 @@ class Task:
         self.rouse()
 
     def rouse(self) -> None:
-        """Whatever the task waits for, let it look around."""
+        """Wake a waiting task so that it checks its condition."""
         self.attention = True
         with suppress(BlockingIOError, OSError):
             os.write(self._mouth, b"\0")
 
-    # --- from the program ---
+    # --- called by the program ---
 
     def attend(self) -> None:
-        """Between two instructions: stand still while stopped, run the traps that are due. Raises CycleLeft."""
+        """Between two instructions: wait while stopped, run pending traps. Raises CycleLeft."""
         while True:
             with self._turn:
                 if self._leaving:
-                    self._leaving = False  # what UNDO does on the way out is not left again
+                    self._leaving = False  # so that UNDO routines are not left a second time
                     raise CycleLeft
                 trap = None
                 if self.running or self._ended:
@@ -131,7 +131,7 @@ class Task:
                 self._run_trap(trap)
 
     def wait(self, seconds: float | None, fileno: int | None = None, until: Callable[[], bool] | None = None) -> bool:
-        """Until the descriptor can be read or `until` holds (True), or time is over; traps run meanwhile."""
+        """Wait until the descriptor is readable or `until` holds (True), or a timeout; traps run meanwhile."""
         ends_s = None if seconds is None else monotonic() + seconds
         while True:
             if self.attention:
@@ -147,7 +147,7 @@ class Task:
                 return until is not None and until()
 
     def _listen(self, seconds: float | None, fileno: int | None = None) -> bool:
-        """Until the descriptor can be read (True), somebody rouses the task, or time is over."""
+        """Wait until the descriptor is readable (True), the task is woken, or a timeout."""
         poll = select.poll()
         poll.register(self._ear, select.POLLIN)
         if fileno is not None:
@@ -169,7 +169,7 @@ class Task:
         finally:
             self._trapping = False
 
-    # --- the thread ---
+    # --- thread ---
 
     def _live(self) -> None:
         assert self.main is not None
@@ -184,8 +184,9 @@ class Task:
                     continue
                 except ProgramStopped as stopped:
                     self.running = False
-                    self.owner.program_failed(self, stopped)
+                    self.owner.stop_failed_program(self, stopped)
         finally:
-            ends, self._ear, self._mouth = (self._ear, self._mouth), -1, -1  # nobody rouses a stranger's file
+            # -1 from now on: the numbers may be reused by other files
+            ends, self._ear, self._mouth = (self._ear, self._mouth), -1, -1
             for end in ends:
                 os.close(end)

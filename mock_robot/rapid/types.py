@@ -1,51 +1,51 @@
-"""Data types of RAPID: atoms, records and arrays, each with its initial value and its way of being copied."""
+"""RAPID data types: atoms, records and arrays, with their initial values and copying."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from mock_robot.rapid.values import Clock, RawBytes
+from mock_robot.rapid.values import RawBytes, StopWatch
 
 
 @dataclass(frozen=True)
 class Atom:
-    """A type without parts. `fresh` makes its initial value; a `device` has no value that could be assigned."""
+    """A type without parts. `fresh` makes its initial value; a `device` cannot be assigned."""
 
     name: str
     fresh: Callable[[], Any] = field(compare=False)
     device: bool = False
 
     def initial(self) -> Any:
-        """What a VAR holds that was given nothing."""
+        """Value of a VAR without initial value."""
         return self.fresh()
 
     def copy(self, value: Any) -> Any:
-        """A value of one's own: those of atoms never change."""
+        """A copy of the value; atoms are immutable."""
         return value
 
 
 @dataclass(frozen=True)
 class Record:
-    """Named parts in order; a value is the list of theirs."""
+    """Named components in order; a value is the list of their values."""
 
     name: str
     components: tuple[tuple[str, "Type"], ...]
 
     def initial(self) -> list[Any]:
-        """Every part as a VAR that was given nothing."""
+        """Components as in a VAR without initial value."""
         return [kind.initial() for _, kind in self.components]
 
     def copy(self, value: list[Any]) -> list[Any]:
-        """A value of one's own."""
+        """A copy of the value."""
         return [kind.copy(item) for (_, kind), item in zip(self.components, value, strict=True)]
 
     def place(self, component: str) -> int | None:
-        """Where a part lies; None when there is none of that name."""
+        """Index of a component; None when there is none of that name."""
         return next((place for place, (name, _) in enumerate(self.components) if name == component), None)
 
     @property
     def parts(self) -> tuple["Type", ...]:
-        """The types of the parts."""
+        """Types of the components."""
         return tuple(kind for _, kind in self.components)
 
 
@@ -58,20 +58,20 @@ class Array:
 
     @property
     def name(self) -> str:
-        """As a message names it."""
+        """Name for messages."""
         return f"{self.element.name}{{{self.length}}}"
 
     @property
     def parts(self) -> tuple["Type", ...]:
-        """The types of the elements."""
+        """Types of the elements."""
         return (self.element,) * self.length
 
     def initial(self) -> list[Any]:
-        """Every element as a VAR that was given nothing."""
+        """Elements as in a VAR without initial value."""
         return [self.element.initial() for _ in range(self.length)]
 
     def copy(self, value: list[Any]) -> list[Any]:
-        """A value of one's own."""
+        """A copy of the value."""
         return [self.element.copy(item) for item in value]
 
 
@@ -79,7 +79,7 @@ Type = Atom | Record | Array
 
 
 class Nothing:
-    """The value of a device that belongs to no instruction here."""
+    """Value of a device that no instruction here uses."""
 
 
 NUM = Atom("num", float)
@@ -88,7 +88,7 @@ BYTE = Atom("byte", int)
 BOOL = Atom("bool", bool)
 STRING = Atom("string", str)
 RAWBYTES = Atom("rawbytes", RawBytes, device=True)
-CLOCK = Atom("clock", Clock, device=True)
+CLOCK = Atom("clock", StopWatch, device=True)
 SIGNALDO = Atom("signaldo", Nothing, device=True)
 ANYTYPE = Atom("anytype", Nothing)
 CONDITION = Atom("condition", Nothing)

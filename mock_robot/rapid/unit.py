@@ -1,4 +1,4 @@
-"""The mechanical unit as a RAPID program moves it: one order at a time, held, stopped, cleared."""
+"""The mechanical unit of a RAPID program: one move at a time, which can be held, stopped and cleared."""
 
 import threading
 from collections.abc import Callable
@@ -9,31 +9,31 @@ import numpy as np
 
 from calibration.kinematics.arm import Arm
 from calibration.transforms import Array
-from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, SLOWEST_OVERRIDE, Cabinet
+from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, MIN_OVERRIDE, Cabinet
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.postures import singles
 
-LOOK_S = 0.02
-"""How often to look at what nobody announces, wire time."""
+POLL_S = 0.02
+"""Polling period of conditions that have no event, wire time."""
 
 
 @dataclass
-class Order:
-    """Where to go, and how; `blocked_at` below 1 when the line cannot be followed to its end."""
+class MoveOrder:
+    """One move; `reachable_fraction` below 1 when the line cannot be followed to its end."""
 
     joints: Array
     speed_mm_s: float
     linear: bool
     departed: bool = False
-    blocked_at: float = 1.0
+    reachable_fraction: float = 1.0
 
 
 @dataclass
 class MotionUnit:
-    """The arm of the motion task. `held`: the program stands or the motors are off; `stopped_by`: tasks with StopMove.
+    """The motion task's arm. `held`: program stopped or motors off; `stopped_by`: tasks that called StopMove.
 
-    An order that was interrupted goes on from where the arm stands as soon as nothing is against it, as on a
-    controller; only ClearPath (or leaving the program) ends it.
+    An interrupted move continues from where the arm stands once nothing prevents it, as on a controller; only ClearPath
+    (or leaving the program) ends it.
     """
 
     cabinet: Cabinet
@@ -42,10 +42,10 @@ class MotionUnit:
     moved: Callable[[], None]
     external: list[float] = field(default_factory=list)
     override_percent: float = 100.0
-    speed_most: float = 5000.0
+    max_speed_mm_s: float = 5000.0
     stopped_by: set[str] = field(default_factory=set, init=False)
     held: bool = field(default=True, init=False)
-    _order: Order | None = field(default=None, init=False)
+    _order: MoveOrder | None = field(default=None, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
 
     def __post_init__(self) -> None:
@@ -53,43 +53,43 @@ class MotionUnit:
 
     @property
     def arm(self) -> Arm:
-        """Its kinematics."""
+        """Kinematics of the arm."""
         return self.cabinet.arm.arm
 
     @property
     def time_scale(self) -> float:
-        """How much faster than wire time the arm's time runs."""
+        """Ratio of the arm's time to wire time."""
         return self.cabinet.time_scale
 
     def now_s(self) -> float:
         """The arm's time."""
         return self.cabinet.robot_s(self.clock())
 
-    # --- the program ---
+    # --- called by the program ---
 
     def order(self, joints: Array, speed_mm_s: float, linear: bool) -> None:
-        """Go there; `arrived` tells when."""
+        """Start a move; `arrived` reports its end."""
         with self._turn:
-            self._order = Order(joints, speed_mm_s, linear)
+            self._order = MoveOrder(joints, speed_mm_s, linear)
             self._depart()
             self.cabinet.moves_accepted += 1
             self.cabinet.external_axes = tuple(self.external)
         self.moved()
 
-    def arrived(self) -> bool:
-        """Does the arm stand where it was ordered, or was the order cleared?"""
+    def has_arrived(self) -> bool:
+        """Whether the arm stands at its goal, or the move was cleared."""
         with self._turn:
             self._depart()
-            return self._order is None or (self._order.departed and not self.moving())
+            return self._order is None or (self._order.departed and not self.is_moving())
 
-    def blocked(self) -> bool:
-        """Did the arm come to an end of what it can follow?"""
-        return self._order is not None and self._order.blocked_at < 1.0
+    def is_blocked(self) -> bool:
+        """Whether the arm stopped at the end of what it can follow."""
+        return self._order is not None and self._order.reachable_fraction < 1.0
 
     def arrives_in_s(self) -> float:
-        """When to look again, wire time."""
+        """Wire time until `arrived` should be checked again."""
         order = self._order
-        return self.stands_in_s() if order is not None and order.departed else LOOK_S
+        return self.stands_in_s() if order is not None and order.departed else POLL_S
 
     def stop(self, by: str) -> None:
         """StopMove of a task."""
@@ -98,60 +98,60 @@ class MotionUnit:
             self._brake()
 
     def start(self, by: str) -> None:
-        """StartMove of the same task: an order that was not cleared goes on."""
+        """StartMove of the same task: a move that was not cleared continues."""
         with self._turn:
             self.stopped_by.discard(by)
             self._depart()
 
     def may_start(self) -> bool:
-        """Is the robot able to move at all?"""
+        """Whether the robot may move at all."""
         return not self.held
 
     def clear(self) -> None:
-        """Drop the order."""
+        """Drop the move."""
         with self._turn:
             self._brake()
             self._order = None
 
-    # --- the cabinet ---
+    # --- called by the cabinet ---
 
     def hold(self) -> None:
-        """The program stops, or the motors lose power: so does the arm."""
+        """Stop the arm, since the program stopped or the motors lost power."""
         with self._turn:
             self.held = True
             self._brake()
 
     def free(self) -> None:
-        """The program runs: what was interrupted goes on when its task does."""
+        """Allow motion again: an interrupted move continues when its task does."""
         self.held = False
 
     def reset(self) -> None:
-        """A restart of the controller: nothing is ordered, nothing stopped."""
+        """Reset at a restart of the controller: no move, no stops."""
         with self._turn:
             self.clear()
             self.stopped_by.clear()
 
-    # --- where the arm is ---
+    # --- state of the arm ---
 
-    def moving(self) -> bool:
-        """Is it under way?"""
-        return self.cabinet.arm.moving_at(self.now_s())
+    def is_moving(self) -> bool:
+        """Whether the arm is moving."""
+        return self.cabinet.arm.is_moving_at(self.now_s())
 
     def stands_in_s(self) -> float:
-        """Wire time to the end of its motion; at most a second, for somebody may change that."""
+        """Wire time to the end of the motion; at most a second, since it may change."""
         return min(max(self.cabinet.arm.end_s - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
 
-    def settled(self, seconds: float, since_s: float) -> bool:
-        """Has it stood for so long, from `since_s` on, in the arm's time?"""
-        return self.cabinet.settles and self.now_s() >= self._stood_at_s(seconds, since_s)
+    def is_settled(self, seconds: float, since_s: float) -> bool:
+        """Whether the arm has stood still for `seconds` of its own time, counted from `since_s` at the earliest."""
+        return self.cabinet.settles and self.now_s() >= self._standstill_since_s(seconds, since_s)
 
     def settles_in_s(self, seconds: float, since_s: float) -> float:
-        """When to look again, wire time."""
+        """Wire time until `settled` should be checked again."""
         if not self.cabinet.settles:
-            return LOOK_S
-        return min(max(self._stood_at_s(seconds, since_s) - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
+            return POLL_S
+        return min(max(self._standstill_since_s(seconds, since_s) - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
 
-    def _stood_at_s(self, seconds: float, since_s: float) -> float:
+    def _standstill_since_s(self, seconds: float, since_s: float) -> float:
         return max(self.cabinet.arm.end_s, since_s) + seconds
 
     def joints_now(self) -> Array:
@@ -159,11 +159,11 @@ class MotionUnit:
         return self.cabinet.arm.joints_at(self.now_s())
 
     def external_axes(self) -> list[float]:
-        """As the program has them."""
+        """External axes as the program sees them."""
         return list(self.external)
 
     def joints_for(self, base_T_flange: Array, confdata: list[float]) -> Array:
-        """The axes that bring the flange there in that configuration; raises PoseRefused."""
+        """Joints for a flange pose in that configuration; raises PoseRefused."""
         cf1, cf4, cf6, cfx = (round(part) for part in confdata)
         joints: Array = self.arm.matching(base_T_flange, (cf1, cf4, cf6, cfx), near_rad=self.joints_now())
         return joints
@@ -173,13 +173,13 @@ class MotionUnit:
         if order is None or order.departed or self.held or self.stopped_by:
             return
         order.departed = True
-        order.blocked_at = self.cabinet.arm.depart(order.joints, self._speed(order), order.linear, self.now_s())
+        order.reachable_fraction = self.cabinet.arm.depart(order.joints, self._speed(order), order.linear, self.now_s())
 
-    def _speed(self, order: Order) -> float:
+    def _speed(self, order: MoveOrder) -> float:
         panel = self.cabinet.panel
-        programmed = min(order.speed_mm_s * self.override_percent / 100, self.speed_most)
+        programmed = min(order.speed_mm_s * self.override_percent / 100, self.max_speed_mm_s)
         cap = MANUAL_SPEED_MM_S if panel.mode is Mode.MANR else np.inf
-        return float(min(programmed, cap) * max(panel.speed_override, SLOWEST_OVERRIDE))
+        return float(min(programmed, cap) * max(panel.speed_override, MIN_OVERRIDE))
 
     def _brake(self) -> None:
         self.cabinet.arm.stop(self.now_s())

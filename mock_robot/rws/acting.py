@@ -1,11 +1,11 @@
-"""Everything that changes something, and what must hold for it: the table of state, mode and execution."""
+"""Handlers that change the controller, and the table of preconditions: state, mode, execution, mastership."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
 from mock_robot.cabinet.panel import Mode
-from mock_robot.rws.context import Context
+from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import DONE, Item, Reply
 from mock_robot.rws.mastership import DOMAINS, Consent
 from mock_robot.rws.memory import TASKS, module_name
@@ -25,7 +25,7 @@ Parts = Mapping[str, str]
 
 
 class Act(Enum):
-    """What can be asked of the controller."""
+    """Operations with preconditions."""
 
     MOTORS_ON = "motors on"
     MOTORS_OFF = "motors off"
@@ -39,7 +39,7 @@ class Act(Enum):
 
 @dataclass(frozen=True)
 class Rule:
-    """When an act is allowed; None: always. `master`: the domain that must be held."""
+    """Preconditions of an operation; None: no condition. `master`: the domain whose mastership is needed."""
 
     states: frozenset[str] | None = None
     execution: str | None = None
@@ -60,8 +60,8 @@ RULES: Mapping[Act, Rule] = {
 }
 
 
-def allow(context: Context, act: Act) -> None:
-    """Raises RwsRefused: mode first, then who is master, then state and execution, as the controllers answer."""
+def allow(context: RequestContext, act: Act) -> None:
+    """Check an operation's rule; raises RwsRefused. Order as on the controllers: mode, mastership, state, execution."""
     rule, world = RULES[act], context.world
     if not rule.manual and world.mode is not Mode.AUTO:
         raise RwsRefused(REJECTED, f"{act.value}: only in automatic mode")
@@ -78,7 +78,7 @@ def allow(context: Context, act: Act) -> None:
 # --- panel ---
 
 
-def set_controller_state(context: Context, parts: Parts) -> Reply:
+def set_controller_state(context: RequestContext, parts: Parts) -> Reply:
     wanted = context.asked.form.get("ctrl-state")
     acts = {"motoron": Act.MOTORS_ON, "motoroff": Act.MOTORS_OFF}
     if wanted not in acts:
@@ -88,7 +88,7 @@ def set_controller_state(context: Context, parts: Parts) -> Reply:
     return DONE
 
 
-def set_speed_ratio(context: Context, parts: Parts) -> Reply:
+def set_speed_ratio(context: RequestContext, parts: Parts) -> Reply:
     try:
         ratio = float(context.asked.form.get("speed-ratio", ""))
     except ValueError:
@@ -103,7 +103,7 @@ def set_speed_ratio(context: Context, parts: Parts) -> Reply:
 # --- RAPID ---
 
 
-def start(context: Context, parts: Parts) -> Reply:
+def start(context: RequestContext, parts: Parts) -> Reply:
     required = {"regain", "execmode", "cycle", "condition", "stopatbp", "alltaskbytsp"}
     if not required <= context.asked.form.keys():
         raise RwsRefused(BAD_ARGUMENT, f"Missing {', '.join(sorted(required - context.asked.form.keys()))}")
@@ -116,7 +116,7 @@ def start(context: Context, parts: Parts) -> Reply:
     return DONE
 
 
-def stop(context: Context, parts: Parts) -> Reply:
+def stop(context: RequestContext, parts: Parts) -> Reply:
     if context.asked.form.get("stopmode", "stop") not in ("cycle", "instr", "stop", "qstop"):
         raise RwsRefused(BAD_ARGUMENT)
     allow(context, Act.STOP)
@@ -125,13 +125,13 @@ def stop(context: Context, parts: Parts) -> Reply:
     return DONE
 
 
-def reset_pointer(context: Context, parts: Parts) -> Reply:
+def reset_pointer(context: RequestContext, parts: Parts) -> Reply:
     allow(context, Act.RESET_POINTER)
     context.world.cabinet.record(context.now_s, 10155, "program pointer set to main")
     return DONE
 
 
-def set_cycle(context: Context, parts: Parts) -> Reply:
+def set_cycle(context: RequestContext, parts: Parts) -> Reply:
     if context.asked.form.get("cycle") not in ("once", "forever", "asis"):
         raise RwsRefused(BAD_ARGUMENT)
     allow(context, Act.WRITE_DATA)
@@ -139,7 +139,7 @@ def set_cycle(context: Context, parts: Parts) -> Reply:
     return DONE
 
 
-def write_symbol(context: Context, parts: Parts) -> Reply:
+def write_symbol(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.symbol(parts["symbol"])
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
@@ -150,15 +150,15 @@ def write_symbol(context: Context, parts: Parts) -> Reply:
     return DONE
 
 
-def activate(context: Context, parts: Parts) -> Reply:
+def activate(context: RequestContext, parts: Parts) -> Reply:
     return _select(context, parts, True)
 
 
-def deactivate(context: Context, parts: Parts) -> Reply:
+def deactivate(context: RequestContext, parts: Parts) -> Reply:
     return _select(context, parts, False)
 
 
-def _select(context: Context, parts: Parts, active: bool) -> Reply:
+def _select(context: RequestContext, parts: Parts, active: bool) -> Reply:
     task = parts.get("task") or context.asked.form.get("task", "")
     if task not in TASKS:
         raise RwsRefused(NO_RESOURCE)
@@ -167,7 +167,7 @@ def _select(context: Context, parts: Parts, active: bool) -> Reply:
     return DONE
 
 
-def load_module(context: Context, parts: Parts) -> Reply:
+def load_module(context: RequestContext, parts: Parts) -> Reply:
     world, task = context.world, parts["task"]
     if task not in world.memory.modules:
         raise RwsRefused(NO_RESOURCE)
@@ -184,7 +184,7 @@ def load_module(context: Context, parts: Parts) -> Reply:
     return DONE
 
 
-def unload_module(context: Context, parts: Parts) -> Reply:
+def unload_module(context: RequestContext, parts: Parts) -> Reply:
     loaded = context.world.memory.modules.get(parts["task"], {})
     if context.asked.form.get("module") not in loaded:
         raise RwsRefused(NO_MODULE)
@@ -196,7 +196,7 @@ def unload_module(context: Context, parts: Parts) -> Reply:
 # --- signals, mastership, consent ---
 
 
-def write_signal(context: Context, parts: Parts) -> Reply:
+def write_signal(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.signal(parts["signal"])
     if found is None:
         raise RwsRefused(NO_SIGNAL)
@@ -208,13 +208,13 @@ def write_signal(context: Context, parts: Parts) -> Reply:
         raise RwsRefused(REJECTED, "Rejected: the signal's access level allows no remote client")
     context.world.mastership.require(
         context.session, "motion", context.world.mode, context.now_s, explicit=False
-    )  # in manual mode the operator's consent
+    )  # in manual mode with the operator's consent
     found[1].value = value
     return DONE
 
 
-def domains_of(context: Context, parts: Parts) -> tuple[str, ...]:
-    """The domains that a path names; all of them when it names none. 2.0 has `edit` for cfg and rapid."""
+def domains_of(context: RequestContext, parts: Parts) -> tuple[str, ...]:
+    """Mastership domains named by the path, all of them when it names none. `edit` in 2.0 is cfg and rapid."""
     names = {"": DOMAINS, "motion": ("motion",)}
     names |= {"edit": ("cfg", "rapid")} if context.dialect.version == 2 else {"cfg": ("cfg",), "rapid": ("rapid",)}
     try:
@@ -223,18 +223,18 @@ def domains_of(context: Context, parts: Parts) -> tuple[str, ...]:
         raise RwsRefused(NO_RESOURCE) from None
 
 
-def request_mastership(context: Context, parts: Parts) -> Reply:
+def request_mastership(context: RequestContext, parts: Parts) -> Reply:
     world = context.world
     world.mastership.request(context.session, domains_of(context, parts), world.mode, context.now_s)
     return DONE
 
 
-def release_mastership(context: Context, parts: Parts) -> Reply:
+def release_mastership(context: RequestContext, parts: Parts) -> Reply:
     context.world.mastership.release(context.session, domains_of(context, parts))
     return DONE
 
 
-def mastership(context: Context, parts: Parts) -> Reply:
+def mastership(context: RequestContext, parts: Parts) -> Reply:
     holders = [context.world.mastership.holder(domain) for domain in domains_of(context, parts)]
     holder = next((each for each in holders if each is not None), None)
     state = "nomaster" if holder is None else "local" if not holder.abb_cookie else "remote"
@@ -242,7 +242,7 @@ def mastership(context: Context, parts: Parts) -> Reply:
     return Reply(items=[Item("msh-resource", parts.get("domain") or "mastership", values)])
 
 
-def ask_consent(context: Context, parts: Parts) -> Reply:
+def ask_consent(context: RequestContext, parts: Parts) -> Reply:
     privilege = context.asked.form.get("privilege", "")
     if privilege not in ("modify", "exec"):
         raise RwsRefused(BAD_ARGUMENT)
@@ -250,16 +250,16 @@ def ask_consent(context: Context, parts: Parts) -> Reply:
     return Reply(202, [Item("user-rmmp", "rmmp", {"status": Consent.PENDING.value})])
 
 
-def poll_consent(context: Context, parts: Parts) -> Reply:
+def poll_consent(context: RequestContext, parts: Parts) -> Reply:
     consent = context.world.mastership.poll_consent(context.session, context.now_s)
     return Reply(items=[Item("user-rmmp-poll", "rmmp", {"status": consent.value})])
 
 
-def cancel_consent(context: Context, parts: Parts) -> Reply:
+def cancel_consent(context: RequestContext, parts: Parts) -> Reply:
     context.world.mastership.cancel_consent(context.session)
     return DONE
 
 
-def nothing_to_do(context: Context, parts: Parts) -> Reply:
-    """Bookkeeping of some clients."""
+def nothing_to_do(context: RequestContext, parts: Parts) -> Reply:
+    """Accept a request some clients send for bookkeeping; no effect."""
     return DONE

@@ -1,4 +1,4 @@
-"""A certificate that nobody vouches for, as every OmniCore controller ships one: made when the mock starts."""
+"""Creates a self-signed certificate, as OmniCore controllers ship one."""
 
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
@@ -13,7 +13,7 @@ LIFETIME = timedelta(days=365)
 
 
 def write_self_signed(folder: Path, address: str) -> tuple[Path, Path]:
-    """Certificate and key for an IP address, as PEM files in `folder`."""
+    """Write certificate and key for an IP address as PEM files in `folder`; returns their paths."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "handeyed mock controller")])
     began = datetime.now(UTC) - timedelta(hours=1)

@@ -1,16 +1,16 @@
-"""What a handler is given: who asks, what, of which world, and which of the two dialects is spoken."""
+"""Context of a request: the controller, the session, and the dialect (RWS 1.0 or 2.0)."""
 
 from dataclasses import dataclass
 
-from mock_robot.rws.exchange import Asked
+from mock_robot.rws.exchange import RwsRequest
 from mock_robot.rws.refusals import Refusal
 from mock_robot.rws.sessions import Session
 from mock_robot.rws.world import World
 
 
 @dataclass(frozen=True)
-class Dialect:
-    """Where 1.0 and 2.0 differ in what they say."""
+class ServiceDialect:
+    """Differences of wording between 1.0 and 2.0."""
 
     version: int
     explicit_mastership: bool
@@ -23,16 +23,16 @@ class Dialect:
 
 
 @dataclass(frozen=True)
-class Context:
-    """One request being answered."""
+class RequestContext:
+    """One request in progress."""
 
     world: World
-    dialect: Dialect
+    dialect: ServiceDialect
     session: Session
-    asked: Asked
+    asked: RwsRequest
     now_s: float
 
     def require_master(self, domain: str) -> None:
-        """May this session write there? Raises RwsRefused."""
+        """Check that this session may write in the domain. Raises RwsRefused."""
         implicit = self.asked.query.get("mastership") == "implicit" or not self.dialect.explicit_mastership
         self.world.mastership.require(self.session, domain, self.world.mode, self.now_s, explicit=not implicit)

@@ -1,4 +1,4 @@
-"""HTTP Digest (RFC 2617, MD5, qop auth) as RWS 1.0 asks for it."""
+"""HTTP Digest authentication (RFC 2617, MD5, qop auth), which RWS 1.0 requires."""
 
 import hashlib
 import re
@@ -15,13 +15,13 @@ def _md5(text: str) -> str:
 
 @dataclass
 class DigestAuth:
-    """Challenges that were given, and answers to them."""
+    """Issued nonces, and the check of responses."""
 
     passwords: dict[str, str]
     _nonces: set[str] = field(default_factory=set, init=False)
 
     def challenge(self, domain: str, *, stale: bool = False) -> str:
-        """The value of a WWW-Authenticate."""
+        """Value of a WWW-Authenticate header."""
         nonce = secrets.token_hex(16)
         self._nonces.add(nonce)
         return (
@@ -30,7 +30,7 @@ class DigestAuth:
         )
 
     def user(self, authorization: str, method: str) -> str | None:
-        """Who answered a challenge rightly. The uri is hashed as it was sent: clients drop `;value` from it."""
+        """User of a valid response, otherwise None. The uri is hashed as received: clients omit `;value` from it."""
         scheme, _, rest = authorization.partition(" ")
         if scheme.lower() != "digest":
             return None
@@ -45,5 +45,5 @@ class DigestAuth:
         return user if secrets.compare_digest(right, said.get("response", "")) else None
 
     def forget(self) -> None:
-        """After a restart every nonce is a stranger's."""
+        """Discard all nonces, as after a restart."""
         self._nonces.clear()

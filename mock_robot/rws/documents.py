@@ -1,4 +1,4 @@
-"""Items and refusals written down: XHTML and JSON of RWS 1.0, XHTML and hal+json of RWS 2.0."""
+"""Encodes replies and refusals: XHTML and JSON of RWS 1.0, XHTML and hal+json of RWS 2.0."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,8 +14,8 @@ SUCCESS = 294912
 
 
 @dataclass(frozen=True)
-class Writing:
-    """One of the four ways. Both functions get the URL that links are relative to."""
+class Encoding:
+    """One of the four encodings. Both functions take the URL that links are relative to."""
 
     media_type: str
     reply: Callable[[Reply, str], str]
@@ -34,7 +34,7 @@ def _json_1(reply: Reply, base: str) -> str:
     return json.dumps({"_links": _links(base), "_embedded": {"_state": _objects(reply.items)}})
 
 
-def _refused_json_1(refused: RwsRefused, base: str) -> str:
+def _refusal_json_1(refused: RwsRefused, base: str) -> str:
     status = {"code": refused.code, "msg": refused.text}
     return json.dumps({"_links": _links(base), "_embedded": {"status": status, "_state": []}})
 
@@ -46,7 +46,7 @@ def _json_2(reply: Reply, base: str) -> str:
     return json.dumps({**document, "state": _objects(reply.items)})
 
 
-def _refused_json_2(refused: RwsRefused, base: str) -> str:
+def _refusal_json_2(refused: RwsRefused, base: str) -> str:
     return json.dumps({"_links": _links(base), "status": {"code": refused.code, "msg": refused.text}})
 
 
@@ -59,7 +59,7 @@ def _xhtml(reply: Reply, base: str) -> str:
     )
 
 
-def _refused_xhtml(refused: RwsRefused, base: str) -> str:
+def _refusal_xhtml(refused: RwsRefused, base: str) -> str:
     return (
         f'{XHTML_HEAD}<head><title>rws</title><base href="{base}"/></head><body><div class="status">'
         f'<span class="code">{refused.code}</span><span class="msg">{escape(refused.text)}</span></div></body></html>'
@@ -77,7 +77,7 @@ def _span(name: str, value: Any) -> str:
 
 
 def event(kind: str, href: str, group: int, item: Item) -> str:
-    """One change as a subscription's socket tells it: always XHTML, the link before the values, on one line."""
+    """Encode a change for a subscription's socket: always XHTML on one line, the link before the values."""
     return (
         f'{XHTML_HEAD}<head><title>Event</title></head><body><div class="state">'
         f'<a href="subscription/{group}" rel="group"></a><ul><li class="{kind}" title="{escape(item.title)}">'
@@ -85,15 +85,15 @@ def event(kind: str, href: str, group: int, item: Item) -> str:
     )
 
 
-def subscribed(url: str) -> str:
-    """The body of a 201: the socket's address as a link that is not closed in itself."""
+def subscription_created(url: str) -> str:
+    """Body of a 201: the socket's address in a link element that is not self-closing."""
     return (
         f'{XHTML_HEAD}<head><title>Subscription</title></head><body><div class="state">'
         f'<a href="{url}" rel="self"></a></div></body></html>'
     )
 
 
-XHTML_1 = Writing("application/xhtml+xml", _xhtml, _refused_xhtml)
-JSON_1 = Writing("application/json", _json_1, _refused_json_1)
-XHTML_2 = Writing("application/xhtml+xml;v=2.0", _xhtml, _refused_xhtml)
-JSON_2 = Writing("application/hal+json;v=2.0", _json_2, _refused_json_2)
+XHTML_1 = Encoding("application/xhtml+xml", _xhtml, _refusal_xhtml)
+JSON_1 = Encoding("application/json", _json_1, _refusal_json_1)
+XHTML_2 = Encoding("application/xhtml+xml;v=2.0", _xhtml, _refusal_xhtml)
+JSON_2 = Encoding("application/hal+json;v=2.0", _json_2, _refusal_json_2)

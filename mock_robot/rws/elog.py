@@ -1,4 +1,4 @@
-"""The cabinet's event log as RWS lists it: numbered, newest first, with words for type and arguments."""
+"""The cabinet's event log as RWS lists it: numbered, newest first, with names for types and arguments."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -15,29 +15,29 @@ _TYPES: tuple[tuple[range, int], ...] = (
     (range(80003, 80004), INFORMATION),
 )
 USER_EVENTS = range(80001, 80004)
-"""ErrWrite's codes: their texts are lines, the first of them the header."""
+"""Codes of ErrWrite: their texts have several lines, the first is the header."""
 PAGE = 50
 
 
 @dataclass(frozen=True)
-class EventLog:
-    """What `GET /rw/elog/0` tells. `epoch` is the wall clock at zero of the cell's clock."""
+class ControllerEventLog:
+    """The event log of `GET /rw/elog/0`. `epoch` is the wall clock at zero of the cell's clock."""
 
     cabinet: Cabinet
     epoch: datetime
 
     @classmethod
-    def beginning(cls, cabinet: Cabinet, now_s: float) -> "EventLog":
-        """With the wall clock of now."""
+    def starting_at(cls, cabinet: Cabinet, now_s: float) -> "ControllerEventLog":
+        """Event log whose epoch follows from the current wall clock."""
         return cls(cabinet, datetime.now(UTC) - timedelta(seconds=now_s))
 
     @property
     def newest(self) -> int:
-        """The number of the newest entry; 0 when there is none."""
+        """Number of the newest entry; 0 when there is none."""
         return self.cabinet.recorded
 
     def items(self, above: int = 0) -> list[Item]:
-        """Newest first, those numbered above `above`."""
+        """Entries with numbers above `above`, newest first."""
         log, newest = self.cabinet.log, self.newest
         numbered = [(newest - back, entry) for back, entry in enumerate(reversed(log))][:PAGE]
         return [self._item(number, entry) for number, entry in numbered if number > above]

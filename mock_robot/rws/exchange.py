@@ -1,4 +1,4 @@
-"""A request as the controller reads it, and its answer before it is written down in XHTML or JSON."""
+"""A parsed request, and a reply before it is encoded as XHTML or JSON."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -8,8 +8,8 @@ from urllib.parse import parse_qsl, unquote
 
 
 @dataclass(frozen=True)
-class Asked:
-    """One request. `path` has no trailing and no double slash; `facet` is what followed a semicolon (`;value`)."""
+class RwsRequest:
+    """A request. `path` has no trailing and no double slash; `facet` is what followed a semicolon (`;value`)."""
 
     method: str
     path: str
@@ -22,13 +22,13 @@ class Asked:
 
     @property
     def action(self) -> str | None:
-        """What `?action=` says: RWS 1.0 names verbs there."""
+        """Value of `?action=`, with which RWS 1.0 names verbs."""
         return self.query.get("action")
 
 
 @dataclass(frozen=True)
 class Item:
-    """One resource: its class, its title, its values in the order in which they are written."""
+    """One resource: class, title, and values in the order they are written."""
 
     kind: str
     title: str
@@ -37,7 +37,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer. `listed`: a collection, which RWS 2.0 puts elsewhere. `content`: a file's bytes instead of items."""
+    """A reply. `listed`: a collection, which RWS 2.0 nests differently. `content`: a file's bytes instead of items."""
 
     status: int = 200
     items: Sequence[Item] = ()
@@ -48,17 +48,17 @@ class Reply:
 
 
 DONE = Reply(204)
-"""A POST that was done: no body."""
+"""Reply to a successful POST: no body."""
 
 
-def parse(method: str, raw_path: bytes, query: bytes, headers: Mapping[str, str], body: bytes, base: str) -> Asked:
-    """The request as the handlers want it."""
+def parse(method: str, raw_path: bytes, query: bytes, headers: Mapping[str, str], body: bytes, base: str) -> RwsRequest:
+    """Parse an HTTP request."""
     path, _, facet = unquote(raw_path.partition(b"?")[0].decode("latin-1")).partition(";")
     path = "/" + re.sub("/+", "/", path).strip("/")
     form: dict[str, str] = {}
     if "urlencoded" in headers.get("content-type", ""):
         form = _last_of_each(body.decode("latin-1"))
-    return Asked(method, path, facet, _last_of_each(query.decode("latin-1")), form, headers, body, base)
+    return RwsRequest(method, path, facet, _last_of_each(query.decode("latin-1")), form, headers, body, base)
 
 
 def _last_of_each(text: str) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Who may write: mastership of cfg, rapid and motion, and the operator's consent to remote masters in manual mode."""
+"""Mastership of cfg, rapid and motion, and the operator's consent to remote masters in manual mode (RMMP)."""
 
 from dataclasses import dataclass, field
 from enum import Enum
@@ -13,7 +13,7 @@ PENDANT = Session("the FlexPendant", "", "", 0.0)
 
 
 class Consent(Enum):
-    """What became of a request for remote mastership in manual mode (RMMP)."""
+    """State of a request for remote mastership in manual mode."""
 
     NONE = "NONE"
     PENDING = "PENDING"
@@ -23,7 +23,7 @@ class Consent(Enum):
 
 @dataclass
 class Mastership:
-    """At most one holder for each domain. `operator_says` answers requests for consent; None: nobody is there."""
+    """At most one holder per domain. `operator_says` answers requests for consent; None: no operator is present."""
 
     operator_says: bool | None = None
     _holders: dict[str, Session] = field(default_factory=dict, init=False)
@@ -32,18 +32,18 @@ class Mastership:
     _polled_s: float = field(default=0.0, init=False)
 
     def holder(self, domain: str) -> Session | None:
-        """Who holds it."""
+        """Session that holds the domain, or None."""
         return self._holders.get(domain)
 
     def request(self, session: Session, domains: tuple[str, ...], mode: Mode, now_s: float) -> None:
-        """Take all of them or none. Raises RwsRefused."""
+        """Take all domains or none. Raises RwsRefused."""
         self._require_consent(session, mode, now_s)
         if any(self._holders.get(domain, session) is not session for domain in domains):
             raise RwsRefused(HELD_BY_ANOTHER)
         self._holders.update(dict.fromkeys(domains, session))
 
     def release(self, session: Session, domains: tuple[str, ...]) -> None:
-        """Give back what one holds. Raises RwsRefused when another holds it, or nobody."""
+        """Release the domains. Raises RwsRefused for one that the session does not hold."""
         held = [domain for domain in domains if self._holders.get(domain) is session]
         if not held:
             raise RwsRefused(NO_MASTERSHIP if not any(map(self.holder, domains)) else HELD_BY_ANOTHER)
@@ -51,7 +51,7 @@ class Mastership:
             del self._holders[domain]
 
     def require(self, session: Session, domain: str, mode: Mode, now_s: float, *, explicit: bool) -> None:
-        """May this session write? RWS 1.0 takes a free domain for the time of the request. Raises RwsRefused."""
+        """Check mastership for a write. RWS 1.0 takes a free domain implicitly for the request. Raises RwsRefused."""
         self._require_consent(session, mode, now_s)
         holder = self._holders.get(domain)
         if holder is session:
@@ -62,15 +62,15 @@ class Mastership:
             raise RwsRefused(NO_MASTERSHIP)
 
     def take_locally(self) -> None:
-        """Somebody at the pendant takes everything."""
+        """Take everything at the pendant."""
         self._holders = dict.fromkeys(DOMAINS, PENDANT)
 
     def give_back_locally(self) -> None:
-        """The pendant lets go of what it holds."""
+        """Release everything held at the pendant."""
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder is not PENDANT}
 
-    def ended(self, session: Session) -> None:
-        """What a session held is free."""
+    def release_all(self, session: Session) -> None:
+        """Release what a closed session held."""
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder is not session}
         if self._asked_by is session:
             self._asked_by = None
@@ -78,7 +78,7 @@ class Mastership:
     # --- consent ---
 
     def ask_consent(self, session: Session, privilege: str, mode: Mode, now_s: float) -> None:
-        """Show the question on the pendant. Raises RwsRefused in automatic, where nobody is asked."""
+        """Ask for consent on the pendant. Raises RwsRefused in automatic mode."""
         if mode is Mode.AUTO:
             raise RwsRefused(REJECTED, "Remote mastership is requested in manual mode only")
         if self._asked_by not in (None, session):
@@ -86,19 +86,19 @@ class Mastership:
         self._asked_by, self._privilege, self._polled_s = session, privilege, now_s
 
     def poll_consent(self, session: Session, now_s: float) -> Consent:
-        """Where the question stands; it must be polled every ten seconds."""
+        """State of the request for consent, which must be polled every ten seconds."""
         consent = self._consent(session, now_s)
         if consent in (Consent.PENDING, Consent.GRANTED):
             self._polled_s = now_s
         return consent
 
     def cancel_consent(self, session: Session) -> None:
-        """Take the question back."""
+        """Withdraw the request for consent."""
         if self._asked_by is session:
             self._asked_by = None
 
     def may_execute(self, session: Session, mode: Mode, now_s: float) -> bool:
-        """In automatic always; in manual with the operator's consent to execute."""
+        """Whether the session may start the program: always in automatic, in manual mode with consent to execute."""
         return mode is Mode.AUTO or (self._privilege == "exec" and self._consent(session, now_s) is Consent.GRANTED)
 
     def _consent(self, session: Session, now_s: float) -> Consent:

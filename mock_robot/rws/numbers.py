@@ -1,17 +1,17 @@
-"""Numbers as the controller prints them: a float32 with every digit it has."""
+"""Formats numbers as the controller does: float32 with all its digits."""
 
 import numpy as np
 
-UNUSED_FROM = 8.9e9
+MIN_UNUSED_AXIS = 8.9e9
 UNUSED_1, UNUSED_2 = "8.999999e+09", "9E+09"
-"""How RobotWare 6 and 7 print 9E9."""
+"""9E9 as RobotWare 6 and 7 print it."""
 
 
-def printed(value: float) -> str:
-    """Nine significant digits: parsed, they are the float32 again."""
+def format_float(value: float) -> str:
+    """Nine significant digits, which parse to the same float32."""
     return f"{float(np.float32(value)) + 0.0:.9g}"
 
 
-def printed_axis(value: float, unused: str) -> str:
-    """An external axis, or the word for one that is not there."""
-    return unused if value >= UNUSED_FROM else printed(value)
+def format_axis(value: float, unused: str) -> str:
+    """Value of an external axis, or `unused` for an axis that does not exist."""
+    return unused if value >= MIN_UNUSED_AXIS else format_float(value)

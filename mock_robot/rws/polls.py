@@ -1,4 +1,4 @@
-"""The WebSockets of subscriptions. On that of RWS 2.0 the client never speaks: any message closes it with 1008."""
+"""WebSockets of subscriptions. In RWS 2.0 any message from the client closes the socket with code 1008."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, MutableMapping
@@ -10,7 +10,7 @@ from mock_robot.rws.subscriptions import PERIODS_S, Group, Subscriptions
 
 SUBPROTOCOLS = {1: "robapi2_subscription", 2: "rws_subscription"}
 POLICY_VIOLATION, GOING_AWAY = 1008, 1001
-LOOK_S = PERIODS_S[2]
+POLL_S = PERIODS_S[2]
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -18,18 +18,18 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 @dataclass
 class Polls:
-    """The open sockets of one service."""
+    """Open sockets of one service."""
 
     subscriptions: Subscriptions
     clock: Callable[[], float]
     _nudge: asyncio.Event = field(default_factory=asyncio.Event, init=False)
 
     def nudge(self) -> None:
-        """Something may have changed: look now."""
+        """Check for changes now."""
         self._nudge.set()
 
     async def serve(self, scope: Scope, receive: Receive, send: Send, session: Session | None) -> None:
-        """One socket, from the handshake to its end."""
+        """Serve one socket from handshake to close."""
         await receive()  # websocket.connect
         wanted = SUBPROTOCOLS[self.subscriptions.version]
         group = self._group(scope["path"])
@@ -49,7 +49,7 @@ class Polls:
         return self.subscriptions.groups.get(int(number)) if number.isdecimal() else None
 
     def _refusal(self, scope: Scope, wanted: str, group: Group | None, session: Session | None) -> int | None:
-        """The HTTP status of a handshake that is refused."""
+        """HTTP status that refuses a handshake; None when it is accepted."""
         if wanted not in scope["subprotocols"]:
             return 400
         if session is None:
@@ -64,7 +64,7 @@ class Polls:
             while group.number in self.subscriptions.groups:
                 for message in group.events(self.clock()):
                     await send({"type": "websocket.send", "text": message})
-                await asyncio.wait({hearing}, timeout=LOOK_S)
+                await asyncio.wait({hearing}, timeout=POLL_S)
                 if not hearing.done():
                     continue
                 if hearing.result()["type"] == "websocket.disconnect":
@@ -72,7 +72,7 @@ class Polls:
                 if self.subscriptions.version == 2:
                     await _close(send, POLICY_VIOLATION, "Client cannot send data.")
                     return
-                hearing = asyncio.ensure_future(receive())  # RWS 1.0 does not mind
+                hearing = asyncio.ensure_future(receive())  # RWS 1.0 ignores messages
             await _close(send, GOING_AWAY, "")
         finally:
             hearing.cancel()

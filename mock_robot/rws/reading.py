@@ -1,11 +1,11 @@
-"""Everything that can be read: panel, motion system, RAPID, signals, event log, identity."""
+"""Handlers that read: panel, motion system, RAPID, signals, event log, identity."""
 
 from collections.abc import Mapping
 
-from mock_robot.rws.context import Context
+from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import Item, Reply
 from mock_robot.rws.memory import TASKS
-from mock_robot.rws.numbers import printed, printed_axis
+from mock_robot.rws.numbers import format_axis, format_float
 from mock_robot.rws.refusals import BAD_ARGUMENT, NO_RESOURCE, NO_SIGNAL, RwsRefused
 from mock_robot.rws.volumes import RAMDISK_PATH
 
@@ -15,30 +15,30 @@ VERSIONS = {1: "6.16.1021", 2: "7.21.0+229"}
 AXES = "abcdef"
 
 
-def controller_state(context: Context, parts: Parts) -> Reply:
+def controller_state(context: RequestContext, parts: Parts) -> Reply:
     title = "ctrlstate" if context.dialect.version == 1 else "ctrl-state"
     return Reply(items=[Item("pnl-ctrlstate", title, {"ctrlstate": context.world.controller_state})])
 
 
-def operating_mode(context: Context, parts: Parts) -> Reply:
+def operating_mode(context: RequestContext, parts: Parts) -> Reply:
     return Reply(items=[Item("pnl-opmode", "opmode", {"opmode": context.world.mode.value})])
 
 
-def speed_ratio(context: Context, parts: Parts) -> Reply:
+def speed_ratio(context: RequestContext, parts: Parts) -> Reply:
     ratio = round(100 * context.world.cabinet.panel.speed_override)
     return Reply(items=[Item("pnl-speedratio", "speedratio", {"speedratio": str(ratio)})])
 
 
-def execution(context: Context, parts: Parts) -> Reply:
+def execution(context: RequestContext, parts: Parts) -> Reply:
     values = {"ctrlexecstate": context.world.execution_state, "cycle": context.world.cycle}
     return Reply(items=[Item("rap-execution", "execution", values)])
 
 
-def robtarget(context: Context, parts: Parts) -> Reply:
+def robtarget(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
-    axes = [printed_axis(axis, context.dialect.unused_axis) for axis in context.world.cabinet.external_axes]
+    axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.cabinet.external_axes]
     values = {
-        **_numbered(position, quaternion),
+        **_name_components(position, quaternion),
         **_configuration(context, ("cf1", "cf4", "cf6", "cfx")),
         **{f"eax_{letter}": axis for letter, axis in zip(AXES, axes, strict=True)},
         **{f"eax{letter}": axis for letter, axis in zip(AXES, axes, strict=True)},
@@ -46,30 +46,30 @@ def robtarget(context: Context, parts: Parts) -> Reply:
     return Reply(items=[Item("ms-robtargets", MECHUNIT, values)])
 
 
-def cartesian(context: Context, parts: Parts) -> Reply:
+def cartesian(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
-    values = {**_numbered(position, quaternion), **_configuration(context, context.dialect.configuration_names)}
+    values = {**_name_components(position, quaternion), **_configuration(context, context.dialect.configuration_names)}
     return Reply(items=[Item("ms-mechunit-cartesian", MECHUNIT, values)])
 
 
-def jointtarget(context: Context, parts: Parts) -> Reply:
+def jointtarget(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
-    axes = [printed_axis(axis, context.dialect.unused_axis) for axis in context.world.cabinet.external_axes]
+    axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.cabinet.external_axes]
     values = {
-        **{f"rax_{number}": printed(angle) for number, angle in enumerate(context.world.joints_deg, start=1)},
+        **{f"rax_{number}": format_float(angle) for number, angle in enumerate(context.world.joints_deg, start=1)},
         **{f"eax_{letter}": axis for letter, axis in zip(AXES, axes, strict=True)},
     }
     return Reply(items=[Item("ms-jointtarget", MECHUNIT, values)])
 
 
-def mechunits(context: Context, parts: Parts) -> Reply:
+def mechunits(context: RequestContext, parts: Parts) -> Reply:
     values = {"mode": "Activated", "activation-allowed": "TRUE", "drive-module": "1"}
     return Reply(items=[Item("ms-mechunit-li", MECHUNIT, values)], listed=True)
 
 
-def mechunit(context: Context, parts: Parts) -> Reply:
+def mechunit(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
-    selected = context.world.selected
+    selected = context.world.selection
     values = {
         "type": "TCPRobot",
         "task": "T_ROB1",
@@ -83,7 +83,7 @@ def mechunit(context: Context, parts: Parts) -> Reply:
     return Reply(items=[Item("ms-mechunit", MECHUNIT, values)])
 
 
-def tasks(context: Context, parts: Parts) -> Reply:
+def tasks(context: RequestContext, parts: Parts) -> Reply:
     memory, run = context.world.memory, context.world.execution_state
     items = [
         Item(
@@ -103,7 +103,7 @@ def tasks(context: Context, parts: Parts) -> Reply:
     return Reply(items=items, listed=True)
 
 
-def modules(context: Context, parts: Parts) -> Reply:
+def modules(context: RequestContext, parts: Parts) -> Reply:
     task = parts.get("task") or context.asked.query.get("task", "")
     loaded = context.world.memory.modules.get(task)
     if loaded is None:
@@ -112,7 +112,7 @@ def modules(context: Context, parts: Parts) -> Reply:
     return Reply(items=[Item(kind, name, {"name": name, "type": sort}) for name, sort in loaded.items()])
 
 
-def module(context: Context, parts: Parts) -> Reply:
+def module(context: RequestContext, parts: Parts) -> Reply:
     loaded = context.world.memory.modules.get(parts["task"], {})
     found = next((name for name in loaded if name.lower() == parts["module"].lower()), None)
     if found is None:
@@ -120,14 +120,14 @@ def module(context: Context, parts: Parts) -> Reply:
     return Reply(items=[Item("rap-module", found, {"modname": found, "attributes": loaded[found]})])
 
 
-def symbol_value(context: Context, parts: Parts) -> Reply:
+def symbol_value(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.symbol(parts["symbol"])
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
     return Reply(items=[Item("rap-data", f"RAPID/{found[0]}", {"value": found[1].value})])
 
 
-def symbol_properties(context: Context, parts: Parts) -> Reply:
+def symbol_properties(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.symbol(parts["symbol"])
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
@@ -135,8 +135,8 @@ def symbol_properties(context: Context, parts: Parts) -> Reply:
     return Reply(items=[Item("rap-symproppers", f"RAPID/{found[0]}", values)])
 
 
-def symbols(context: Context, parts: Parts) -> Reply:
-    """Search: only by block and by kind of symbol, as the clients at hand do."""
+def symbols(context: RequestContext, parts: Parts) -> Reply:
+    """Search by block and kind of symbol, the only filters known clients use."""
     block = context.asked.form.get("blockurl", "RAPID").removeprefix("RAPID").strip("/").lower()
     items = [
         Item("rap-symproppers-li", f"RAPID/{path}", {"symburl": f"RAPID/{path}", "symtyp": "per", "dattyp": each.type})
@@ -146,30 +146,30 @@ def symbols(context: Context, parts: Parts) -> Reply:
     return Reply(items=items)
 
 
-def signals(context: Context, parts: Parts) -> Reply:
+def signals(context: RequestContext, parts: Parts) -> Reply:
     items = [_signal_item(context, name, "ios-signal-li") for name in context.world.memory.signals]
     return Reply(items=items[:100], listed=True)
 
 
-def signal(context: Context, parts: Parts) -> Reply:
+def signal(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.signal(parts["signal"])
     if found is None:
         raise RwsRefused(NO_SIGNAL)
     return Reply(items=[_signal_item(context, found[0], "ios-signal")])
 
 
-def event_log(context: Context, parts: Parts) -> Reply:
+def event_log(context: RequestContext, parts: Parts) -> Reply:
     return Reply(items=context.world.elog.items(), listed=True)
 
 
-def event_log_entry(context: Context, parts: Parts) -> Reply:
+def event_log_entry(context: RequestContext, parts: Parts) -> Reply:
     for item in context.world.elog.items():
         if item.title.endswith("/" + parts["number"]):
             return Reply(items=[item])
     raise RwsRefused(NO_RESOURCE)
 
 
-def system(context: Context, parts: Parts) -> Reply:
+def system(context: RequestContext, parts: Parts) -> Reply:
     version = VERSIONS[context.dialect.version]
     major, minor, build = version.partition("+")[0].split(".")
     values = {"name": "handeyed mock", "rwversion": version, "rwversionname": version, "major": major, "minor": minor,
@@ -177,21 +177,21 @@ def system(context: Context, parts: Parts) -> Reply:
     return Reply(items=[Item("sys-system", "system", values)])
 
 
-def options(context: Context, parts: Parts) -> Reply:
+def options(context: RequestContext, parts: Parts) -> Reply:
     names = ("616-1 PC Interface", "623-1 Multitasking", "689-1 Externally Guided Motion (EGM)")
     return Reply(items=[Item("sys-option-li", name, {"option": name}) for name in names], listed=True)
 
 
-def identity(context: Context, parts: Parts) -> Reply:
+def identity(context: RequestContext, parts: Parts) -> Reply:
     values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": "Virtual Controller"}
     return Reply(items=[Item("ctrl-identity-info", "identity", values)])
 
 
-def ramdisk(context: Context, parts: Parts) -> Reply:
+def ramdisk(context: RequestContext, parts: Parts) -> Reply:
     return Reply(items=[Item("ctrl-env", "$RAMDISK", {"_value": RAMDISK_PATH, "value": RAMDISK_PATH})])
 
 
-# --- parts of them ---
+# --- helpers ---
 
 
 def _require_mechunit(parts: Parts) -> None:
@@ -199,28 +199,28 @@ def _require_mechunit(parts: Parts) -> None:
         raise RwsRefused(NO_RESOURCE)
 
 
-def _pose(context: Context, parts: Parts) -> tuple[list[str], list[str]]:
-    """Printed. Tool and work object that are not named are those selected at the pendant."""
+def _pose(context: RequestContext, parts: Parts) -> tuple[list[str], list[str]]:
+    """Formatted position and quaternion. Tool and work object default to those selected at the pendant."""
     _require_mechunit(parts)
-    query, selected = context.asked.query, context.world.selected
+    query, selected = context.asked.query, context.world.selection
     try:
         position, quaternion = context.world.pose(
             query.get("tool", selected.tool), query.get("wobj", selected.wobj), query.get("coordinate", "Wobj")
         )
     except KeyError as unknown:
         raise RwsRefused(BAD_ARGUMENT, f"Unknown tool, work object or coordinate system {unknown}") from None
-    return [printed(value) for value in position], [printed(value) for value in quaternion]
+    return [format_float(value) for value in position], [format_float(value) for value in quaternion]
 
 
-def _numbered(position: list[str], quaternion: list[str]) -> dict[str, str]:
+def _name_components(position: list[str], quaternion: list[str]) -> dict[str, str]:
     return dict(zip(("x", "y", "z", "q1", "q2", "q3", "q4"), [*position, *quaternion], strict=True))
 
 
-def _configuration(context: Context, names: tuple[str, str, str, str]) -> dict[str, str]:
+def _configuration(context: RequestContext, names: tuple[str, str, str, str]) -> dict[str, str]:
     return {name: str(quarter) for name, quarter in zip(names, context.world.configuration, strict=True)}
 
 
-def _signal_item(context: Context, name: str, kind: str) -> Item:
+def _signal_item(context: RequestContext, name: str, kind: str) -> Item:
     held = context.world.memory.signals[name]
     title = f"{held.place}/{name}" if held.place else name
     lvalue = held.lvalue(context.world.cabinet)

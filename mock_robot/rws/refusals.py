@@ -1,10 +1,10 @@
-"""What a controller answers when it does not do what was asked: status, code and words, in one table."""
+"""Error replies of the controllers: HTTP status, ABB code and text in one table."""
 
 from dataclasses import dataclass
 
 
 class RwsRefused(Exception):
-    """An answer that is an error. `status` is HTTP's, `code` ABB's."""
+    """An error reply. `status` is HTTP's, `code` is ABB's."""
 
     def __init__(self, refusal: "Refusal", text: str | None = None) -> None:
         self.status, self.code = refusal.status, refusal.code
@@ -14,7 +14,7 @@ class RwsRefused(Exception):
 
 @dataclass(frozen=True)
 class Refusal:
-    """One row."""
+    """One row of the table."""
 
     status: int
     code: int

@@ -1,11 +1,11 @@
-"""The paths of both services: method, path, verb, who answers. 1.0 has its verbs in `?action=`, 2.0 in the path."""
+"""Routes of both services: method, path, action, handler. 1.0 names actions in `?action=`, 2.0 in the path."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from mock_robot.rws import acting, disk, reading
-from mock_robot.rws.context import Context, Dialect
+from mock_robot.rws.context import RequestContext, ServiceDialect
 from mock_robot.rws.exchange import Reply
 from mock_robot.rws.numbers import UNUSED_1, UNUSED_2
 from mock_robot.rws.refusals import (
@@ -21,11 +21,13 @@ from mock_robot.rws.refusals import (
     RwsRefused,
 )
 
-Handler = Callable[[Context, Mapping[str, str]], Reply]
+Handler = Callable[[RequestContext, Mapping[str, str]], Reply]
 Row = tuple[str, str, str | None, Handler]
 
-RWS_1 = Dialect(1, False, UNUSED_1, ("j1", "j4", "j6", "jx"), NO_SYMBOL_1, NO_MODULE, NO_FILE_1, NO_FILE_1)
-RWS_2 = Dialect(2, True, UNUSED_2, ("cf1", "cf4", "cf6", "cfx"), NO_SYMBOL_2, NO_MODULE_2, NO_FILE_2, NO_VOLUME_2)
+RWS_1 = ServiceDialect(1, False, UNUSED_1, ("j1", "j4", "j6", "jx"), NO_SYMBOL_1, NO_MODULE, NO_FILE_1, NO_FILE_1)
+RWS_2 = ServiceDialect(
+    2, True, UNUSED_2, ("cf1", "cf4", "cf6", "cfx"), NO_SYMBOL_2, NO_MODULE_2, NO_FILE_2, NO_VOLUME_2
+)
 
 _UNIT = "/rw/motionsystem/mechunits/(?P<mechunit>[^/]+)"
 _TASK = "/rw/rapid/tasks/(?P<task>[^/]+)"
@@ -106,17 +108,17 @@ _SECOND: tuple[Row, ...] = (
 
 @dataclass(frozen=True)
 class Routes:
-    """The rows of one service."""
+    """Routes of one service."""
 
     rows: tuple[tuple[str, re.Pattern[str], str | None, Handler], ...]
 
     @classmethod
     def of(cls, rows: Iterable[Row]) -> "Routes":
-        """The rows, with their paths as patterns."""
+        """Compile the rows' paths to patterns."""
         return cls(tuple((method, re.compile(path), verb, handler) for method, path, verb, handler in rows))
 
-    def answer(self, context: Context) -> Reply:
-        """Find who answers, and let them. Raises RwsRefused."""
+    def answer(self, context: RequestContext) -> Reply:
+        """Find the handler and call it. Raises RwsRefused."""
         asked, known = context.asked, False
         for method, pattern, verb, handler in self.rows:
             match = pattern.fullmatch(asked.path)

@@ -1,4 +1,4 @@
-"""One service as an ASGI application: who asks, how often, in which media type; then the table of routes."""
+"""One service as an ASGI application: authentication, rate limit, media types, then the table of routes."""
 
 import asyncio
 import base64
@@ -7,10 +7,10 @@ from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from mock_robot.rws.context import Context
+from mock_robot.rws.context import RequestContext
 from mock_robot.rws.digest import DigestAuth
-from mock_robot.rws.documents import JSON_1, JSON_2, XHTML_1, XHTML_2, Writing, subscribed
-from mock_robot.rws.exchange import DONE, Asked, Reply, parse
+from mock_robot.rws.documents import JSON_1, JSON_2, XHTML_1, XHTML_2, Encoding, subscription_created
+from mock_robot.rws.exchange import DONE, Reply, RwsRequest, parse
 from mock_robot.rws.polls import Polls
 from mock_robot.rws.refusals import GONE, NO_RESOURCE, NOT_ACCEPTABLE, UNSUPPORTED_MEDIA, RwsRefused
 from mock_robot.rws.routes import DIALECTS, ROUTES
@@ -22,13 +22,13 @@ Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 PASSWORDS = {"Default User": "robotics", "Admin": "robotics", "admin": "robotics"}
-BODY_MAX = 64 * 2**20
+MAX_BODY_BYTES = 64 * 2**20
 SLOW_S = 1.0
-"""How late answers come under the fault that delays them."""
+"""Delay of responses under the fault `rws-slow`."""
 
 
 class Unauthorized(Exception):
-    """Nobody, or with a wrong password: 401."""
+    """Missing or wrong credentials: 401."""
 
 
 class TooBusy(Exception):
@@ -37,29 +37,29 @@ class TooBusy(Exception):
 
 @dataclass
 class Service:
-    """RWS `version` of a world. Sessions and subscriptions are its own; mastership is the world's."""
+    """RWS `version` of a world. Sessions and subscriptions belong to the service, mastership to the world."""
 
     world: World
     version: int
     _known_session: int = field(init=False)
 
     def __post_init__(self) -> None:
-        self.sessions = Sessions(self._session_ended)
+        self.sessions = Sessions(self._end_session)
         self.subscriptions = Subscriptions(self.world, self.version)
         self.polls = Polls(self.subscriptions, self.world.clock)
         self._digest = DigestAuth(PASSWORDS)
         self._known_session = self.world.cabinet.session
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve one request, or one subscription's socket."""
-        self.look_around()
+        """Handle one request or one subscription's socket."""
+        self.react_to_controller()
         if scope["type"] == "websocket":
             await self.polls.serve(scope, receive, send, self._session_of(_headers(scope)))
         elif scope["type"] == "http":
             await self._serve(scope, await _body(receive), send)
 
-    def look_around(self) -> None:
-        """Notice what happened to the controller: a restart forgets everybody, faults do their work."""
+    def react_to_controller(self) -> None:
+        """React to changes of the controller: a restart drops all sessions, faults take effect."""
         if self.world.cabinet.session != self._known_session:
             self._known_session = self.world.cabinet.session
             self.sessions.end_all()
@@ -104,12 +104,12 @@ class Service:
         else:
             await self._write(send, writing, reply, base, cookies)
 
-    def _admit(self, asked: Asked) -> tuple[Session, list[tuple[str, str]]]:
+    def _admit(self, asked: RwsRequest) -> tuple[Session, list[tuple[str, str]]]:
         """The session, and the cookies of a new one. Raises Unauthorized, SessionsExhausted, TooBusy."""
         faults = self.world.faults
-        if faults.strikes("rws-503"):
+        if faults.strike("rws-503"):
             raise TooBusy
-        if faults.strikes("rws-401"):
+        if faults.strike("rws-401"):
             raise Unauthorized
         session = self._session_of(asked.headers)
         if session is not None:
@@ -134,26 +134,26 @@ class Service:
         return user if scheme.lower() == "basic" and PASSWORDS.get(user) == password else None
 
     def _delay_s(self, session: Session) -> float:
-        slow_s = SLOW_S if self.world.faults.strikes("rws-slow") else 0.0
+        slow_s = SLOW_S if self.world.faults.strike("rws-slow") else 0.0
         return slow_s + self.sessions.wait_s(session, self.world.clock())
 
-    def _answer(self, asked: Asked, session: Session) -> Reply:
+    def _answer(self, asked: RwsRequest, session: Session) -> Reply:
         self._require_media_types(asked)
         if asked.path.startswith("/subscription"):
             return self._subscription(asked, session)
         if asked.path == "/logout" and asked.method == "GET":
             self.sessions.end(session)
             return DONE
-        if self.version == 2 and asked.path.startswith("/rw/mastership") and self.world.faults.strikes("rws-410"):
+        if self.version == 2 and asked.path.startswith("/rw/mastership") and self.world.faults.strike("rws-410"):
             raise RwsRefused(GONE)
-        context = Context(self.world, DIALECTS[self.version], session, asked, self.world.clock())
+        context = RequestContext(self.world, DIALECTS[self.version], session, asked, self.world.clock())
         return ROUTES[self.version].answer(context)
 
-    def _subscription(self, asked: Asked, session: Session) -> Reply:
+    def _subscription(self, asked: RwsRequest, session: Session) -> Reply:
         if asked.method == "POST" and asked.path == "/subscription":
             group = self.subscriptions.create(session, asked.form)
             url = asked.base.replace("http", "ws", 1) + f"poll/{group.number}"
-            content = subscribed(url).encode()
+            content = subscription_created(url).encode()
             media_type = XHTML_1.media_type if self.version == 1 else XHTML_2.media_type
             return Reply(201, content=content, media_type=media_type, headers=[("location", url), *session.cookies])
         number = asked.path.removeprefix("/subscription/")
@@ -161,9 +161,9 @@ class Service:
             return Reply(200 if self.version == 1 else 204)
         raise RwsRefused(NO_RESOURCE)
 
-    def _require_media_types(self, asked: Asked) -> None:
-        """RWS 2.0 wants its version named in both. Raises RwsRefused."""
-        if self.world.faults.strikes("rws-406"):
+    def _require_media_types(self, asked: RwsRequest) -> None:
+        """RWS 2.0 requires its version in Accept and Content-Type. Raises RwsRefused."""
+        if self.world.faults.strike("rws-406"):
             raise RwsRefused(NOT_ACCEPTABLE)
         if self.version == 1:
             return
@@ -173,16 +173,16 @@ class Service:
         accept = asked.headers.get("accept", "*/*").replace(" ", "").lower()
         if "*/*" not in accept and not any(
             wanted.media_type in accept for wanted in (JSON_2, XHTML_2)
-        ):  # what is accepted may list others beside it
+        ):  # Accept may list other types beside it
             raise RwsRefused(NOT_ACCEPTABLE)
 
-    def _writing(self, asked: Asked) -> Writing:
+    def _writing(self, asked: RwsRequest) -> Encoding:
         if self.version == 1:
             return JSON_1 if asked.query.get("json") == "1" else XHTML_1
         return JSON_2 if "hal+json" in asked.headers.get("accept", "").lower() else XHTML_2
 
     async def _write(
-        self, send: Send, writing: Writing, reply: Reply, base: str, cookies: list[tuple[str, str]]
+        self, send: Send, writing: Encoding, reply: Reply, base: str, cookies: list[tuple[str, str]]
     ) -> None:
         headers = [*reply.headers, *(cookies if not reply.headers else [])]
         if reply.status == 204:
@@ -191,12 +191,12 @@ class Service:
         if reply.content is not None:
             await _respond(send, reply.status, reply.media_type, reply.content, headers)
             return
-        content = b"<garbled" if self.world.faults.strikes("rws-garbage") else writing.reply(reply, base).encode()
+        content = b"<garbled" if self.world.faults.strike("rws-garbage") else writing.reply(reply, base).encode()
         await _respond(send, reply.status, writing.media_type, content, headers)
 
-    def _session_ended(self, session: Session) -> None:
-        self.world.mastership.ended(session)
-        self.subscriptions.ended(session)
+    def _end_session(self, session: Session) -> None:
+        self.world.mastership.release_all(session)
+        self.subscriptions.end_session(session)
         self.polls.nudge()
 
 
@@ -206,7 +206,7 @@ def _headers(scope: Scope) -> dict[str, str]:
 
 async def _body(receive: Receive) -> bytes:
     body = bytearray()
-    while len(body) <= BODY_MAX:
+    while len(body) <= MAX_BODY_BYTES:
         message = await receive()
         body += message.get("body", b"")
         if not message.get("more_body"):

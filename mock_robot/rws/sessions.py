@@ -1,25 +1,25 @@
-"""Sessions of one service: at most 70, idle ones die after five minutes, at most 20 requests a second each."""
+"""Sessions of one service: at most 70, closed after five idle minutes, at most 20 requests per second each."""
 
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-SESSIONS_MAX = 70
+MAX_SESSIONS = 70
 IDLE_S = 300.0
 REQUESTS_PER_S = 20.0
 BURST = 20.0
-PATIENCE_S = 1.0
-"""A request too early is slowed down by up to this much; beyond it the answer is 503."""
+MAX_DELAY_S = 1.0
+"""An early request is delayed by up to this much; beyond it the reply is 503."""
 HTTP_COOKIE, ABB_COOKIE = "-http-session-", "ABBCX"
 
 
 class SessionsExhausted(Exception):
-    """There is no session left, or this one asks too often: 503."""
+    """No session is left, or this one sends too many requests: 503."""
 
 
 @dataclass(eq=False)
 class Session:
-    """One client, known by either cookie."""
+    """One client, identified by either cookie."""
 
     user: str
     http_cookie: str
@@ -29,27 +29,27 @@ class Session:
 
     @property
     def cookies(self) -> list[tuple[str, str]]:
-        """The headers that hand out both cookies."""
+        """Headers that set both cookies."""
         pairs = ((HTTP_COOKIE, self.http_cookie), (ABB_COOKIE, self.abb_cookie))
         return [("set-cookie", f"{name}={value}; path=/; httponly") for name, value in pairs]
 
 
 @dataclass
 class Sessions:
-    """The open ones. `ended` is told of each that ends."""
+    """The open sessions. `ended` is called with each that ends."""
 
-    ended: Callable[[Session], None]
+    on_end: Callable[[Session], None]
     _open: list[Session] = field(default_factory=list, init=False)
     _number: int = field(default=0, init=False)
 
     @property
     def count(self) -> int:
-        """How many are open."""
+        """Number of open sessions."""
         return len(self._open)
 
     def find(self, cookie_header: str, now_s: float) -> Session | None:
-        """The session whose cookie this is."""
-        self._let_idle_ones_die(now_s)
+        """Session of this cookie, or None."""
+        self._end_idle_sessions(now_s)
         pieces = (piece.strip().partition("=") for piece in cookie_header.split(";"))
         cookies = {name: value for name, _, value in pieces}
         for session in self._open:
@@ -58,9 +58,9 @@ class Sessions:
         return None
 
     def open(self, user: str, now_s: float) -> Session:
-        """A new one. Raises SessionsExhausted."""
-        self._let_idle_ones_die(now_s)
-        if len(self._open) >= SESSIONS_MAX:
+        """Open a session. Raises SessionsExhausted."""
+        self._end_idle_sessions(now_s)
+        if len(self._open) >= MAX_SESSIONS:
             raise SessionsExhausted
         self._number += 1
         session = Session(user, f"{self._number}::http.session::{secrets.token_hex(16)}", secrets.token_hex(4), now_s)
@@ -68,37 +68,37 @@ class Sessions:
         return session
 
     def fill_up(self, now_s: float) -> None:
-        """Other clients take every session that is left."""
-        while len(self._open) < SESSIONS_MAX:
+        """Let other clients occupy every session that is left."""
+        while len(self._open) < MAX_SESSIONS:
             self.open("somebody else", now_s)
 
     def empty_of(self, user: str) -> None:
-        """All sessions of a user end."""
+        """End all sessions of a user."""
         for session in [each for each in self._open if each.user == user]:
             self.end(session)
 
     def wait_s(self, session: Session, now_s: float) -> float:
-        """How long this request has to wait. Raises SessionsExhausted when that is too long."""
+        """Delay of this request in seconds. Raises SessionsExhausted when it would be too long."""
         refill = max(now_s - session.seen_s, 0.0) * REQUESTS_PER_S
         session.tokens = min(BURST, session.tokens + refill) - 1.0
         session.seen_s = now_s
         wait_s = max(-session.tokens, 0.0) / REQUESTS_PER_S
-        if wait_s > PATIENCE_S:
+        if wait_s > MAX_DELAY_S:
             session.tokens += 1.0
             raise SessionsExhausted
         return wait_s
 
     def end(self, session: Session) -> None:
-        """Log out."""
+        """End a session."""
         if session in self._open:
             self._open.remove(session)
-            self.ended(session)
+            self.on_end(session)
 
     def end_all(self) -> None:
-        """A restart."""
+        """End all sessions, as in a restart."""
         for session in list(self._open):
             self.end(session)
 
-    def _let_idle_ones_die(self, now_s: float) -> None:
+    def _end_idle_sessions(self, now_s: float) -> None:
         for session in [each for each in self._open if now_s - each.seen_s > IDLE_S]:
             self.end(session)

@@ -20,23 +20,23 @@ _SOCKETS: dict[str, Any] = {"ws_ping_interval": PING_S, "ws_ping_timeout": None,
 
 
 class _NeverPongs(WebSocketsSansIOProtocol):
-    """RWS 2.0 leaves a client's pings unanswered."""
+    """WebSocket protocol that leaves a client's pings unanswered, as RWS 2.0 does."""
 
     def handle_ping(self) -> None:
-        """Drop the pong."""
+        """Send no pong."""
         self.conn.data_to_send()
 
 
 @dataclass(frozen=True)
 class RwsUrls:
-    """Where the services are."""
+    """Base URLs of the services."""
 
     first: str
     second: str
 
 
 class RwsStation:
-    """The services, and the world they show."""
+    """The services, and the world they share."""
 
     def __init__(self, cabinet: Cabinet, faults: FaultBoard, clock: Callable[[], float]) -> None:
         self.world = World(cabinet, faults, clock)
@@ -44,13 +44,13 @@ class RwsStation:
         self._servers: list[HttpServer] = []
 
     async def start(self, host: str, port_1: int, port_2: int) -> RwsUrls:
-        """Serve both."""
+        """Start both services."""
         if not self.world.cabinet.recorded:
             self.world.cabinet.record(self.world.clock(), 10017, "automatic mode confirmed")
-        from mock_robot.rws.certificate import write_self_signed  # loads half of cryptography: only where it is served
+        from mock_robot.rws.certificate import write_self_signed  # slow import (cryptography): only where it is served
 
         plain = HttpServer(self.first, ws="websockets-sansio", **_SOCKETS)
-        with tempfile.TemporaryDirectory() as folder:  # read when the server is made
+        with tempfile.TemporaryDirectory() as folder:  # the certificate is read when the server is created
             certificate, key = write_self_signed(Path(folder), host)
             files = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
             secured = HttpServer(self.second, ws=_NeverPongs, **_SOCKETS, **files)
@@ -59,10 +59,10 @@ class RwsStation:
         return urls
 
     def nudge(self) -> None:
-        """Something happened to the controller."""
-        self.first.look_around()
-        self.second.look_around()
+        """React to a change of the controller."""
+        self.first.react_to_controller()
+        self.second.react_to_controller()
 
     async def close(self) -> None:
-        """Stop serving."""
+        """Stop both services."""
         await asyncio.gather(*(server.close() for server in self._servers))

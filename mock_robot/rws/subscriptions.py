@@ -1,4 +1,4 @@
-"""Subscription groups: what is watched, and what has changed since it was last told."""
+"""Subscription groups: watched resources, and the changes not yet sent."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -9,10 +9,10 @@ from mock_robot.rws.refusals import BAD_ARGUMENT, RwsRefused
 from mock_robot.rws.sessions import Session
 from mock_robot.rws.world import World
 
-RESOURCES_MAX = 1000
-HIGH_MAX = 64
+MAX_RESOURCES = 1000
+MAX_HIGH_PRIORITY = 64
 PERIODS_S = {0: 5.0, 1: 0.2, 2: 0.02}
-"""How often a resource of low, medium and high priority is looked at."""
+"""Polling period in seconds of low, medium and high priority."""
 _PANEL = {
     "panel/ctrlstate": ("pnl-ctrlstate-ev", "ctrlstate"),
     "panel/ctrl-state": ("pnl-ctrlstate-ev", "ctrlstate"),
@@ -23,36 +23,36 @@ _CTRLSTATE = {1: "panel/ctrlstate", 2: "panel/ctrl-state"}
 
 
 @dataclass
-class Watched:
-    """One resource: `read` tells its values now, `told` are those the client knows."""
+class WatchedResource:
+    """One resource: `read` returns its current values, `told` are those last sent to the client."""
 
     kind: str
     href: str
     priority: int
     read: Callable[[], list[Item]]
-    told: list[Item] = field(default_factory=list)
+    sent: list[Item] = field(default_factory=list)
     due_s: float = 0.0
 
     def changes(self) -> list[Item]:
-        """What is new since the last time; entries of a log one by one, oldest first."""
+        """Items that changed since the last call; new log entries one by one, oldest first."""
         now = self.read()
-        new = [item for item in reversed(now) if item not in self.told]
-        self.told = now
+        new = [item for item in reversed(now) if item not in self.sent]
+        self.sent = now
         return new
 
 
 @dataclass
 class Group:
-    """One subscription. `taken`: its socket was opened; the address serves once."""
+    """One subscription. `taken`: its socket was opened, which its address allows once."""
 
     number: int
     session: Session
-    watched: list[Watched]
+    watched: list[WatchedResource]
     taken: bool = False
     mute: bool = False
 
     def events(self, now_s: float) -> list[str]:
-        """The messages for everything that changed."""
+        """Messages for everything that changed."""
         messages = []
         for each in self.watched:
             if now_s >= each.due_s:
@@ -73,45 +73,45 @@ class Subscriptions:
     _number: int = field(default=0, init=False)
 
     def create(self, session: Session, form: Mapping[str, str]) -> Group:
-        """A group of what the form names: resources=1, 1=/rw/..., 1-p=1. Raises RwsRefused."""
+        """Create a group from a form: resources=1, 1=/rw/..., 1-p=1. Raises RwsRefused."""
         numbers = [key for key in form if key.isdecimal()]
-        if not numbers or "resources" not in form or len(numbers) > RESOURCES_MAX:
+        if not numbers or "resources" not in form or len(numbers) > MAX_RESOURCES:
             raise RwsRefused(BAD_ARGUMENT, "Invalid resource URI in Create Subscription request")
-        watched = [self._watched(form[number], form.get(f"{number}-p", "")) for number in numbers]
-        if sum(each.priority == 2 for each in watched) > HIGH_MAX:
-            raise RwsRefused(BAD_ARGUMENT, f"More than {HIGH_MAX} resources of high priority")
+        watched = [self._resource(form[number], form.get(f"{number}-p", "")) for number in numbers]
+        if sum(each.priority == 2 for each in watched) > MAX_HIGH_PRIORITY:
+            raise RwsRefused(BAD_ARGUMENT, f"More than {MAX_HIGH_PRIORITY} resources of high priority")
         for each in watched:
-            each.told = each.read()
+            each.sent = each.read()
         self._number += 1
         group = self.groups[self._number] = Group(self._number, session, watched)
         return group
 
     def delete(self, number: int) -> bool:
-        """Was there such a group?"""
+        """Delete a group; returns whether it existed."""
         return self.groups.pop(number, None) is not None
 
-    def ended(self, session: Session) -> None:
-        """A session's groups end with it."""
+    def end_session(self, session: Session) -> None:
+        """End the groups of a closed session."""
         self.groups = {number: group for number, group in self.groups.items() if group.session is not session}
 
     def forget(self, *, silently: bool = False) -> None:
-        """All groups end; silently: their sockets stay open and say nothing more."""
+        """End all groups; `silently`: their sockets stay open but send nothing more."""
         for group in self.groups.values():
             group.mute = silently
         if not silently:
             self.groups.clear()
 
-    def _watched(self, resource: str, priority: str) -> Watched:
-        """A resource by its path; whether a `;facet` follows does not matter. Raises RwsRefused."""
+    def _resource(self, resource: str, priority: str) -> WatchedResource:
+        """A resource by its path, with or without `;facet`. Raises RwsRefused."""
         if priority not in ("0", "1", "2"):
             raise RwsRefused(BAD_ARGUMENT, f"Priority {priority!r}")
-        found = self._found(resource.partition(";")[0].strip("/").removeprefix("rw/"))
+        found = self._find(resource.partition(";")[0].strip("/").removeprefix("rw/"))
         if found is None or (priority == "2" and found[0] not in ("ios-signalstate-ev", "rap-data", "rap-value-ev")):
             raise RwsRefused(BAD_ARGUMENT, f"Invalid resource URI in Create Subscription request {resource}")
         kind, href, read = found
-        return Watched(kind, href, int(priority), read)
+        return WatchedResource(kind, href, int(priority), read)
 
-    def _found(self, path: str) -> tuple[str, str, Callable[[], list[Item]]] | None:
+    def _find(self, path: str) -> tuple[str, str, Callable[[], list[Item]]] | None:
         if path in _PANEL and (path.startswith(_CTRLSTATE[self.version]) or "ctrl" not in path):
             kind, name = _PANEL[path]
             return kind, f"/rw/{path}", lambda: [Item("", name, {name: self._panel(name)})]

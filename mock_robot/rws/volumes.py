@@ -1,4 +1,4 @@
-"""The controller's disk: HOME, TEMP and the RAM disk, kept in memory, under every name clients have for them."""
+"""The controller's disk in memory: HOME, TEMP and the RAM disk, under all names clients use for them."""
 
 from dataclasses import dataclass, field
 
@@ -9,17 +9,17 @@ _VOLUMES = {"home": "HOME", "temp": "TEMP", "ramdisk": "RAMDISK", "bd0/ramdisk":
 
 
 class NoVolume(Exception):
-    """The first part of the path is none of the volumes."""
+    """The first part of the path is not a volume."""
 
 
 @dataclass
 class Volumes:
-    """Files by canonical path: `HOME/handeyed/CELL_shared.sys`."""
+    """Files by canonical path such as `HOME/handeyed/CELL_shared.sys`."""
 
     files: dict[str, bytes] = field(default_factory=dict)
 
     def canonical(self, path: str) -> str:
-        """`$HOME/x`, `HOME:/x`, `HOME/x` and `/bd0/ramdisk/x` as keys. Raises NoVolume."""
+        """Canonical key of `$HOME/x`, `HOME:/x`, `HOME/x` or `/bd0/ramdisk/x`. Raises NoVolume."""
         parts = [part for part in path.replace("\\", "/").split("/") if part]
         for taken in (1, 2):
             volume = _VOLUMES.get("/".join(parts[:taken]).strip("$:").lower())
@@ -28,7 +28,7 @@ class Volumes:
         raise NoVolume(path)
 
     def listing(self, folder: str) -> list[Item] | None:
-        """What lies in a folder; None when there is no such folder."""
+        """Entries of a folder; None when it does not exist."""
         inside = [path[len(folder) + 1 :] for path in sorted(self.files) if path.startswith(folder + "/")]
         if not inside and folder not in _VOLUMES.values():
             return None

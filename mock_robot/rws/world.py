@@ -1,4 +1,4 @@
-"""What both services show: the cabinet behind the CB link, and beside it what only RWS has."""
+"""State shared by both services: the cabinet behind the CB link, and what only RWS shows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,9 +9,9 @@ from calibration.transforms import Array, inverse, quaternion_from_rotation
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.panel import Mode
 from mock_robot.faults.board import FaultBoard
-from mock_robot.rws.elog import EventLog
+from mock_robot.rws.elog import ControllerEventLog
 from mock_robot.rws.mastership import Mastership
-from mock_robot.rws.memory import Memory
+from mock_robot.rws.memory import RwsMemory
 from mock_robot.rws.volumes import Volumes
 
 MOTORS_ON_CODE, MOTORS_OFF_CODE, ESTOP_CODE, RELEASED_CODE = 10011, 10012, 10013, 10014
@@ -19,8 +19,8 @@ _SWITCHED = (MOTORS_ON_CODE, MOTORS_OFF_CODE, ESTOP_CODE, RELEASED_CODE)
 
 
 @dataclass(frozen=True)
-class Selected:
-    """Tool and work object that the pendant has selected: what a request without either gets."""
+class Selection:
+    """Tool and work object selected at the pendant, the default of requests that name none."""
 
     tool: str = "tool0"
     wobj: str = "wobj0"
@@ -28,36 +28,36 @@ class Selected:
 
 @dataclass
 class World:
-    """The one truth. `programs` are told when RAPID starts."""
+    """State shown by the services. `programs` are called when RAPID starts."""
 
     cabinet: Cabinet
     faults: FaultBoard
     clock: Callable[[], float]
-    memory: Memory = field(default_factory=Memory)
+    memory: RwsMemory = field(default_factory=RwsMemory)
     volumes: Volumes = field(default_factory=Volumes)
     mastership: Mastership = field(default_factory=Mastership)
-    tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4), "tGripper": _shifted(150.0)})
-    wobjs: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4), "wobjTableN": _shifted(100.0)})
-    picked: Selected = Selected()
+    tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4), "tGripper": _shift_z(150.0)})
+    wobjs: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4), "wobjTableN": _shift_z(100.0)})
+    picked: Selection = Selection()
     cycle: str = "forever"
     programs: list[Callable[[], None]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.elog = EventLog.beginning(self.cabinet, self.clock())
+        self.elog = ControllerEventLog.starting_at(self.cabinet, self.clock())
 
     @property
     def mode(self) -> Mode:
-        """The key's position."""
+        """Position of the mode switch."""
         return self.cabinet.panel.mode
 
     @property
-    def selected(self) -> Selected:
-        """What the pendant has selected now."""
-        return Selected("tGripper", "wobjTableN") if self.faults.is_on("rws-other-tool") else self.picked
+    def selection(self) -> Selection:
+        """Tool and work object selected at the pendant now."""
+        return Selection("tGripper", "wobjTableN") if self.faults.is_on("rws-other-tool") else self.picked
 
     @property
     def controller_state(self) -> str:
-        """As RWS names it. A released emergency stop waits for the motors to be switched on."""
+        """Controller state by its RWS name. After an emergency stop the motors must be switched on."""
         panel = self.cabinet.panel
         if panel.emergency_stop:
             return "emergencystop"
@@ -68,7 +68,7 @@ class World:
 
     @property
     def execution_state(self) -> str:
-        """Does RAPID run?"""
+        """Whether RAPID is running, by its RWS name."""
         return "running" if self.cabinet.panel.program_running else "stopped"
 
     @property
@@ -84,13 +84,13 @@ class World:
         return cf1, cf4, cf6, cfx
 
     def pose(self, tool: str, wobj: str, coordinate: str) -> tuple[Array, Array]:
-        """Position (3,) mm and quaternion (4,) wxyz of a tool. KeyError: no such tool, work object or coordinate."""
+        """Position (3,) mm and quaternion (4,) wxyz of a tool. KeyError: unknown tool, work object or coordinates."""
         base_T_tool = self.cabinet.arm.reported_base_T_flange(self._robot_s) @ self.tools[tool]
         base_T_wobj = self.wobjs[wobj]
         pose = {
             "base": base_T_tool,
             "world": base_T_tool,
-            "word": base_T_tool,  # as ABB's own documents and clients spell it
+            "word": base_T_tool,  # spelled so in ABB's documents and clients
             "wobj": base_T_tool if wobj == "wobj0" else inverse(base_T_wobj) @ base_T_tool,
             "tool": np.eye(4),
         }[coordinate.lower()]
@@ -101,7 +101,7 @@ class World:
         return self.cabinet.robot_s(self.clock())
 
 
-def _shifted(z_mm: float) -> Array:
+def _shift_z(z_mm: float) -> Array:
     shift = np.eye(4)
     shift[2, 3] = z_mm
     return shift

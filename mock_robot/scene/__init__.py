@@ -1,1 +1,1 @@
-"""What camera and scanner see: optics, printed target, part."""
+"""Scene seen by camera and scanner: optics, printed target, part."""

@@ -1,7 +1,7 @@
-"""The picture a camera takes of a planar target, true in geometry.
+"""Renders the camera's image of a planar target with exact geometry.
 
-Every pixel's corners are mapped back through the lens onto the sheet (no bitmap is warped), and the printed edges'
-share of the pixel is computed there. Pixel (0, 0) is the centre of the first pixel, as in `CameraModel`.
+Every pixel's corners are mapped back through the lens onto the sheet (no bitmap is warped), and the share of the
+pixel that the print covers is computed there. Pixel (0, 0) is the centre of the first pixel, as in `CameraModel`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,11 +14,11 @@ from calibration.targets import Target
 from calibration.transforms import Array, transform
 from mock_robot.scene.optics import Optics, Picture, clutter, expose
 from mock_robot.scene.pixel_coverage import CellCoverage, dot_coverage
-from mock_robot.scene.printed_target import PrintedTarget, Sheet, printed
+from mock_robot.scene.printed_target import PrintedTarget, PrintOptions, print_target
 
 TILE_PX = 192
 NODES = 14
-"""Chebyshev nodes a tile and axis: the lens's inverse is exact to 1e-9 px there for any lens that can be inverted."""
+"""Chebyshev nodes per tile and axis: the inverse of any invertible lens is then accurate to 1e-9 px."""
 BACK_OF_THE_SHEET = 0.9
 FAR_MM = 1e9
 
@@ -29,10 +29,10 @@ def render(
     camera_T_target: Array,
     optics: Optics,
     rng: np.random.Generator,
-    sheet: Sheet | None = None,
+    sheet: PrintOptions | None = None,
 ) -> NDArray[np.uint8]:
-    """The picture (h, w). The target may lie partly or wholly outside it, behind the camera, or show its back."""
-    return expose(scene_reflectance(camera, printed(target, sheet), camera_T_target, optics, rng), optics, rng)
+    """Image (h, w). The target may lie partly or wholly outside it, behind the camera, or show its back."""
+    return expose(scene_reflectance(camera, print_target(target, sheet), camera_T_target, optics, rng), optics, rng)
 
 
 def render_smeared(
@@ -41,11 +41,11 @@ def render_smeared(
     camera_T_target: Sequence[Array],
     optics: Optics,
     rng: np.random.Generator,
-    sheet: Sheet | None = None,
+    sheet: PrintOptions | None = None,
 ) -> NDArray[np.uint8]:
-    """The picture (h, w) exposed while the target went through these poses, evenly in time."""
+    """Image (h, w) exposed while the target passes through these poses, evenly in time."""
     surroundings = int(rng.integers(2**32))
-    sheet_printed = printed(target, sheet)
+    sheet_printed = print_target(target, sheet)
     total: Picture = np.zeros(camera.image_size[::-1], np.float32)
     for pose in camera_T_target:
         total += scene_reflectance(camera, sheet_printed, pose, optics, np.random.default_rng(surroundings))
@@ -55,7 +55,7 @@ def render_smeared(
 def scene_reflectance(
     camera: CameraModel, target: PrintedTarget, camera_T_target: Array, optics: Optics, rng: np.random.Generator
 ) -> Picture:
-    """Reflectance (h, w) averaged over each pixel's square: the sheet before its surroundings."""
+    """Reflectance (h, w) averaged over each pixel's square; the sheet covers its surroundings."""
     width, height = camera.image_size
     scene = clutter((height, width), optics.background, rng)
     seen_from_behind = camera_T_target[:3, 2] @ camera_T_target[:3, 3] <= 0
@@ -78,7 +78,7 @@ def scene_reflectance(
 
 
 def _tiles(camera: CameraModel, target: PrintedTarget, camera_T_target: Array) -> Iterator[tuple[range, range]]:
-    """Rows and columns of the blocks that the sheet's image may touch."""
+    """Row and column ranges of the blocks that the sheet's image may touch."""
     width, height = camera.image_size
     left, top, right, bottom = _bounds(camera, target, camera_T_target)
     for y in range(top, bottom, TILE_PX):
@@ -87,7 +87,7 @@ def _tiles(camera: CameraModel, target: PrintedTarget, camera_T_target: Array) -
 
 
 def _bounds(camera: CameraModel, target: PrintedTarget, camera_T_target: Array) -> tuple[int, int, int, int]:
-    """left, top, right, bottom in px around the sheet's image; the whole picture when its outline cannot be trusted."""
+    """left, top, right, bottom in px around the sheet's image; the whole image when the outline projects unsafely."""
     width, height = camera.image_size
     corners = target.outline_mm
     along = np.linspace(0.0, 1.0, 33)[:, None]
@@ -105,7 +105,7 @@ def _bounds(camera: CameraModel, target: PrintedTarget, camera_T_target: Array) 
 
 
 def _sheet_coordinates(camera: CameraModel, sheet_from_ray: Array, rows: range, columns: range) -> tuple[Array, Array]:
-    """u, v in mm (h + 1, w + 1) at the corners of a block's pixels; far away where the ray misses the sheet's plane."""
+    """u, v in mm (h + 1, w + 1) at the corners of a block's pixels; FAR_MM where the ray misses the sheet's plane."""
     y = np.arange(float(rows.start), rows.stop + 1) - 0.5
     x = np.arange(float(columns.start), columns.stop + 1) - 0.5
     ray_x, ray_y = _rays(camera, x, y)
@@ -116,9 +116,9 @@ def _sheet_coordinates(camera: CameraModel, sheet_from_ray: Array, rows: range, 
 
 
 def _rays(camera: CameraModel, x: Array, y: Array) -> tuple[Array, Array]:
-    """Ideal normalised coordinates on the grid x × y: Newton at Chebyshev nodes, interpolated between them."""
+    """Ideal normalised coordinates on the grid x × y: Newton's method at Chebyshev nodes, interpolated between them."""
     nodes = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
-    node_x, node_y = _stretched(nodes, x), _stretched(nodes, y)
+    node_x, node_y = _map_to_interval(nodes, x), _map_to_interval(nodes, y)
     grid_x, grid_y = np.meshgrid(node_x, node_y)
     rays = camera.normalise(np.column_stack([grid_x.ravel(), grid_y.ravel()]))
     if np.isnan(rays).any():
@@ -130,8 +130,8 @@ def _rays(camera: CameraModel, x: Array, y: Array) -> tuple[Array, Array]:
     return along_y @ on_grid[0] @ along_x.T, along_y @ on_grid[1] @ along_x.T
 
 
-def _stretched(nodes: Array, x: Array) -> Array:
-    """Nodes of [-1, 1] on the interval that x spans."""
+def _map_to_interval(nodes: Array, x: Array) -> Array:
+    """Map nodes of [-1, 1] to the interval spanned by x."""
     stretched: Array = (x[0] + x[-1]) / 2 + nodes * (x[-1] - x[0]) / 2
     return stretched
 
@@ -148,6 +148,6 @@ def _interpolation(nodes: Array, x: Array) -> Array:
 
 
 def facing(distance_mm: float, target: PrintedTarget) -> Array:
-    """camera_T_target of a sheet square in front of the camera, its middle on the axis."""
+    """camera_T_target of a sheet parallel to the image plane, centred on the optical axis."""
     middle = target.outline_mm.mean(axis=0)
     return transform(np.eye(3), [-middle[0], -middle[1], distance_mm])

@@ -1,4 +1,4 @@
-"""What lens, light and sensor make of a scene: blur, shading, contrast, noise, saturation, eight bits."""
+"""Effect of lens, light and sensor on an image: blur, shading, contrast, noise, saturation, quantisation."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ Picture = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Optics:
-    """Grey levels are those of an 8-bit sensor.
+    """Optical and sensor parameters; grey levels are those of an 8-bit sensor.
 
     `blur_px` is the Gaussian's standard deviation (lens and defocus together). `vignetting` darkens the corners by
     that share, `uneven_light` tilts the illumination by that share from one side to the other. `read_noise` in grey
@@ -35,11 +35,11 @@ class Optics:
 
 
 CLEAN = Optics(blur_px=0.0, vignetting=0.0, uneven_light=0.0, read_noise=0.0, electrons_per_level=0.0, background=0.0)
-"""No blur, shading, noise or clutter: geometry alone."""
+"""No blur, shading, noise or clutter: geometry only."""
 
 
 def expose(reflectance: Picture, optics: Optics, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """The 8-bit picture (h, w) of a scene's reflectance, 0 black to 1 white."""
+    """The 8-bit image (h, w) of a scene's reflectance (0 black to 1 white)."""
     levels = optical_levels(reflectance, optics)
     if optics.is_noisy:
         variance = np.full_like(levels, optics.read_noise**2)
@@ -63,7 +63,7 @@ def optical_levels(reflectance: Picture, optics: Optics) -> Picture:
 
 
 def _shading(shape: tuple[int, ...], optics: Optics) -> Picture:
-    """Vignetting falls with the square of the distance from the centre; the light falls linearly to one side."""
+    """Vignetting grows with the square of the distance from the centre; the light varies linearly to one side."""
     height, width = shape
     diagonal = np.hypot(width, height) / 2
     x = ((np.arange(width) - (width - 1) / 2) / diagonal).astype(np.float32)
@@ -77,7 +77,7 @@ def _shading(shape: tuple[int, ...], optics: Optics) -> Picture:
 
 
 def clutter(shape: tuple[int, int], contrast: float, rng: np.random.Generator) -> Picture:
-    """Reflectance (h, w) of what lies around a target: mottled ground with boxes and streaks on it."""
+    """Reflectance (h, w) of the surroundings of a target: mottled ground with boxes and streaks."""
     height, width = shape
     if contrast <= 0:
         return np.full(shape, 0.35, np.float32)

@@ -10,7 +10,7 @@ import numpy as np
 from calibration.transforms import Array
 
 FOOT_ITERATIONS = 60
-FOOT_SETTLED_MM = 1e-9
+FOOT_TOLERANCE_MM = 1e-9
 EDGE_ITERATIONS = 4
 EDGE_STEP_MM = 1e-5
 
@@ -32,7 +32,7 @@ def polygon_distance(x: Array, y: Array, corners: Array) -> Array:
 
 @dataclass(frozen=True)
 class RoundedPolygon:
-    """A polygon grown by `radius_mm`: its corners are rounded."""
+    """A polygon grown by `radius_mm`, which rounds its corners."""
 
     corners_mm: tuple[tuple[float, float], ...]
     radius_mm: float
@@ -44,7 +44,7 @@ class RoundedPolygon:
 
 @dataclass(frozen=True)
 class Door:
-    """All lengths in mm. Swept curvature, a crease that bends the skin, a handle's recess, a window and a lock."""
+    """All lengths in mm. Swept curvature, a crease, a handle's recess, a window and a lock."""
 
     radius_along: float = 5000.0
     radius_up: float = 1400.0
@@ -62,12 +62,12 @@ class Door:
     window: RoundedPolygon = RoundedPolygon(((-380.0, 130.0), (380.0, 130.0), (380.0, 225.0), (-265.0, 225.0)), 20.0)
 
     def height(self, x: Array, y: Array) -> Array:
-        """z of the skin; defined beyond the outline and in the cut-outs, too, where there is no metal."""
+        """z of the skin; also defined where there is no metal, beyond the outline and in the cut-outs."""
         height: Array = self.envelope(x, y) - self.handle_depth * self._recess(x, y)
         return height
 
     def envelope(self, x: Array, y: Array) -> Array:
-        """z of the skin without the handle's recess: never below the skin, and a concave function of x and y."""
+        """z of the skin without the handle's recess: nowhere below the skin, and concave in x and y."""
         across = y - self.crease_height - self.crease_rise * x
         bend = self.crease_slope * (np.sqrt(across * across + self.crease_width**2) - self.crease_width)
         envelope: Array = -x * x / (2 * self.radius_along) - y * y / (2 * self.radius_up) - bend
@@ -96,7 +96,7 @@ class Door:
 
     @property
     def steepest(self) -> float:
-        """A bound of the skin's slope anywhere over the door."""
+        """Upper bound of the skin's slope over the door."""
         recess = 1.55 * self.handle_depth / min(self.handle_size)  # max of 4 s^3 exp(-s^4) is 1.5505
         return recess + self.crease_slope + 700.0 / self.radius_along + 350.0 / self.radius_up
 
@@ -123,10 +123,10 @@ class Door:
         return deviation
 
     def foot(self, points_part: Array) -> Array:
-        """x, y (n, 2) of the nearest metal to each point: Gauss-Newton, kept on the metal by projection on its edge.
+        """x, y (n, 2) of the nearest metal to each point: Gauss-Newton, projected onto the metal's edge where needed.
 
-        The step is damped where the skin curves towards the point; points farther away than the skin's smallest
-        radius of curvature (about 20 mm at the handle) get a near foot there, not always the nearest.
+        The step is damped where the skin curves towards the point. Points farther away than the skin's smallest radius
+        of curvature (about 20 mm at the handle) get a nearby foot there, not always the nearest.
         """
         foot = self.onto_metal(points_part[:, :2].copy())
         active = np.arange(len(foot))
@@ -134,7 +134,7 @@ class Door:
             point, now = points_part[active], foot[active]
             moved = self.onto_metal(now + self._step(point, now))
             foot[active] = moved
-            active = active[np.abs(moved - now).max(axis=1, initial=0.0) > FOOT_SETTLED_MM]
+            active = active[np.abs(moved - now).max(axis=1, initial=0.0) > FOOT_TOLERANCE_MM]
             if not len(active):
                 break
         return foot
@@ -150,7 +150,7 @@ class Door:
         return step * damping[:, None]
 
     def onto_metal(self, foot: Array) -> Array:
-        """Points off the metal are brought to its edge along the distance's gradient.
+        """Move points off the metal to its edge along the distance's gradient.
 
         Its forward difference, unlike the central one, does not vanish in the middle of a cut-out.
         """

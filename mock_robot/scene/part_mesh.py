@@ -1,4 +1,4 @@
-"""The part as triangles, and as a PLY file for any viewer."""
+"""The part as a triangle mesh, and as a PLY file."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,6 +1,6 @@
-"""How much of a pixel's square each printed cell or dot covers, the pixel being a parallelogram on the sheet.
+"""Coverage of a pixel's square by printed cells or dots; the pixel is a parallelogram on the sheet.
 
-Where one straight edge crosses a pixel the area is exact; where several do, the pixel is cut into 8×8 parts first.
+The area is exact where one straight edge crosses a pixel; where several do, the pixel is first split into 8×8 parts.
 """
 
 from typing import TypeVar
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array
-from mock_robot.scene.printed_target import Cells, Dots
+from mock_robot.scene.printed_target import PrintedCells, PrintedDots
 
 CELL_PARTS = 8
 DOT_PARTS = 4
@@ -18,13 +18,13 @@ DOT_PARTS = 4
 def share_below(level: Array, centre: Array, slope_x: Array, slope_y: Array) -> Array:
     """Share of a unit pixel where the linear function `centre + slope_x x + slope_y y` is below `level`.
 
-    It is the distribution function of the sum of two uniform variables, a trapezoid's integral.
+    This is the distribution function of the sum of two uniform variables (a trapezoid).
     """
     a, b = np.abs(slope_x), np.abs(slope_y)
     wide = np.maximum(np.maximum(a, b), 1e-12)
     narrow = np.maximum(np.minimum(a, b), 1e-4 * wide)
     outer, inner = (wide + narrow) / 2, (wide - narrow) / 2
-    s = np.clip(level - centre, -outer, outer)  # far from the pixel the squares below would cancel
+    s = np.clip(level - centre, -outer, outer)  # clipped, since far from the pixel the squares below would cancel
 
     def ramp(x: Array) -> Array:
         return np.square(np.maximum(x, 0.0))
@@ -35,7 +35,7 @@ def share_below(level: Array, centre: Array, slope_x: Array, slope_y: Array) -> 
 
 
 class LineIndex:
-    """Which interval of sorted lines a coordinate falls into: 0 before the first, n after the last of n lines."""
+    """Index of the interval between sorted lines that a coordinate falls into: 0 before the first, n after the last."""
 
     def __init__(self, lines: Array) -> None:
         step = 0.999 * np.diff(lines).min()
@@ -52,9 +52,9 @@ class LineIndex:
 
 
 class CellCoverage:
-    """Paints cells: for pixels given by plane coordinates at their corners, white and sheet share of each pixel."""
+    """Coverage by cells: white and sheet share of pixels given by plane coordinates at their corners."""
 
-    def __init__(self, cells: Cells) -> None:
+    def __init__(self, cells: PrintedCells) -> None:
         self._u, self._v = cells.u_mm, cells.v_mm
         self._u_index, self._v_index = LineIndex(cells.u_mm), LineIndex(cells.v_mm)
         self._white = np.pad(cells.values, 1).astype(np.float32)
@@ -94,21 +94,21 @@ class CellCoverage:
     def _blend(
         self, u: Array, v: Array, i: NDArray[np.int32], j: NDArray[np.int32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Mixes the 2×2 cells from (j, i) on: exact when only one line crosses."""
+        """Blend the 2×2 cells from (j, i) on: exact when only one line crosses."""
         i_line, j_line = np.minimum(i, len(self._u) - 1), np.minimum(j, len(self._v) - 1)
         left = np.where(i < len(self._u), share_below(self._u[i_line], *u), 1.0)
         upper = np.where(j < len(self._v), share_below(self._v[j_line], *v), 1.0)
         i_next, j_next = np.minimum(i + 1, len(self._u)), np.minimum(j + 1, len(self._v))
 
-        def mixed(table: NDArray[np.float32]) -> NDArray[np.float32]:
+        def blend(table: NDArray[np.float32]) -> NDArray[np.float32]:
             top = left * table[j, i] + (1 - left) * table[j, i_next]
             bottom = left * table[j_next, i] + (1 - left) * table[j_next, i_next]
             return (upper * top + (1 - upper) * bottom).astype(np.float32)
 
-        return mixed(self._white), mixed(self._sheet)
+        return blend(self._white), blend(self._sheet)
 
 
-def dot_coverage(dots: Dots, u: Array, v: Array) -> NDArray[np.float32]:
+def dot_coverage(dots: PrintedDots, u: Array, v: Array) -> NDArray[np.float32]:
     """Share (h, w) of each pixel inside a dot; `u`, `v` (h + 1, w + 1) at pixel corners."""
     distance = _signed_distance(dots, u, v)[0]
     low, high = _extremes(distance)
@@ -125,7 +125,7 @@ def dot_coverage(dots: Dots, u: Array, v: Array) -> NDArray[np.float32]:
     return covered
 
 
-def _signed_distance(dots: Dots, u: Array, v: Array) -> tuple[Array, Array, Array]:
+def _signed_distance(dots: PrintedDots, u: Array, v: Array) -> tuple[Array, Array, Array]:
     """Distance to the nearest dot's edge (inside negative) and its gradient."""
     dot = dots.nearest(u, v)
     du, dv = u - dots.centres_mm[dot, 0], v - dots.centres_mm[dot, 1]
@@ -150,7 +150,7 @@ def _affine(at_corners: Array, y: NDArray[np.intp], x: NDArray[np.intp]) -> Arra
 
 
 def _parts(affine: Array, dx: Array, dy: Array, count: int) -> Array:
-    """(3, n × parts): the same linear function on every part of every pixel."""
+    """(3, n × parts): the same linear function on each part of each pixel."""
     centre = affine[0][:, None] + affine[1][:, None] * dx.ravel() + affine[2][:, None] * dy.ravel()
     slopes = [np.repeat(slope / count, dx.size) for slope in affine[1:]]
     return np.stack([centre.ravel(), *slopes])

@@ -1,7 +1,7 @@
-"""What is printed on a target's sheet: black or white at every plane point (u_mm, v_mm) of the target's frame.
+"""Reflectance of a printed target at every plane point (u_mm, v_mm) of its frame.
 
-Everything rectilinear (chessboard, ChArUco, AprilTags, the sheet itself) is a table of cells between lines; circles
-are dots on such a sheet. Markers and their places are taken from OpenCV, so a print of `cv2.aruco` is the same thing.
+Rectilinear prints (chessboard, ChArUco, AprilTags, the sheet itself) are tables of cells between lines; circles
+are dots on such a sheet. Markers and their positions come from OpenCV, so the print equals that of `cv2.aruco`.
 """
 
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ class UnprintableTarget(ValueError):
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """How a target was printed. `margin_mm` None: as `handeyed target` prints its kind.
+class PrintOptions:
+    """How a target is printed. `margin_mm` None: the margin `handeyed target` uses for its kind.
 
     `dot_ratio` is a dot's diameter over the distance to its nearest neighbour, `large_dot_ratio` the origin dot's.
     """
@@ -41,7 +41,7 @@ class Sheet:
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
+class PrintedCells:
     """`values` (rows, columns), 0 black to 1 white, between the sorted lines `v_mm` and `u_mm` (one more each)."""
 
     u_mm: Array
@@ -50,10 +50,10 @@ class Cells:
 
 
 @dataclass(frozen=True, eq=False)
-class Dots:
+class PrintedDots:
     """`value` inside the circles of `centres_mm` (n, 2) and `radii_mm` (n,).
 
-    They lie in rows of `columns` at `spacing_mm` (along u, v), odd rows shifted by `shift_mm`.
+    They form rows of `columns` at `spacing_mm` (along u, v), odd rows shifted by `shift_mm`.
     """
 
     centres_mm: Array
@@ -64,7 +64,7 @@ class Dots:
     value: float
 
     def nearest(self, u_mm: Array, v_mm: Array) -> NDArray[np.intp]:
-        """Index of the dot whose row band and column band a point lies in; the large one reaches beyond its own."""
+        """Index of the dot whose row and column band a point lies in; the large dot reaches beyond its band."""
         rows = len(self.radii_mm) // self.columns
         row = np.clip(np.rint(v_mm / self.spacing_mm[1]), 0, rows - 1).astype(np.intp)
         column = np.rint((u_mm - self.shift_mm * (row % 2)) / self.spacing_mm[0])
@@ -78,10 +78,10 @@ class Dots:
 
 @dataclass(frozen=True, eq=False)
 class PrintedTarget:
-    """A sheet's cells and, for circle grids, the dots on it."""
+    """Cells of a sheet and, for circle grids, its dots."""
 
-    cells: Cells
-    dots: Dots | None = None
+    cells: PrintedCells
+    dots: PrintedDots | None = None
 
     @property
     def outline_mm(self) -> Array:
@@ -90,7 +90,7 @@ class PrintedTarget:
         return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
 
     def reflectance(self, u_mm: ArrayLike, v_mm: ArrayLike) -> Array:
-        """0 black to 1 white at plane points; NaN beside the sheet."""
+        """Reflectance, 0 black to 1 white, at plane points; NaN beside the sheet."""
         u, v = np.broadcast_arrays(np.asarray(u_mm, float), np.asarray(v_mm, float))
         column = np.searchsorted(self.cells.u_mm, u, "right") - 1
         row = np.searchsorted(self.cells.v_mm, v, "right") - 1
@@ -105,9 +105,9 @@ class PrintedTarget:
         return np.where(on_sheet, value, np.nan)
 
 
-def printed(target: Target, sheet: Sheet | None = None) -> PrintedTarget:
-    """The print of a target. Raises UnprintableTarget."""
-    sheet = sheet or Sheet()
+def print_target(target: Target, sheet: PrintOptions | None = None) -> PrintedTarget:
+    """Build the print of a target. Raises UnprintableTarget."""
+    sheet = sheet or PrintOptions()
     match target:
         case Chessboard():
             return _chessboard(target, sheet)
@@ -119,17 +119,19 @@ def printed(target: Target, sheet: Sheet | None = None) -> PrintedTarget:
             return _circles(target, sheet)
 
 
-def _with_margin(u_mm: Array, v_mm: Array, values: Array, margin_mm: float, margin_value: float = WHITE) -> Cells:
+def _with_margin(
+    u_mm: Array, v_mm: Array, values: Array, margin_mm: float, margin_value: float = WHITE
+) -> PrintedCells:
     if margin_mm <= 0:
-        return Cells(u_mm, v_mm, values)
-    return Cells(
+        return PrintedCells(u_mm, v_mm, values)
+    return PrintedCells(
         np.concatenate([[u_mm[0] - margin_mm], u_mm, [u_mm[-1] + margin_mm]]),
         np.concatenate([[v_mm[0] - margin_mm], v_mm, [v_mm[-1] + margin_mm]]),
         np.pad(values, 1, constant_values=margin_value),
     )
 
 
-def _chessboard(target: Chessboard, sheet: Sheet) -> PrintedTarget:
+def _chessboard(target: Chessboard, sheet: PrintOptions) -> PrintedTarget:
     u = target.pitch_mm * np.arange(-1.0, target.columns + 1)
     v = target.pitch_mm * np.arange(-1.0, target.rows + 1)
     row, column = np.indices((len(v) - 1, len(u) - 1))
@@ -137,7 +139,7 @@ def _chessboard(target: Chessboard, sheet: Sheet) -> PrintedTarget:
     return PrintedTarget(_with_margin(u, v, ((row + column) % 2).astype(float), margin_mm))
 
 
-def _charuco(target: Charuco, sheet: Sheet) -> PrintedTarget:
+def _charuco(target: Charuco, sheet: PrintOptions) -> PrintedTarget:
     dictionary = _dictionary(target.dictionary)
     size = (target.columns, target.rows)
     board = cv2.aruco.CharucoBoard(size, target.square_mm, target.marker_mm, dictionary)
@@ -145,8 +147,8 @@ def _charuco(target: Charuco, sheet: Sheet) -> PrintedTarget:
     modules = dictionary.markerSize + 2
     border_mm = (target.square_mm - target.marker_mm) / 2
     offsets = np.concatenate([[0.0], border_mm + target.marker_mm / modules * np.arange(modules + 1)])
-    u = _repeated(offsets, target.columns, target.square_mm)
-    v = _repeated(offsets, target.rows, target.square_mm)
+    u = _tile(offsets, target.columns, target.square_mm)
+    v = _tile(offsets, target.rows, target.square_mm)
     values = np.full((len(v) - 1, len(u) - 1), BLACK)
     pitch = modules + 2
     for marker_id, corners in zip(np.ravel(board.getIds()), board.getObjPoints(), strict=True):
@@ -158,13 +160,13 @@ def _charuco(target: Charuco, sheet: Sheet) -> PrintedTarget:
     return PrintedTarget(_with_margin(u, v, values, margin_mm))
 
 
-def _apriltags(target: AprilTagGrid, sheet: Sheet) -> PrintedTarget:
+def _apriltags(target: AprilTagGrid, sheet: PrintOptions) -> PrintedTarget:
     dictionary = _dictionary(APRILTAG_DICTIONARIES.get(target.family, target.family))
     modules = dictionary.markerSize + 2
     offsets = target.tag_mm / modules * np.arange(modules + 1)
     pitch_mm = target.tag_mm + target.gap_mm
-    u = _repeated(offsets, target.columns, pitch_mm)[:-1]
-    v = _repeated(offsets, target.rows, pitch_mm)[:-1]
+    u = _tile(offsets, target.columns, pitch_mm)[:-1]
+    v = _tile(offsets, target.rows, pitch_mm)[:-1]
     values = np.full((len(v) - 1, len(u) - 1), WHITE)
     for tag in range(target.columns * target.rows):
         row, column = (modules + 1) * (tag // target.columns), (modules + 1) * (tag % target.columns)
@@ -173,7 +175,7 @@ def _apriltags(target: AprilTagGrid, sheet: Sheet) -> PrintedTarget:
     return PrintedTarget(_with_margin(u, v, values, margin_mm))
 
 
-def _circles(target: CircleGrid, sheet: Sheet) -> PrintedTarget:
+def _circles(target: CircleGrid, sheet: PrintOptions) -> PrintedTarget:
     points = target.points_mm[:, :2]
     half = target.pitch_mm / 2
     symmetric = target.layout == "symmetric"
@@ -185,13 +187,15 @@ def _circles(target: CircleGrid, sheet: Sheet) -> PrintedTarget:
     spacing = (target.pitch_mm, target.pitch_mm if symmetric else half)
     if radii[-1] > spacing[1] / 2 or radii[0] + radii[-1] > nearest_mm:
         raise UnprintableTarget("dots touch their neighbours: print them with a smaller dot ratio")
-    dots = Dots(points, radii, target.columns, spacing, 0.0 if symmetric else half, dot)
+    dots = PrintedDots(points, radii, target.columns, spacing, 0.0 if symmetric else half, dot)
     margin_mm = nearest_mm - radii.max() if sheet.margin_mm is None else sheet.margin_mm
     low, high = points.min(axis=0) - radii.max() - margin_mm, points.max(axis=0) + radii.max() + margin_mm
-    return PrintedTarget(Cells(np.array([low[0], high[0]]), np.array([low[1], high[1]]), np.array([[paper]])), dots)
+    return PrintedTarget(
+        PrintedCells(np.array([low[0], high[0]]), np.array([low[1], high[1]]), np.array([[paper]])), dots
+    )
 
 
-def _repeated(offsets: Array, count: int, pitch_mm: float) -> Array:
+def _tile(offsets: Array, count: int, pitch_mm: float) -> Array:
     lines: Array = (pitch_mm * np.arange(count)[:, None] + offsets).ravel()
     return np.append(lines, pitch_mm * count)
 

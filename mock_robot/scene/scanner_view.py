@@ -1,6 +1,6 @@
-"""The cloud a structured-light scanner takes of the part: one ray a grid point, cast on the true skin.
+"""Simulates the cloud of a structured-light scanner by casting one ray per grid point on the true skin.
 
-Scanner frame: as the camera's, z along the view. A ray that meets no metal inside the measuring range gives no point.
+Scanner frame as the camera's, z along the view. A ray that meets no metal within the measuring range gives no point.
 """
 
 from collections.abc import Sequence
@@ -14,15 +14,15 @@ from mock_robot.scene.part import DOOR, Door
 
 NEWTON_STEPS = 5
 TRACING_STEPS = 80
-SETTLED_MM = 1e-6
+STEP_TOLERANCE_MM = 1e-6
 
 
 @dataclass(frozen=True)
 class ScannerModel:
     """`columns` × `rows` rays of a pinhole of `focal` px (400 mm × 300 mm at 600 mm), measuring in `range_mm`.
 
-    Noise along the ray is `noise_mm` at `reference_mm` and square on; it grows with the distance squared and with
-    1 / cos of the incidence. Points fade out between the two `fading_deg` of incidence.
+    Noise along the ray is `noise_mm` at `reference_mm` and normal incidence; it grows with the distance squared and
+    with 1 / cos of the angle of incidence. Points fade out between the two angles `fading_deg`.
     """
 
     columns: int = 640
@@ -45,12 +45,12 @@ class ScannerModel:
 def scan(
     scanner: ScannerModel, part_T_scanner: Sequence[Array], rng: np.random.Generator, door: Door = DOOR
 ) -> NDArray[np.float32]:
-    """Points (n, 3) in the scanner frame, mm; its rows are taken evenly in time at these poses, one at rest."""
+    """Points (n, 3) in the scanner frame, mm; the rows are taken at these poses, evenly in time (one pose at rest)."""
     rays = scanner.rays()
     bands = np.array_split(rays, len(part_T_scanner))
     cast_bands = [cast(scanner, pose, band, door) for pose, band in zip(part_T_scanner, bands, strict=True)]
     distance, cosine = (np.concatenate(values) for values in zip(*cast_bands, strict=True))
-    return _measured(scanner, rays, distance, cosine, rng)
+    return _add_noise(scanner, rays, distance, cosine, rng)
 
 
 def cast(scanner: ScannerModel, part_T_scanner: Array, rays: Array, door: Door = DOOR) -> tuple[Array, Array]:
@@ -62,12 +62,12 @@ def cast(scanner: ScannerModel, part_T_scanner: Array, rays: Array, door: Door =
     direction = directions[ahead]
     furthest = scanner.range_mm[1]
     t = np.clip(origin[2] / -direction[:, 2], 0.0, 2 * furthest)  # the skin lies below z = 0 everywhere
-    t = _traced(door, origin, direction, t, furthest)
+    t = _trace(door, origin, direction, t, furthest)
     hit = origin + t[:, None] * direction
     normal = door.normal(hit[:, 0], hit[:, 1])
     facing = -np.sum(normal * direction, axis=1)
     near, far = scanner.range_mm
-    reached = np.abs(hit[:, 2] - door.height(hit[:, 0], hit[:, 1])) < 2 * SETTLED_MM
+    reached = np.abs(hit[:, 2] - door.height(hit[:, 0], hit[:, 1])) < 2 * STEP_TOLERANCE_MM
     seen = reached & (facing > 0) & (t * rays[ahead, 2] > near) & (t * rays[ahead, 2] < far)
     seen[seen] = door.edge_distance(hit[seen, 0], hit[seen, 1]) < 0
     distance[ahead[seen]] = t[seen]
@@ -75,18 +75,18 @@ def cast(scanner: ScannerModel, part_T_scanner: Array, rays: Array, door: Door =
     return distance, cosine
 
 
-def _traced(door: Door, origin: Array, direction: Array, t: Array, furthest_mm: float) -> Array:
-    """Distance to the first hit of the skin, cut-outs not minded.
+def _trace(door: Door, origin: Array, direction: Array, t: Array, furthest_mm: float) -> Array:
+    """Distance to the first hit of the skin, ignoring cut-outs.
 
-    Newton's steps to the envelope cannot pass it, for it is concave. Where the skin lies below it (the recess),
-    sphere tracing (Hart, 1996) goes on: no step leaps over the skin, for its slope is bounded.
+    Newton steps to the envelope cannot pass it, since it is concave. Where the skin lies below it (the recess), sphere
+    tracing (Hart, 1996) continues: the bounded slope keeps its steps from crossing the skin.
     """
     for _ in range(NEWTON_STEPS):
         x, y, z = (origin + t[:, None] * direction).T
         t = t + (z - door.envelope(x, y)) / _closing_rate(direction, *door.envelope_slope(x, y))
         t = np.minimum(t, 2 * furthest_mm)
     x, y, z = (origin + t[:, None] * direction).T
-    active = np.flatnonzero(z - door.height(x, y) > SETTLED_MM)
+    active = np.flatnonzero(z - door.height(x, y) > STEP_TOLERANCE_MM)
     closing = np.abs(direction[:, 2]) + door.steepest * np.hypot(direction[:, 0], direction[:, 1])
     for _ in range(TRACING_STEPS):
         if not len(active):
@@ -94,17 +94,17 @@ def _traced(door: Door, origin: Array, direction: Array, t: Array, furthest_mm: 
         x, y, z = (origin + t[active, None] * direction[active]).T
         gap = z - door.height(x, y)
         t[active] += np.maximum(gap, 0.0) / closing[active]
-        active = active[(gap > SETTLED_MM) & (t[active] < 2 * furthest_mm)]
+        active = active[(gap > STEP_TOLERANCE_MM) & (t[active] < 2 * furthest_mm)]
     return t
 
 
 def _closing_rate(direction: Array, along_x: Array, along_y: Array) -> Array:
-    """How fast a ray nears the skin; a ray that does not gets a far point."""
+    """Rate at which a ray approaches the skin; a ray that does not approach gets a far point."""
     rate = along_x * direction[:, 0] + along_y * direction[:, 1] - direction[:, 2]
     return np.maximum(rate, 1e-3)
 
 
-def _measured(
+def _add_noise(
     scanner: ScannerModel, rays: Array, distance: Array, cosine: Array, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     full, none = np.cos(np.radians(scanner.fading_deg))

@@ -1,1 +1,1 @@
-"""The cell's true transforms, and scores of results against them."""
+"""The cell's true transforms, and scoring of results against them."""

@@ -1,4 +1,4 @@
-"""Taught scan poses: where an operator put the flange so that the views together cover the part."""
+"""Taught scan poses: flange poses whose views together cover the part."""
 
 import numpy as np
 
@@ -9,16 +9,16 @@ from mock_robot.truth.truth import CellTruth, Nominal
 DISTANCE_MM = 740.0
 COLUMNS_MM = (-450.0, -150.0, 150.0, 450.0)
 ROWS_MM = (-155.0, 155.0)
-"""Views half a metre wide overlap and reach past the door's edge though guess and rack are a little off."""
+"""Views are half a metre wide: they overlap and reach past the door's edge although guess and rack are slightly off."""
 
 
-def suggested_scan_poses(truth: CellTruth) -> list[Array]:
-    """base_T_flange of each taught view. Only nominal places go into it: nothing of the truth leaks out."""
+def scan_poses_of(truth: CellTruth) -> list[Array]:
+    """base_T_flange of each taught view, from nominal data only: reveals nothing of the truth."""
     return scan_poses(truth.nominal)
 
 
 def scan_poses(nominal: Nominal, door: Door = DOOR) -> list[Array]:
-    """Row by row, back and forth, so that the arm travels least; the camera looks along the swept skin's normal."""
+    """Poses row by row in alternating direction, for a short path; the camera looks along the skin's normal."""
     camera_T_flange = inverse(nominal.flange_T_camera)
     poses = []
     for row, y in enumerate(ROWS_MM):

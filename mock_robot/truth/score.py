@@ -1,4 +1,4 @@
-"""How far results are from the truth: a merged cloud from the part's true skin, a calibration from the true X."""
+"""Errors of results against the truth: a merged cloud against the part's skin, a calibration against the true X."""
 
 from typing import Any
 
@@ -18,14 +18,14 @@ WORKING_DISTANCE_MM = 600.0
 
 
 class Unscorable(ValueError):
-    """There is nothing to compare with the truth; the message says why."""
+    """Nothing can be compared with the truth; the message says why."""
 
 
 def score_cloud(truth: CellTruth, ply: bytes, door: Door = DOOR) -> dict[str, Any]:
     """Deviation of a merged cloud (PLY, base frame, mm) from the true skin, and the share of the part it covers.
 
-    Large clouds are scored on an even selection of `SCORED_POINTS` points; covered is the share of the skin within
-    `COVERED_WITHIN_MM` of a point; stray the share of points further than `STRAY_MM` from the skin (they count).
+    Large clouds are scored on an even selection of `SCORED_POINTS` points. Covered is the share of the skin within
+    `COVERED_WITHIN_MM` of a point; stray is the share of points farther than `STRAY_MM` from the skin (they count).
     """
     points = read_points(ply)
     finite = points[np.isfinite(points).all(axis=1)]
@@ -51,7 +51,7 @@ def score_cloud(truth: CellTruth, ply: bytes, door: Door = DOOR) -> dict[str, An
 def score_calibration(
     truth: CellTruth, flange_T_camera: Array, distance_mm: float = WORKING_DISTANCE_MM
 ) -> dict[str, float]:
-    """Error of X, and the RMS error of points that it maps from the camera to the base over the working volume.
+    """Error of X, and the RMS error over the working volume of points mapped from the camera to the base.
 
     The volume is that of `point_mm` in calibration.json: 3×3 pixels over the central 80 % of the image at 0.9, 1.0 and
     1.1 times the distance. The robot's pose does not change the error's size.

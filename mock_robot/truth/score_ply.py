@@ -1,4 +1,4 @@
-"""The points of a PLY file, read independently of the product's own reader: the score must not share its mistakes."""
+"""A PLY reader independent of the product's own, so that the score does not share its defects."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ ENDIANS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 
 
 class UnreadablePly(ValueError):
-    """The bytes are no PLY file with x, y, z; the message says what is wrong."""
+    """The bytes are not a PLY file with x, y, z; the message says what is wrong."""
 
 
 def read_points(ply: bytes) -> Array:

@@ -1,10 +1,10 @@
-"""Where the arm stands when the cell starts: the camera looks at the target's middle from straight above."""
+"""Posture of the arm at start: the camera looks straight down at the target's centre."""
 
 import numpy as np
 
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
-from mock_robot.scene.printed_target import printed
+from mock_robot.scene.printed_target import print_target
 from mock_robot.truth.truth import CellTruth
 
 START_DISTANCE_MM = 600.0
@@ -12,26 +12,26 @@ ROLLS = 24
 
 
 def target_middle_mm(truth: CellTruth) -> Array:
-    """The middle of the printed sheet in the base (3,)."""
-    middle = np.append(printed(truth.target, truth.sheet).outline_mm.mean(axis=0), 0.0)
+    """Centre of the printed sheet in the base frame (3,)."""
+    middle = np.append(print_target(truth.target, truth.sheet).outline_mm.mean(axis=0), 0.0)
     aimed: Array = map_points(truth.base_T_target, middle[None])[0]
     return aimed
 
 
 def base_T_camera_above(truth: CellTruth, distance_mm: float, roll_rad: float) -> Array:
-    """The camera straight above the target's middle, looking down, turned about its axis."""
+    """base_T_camera straight above the target's centre, looking down, rotated about its axis."""
     base_R_target = truth.base_T_target[:3, :3]
     base_R_camera = base_R_target @ rotation_from_vector([0.0, 0.0, roll_rad])
     return transform(base_R_camera, target_middle_mm(truth) - distance_mm * base_R_target[:, 2])
 
 
 def start_joints(arm: Arm, truth: CellTruth) -> Array:
-    """The joints (6,) that do so, at the roll that keeps far from limits and singularities."""
+    """Joints (6,) for that view, at the roll farthest from limits and singularities."""
     camera_T_flange = inverse(truth.flange_T_camera)
     middle_rad = (np.array(arm.lower_rad) + np.array(arm.upper_rad)) / 2
     half_rad = (np.array(arm.upper_rad) - np.array(arm.lower_rad)) / 2
 
-    def comfort(joints: Array) -> tuple[float, float]:
+    def clearance(joints: Array) -> tuple[float, float]:
         room = float((1 - np.abs(joints - middle_rad) / half_rad).min())
         return round(min(room, float(arm.singularity_clearance(joints))), 1), -float(np.abs(joints).max())
 
@@ -46,4 +46,4 @@ def start_joints(arm: Arm, truth: CellTruth) -> Array:
         raise UnreachablePoseError(
             f"{arm.name} cannot look at the target of this cell", "put the target nearer to the robot"
         )
-    return max(candidates, key=comfort)
+    return max(candidates, key=clearance)

@@ -1,6 +1,6 @@
-"""The mock cell's truth: one seeded, frozen description of everything in it, known and hidden.
+"""Ground truth of the mock cell: one seeded, immutable description of everything in it, nominal and true.
 
-The daemon never sees it. What an integrator would know of the same cell is `mock_robot.truth.truth_sheet`.
+The daemon never sees it. What an integrator knows of the cell is in `mock_robot.truth.truth_sheet`.
 """
 
 from dataclasses import dataclass, field
@@ -11,16 +11,16 @@ from calibration.camera import CameraModel
 from calibration.targets import Charuco, Target
 from calibration.transforms import Array, rotation_from_vector, transform
 from mock_robot.scene.optics import Optics
-from mock_robot.scene.printed_target import Sheet, printed
+from mock_robot.scene.printed_target import PrintOptions, print_target
 
 IRB_1600 = "IRB 1600-6/1.45"
 
 DEFAULT_TARGET = Charuco(12, 9, 20.0, 15.0, "DICT_5X5_100")
-"""260 mm × 200 mm with its margin: it prints on A4."""
+"""260 mm × 200 mm with its margin: fits A4."""
 
 TARGET_MIDDLE_MM = (950.0, 0.0, 250.0)
 PART_MIDDLE_MM = (0.0, 1550.0, 650.0)
-"""The door stands on a rack at the robot's left, so that target and part need not be changed over."""
+"""The door stands on a rack at the robot's left, so that target and part are both in reach."""
 
 TARGET_FACING_UP = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 PART_FACING_THE_ROBOT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -38,12 +38,12 @@ class CellNoise:
 NO_NOISE = CellNoise(0.0, 0.0, 0.0)
 
 DEFAULT_OPTICS = Optics(black=35.0, white=175.0, blur_px=1.4, read_noise=7.0, electrons_per_level=8.0)
-"""A lens slightly out of focus and a short exposure: corners come out of it with about 0.05 px of noise."""
+"""Slightly defocused lens and short exposure: detected corners have about 0.05 px of noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nominal:
-    """Where things are meant to be: drawings and a tape measure."""
+    """Nominal poses, as from drawings and a tape measure."""
 
     flange_T_camera: Array
     base_T_target: Array
@@ -52,7 +52,7 @@ class Nominal:
 
 @dataclass(frozen=True, eq=False)
 class CellTruth:
-    """Everything. `flange_T_scanner` is `flange_T_camera` when both are one device, as in the seed."""
+    """The true cell. `flange_T_scanner` equals `flange_T_camera` when both are one device, as in seeded cells."""
 
     seed: int
     arm: str
@@ -62,7 +62,7 @@ class CellTruth:
     base_T_part: Array
     camera: CameraModel
     target: Target
-    sheet: Sheet
+    sheet: PrintOptions
     optics: Optics
     noise: CellNoise
     nominal: Nominal = field(repr=False)
@@ -75,21 +75,21 @@ class CellTruth:
         target: Target = DEFAULT_TARGET,
         camera: CameraModel | None = None,
         optics: Optics = DEFAULT_OPTICS,
-        sheet: Sheet | None = None,
+        sheet: PrintOptions | None = None,
         arm: str = IRB_1600,
     ) -> "CellTruth":
-        """The cell of that seed: the same seed and arguments give the same cell, to the last bit."""
+        """Build the cell of a seed; the same arguments give the same cell, to the last bit."""
         rng = np.random.default_rng([seed, 0x5EED])
-        sheet = sheet or Sheet()
+        sheet = sheet or PrintOptions()
         nominal = Nominal(_bracket(rng), _table(rng, target, sheet), transform(PART_FACING_THE_ROBOT, PART_MIDDLE_MM))
-        flange_T_camera = _displaced(nominal.flange_T_camera, rng, 4.0, 1.5)
+        flange_T_camera = _displace(nominal.flange_T_camera, rng, 4.0, 1.5)
         return cls(
             seed=seed,
             arm=arm,
             flange_T_camera=flange_T_camera,
             flange_T_scanner=flange_T_camera,
-            base_T_target=_displaced(nominal.base_T_target, rng, 8.0, 2.0),
-            base_T_part=_displaced(nominal.base_T_part, rng, 10.0, 1.5),
+            base_T_target=_displace(nominal.base_T_target, rng, 8.0, 2.0),
+            base_T_part=_displace(nominal.base_T_part, rng, 10.0, 1.5),
             camera=camera or _camera(rng),
             target=target,
             sheet=sheet,
@@ -108,16 +108,16 @@ def _bracket(rng: np.random.Generator) -> Array:
     return transform(tilt @ rotation_from_vector([0.0, 0.0, roll]), offset)
 
 
-def _table(rng: np.random.Generator, target: Target, sheet: Sheet) -> Array:
-    """A target lying on the table in front of the robot, turned and tilted a little, its middle where it is meant."""
+def _table(rng: np.random.Generator, target: Target, sheet: PrintOptions) -> Array:
+    """A target on the table in front of the robot, slightly turned and tilted about its nominal pose."""
     turn = rotation_from_vector([0.0, 0.0, rng.uniform(-0.35, 0.35)])
     tilt = rotation_from_vector([*rng.uniform(-0.08, 0.08, 2), 0.0])
-    middle = np.append(printed(target, sheet).outline_mm.mean(axis=0), 0.0)
+    middle = np.append(print_target(target, sheet).outline_mm.mean(axis=0), 0.0)
     base_R_target = turn @ tilt @ TARGET_FACING_UP
     return transform(base_R_target, np.array(TARGET_MIDDLE_MM) - base_R_target @ middle)
 
 
-def _displaced(a_T_b: Array, rng: np.random.Generator, within_mm: float, within_deg: float) -> Array:
+def _displace(a_T_b: Array, rng: np.random.Generator, within_mm: float, within_deg: float) -> Array:
     shift = rng.uniform(-within_mm, within_mm, 3)
     turn = rotation_from_vector(np.radians(rng.uniform(-within_deg, within_deg, 3)))
     displaced: Array = a_T_b @ transform(turn, shift)

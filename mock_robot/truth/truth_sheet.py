@@ -1,4 +1,4 @@
-"""The cell on paper: as a document for people who may know the truth, and as the sheet of those who may not."""
+"""The cell as JSON documents: the full truth, and the sheet with what an integrator knows."""
 
 from typing import Any
 
@@ -12,13 +12,13 @@ from mock_robot.truth.part_views import scan_poses
 from mock_robot.truth.truth import CellTruth
 
 BOX_MM = ((-900.0, -700.0, 200.0), (1400.0, 1150.0, 1500.0))
-"""Where the flange may go: around the table in front of the robot and the rack at its left."""
+"""Allowed volume of the flange: around the table in front of the robot and the rack at its left."""
 
 KINDS = {Chessboard: "chessboard", Charuco: "charuco", CircleGrid: "circles", AprilTagGrid: "apriltag-grid"}
 
 
 def truth_document(truth: CellTruth) -> dict[str, Any]:
-    """Everything hidden, in the documents' style: mm, degrees, w first."""
+    """All true values, in the documents' style: mm, degrees, w first."""
     return {
         "schema_version": 1,
         "seed": truth.seed,
@@ -38,21 +38,21 @@ def truth_document(truth: CellTruth) -> dict[str, Any]:
 
 
 def cell_sheet(truth: CellTruth) -> dict[str, Any]:
-    """What an integrator knows: nominal places, the camera maker's certificate, taught poses. Nothing of the truth."""
+    """What an integrator knows: nominal poses, the camera's certificate, taught poses. Nothing of the truth."""
     return {
         "schema_version": 1,
         "arm": truth.arm,
         "target": target_document(truth.target),
         "camera": CameraDocument.of(truth.camera).model_dump(mode="json"),
-        "flange_T_camera_guess": _pose(_rounded(truth.nominal.flange_T_camera)),
-        "base_T_target_guess": _pose(_rounded(truth.nominal.base_T_target)),
+        "flange_T_camera_guess": _pose(_round_to_mm(truth.nominal.flange_T_camera)),
+        "base_T_target_guess": _pose(_round_to_mm(truth.nominal.base_T_target)),
         "box_mm": [list(corner) for corner in BOX_MM],
         "scan_poses": [_pose(pose) for pose in scan_poses(truth.nominal)],
     }
 
 
 def target_document(target: Target) -> dict[str, Any]:
-    """The target as session.json writes it."""
+    """The target as session.json contains it."""
     fields = {name: getattr(target, name) for name in target.__dataclass_fields__}
     return {"kind": KINDS[type(target)], **fields}
 
@@ -61,8 +61,8 @@ def _pose(a_T_b: Array) -> dict[str, Any]:
     return PoseDocument.of(a_T_b).model_dump(mode="json")
 
 
-def _rounded(a_T_b: Array) -> Array:
-    """Lengths to the millimetre, as a tape measure gives them."""
+def _round_to_mm(a_T_b: Array) -> Array:
+    """Round lengths to the millimetre, as a tape measure gives them."""
     rounded = a_T_b.copy()
     rounded[:3, 3] = np.rint(rounded[:3, 3])
     return rounded

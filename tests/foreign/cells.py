@@ -8,7 +8,7 @@ from io import StringIO
 import numpy as np
 
 from calibration.transforms import quaternion_from_rotation
-from mock_robot.rws.numbers import printed
+from mock_robot.rws.numbers import format_float
 from tests.mock_robot.rws_cell import RwsCell
 from tests.support.waiting import eventually_blocking
 
@@ -25,7 +25,7 @@ def held_by(cell: RwsCell) -> dict[str, str]:
     """The pose the cell's arm stands at, printed as a controller does."""
     pose = cell.controller.arm.reported_base_T_flange(cell.controller.robot_s(cell.cell.clock()))
     values = [*pose[:3, 3], *quaternion_from_rotation(pose[:3, :3])]
-    return dict(zip(("x", "y", "z", "q1", "q2", "q3", "q4"), map(printed, values), strict=True))
+    return dict(zip(("x", "y", "z", "q1", "q2", "q3", "q4"), map(format_float, values), strict=True))
 
 
 def digits(values: object) -> list[str]:
@@ -47,4 +47,4 @@ def move(cell: RwsCell, joints: np.ndarray) -> None:
     """Drive the arm there, and wait until it stands."""
     arm, clock = cell.controller.arm, cell.cell.clock
     cell.does(lambda: arm.depart(joints, 500.0, False, cell.controller.robot_s(clock())))
-    eventually_blocking(lambda: arm.settled_at(cell.controller.robot_s(clock())))
+    eventually_blocking(lambda: arm.is_settled_at(cell.controller.robot_s(clock())))

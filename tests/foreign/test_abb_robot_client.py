@@ -116,9 +116,9 @@ def test_a_rule_that_is_broken_gets_the_controllers_number(cell: RwsCell, client
     assert code(client.set_digital_io, "di_part", 1) == -1073445881
     assert code(client.resetpp) == -1073442809  # the program runs
     assert code(client.get_robtarget, "ROB_9") == -1073414146
-    cell.does(lambda: cell.cell.breaks("rws-mastership-held"))
+    cell.does(lambda: cell.cell.inject_fault("rws-mastership-held"))
     assert code(client.set_rapid_variable, "reg1", "1") == -1073445862
-    cell.does(cell.cell.mends)
+    cell.does(cell.cell.clear_faults)
     cell.does(lambda: cell.controller.switch_mode(Mode.MANR, cell.cell.clock()))
     assert code(client.set_rapid_variable, "reg1", "1") == -1073445881
 

@@ -57,7 +57,7 @@ class Twin:
     async def _move(self, number: float, *values: float) -> list[float]:
         cell, arm = self._cell, self._cell.controller.arm
         arm.depart(np.radians(values[:6]), values[12], False, cell.controller.robot_s(cell.cell.clock()))
-        await eventually(lambda: arm.settled_at(cell.controller.robot_s(cell.cell.clock())))
+        await eventually(lambda: arm.is_settled_at(cell.controller.robot_s(cell.cell.clock())))
         return [cell.cell.clock(), number, *cell.world.joints_deg]
 
 

@@ -42,7 +42,7 @@ async def test_every_way_tells_the_same_pose_before_and_after_a_move(program: st
             assert before == [list(held_by(cell).values())] * 4
             arm = cell.controller.arm
             arm.depart(AWAY, 500.0, False, cell.controller.robot_s(cell.cell.clock()))
-            await eventually(lambda: arm.settled_at(cell.controller.robot_s(cell.cell.clock())))
+            await eventually(lambda: arm.is_settled_at(cell.controller.robot_s(cell.cell.clock())))
             await asyncio.sleep(0)
             after = await told_by_all(cell, robot)
             assert after == [list(held_by(cell).values())] * 4

@@ -62,7 +62,7 @@ def test_it_loads_a_module(cell: RwsCell, client: RWS) -> None:
 
 
 def test_a_rule_that_is_broken_gets_the_controllers_error(cell: RwsCell, client: RWS) -> None:
-    cell.does(lambda: cell.cell.breaks("rws-mastership-held"))
+    cell.does(lambda: cell.cell.inject_fault("rws-mastership-held"))
     refused = client.set_rapid_variable("reg1", 1, module="user")
     assert refused.status_code == 403
     assert '<span class="code">-1073445862</span>' in refused.text

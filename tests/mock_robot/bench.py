@@ -6,8 +6,8 @@ import numpy as np
 
 from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array, quaternion_from_rotation
-from mock_robot.arm.simulated_arm import RobotNoise, SimulatedArm
-from mock_robot.cabinet.cabinet import Box
+from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
+from mock_robot.cabinet.cabinet import MotionBox
 from mock_robot.cabinet.wire_steps import Close, Send, WireStep
 from mock_robot.faults.board import FaultBoard
 from mock_robot.faults.robot_faults import FAULTS
@@ -32,9 +32,9 @@ def move_to(joints: Array, speed_mm_s: float = 250.0, kind: MoveKind = MoveKind.
     return cb.Move((x, y, z), (q1, q2, q3, q4), ARM.configuration(joints), UNUSED, speed_mm_s, kind)
 
 
-def bare_controller(joints: Array = HOME, noise: RobotNoise | None = None, time_scale: float = 1.0) -> Controller:
-    arm = SimulatedArm(ARM, joints, noise or RobotNoise())
-    return Controller(arm, session=77, box=Box(), time_scale=time_scale)
+def bare_controller(joints: Array = HOME, noise: ArmNoise | None = None, time_scale: float = 1.0) -> Controller:
+    arm = SimulatedArm(ARM, joints, noise or ArmNoise())
+    return Controller(arm, session=77, box=MotionBox(), time_scale=time_scale)
 
 
 @dataclass
@@ -110,7 +110,7 @@ class Bench:
                 heard += self.client.receive_data(step.data)
             if isinstance(step, Close):
                 self.closed = True
-                self.controller.lost(self.now_s)
+                self.controller.disconnect(self.now_s)
         return heard
 
 

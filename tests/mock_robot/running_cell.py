@@ -2,7 +2,7 @@
 
 async with running_cell(time_scale=20) as cell:
     cell.announcement.robot_port
-    cell.breaks("link-reply-lost", only=Command.MOVE)
+    cell.inject_fault("link-reply-lost", only=Command.MOVE)
     assert cell.commanded_moves == 1
 """
 
@@ -51,13 +51,13 @@ class RunningCell:
     def moving(self) -> bool:
         return self.cell.flange_now().moving
 
-    def breaks(
+    def inject_fault(
         self, fault: str, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0
     ) -> None:
-        self.cell.breaks(fault, strikes=strikes, only=only, after_moves=after_moves)
+        self.cell.inject_fault(fault, strikes=strikes, only=only, after_moves=after_moves)
 
-    def mends(self, fault: str | None = None) -> None:
-        self.cell.mends(fault)
+    def clear_faults(self, fault: str | None = None) -> None:
+        self.cell.clear_faults(fault)
 
     def presses_emergency_stop(self, pressed: bool = True) -> None:
         self.controller.press_emergency_stop(pressed, self.cell.clock())
@@ -95,10 +95,10 @@ class CellProcess:
     async def commanded_moves(self) -> int:
         return int((await self.state())["moves_commanded"])
 
-    async def breaks(self, fault: str, **how: Any) -> None:
+    async def inject_fault(self, fault: str, **how: Any) -> None:
         await self._ask("POST", f"/faults/{fault}", how)
 
-    async def mends(self, fault: str | None = None) -> None:
+    async def clear_faults(self, fault: str | None = None) -> None:
         await self._ask("DELETE", "/faults" if fault is None else f"/faults/{fault}")
 
     async def presses_emergency_stop(self, pressed: bool = True) -> None:

@@ -14,7 +14,7 @@ from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cell import RobotProgram
-from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.start_posture import target_middle_mm
 from protocols.cb.codes import Command
 from tests.mock_robot.bench import AWAY, HOME
@@ -88,7 +88,7 @@ async def test_the_taught_scan_poses_are_reachable_one_after_the_other() -> None
     async with running_cell(time_scale=100.0, devices=False) as cell, robot_at(cell) as robot:
         await robot.set_armed(True)
         arm, joints = cell.controller.arm.arm, cell.controller.arm.joints_at(0.0)
-        for pose in suggested_scan_poses(cell.truth):
+        for pose in scan_poses_of(cell.truth):
             joints = arm.nearest(pose, joints)
             await robot.move_to(goal_at(cell, joints))
         assert cell.commanded_moves == 8
@@ -107,7 +107,7 @@ async def test_an_unreachable_goal_is_refused_by_name() -> None:
 async def test_the_emergency_stop_ends_a_move_and_nothing_moves_afterwards() -> None:
     async with running_cell(time_scale=2.0, devices=False) as cell, robot_at(cell) as robot:
         await robot.set_armed(True)
-        cell.breaks("robot-emergency-stop", after_moves=1)
+        cell.inject_fault("robot-emergency-stop", after_moves=1)
         with pytest.raises(MoveFailed) as failed:
             await robot.move_to(goal_at(cell, HOME))
         assert failed.value.status == "ESTOP"
@@ -121,7 +121,7 @@ async def test_the_emergency_stop_ends_a_move_and_nothing_moves_afterwards() -> 
 async def test_a_link_lost_in_a_move_fails_it_stops_the_arm_and_disarms(fault: str) -> None:
     async with running_cell(time_scale=1.0, devices=False) as cell, robot_at(cell) as robot:
         await robot.set_armed(True)
-        cell.breaks(fault, only=Command.STATUS, after_moves=1)
+        cell.inject_fault(fault, only=Command.STATUS, after_moves=1)
         with pytest.raises((LinkLost, GarbledAnswer)):
             await robot.move_to(goal_at(cell, HOME))
         await eventually(lambda: not cell.moving)
@@ -137,7 +137,7 @@ async def test_a_link_lost_in_a_move_fails_it_stops_the_arm_and_disarms(fault: s
 async def test_a_bad_but_honest_link_loses_nothing_and_moves_once(fault: str) -> None:
     async with running_cell(time_scale=50.0, devices=False) as cell, robot_at(cell) as robot:
         await robot.set_armed(True)
-        cell.breaks(fault)
+        cell.inject_fault(fault)
         await robot.move_to(goal_at(cell, HOME))
         assert cell.controller.arm.departures == 1
 
@@ -145,7 +145,7 @@ async def test_a_bad_but_honest_link_loses_nothing_and_moves_once(fault: str) ->
 async def test_a_lost_answer_to_a_move_is_asked_for_again_and_the_arm_departs_once() -> None:
     async with running_cell(time_scale=50.0, devices=False) as cell, robot_at(cell) as robot:
         await robot.set_armed(True)
-        cell.breaks("link-reply-lost", only=Command.MOVE)
+        cell.inject_fault("link-reply-lost", only=Command.MOVE)
         await robot.move_to(goal_at(cell, HOME))
         assert cell.controller.arm.departures == 1
 
@@ -153,6 +153,6 @@ async def test_a_lost_answer_to_a_move_is_asked_for_again_and_the_arm_departs_on
 @pytest.mark.parametrize("fault", ["robot-nan-pose", "robot-quaternion-not-unit"])
 async def test_a_pose_that_is_none_is_an_error_not_a_reading(fault: str) -> None:
     async with running_cell(devices=False) as cell, robot_at(cell) as robot:
-        cell.breaks(fault)
+        cell.inject_fault(fault)
         with pytest.raises(DeviceError):
             await robot.read_pose()

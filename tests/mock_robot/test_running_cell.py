@@ -99,7 +99,7 @@ async def test_a_silent_client_is_stopped_after_two_seconds_and_makes_way(progra
 async def test_a_lost_reply_is_repeated_and_the_arm_moves_once(program: RobotProgram) -> None:
     async with robot_only(program=program) as cell, over_tcp(cell.announcement.robot_port) as client:
         await client.is_armed()
-        cell.breaks("link-reply-lost", only=Command.MOVE)
+        cell.inject_fault("link-reply-lost", only=Command.MOVE)
         client.write(client.session.request(move_to(AWAY)))
         await eventually(lambda: cell.commanded_moves == 1)
         client.write(client.session.repeat())
@@ -113,7 +113,7 @@ async def test_a_restart_closes_the_connection_and_shows_as_a_new_session(progra
         async with over_tcp(cell.announcement.robot_port) as client:
             await client.is_armed()
             known = client.session.session
-            cell.breaks("link-restart")
+            cell.inject_fault("link-restart")
             with pytest.raises(ConnectionError):
                 await client.hears()
         async with over_tcp(cell.announcement.robot_port) as again:
@@ -129,7 +129,7 @@ async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str, progra
     async with robot_only(time_scale=1.0, program=program) as cell, over_tcp(cell.announcement.robot_port) as client:
         await client.is_armed()
         assert await client.asks(move_to(AWAY)) == cb.MoveAccepted()
-        cell.breaks(fault)
+        cell.inject_fault(fault)
         with pytest.raises(ConnectionError):
             while True:
                 await client.asks(cb.GetStatus())
@@ -201,8 +201,8 @@ async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switc
         assert (await bench.post("/faults/camera-away")).json() == {"on": ["camera-away"]}
         assert (await devices.get("/camera/snapshot.png")).status_code == 503
         assert (await devices.get("/camera/snapshot.png")).status_code == 200
-        cell.breaks("scanner-away", strikes=2)
-        cell.breaks("link-delay")
+        cell.inject_fault("scanner-away", strikes=2)
+        cell.inject_fault("link-delay")
         assert (await bench.get("/state")).json()["faults"] == ["link-delay", "scanner-away"]
         assert (await bench.delete("/faults/scanner-away")).json() == {"on": ["link-delay"]}
         assert (await devices.get("/scanner/cloud.ply")).status_code == 200
@@ -232,7 +232,7 @@ def test_at_the_start_the_camera_looks_at_the_target_from_600_mm(seed: int) -> N
 
 def test_an_unknown_fault_is_refused_by_name() -> None:
     with pytest.raises(UnknownFault, match="link-reset"):
-        MockCell(CellTruth.from_seed(7)).breaks("link-gone")
+        MockCell(CellTruth.from_seed(7)).inject_fault("link-gone")
 
 
 async def test_the_process_announces_itself_answers_and_ends_on_sigterm(tmp_path: Path) -> None:
@@ -251,7 +251,7 @@ async def test_the_process_announces_itself_answers_and_ends_on_sigterm(tmp_path
         async with over_serial(cell.announcement["robot"]["serial"]) as client:
             await client.is_armed()
         assert await cell.commanded_moves() == 0
-        await cell.breaks("robot-emergency-stop")
+        await cell.inject_fault("robot-emergency-stop")
         assert (await cell.state())["emergency_stop"] is True
         assert await cell.ends() == 0
 

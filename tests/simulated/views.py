@@ -10,7 +10,7 @@ from calibration.targets import Target
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from mock_robot.scene.camera_view import render
 from mock_robot.scene.optics import Optics
-from mock_robot.scene.printed_target import Sheet, printed
+from mock_robot.scene.printed_target import PrintOptions, print_target
 
 ORDINARY = Optics()
 BLURRED = Optics(blur_px=2.0, read_noise=3.0)
@@ -40,7 +40,7 @@ def take_picture(
     optics: Optics = ORDINARY,
     largest_tilt_deg: float = 40.0,
     fill: float = 0.75,
-    sheet: Sheet | None = None,
+    sheet: PrintOptions | None = None,
 ) -> TruePicture:
     """The target anywhere in view, rolled at will, tilted up to the limit, its sheet `fill` of the image or less."""
     camera_T_target = _pose(camera, target, rng, largest_tilt_deg, fill, sheet)
@@ -54,9 +54,9 @@ def _pose(
     rng: np.random.Generator,
     largest_tilt_deg: float,
     fill: float,
-    sheet: Sheet | None,
+    sheet: PrintOptions | None,
 ) -> Array:
-    outline = np.column_stack([printed(target, sheet).outline_mm, np.zeros(4)])
+    outline = np.column_stack([print_target(target, sheet).outline_mm, np.zeros(4)])
     middle, size = outline.mean(axis=0), float(np.hypot(*np.ptp(outline[:, :2], axis=0)))
     width, height = camera.image_size
     distance = camera.matrix[0, 0] * size / (fill * width)

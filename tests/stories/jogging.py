@@ -25,7 +25,7 @@ async def jogs_and_waits(cell: RunningCell, base_T_flange: Array) -> None:
 
 
 def settled(cell: RunningCell) -> bool:
-    return cell.controller.arm.settled_at(cell.controller.robot_s(cell.cell.clock()))
+    return cell.controller.arm.is_settled_at(cell.controller.robot_s(cell.cell.clock()))
 
 
 def reported(cell: RunningCell) -> Array:

@@ -66,7 +66,7 @@ async def test_a_guess_50_mm_and_10_deg_off_is_as_good(tmp_path: Path) -> None:
 
 async def test_the_target_is_not_seen_at_first_but_somebody_said_where_it_is(tmp_path: Path) -> None:
     async with plant(tmp_path, planned=True, truth=small_pictures(5)) as story:
-        story.cell.breaks("camera-target-hidden", strikes=1)
+        story.cell.inject_fault("camera-target-hidden", strikes=1)
         run, off_mm = await calibrates(story)
         assert off_mm < 2 * SMALL_PICTURES_MM
         assert 3 <= run["stations"] <= 4, "one view planned by a guess may miss the target, and is taken again"
@@ -112,12 +112,12 @@ async def test_a_link_lost_while_it_plans_fails_the_run_and_moves_nothing(tmp_pa
     async with plant(tmp_path, planned=True, truth=small_pictures(7), time_scale=20) as story:
         run = await story.operator.starts("/calibrate", count=5)
         await story.operator.waits_until(run, "planning", 1)
-        story.cell.breaks(fault)
+        story.cell.inject_fault(fault)
         ended = await story.operator.waits_for_the_end_of(run)
         moves = story.cell.commanded_moves
         assert ended["state"] == "failed"
         assert ended["cause"]["what"].startswith("link to the controller lost after station 1 of 5"), ended["cause"]
-        story.cell.mends()
+        story.cell.clear_faults()
         await story.operator.waits_until_ready()
         await eventually(lambda: not story.cell.moving)
         assert story.cell.commanded_moves == moves

@@ -48,7 +48,7 @@ async def test_the_first_calibration_of_a_cell_needs_no_robot_program(tmp_path: 
 async def test_a_ringing_arm_is_not_looked_at(tmp_path: Path) -> None:
     async with by_rws(tmp_path, 2) as story:
         run = await story.operator.starts("/calibrate", manual=True)
-        story.cell.breaks("egm-vibration")
+        story.cell.inject_fault("egm-vibration")
         refused = await story.operator.client.post(run["links"]["stations"])
         while refused.status_code == 200:  # the window still held samples of a quiet arm
             refused = await story.operator.client.post(run["links"]["stations"])

@@ -38,7 +38,7 @@ async def _struck_by(row: Row, story: Plant) -> dict[str, Any]:
     """The run when it has ended; the fault struck after its first station."""
     run = await _begun(row, story)
     await story.operator.waits_until_station(run, 1)
-    story.cell.breaks(row.fault, after_moves=1 if row.fault.startswith("robot") else 0)
+    story.cell.inject_fault(row.fault, after_moves=1 if row.fault.startswith("robot") else 0)
     limit_s = row.within_s * PATIENCE if row.within_s else 80.0
     return await story.operator.waits_for_the_end_of(run, limit_s)
 
@@ -76,8 +76,8 @@ async def _arm_stands_until_a_new_start(story: Plant) -> None:
     await eventually(lambda: not story.cell.moving)
     await eventually(lambda: not story.cell.controller.armed)
     moves = story.cell.commanded_moves
-    story.cell.mends()
-    story.cell.controller.put_right(story.cell.cell.clock())
+    story.cell.clear_faults()
+    story.cell.controller.recover(story.cell.cell.clock())
     await story.operator.waits_until_ready()
     assert not (await story.operator.client.get("/robot")).json()["armed"]
     assert (story.cell.commanded_moves, story.cell.moving) == (moves, False)

@@ -22,13 +22,13 @@ def test_every_fault_of_the_services_has_its_row() -> None:
 async def test_what_a_fault_does(row: ViewRow, tmp_path: Path) -> None:
     async with by_rws(tmp_path, 2) as story:
         run = await story.operator.starts("/calibrate", manual=True)
-        story.cell.breaks(row.fault)
+        story.cell.inject_fault(row.fault)
         async with asyncio.timeout(row.within_s * PATIENCE):
             told = await _told(story.operator.client, run, row.code)
         if row.code is not None:
             assert row.tells in told["detail"]
             assert row.fix in told["fix"]
-        story.cell.mends()
+        story.cell.clear_faults()
         async with asyncio.timeout(30.0):
             await _told(story.operator.client, run, None)
         assert story.cell.controller.arm.departures == 0

@@ -64,24 +64,24 @@ async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(
         run = await story.operator.starts("/calibrate", count=5)
         await story.operator.waits_until_station(run, 2)
         await eventually(lambda: story.cell.moving)
-        story.cell.breaks(fault)
+        story.cell.inject_fault(fault)
         ended = await story.operator.waits_for_the_end_of(run)
         moves = story.cell.commanded_moves
         assert (ended["state"], ended["cause"]["code"]) == ("failed", code)
         assert ended["cause"]["what"] == f"link to the controller lost {after_a_station_under_way(ended, 2)}"
-        story.cell.mends()
+        story.cell.clear_faults()
         await story.operator.waits_until_ready()
         await assert_nothing_moves(story.cell, moves)
 
 
 async def test_a_robot_that_answers_garbage_fails_the_run_and_the_next_one_works(tmp_path: Path) -> None:
     async with plant(tmp_path, truth=small_pictures(7)) as story:
-        story.cell.breaks("link-garbage", only=Command.GET_POSE, after_moves=1)
+        story.cell.inject_fault("link-garbage", only=Command.GET_POSE, after_moves=1)
         run = await story.operator.starts("/calibrate", count=3)
         ended = await story.operator.waits_for_the_end_of(run)
         assert ended["state"] == "failed"
         assert ended["cause"]["fix"]
-        story.cell.mends()
+        story.cell.clear_faults()
         await story.operator.waits_until_ready()
         again = await story.operator.starts("/calibrate", count=3)
         assert (await story.operator.waits_for_the_end_of(again))["state"] == "finished"
@@ -98,7 +98,7 @@ async def test_a_robot_that_answers_garbage_fails_the_run_and_the_next_one_works
 )
 async def test_what_the_camera_does_wrong_is_said(tmp_path: Path, fault: str, says: str) -> None:
     async with plant(tmp_path, truth=small_pictures(7)) as story:
-        story.cell.breaks(fault)
+        story.cell.inject_fault(fault)
         run = await story.operator.starts("/calibrate", count=3)
         ended = await story.operator.waits_for_the_end_of(run)
         assert ended["state"] == "failed"

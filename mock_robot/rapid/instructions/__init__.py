@@ -1,1 +1,1 @@
-"""The instructions and functions of a controller, by what they are about."""
+"""Implementation of the controller's instructions and functions, by topic."""

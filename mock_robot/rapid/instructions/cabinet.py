@@ -1,4 +1,4 @@
-"""What a program sees of its cabinet: signals, mode, override, addresses."""
+"""Instructions on the cabinet: signals, mode, override, addresses."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -6,28 +6,28 @@ from typing import Any
 
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.errors import RapidError
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 
 MODES: Mapping[Mode, float] = MappingProxyType({Mode.AUTO: 1.0, Mode.MANR: 2.0, Mode.MANF: 3.0})
 """OP_AUTO, OP_MAN_PROG and OP_MAN_TEST of system.rapid."""
 
 
-def d_output(task: Task, signal: Callable[[], bool]) -> float:
-    """A signal is what a system output tells."""
+def d_output(task: ProgramTask, signal: Callable[[], bool]) -> float:
+    """State of the system output behind the signal."""
     return float(signal())
 
 
-def op_mode(task: Task) -> float:
+def op_mode(task: ProgramTask) -> float:
     return MODES[task.services.panel.mode]
 
 
-def speed_override(task: Task, current_task: bool | None) -> float:
+def speed_override(task: ProgramTask, current_task: bool | None) -> float:
     return round(100 * float(task.services.panel.speed_override), 2)
 
 
-def system_info(task: Task, *asked: Any) -> str:
+def system_info(task: ProgramTask, *asked: Any) -> str:
     if not asked[3]:
-        raise RapidError("ERR_ARGVALERR", "the mock knows \\LanIp alone")
+        raise RapidError("ERR_ARGVALERR", "the mock supports only \\LanIp")
     return str(task.services.devices.host)
 
 

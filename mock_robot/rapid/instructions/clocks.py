@@ -1,24 +1,24 @@
-"""Stop watches. They run on wire time, also where the arm runs faster."""
+"""Stop watches. They run on wire time, even where the arm runs faster."""
 
 from types import MappingProxyType
 
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 
 
-def clk_reset(task: Task, clock: Slot) -> None:
+def clk_reset(task: ProgramTask, clock: Slot) -> None:
     clock.value.reset()
 
 
-def clk_start(task: Task, clock: Slot) -> None:
+def clk_start(task: ProgramTask, clock: Slot) -> None:
     clock.value.start()
 
 
-def clk_stop(task: Task, clock: Slot) -> None:
+def clk_stop(task: ProgramTask, clock: Slot) -> None:
     clock.value.stop()
 
 
-def clk_read(task: Task, clock: Slot) -> float:
+def clk_read(task: ProgramTask, clock: Slot) -> float:
     return float(clock.value.read_s())
 
 

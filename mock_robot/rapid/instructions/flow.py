@@ -1,6 +1,6 @@
-"""Waiting and leaving. Waiting instructions let traps run meanwhile.
+"""Waiting and ExitCycle. Traps run while an instruction waits.
 
-WaitTime runs on the arm's time, which the bench may speed up; \\MaxTime and \\PollRate are wire time.
+WaitTime runs on the arm's time, which may be scaled; \\MaxTime and \\PollRate are wire time.
 """
 
 from collections.abc import Callable
@@ -10,32 +10,32 @@ from typing import Any
 
 from mock_robot.rapid.errors import CycleLeft, RapidError
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.values import single
 
 POLL_S = 0.1
-POLL_LEAST_S = 0.04
+MIN_POLL_S = 0.04
 
 
-def exit_cycle(task: Task) -> None:
+def exit_cycle(task: ProgramTask) -> None:
     if task.motion:
         task.services.unit.clear()
     raise CycleLeft
 
 
-def wait_time(task: Task, in_position: bool | None, seconds: float) -> None:
-    """With \\InPos the time begins to count when the arm stands, never before the instruction does."""
+def wait_time(task: ProgramTask, in_position: bool | None, seconds: float) -> None:
+    """With \\InPos the time counts from standstill of the arm, but not before the instruction begins."""
     unit = task.services.unit
     if in_position:
         began_s = unit.now_s()
-        while not unit.settled(seconds, began_s):
+        while not unit.is_settled(seconds, began_s):
             task.wait(unit.settles_in_s(seconds, began_s))
     else:
         task.wait(seconds / unit.time_scale)
 
 
 def wait_until(
-    task: Task,
+    task: ProgramTask,
     in_position: bool | None,
     condition: Callable[[], bool],
     max_time: float | None,
@@ -43,8 +43,8 @@ def wait_until(
     poll_rate: float | None,
 ) -> None:
     poll_s = POLL_S if poll_rate is None else poll_rate
-    if poll_s < single(POLL_LEAST_S):
-        raise RapidError("ERR_ARGVALERR", f"\\PollRate is {POLL_LEAST_S} s at least")
+    if poll_s < single(MIN_POLL_S):
+        raise RapidError("ERR_ARGVALERR", f"\\PollRate is {MIN_POLL_S} s at least")
     ends_s = None if max_time is None else monotonic() + max_time
     if time_flag is not None:
         time_flag.value = False
@@ -57,12 +57,14 @@ def wait_until(
         task.wait(poll_s if ends_s is None else min(poll_s, max(0.0, ends_s - monotonic())))
 
 
-def tp_write(task: Task, text: str, number: float | None, truth: bool | None, pos: Any) -> None:
+def tp_write(task: ProgramTask, text: str, number: float | None, truth: bool | None, pos: Any) -> None:
     shown = [text, *(str(each) for each in (number, truth, pos) if each is not None)]
     task.services.note(0, " ".join(shown))
 
 
-def err_write(task: Task, warning: bool | None, info: bool | None, header: str, reason: str, *more: str | None) -> None:
+def err_write(
+    task: ProgramTask, warning: bool | None, info: bool | None, header: str, reason: str, *more: str | None
+) -> None:
     kind = 80003 if info else 80002 if warning else 80001
     task.services.note(kind, ": ".join([header, reason, *(line for line in more if line)]))
 

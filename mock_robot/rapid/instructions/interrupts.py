@@ -1,25 +1,25 @@
-"""Ordering and forgetting interrupts. CONNECT is a statement, not an instruction."""
+"""IPers, IDelete, IDisable and IEnable. CONNECT is a statement, not an instruction."""
 
 from types import MappingProxyType
 from typing import Any
 
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 
 
-def i_pers(task: Task, watched: tuple[Any, Slot], interrupt: Slot, single: bool | None) -> None:
+def i_pers(task: ProgramTask, watched: tuple[Any, Slot], interrupt: Slot, single: bool | None) -> None:
     task.services.interrupts.watch(watched[1], interrupt.value, bool(single))
 
 
-def i_delete(task: Task, interrupt: Slot) -> None:
+def i_delete(task: ProgramTask, interrupt: Slot) -> None:
     task.services.interrupts.delete(interrupt)
 
 
-def i_disable(task: Task) -> None:
+def i_disable(task: ProgramTask) -> None:
     task.interrupts_disabled = True
 
 
-def i_enable(task: Task) -> None:
+def i_enable(task: ProgramTask) -> None:
     task.interrupts_disabled = False
     task.rouse()
 

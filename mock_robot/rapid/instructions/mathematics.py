@@ -1,70 +1,70 @@
-"""Numbers and strings. Angles are degrees, as everywhere in RAPID."""
+"""Numbers and strings. Angles are in degrees, as everywhere in RAPID."""
 
 import math
 from types import MappingProxyType
 from typing import Any
 
 from mock_robot.rapid.errors import RapidError
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.types import BOOL, NUM, STRING, Array, Record, Type
 from mock_robot.rapid.values import number_text, short, single
 
 
-def absolute(task: Task, value: float) -> float:
+def absolute(task: ProgramTask, value: float) -> float:
     return abs(value)
 
 
-def acos(task: Task, value: float) -> float:
+def acos(task: ProgramTask, value: float) -> float:
     if not -1.0 <= value <= 1.0:
         raise RapidError("ERR_ARGVALERR", f"Acos({value:g})")
     return single(math.degrees(math.acos(value)))
 
 
-def cos(task: Task, angle: float) -> float:
+def cos(task: ProgramTask, angle: float) -> float:
     return single(math.cos(math.radians(angle)))
 
 
-def sin(task: Task, angle: float) -> float:
+def sin(task: ProgramTask, angle: float) -> float:
     return single(math.sin(math.radians(angle)))
 
 
-def sqrt(task: Task, value: float) -> float:
+def sqrt(task: ProgramTask, value: float) -> float:
     if value < 0:
         raise RapidError("ERR_ARGVALERR", f"Sqrt({value:g})")
     return single(math.sqrt(value))
 
 
-def trunc(task: Task, value: float, decimals: float | None) -> float:
+def trunc(task: ProgramTask, value: float, decimals: float | None) -> float:
     scale = 10.0 ** int(decimals or 0)
     return single(math.trunc(value * scale) / scale)
 
 
-def rounded(task: Task, value: float, decimals: float | None) -> float:
+def round_(task: ProgramTask, value: float, decimals: float | None) -> float:
     scale = 10.0 ** int(decimals or 0)
     return single(math.copysign(math.floor(abs(value) * scale + 0.5), value) / scale)
 
 
-def distance(task: Task, first: list[float], second: list[float]) -> float:
+def distance(task: ProgramTask, first: list[float], second: list[float]) -> float:
     return single(math.dist(first, second))
 
 
-def n_orient(task: Task, rotation: list[float]) -> list[float]:
+def n_orient(task: ProgramTask, rotation: list[float]) -> list[float]:
     norm = math.hypot(*rotation)
     if norm == 0.0:
         raise RapidError("ERR_ORIENT_VALUE", "a rotation of zeros")
     return [single(part / norm) for part in rotation]
 
 
-def str_len(task: Task, text: str) -> float:
+def str_len(task: ProgramTask, text: str) -> float:
     return float(len(text))
 
 
-def num_to_str(task: Task, value: float, decimals: float, exponent: bool | None) -> str:
+def num_to_str(task: ProgramTask, value: float, decimals: float, exponent: bool | None) -> str:
     places = int(decimals)
     return short(f"{value:.{places}E}" if exponent else f"{value:.{places}f}")
 
 
-def val_to_str(task: Task, value: tuple[Type, Any]) -> str:
+def val_to_str(task: ProgramTask, value: tuple[Type, Any]) -> str:
     return short(_text(*value))
 
 
@@ -86,7 +86,7 @@ DOES = MappingProxyType(
         "Sin": sin,
         "Sqrt": sqrt,
         "Trunc": trunc,
-        "Round": rounded,
+        "Round": round_,
         "Distance": distance,
         "NOrient": n_orient,
         "StrLen": str_len,

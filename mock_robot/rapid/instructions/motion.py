@@ -1,4 +1,4 @@
-"""Moves, and stopping them. A move is `fine`: the program goes on when the arm is there."""
+"""Moves, and stopping them. All moves are `fine`: the program continues when the arm has arrived."""
 
 from types import MappingProxyType
 from typing import Any
@@ -7,13 +7,15 @@ from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
 from mock_robot.rapid.errors import ProgramStopped, RapidError
 from mock_robot.rapid.postures import flange_of, joints_rad
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import EXECUTION_ERROR, Task
+from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
 
 OUTSIDE_REACH, OTHER_CONFIGURATION, JOINT_OUT_OF_RANGE, NEAR_SINGULARITY = 50050, 50080, 50027, 50026
 """ABB's event numbers."""
 
 
-def _move_to_target(task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Any) -> Any:
+def _move_to_target(
+    task: ProgramTask, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Any
+) -> Any:
     unit = _own_unit(task, zone)
     try:
         flange = flange_of(target, tool.value, None if wobj is None else wobj.value)
@@ -25,18 +27,22 @@ def _move_to_target(task: Task, target: list[Any], speed: list[float], zone: lis
     return unit, joints
 
 
-def move_j(task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None) -> None:
+def move_j(
+    task: ProgramTask, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None
+) -> None:
     unit, joints = _move_to_target(task, target, speed, zone, tool, wobj)
     _travel(task, unit, joints, speed, linear=False)
 
 
-def move_l(task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None) -> None:
+def move_l(
+    task: ProgramTask, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None
+) -> None:
     unit, joints = _move_to_target(task, target, speed, zone, tool, wobj)
     _travel(task, unit, joints, speed, linear=True)
 
 
 def move_abs_j(
-    task: Task, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None
+    task: ProgramTask, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None
 ) -> None:
     unit, joints = _own_unit(task, zone), joints_rad(target)
     try:
@@ -46,7 +52,7 @@ def move_abs_j(
     _travel(task, unit, joints, speed, linear=False)
 
 
-def _own_unit(task: Task, zone: list[Any]) -> Any:
+def _own_unit(task: ProgramTask, zone: list[Any]) -> Any:
     if not task.motion:
         raise RapidError("ERR_NORUNUNIT", f"{task.name} moves no arm")
     if not zone[0]:
@@ -54,53 +60,53 @@ def _own_unit(task: Task, zone: list[Any]) -> Any:
     return task.services.unit
 
 
-def _travel(task: Task, unit: Any, joints: Any, speed: list[float], *, linear: bool) -> None:
+def _travel(task: ProgramTask, unit: Any, joints: Any, speed: list[float], *, linear: bool) -> None:
     unit.order(joints, speed[0], linear)
-    while not unit.arrived():
-        task.wait(unit.arrives_in_s(), until=unit.arrived)
-    if unit.blocked():
+    while not unit.has_arrived():
+        task.wait(unit.arrives_in_s(), until=unit.has_arrived)
+    if unit.is_blocked():
         unit.clear()
         text = "the arm cannot follow the line: it comes close to a singularity, or to another posture"
         raise ProgramStopped(NEAR_SINGULARITY, task.name, text)
 
 
-def stop_move(task: Task, all_tasks: bool | None) -> None:
-    """Goes on when the arm stands."""
+def stop_move(task: ProgramTask, all_tasks: bool | None) -> None:
+    """Returns when the arm stands still."""
     if all_tasks and task.motion:
         raise RapidError("ERR_ARGVALERR", "\\AllMotionTasks is for tasks that move nothing")
     unit = task.services.unit
     unit.stop(task.name)
-    while unit.moving():
+    while unit.is_moving():
         task.wait(unit.stands_in_s())
 
 
-def start_move(task: Task, all_tasks: bool | None) -> None:
+def start_move(task: ProgramTask, all_tasks: bool | None) -> None:
     unit = task.services.unit
     if not unit.may_start():
         raise RapidError("ERR_STARTMOVE", "the robot is in hold state")
     unit.start(task.name)
 
 
-def clear_path(task: Task) -> None:
-    """Only of an arm that was stopped, or stands at its goal."""
+def clear_path(task: ProgramTask) -> None:
+    """Allowed only when the arm was stopped or stands at its goal."""
     unit = task.services.unit
-    if unit.moving() and not unit.stopped_by:
+    if unit.is_moving() and not unit.stopped_by:
         raise ProgramStopped(EXECUTION_ERROR, task.name, "ClearPath while the arm moves: StopMove comes first")
     unit.clear()
 
 
-def is_stop_move_active(task: Task, from_move_task: bool | None, from_other: bool | None) -> bool:
+def is_stop_move_active(task: ProgramTask, from_move_task: bool | None, from_other: bool | None) -> bool:
     unit = task.services.unit
     own = unit.task_name in unit.stopped_by
     return bool(own if from_move_task else unit.stopped_by - {unit.task_name})
 
 
-def vel_set(task: Task, override: float, most: float) -> None:
-    task.services.unit.override_percent, task.services.unit.speed_most = override, most
+def vel_set(task: ProgramTask, override: float, most: float) -> None:
+    task.services.unit.override_percent, task.services.unit.max_speed_mm_s = override, most
 
 
-def _setting(task: Task, *switches: Any) -> None:
-    """Configuration supervision is always on here, singularities are never driven around: nothing to set."""
+def _setting(task: ProgramTask, *switches: Any) -> None:
+    """No effect: configuration supervision is always on, and singularities are never avoided."""
 
 
 DOES = MappingProxyType(

@@ -1,4 +1,4 @@
-"""Where the arm is, and which joints a target would need."""
+"""Pose of the arm, and the joints for a target."""
 
 from types import MappingProxyType
 from typing import Any
@@ -7,14 +7,14 @@ from calibration.kinematics.arm import OutOfReach, UnreachablePoseError
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.postures import flange_of, joints_rad, robax, singles, target_at
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 
 TOOL0 = [True, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]]
-"""As much of tool0 as a pose needs."""
+"""The part of tool0 that a pose needs."""
 
 
-def _unit(task: Task, task_name: str | None) -> Any:
-    """The arm of the task that is named; a task without one has to name one."""
+def _unit(task: ProgramTask, task_name: str | None) -> Any:
+    """Motion unit of the named task; a task without an arm must name one."""
     unit = task.services.unit
     if task_name is None and not task.motion:
         raise RapidError("ERR_TASKNAME", f"{task.name} moves no arm: name the task that does")
@@ -27,20 +27,22 @@ def _value(slot: Slot | None) -> Any:
     return None if slot is None else slot.value
 
 
-def c_rob_t(task: Task, task_name: str | None, tool: Slot | None, wobj: Slot | None) -> list[Any]:
+def c_rob_t(task: ProgramTask, task_name: str | None, tool: Slot | None, wobj: Slot | None) -> list[Any]:
     unit = _unit(task, task_name)
     joints = unit.joints_now()
     pose = target_at(unit.arm.forward(joints), TOOL0 if tool is None else tool.value, _value(wobj))
     return [*pose, [float(part) for part in unit.arm.configuration(joints)], unit.external_axes()]
 
 
-def c_joint_t(task: Task, task_name: str | None) -> list[Any]:
+def c_joint_t(task: ProgramTask, task_name: str | None) -> list[Any]:
     unit = _unit(task, task_name)
     return [robax(unit.joints_now()), unit.external_axes()]
 
 
-def calc_joint_t(task: Task, target: list[Any], tool: Slot, wobj: Slot | None, error_number: Slot | None) -> list[Any]:
-    """Without \\ErrorNumber an unreachable target is an error; with it the number is set, and the joints are none."""
+def calc_joint_t(
+    task: ProgramTask, target: list[Any], tool: Slot, wobj: Slot | None, error_number: Slot | None
+) -> list[Any]:
+    """Without \\ErrorNumber an unreachable target is an error; with it the number is set, the joints are undefined."""
     unit = task.services.unit
     try:
         if error_number is not None:
@@ -55,7 +57,7 @@ def calc_joint_t(task: Task, target: list[Any], tool: Slot, wobj: Slot | None, e
         return [[0.0] * 6, list(target[3])]
 
 
-def calc_rob_t(task: Task, joints: list[Any], tool: Slot, wobj: Slot | None) -> list[Any]:
+def calc_rob_t(task: ProgramTask, joints: list[Any], tool: Slot, wobj: Slot | None) -> list[Any]:
     arm, axes = task.services.unit.arm, joints_rad(joints)
     pose = target_at(arm.forward(axes), tool.value, _value(wobj))
     return [*pose, singles(arm.configuration(axes)), list(joints[1])]

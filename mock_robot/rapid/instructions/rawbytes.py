@@ -1,4 +1,4 @@
-"""Values into rawbytes and out of them: little-endian unless \\Network, positions from 1."""
+"""Packing to and from rawbytes: little-endian unless \\Network, positions from 1."""
 
 import struct
 from collections.abc import Mapping
@@ -8,9 +8,9 @@ from typing import Any
 
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.types import BYTE, NUM, STRING, Type
-from mock_robot.rapid.values import STRING_MAX, integer, single
+from mock_robot.rapid.values import MAX_STRING_LENGTH, integer, single
 
 INTEGERS: Mapping[float, str] = MappingProxyType({1: "B", 2: "H", 4: "I", -1: "b", -2: "h", -4: "i"})
 """struct's letter for the constants USINT, UINT, UDINT, SINT, INT, DINT of system.rapid."""
@@ -24,22 +24,24 @@ _INTEGER_LAYOUTS = MappingProxyType(
 _FLOAT_LAYOUTS = MappingProxyType({None: Struct("<f"), True: Struct(">f")})
 
 
-def clear(task: Task, raw: Slot, from_index: float | None) -> None:
+def clear(task: ProgramTask, raw: Slot, from_index: float | None) -> None:
     raw.value.clear(1 if from_index is None else integer(from_index))
 
 
-def copy(task: Task, source: Slot, from_index: float, target: Slot, to_index: float, count: float | None) -> None:
+def copy(
+    task: ProgramTask, source: Slot, from_index: float, target: Slot, to_index: float, count: float | None
+) -> None:
     first = integer(from_index)
     number = source.value.length - first + 1 if count is None else integer(count)
     target.value.write(integer(to_index), source.value.read(first, number, "ERR_RAW_COPY"), "ERR_RAW_COPY")
 
 
-def length(task: Task, raw: Slot) -> float:
+def length(task: ProgramTask, raw: Slot) -> float:
     return float(raw.value.length)
 
 
 def pack(
-    task: Task,
+    task: ProgramTask,
     value: tuple[Type, Any],
     raw: Slot,
     network: bool | None,
@@ -51,9 +53,9 @@ def pack(
 ) -> None:
     kind, content = value
     if kind == NUM and int_x is not None:
-        packed = _packed(INTEGERS[int_x], network, integer(content))
+        packed = _pack(INTEGERS[int_x], network, integer(content))
     elif kind == NUM and float4:
-        packed = _packed("f", network, content)
+        packed = _pack("f", network, content)
     elif kind == BYTE and (hex1 or ascii_):
         packed = bytes([content])
     elif kind == STRING and ascii_:
@@ -63,7 +65,7 @@ def pack(
     raw.value.write(integer(index), packed)
 
 
-def _packed(letter: str, network: bool | None, value: float) -> bytes:
+def _pack(letter: str, network: bool | None, value: float) -> bytes:
     try:
         return struct.pack((">" if network else "<") + letter, value)
     except struct.error as error:
@@ -71,7 +73,7 @@ def _packed(letter: str, network: bool | None, value: float) -> bytes:
 
 
 def unpack(
-    task: Task,
+    task: ProgramTask,
     raw: Slot,
     network: bool | None,
     index: float,
@@ -89,7 +91,7 @@ def unpack(
         slot.value = raw.value.number(_FLOAT_LAYOUTS[network], first)
     elif kind == BYTE and hex1:
         slot.value = raw.value.read(first, 1)[0]
-    elif kind == STRING and ascii_ is not None and 1 <= ascii_ <= STRING_MAX:
+    elif kind == STRING and ascii_ is not None and 1 <= ascii_ <= MAX_STRING_LENGTH:
         slot.value = raw.value.read(first, integer(ascii_)).decode("latin-1")
     else:
         raise RapidError("ERR_ARGVALERR", f"{kind.name} cannot be unpacked so")

@@ -5,14 +5,14 @@ from types import MappingProxyType
 from typing import Any
 
 from mock_robot.rapid.errors import RapidError
-from mock_robot.rapid.instructions.sockets import DEFAULT_WAIT_S, WAIT_MAX_S
+from mock_robot.rapid.instructions.sockets import DEFAULT_WAIT_S, MAX_WAIT_S
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.values import integer
 
 
 def open_(
-    task: Task,
+    task: ProgramTask,
     port: str,
     slot: Slot,
     read: bool | None,
@@ -20,9 +20,9 @@ def open_(
     append: bool | None,
     binary: bool | None,
 ) -> None:
-    """Both directions need \\Bin and none of the others."""
+    """Both directions need \\Bin and none of the other switches."""
     if not binary or read or write or append:
-        raise RapidError("ERR_ARGVALERR", "the mock opens a channel with \\Bin alone, for both directions")
+        raise RapidError("ERR_ARGVALERR", "the mock opens a channel only with \\Bin, for both directions")
     line = task.services.devices.lines.get(port.casefold())
     if line is None:
         raise RapidError("ERR_FILEOPEN", f"no channel is named {port}")
@@ -30,21 +30,21 @@ def open_(
     task.services.devices.add(slot.value)
 
 
-def close(task: Task, slot: Slot) -> None:
+def close(task: ProgramTask, slot: Slot) -> None:
     slot.value.close()
     task.services.devices.drop(slot.value)
 
 
-def clear_buffer(task: Task, slot: Slot) -> None:
+def clear_buffer(task: ProgramTask, slot: Slot) -> None:
     slot.value.line.look(task.services.wire)
     slot.value.line.arrived.clear()
 
 
-def read_bin(task: Task, slot: Slot, time: float | None) -> float:
-    """One byte."""
+def read_bin(task: ProgramTask, slot: Slot, time: float | None) -> float:
+    """Read one byte."""
     line, seconds = slot.value.line, DEFAULT_WAIT_S if time is None else time
-    task.services.devices.listening()
-    ends_s = None if seconds >= WAIT_MAX_S else monotonic() + seconds
+    task.services.devices.note_listening()
+    ends_s = None if seconds >= MAX_WAIT_S else monotonic() + seconds
     while not line.arrived and not line.look(task.services.wire):
         left_s = None if ends_s is None else max(0.0, ends_s - monotonic())
         if not task.wait(left_s, line.fileno):
@@ -52,7 +52,7 @@ def read_bin(task: Task, slot: Slot, time: float | None) -> float:
     return float(line.arrived.pop(0))
 
 
-def write_raw_bytes(task: Task, slot: Slot, raw: Any, count: float | None) -> None:
+def write_raw_bytes(task: ProgramTask, slot: Slot, raw: Any, count: float | None) -> None:
     data = raw.value.valid() if count is None else raw.value.read(1, integer(count))
     slot.value.send(data, task.services.wire)
 

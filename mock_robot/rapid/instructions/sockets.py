@@ -1,4 +1,4 @@
-"""Sockets of a program on real ones. What waits is taken when it is asked for; a time-out loses nothing."""
+"""Socket instructions on real sockets. Received bytes stay buffered until read, so a timeout loses nothing."""
 
 import errno
 import socket
@@ -10,39 +10,39 @@ from typing import Any
 from mock_robot.rapid.devices import SocketDevice
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import Task
-from mock_robot.rapid.values import RAWBYTES_MAX, STRING_MAX, integer
+from mock_robot.rapid.tasks import ProgramTask
+from mock_robot.rapid.values import MAX_RAWBYTES, MAX_STRING_LENGTH, integer
 
-WAIT_MAX_S = 9999999.0
+MAX_WAIT_S = 9999999.0
 DEFAULT_WAIT_S = 60.0
-PORT_LOWEST = 1025
+MIN_PORT = 1025
 OWN_PORTS = range(20_000, 32_000)
-"""Below those that Linux gives to clients (net.ipv4.ip_local_port_range)."""
+"""Below the range Linux assigns to clients (net.ipv4.ip_local_port_range)."""
 STATES = MappingProxyType({"created": 1.0, "connected": 2.0, "bound": 3.0, "listening": 4.0, "closed": 5.0})
 
 
-def create(task: Task, slot: Slot) -> None:
+def create(task: ProgramTask, slot: Slot) -> None:
     slot.value.create()
     task.services.devices.add(slot.value)
 
 
-def bind(task: Task, slot: Slot, address: str, port: float) -> None:
-    """To an address the controller owns. Port 0 is the mock's own: one that stays its own over a restart."""
+def bind(task: ProgramTask, slot: Slot, address: str, port: float) -> None:
+    """Bind to an address of the controller. Port 0 chooses one that stays the mock's over a restart."""
     device: SocketDevice = slot.value
-    end, number = device.opened(), integer(port)
+    end, number = device.require_open(), integer(port)
     device.require(device.state == "created", "ERR_SOCK_IS_BOUND", f"the socket is {device.state}")
-    device.require(number == 0 or PORT_LOWEST <= number <= 65535, "ERR_SOCK_UNSPEC", f"port {number} is not free")
+    device.require(number == 0 or MIN_PORT <= number <= 65535, "ERR_SOCK_UNSPEC", f"port {number} is not free")
     try:
         _bind(end, address, number)
     except OSError as error:
         name = "ERR_SOCK_ADDR_INUSE" if error.errno == errno.EADDRINUSE else "ERR_SOCK_UNSPEC"
         raise RapidError(name, f"{address}:{number}: {error.strerror}") from None
     device.state = "bound"
-    task.services.devices.bound(end.getsockname())
+    task.services.devices.note_address(end.getsockname())
 
 
 def _bind(end: socket.socket, address: str, number: int) -> None:
-    """A port that the system chooses it gives to somebody's client, too, while a restart leaves it free."""
+    """The system would give a port it chose to another client while a restart leaves it free."""
     for own in [number] if number else Random().sample(OWN_PORTS, 100):
         try:
             return end.bind((address, own))
@@ -51,28 +51,28 @@ def _bind(end: socket.socket, address: str, number: int) -> None:
     raise taken
 
 
-def listen(task: Task, slot: Slot) -> None:
+def listen(task: ProgramTask, slot: Slot) -> None:
     device: SocketDevice = slot.value
-    device.opened()
+    device.require_open()
     device.require(device.state == "bound", "ERR_SOCK_NOT_BOUND", f"the socket is {device.state}")
-    device.opened().listen(4)
-    device.opened().setblocking(False)
+    device.require_open().listen(4)
+    device.require_open().setblocking(False)
     device.state = "listening"
-    task.services.devices.listening()
+    task.services.devices.note_listening()
 
 
-def accept(task: Task, slot: Slot, client: Slot, address: Slot | None, time: float | None) -> None:
+def accept(task: ProgramTask, slot: Slot, client: Slot, address: Slot | None, time: float | None) -> None:
     device: SocketDevice = slot.value
     device.require(client.value.end is None, "ERR_SOCK_ISCON", "the client socket is in use: close it first")
     while True:
-        end = device.opened()
+        end = device.require_open()
         device.require(device.state == "listening", "ERR_SOCK_NOT_BOUND", f"the socket is {device.state}")
         if not task.wait(_limit(time), end.fileno()):
             raise RapidError("ERR_SOCK_TIMEOUT", "nobody connected")
         try:
             connection, peer = end.accept()
         except BlockingIOError:
-            continue  # it was gone again
+            continue  # the connection was closed again
         break
     client.value.connect(connection)
     task.services.devices.add(client.value)
@@ -81,7 +81,7 @@ def accept(task: Task, slot: Slot, client: Slot, address: Slot | None, time: flo
 
 
 def receive(
-    task: Task,
+    task: ProgramTask,
     slot: Slot,
     text: Slot | None,
     raw: Slot | None,
@@ -89,11 +89,11 @@ def receive(
     got: Slot | None,
     time: float | None,
 ) -> None:
-    """With \\ReadNoOfBytes all of them, else what there is."""
+    """With \\ReadNoOfBytes all of them, otherwise what has arrived."""
     device: SocketDevice = slot.value
     if text is None and raw is None:
         raise RapidError("ERR_ARGVALERR", "give \\Str or \\RawData")
-    most = STRING_MAX if text is not None else RAWBYTES_MAX
+    most = MAX_STRING_LENGTH if text is not None else MAX_RAWBYTES
     least = 1 if wanted is None else integer(wanted)
     device.require(1 <= least <= most, "ERR_ARGVALERR", f"{least} bytes of at most {most}")
     waited = _await(task, device, least, _limit(time))
@@ -106,17 +106,17 @@ def receive(
         got.value = float(len(data))
 
 
-def _await(task: Task, device: SocketDevice, least: int, limit_s: float | None) -> int:
-    """Until so many bytes wait; how many to take (fewer when the peer has gone)."""
+def _await(task: ProgramTask, device: SocketDevice, least: int, limit_s: float | None) -> int:
+    """Wait until `least` bytes are buffered; returns how many to take (fewer when the peer has disconnected)."""
     ends_s = None if limit_s is None else monotonic() + limit_s
     while device.look(task.services.wire) < least and not device.over:
         left_s = None if ends_s is None else max(0.0, ends_s - monotonic())
-        if not task.wait(left_s, device.connected().fileno()):
+        if not task.wait(left_s, device.require_connected().fileno()):
             raise RapidError("ERR_SOCK_TIMEOUT", f"{len(device.arrived)} of {least} bytes came")
     return min(least, len(device.arrived))
 
 
-def send(task: Task, slot: Slot, text: str | None, raw: Slot | None, count: float | None) -> None:
+def send(task: ProgramTask, slot: Slot, text: str | None, raw: Slot | None, count: float | None) -> None:
     if text is None and raw is None:
         raise RapidError("ERR_ARGVALERR", "give \\Str or \\RawData")
     data = text.encode("latin-1") if text is not None else _content(raw, count)
@@ -127,22 +127,22 @@ def _content(raw: Any, count: float | None) -> bytes:
     return bytes(raw.value.valid() if count is None else raw.value.read(1, integer(count)))
 
 
-def close(task: Task, slot: Slot) -> None:
+def close(task: ProgramTask, slot: Slot) -> None:
     slot.value.close()
     task.services.devices.drop(slot.value)
 
 
-def peek(task: Task, slot: Slot) -> float:
+def peek(task: ProgramTask, slot: Slot) -> float:
     return float(slot.value.look(task.services.wire))
 
 
-def status(task: Task, slot: Slot) -> float:
+def status(task: ProgramTask, slot: Slot) -> float:
     return STATES[slot.value.state]
 
 
 def _limit(time: float | None) -> float | None:
     seconds = DEFAULT_WAIT_S if time is None else time
-    return None if seconds >= WAIT_MAX_S else max(0.0, seconds)
+    return None if seconds >= MAX_WAIT_S else max(0.0, seconds)
 
 
 DOES = MappingProxyType(

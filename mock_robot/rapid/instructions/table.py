@@ -1,4 +1,4 @@
-"""What the instructions and functions of system.rapid do, by name; each gets its task, then its arguments in order."""
+"""Implementations of system.rapid by name; each is called with its task, then its arguments in order."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType

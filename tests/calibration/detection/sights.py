@@ -6,7 +6,7 @@ from calibration.problem import Detection
 from calibration.targets import Target
 from calibration.transforms import Array
 from mock_robot.scene.optics import Optics
-from mock_robot.scene.printed_target import Sheet
+from mock_robot.scene.printed_target import PrintOptions
 from tests.simulated.views import ORDINARY, TruePicture, industrial_camera, take_picture
 
 CAMERA = industrial_camera(1600, 1200)
@@ -20,7 +20,7 @@ def pictures(
     seed: int = 1,
     tilt_deg: float = 40.0,
     fill: float = 0.75,
-    sheet: Sheet | None = None,
+    sheet: PrintOptions | None = None,
 ) -> list[TruePicture]:
     """Pictures of the target from all around, each with its truth."""
     rng = np.random.default_rng(seed)

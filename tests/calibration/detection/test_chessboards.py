@@ -9,7 +9,7 @@ from calibration.detection.detect import detect
 from calibration.detection.lattice import Lattice, grow_lattices
 from calibration.errors import DetectionError
 from calibration.targets import Charuco, Chessboard
-from mock_robot.scene.printed_target import Sheet
+from mock_robot.scene.printed_target import PrintOptions
 from tests.calibration.detection.sights import errors_px, half_turned, pictures, rms
 from tests.simulated.views import BLURRED, ORDINARY
 
@@ -34,7 +34,7 @@ def test_boards_of_any_size_with_and_without_margin_are_found_from_their_first_c
     columns, rows, margin_mm, tilt_deg
 ):
     board = Chessboard(columns, rows, 15.0)
-    for picture in pictures(board, 2, tilt_deg=tilt_deg, sheet=Sheet(margin_mm)):
+    for picture in pictures(board, 2, tilt_deg=tilt_deg, sheet=PrintOptions(margin_mm)):
         found = detect(picture.image, board)
         assert len(found.ids) == columns * rows
         assert np.abs(errors_px(found, picture)).max() < 0.2, "the colour of the squares tells which corner is first"

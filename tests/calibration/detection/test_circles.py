@@ -8,7 +8,7 @@ from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from calibration.targets import CircleGrid
 from calibration.transforms import map_points, rotation_from_vector, transform
-from mock_robot.scene.printed_target import Sheet
+from mock_robot.scene.printed_target import PrintOptions
 from tests.calibration.detection.sights import CAMERA, errors_px, half_turned, pictures, rms
 from tests.simulated.views import BLURRED, ORDINARY
 
@@ -50,7 +50,9 @@ def test_a_grid_without_a_mark_is_read_with_its_rows_to_the_right(grid):
 def test_large_dots_seen_steeply_show_no_bias():
     grid = CircleGrid("symmetric", 5, 4, 40.0, "black", "large-dot")
     errors = []
-    for picture in pictures(grid, 3, tilt_deg=60.0, fill=0.9, sheet=Sheet(dot_ratio=0.7, large_dot_ratio=1.0), seed=3):
+    for picture in pictures(
+        grid, 3, tilt_deg=60.0, fill=0.9, sheet=PrintOptions(dot_ratio=0.7, large_dot_ratio=1.0), seed=3
+    ):
         found = detect(picture.image, grid)
         radius = 0.7 * 40.0 / 2
 

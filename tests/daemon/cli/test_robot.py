@@ -27,7 +27,7 @@ def test_the_shipped_modules_are_written_when_somebody_consents(version: int) ->
 
 def test_who_holds_the_mastership_is_told_and_nothing_is_written() -> None:
     with rws_cell_apart() as cell:
-        cell.does(lambda: cell.cell.breaks("rws-mastership-held"))
+        cell.does(lambda: cell.cell.inject_fault("rws-mastership-held"))
         ran = handeyed("robot", "upload", cell.rws(2), MODULES, "--yes")
         assert ran.status == 1
         assert "somebody else holds the mastership" in ran.err

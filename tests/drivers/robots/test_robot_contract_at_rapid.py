@@ -126,7 +126,7 @@ async def test_many_ask_at_once_and_each_gets_its_own_answer(cell):
 async def test_a_bad_but_honest_link_loses_nothing_and_moves_once(cell, fault):
     robot, running = cell
     await robot.set_armed(True)
-    running.breaks(fault)
+    running.inject_fault(fault)
     await robot.move_to(GOAL)
     assert robot.link.connected
     assert (running.commanded_moves, running.controller.arm.departures) == (1, 1)
@@ -139,14 +139,14 @@ SPOILT = ["link-reply-lost", "serial-half-frame", "serial-doubled-byte", "serial
 async def test_a_lost_or_spoilt_answer_to_a_move_is_asked_for_again_and_the_arm_departs_once(cell, fault):
     robot, running = cell
     await robot.set_armed(True)
-    running.breaks(fault, only=Command.MOVE)
+    running.inject_fault(fault, only=Command.MOVE)
     await robot.move_to(GOAL)
     assert (running.commanded_moves, running.controller.arm.departures) == (1, 1)
 
 
 async def test_a_pose_that_is_none_is_refused_and_the_link_stays(cell):
     robot, running = cell
-    running.breaks("robot-nan-pose")
+    running.inject_fault("robot-nan-pose")
     with pytest.raises(GarbledAnswer, match="a number that is none"):
         await robot.read_pose()
     assert robot.link.connected

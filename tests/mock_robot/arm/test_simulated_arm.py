@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from calibration.kinematics.arm import OutsideJointLimits
 from calibration.transforms import inverse, vector_from_rotation
 from mock_robot.arm.paths import LinePath
-from mock_robot.arm.simulated_arm import IN_POSITION_S, RobotNoise, SimulatedArm, plan_motion
+from mock_robot.arm.simulated_arm import IN_POSITION_S, ArmNoise, SimulatedArm, plan_motion
 from mock_robot.arm.speed_profile import Braked, Trapezoid
 from tests.mock_robot.bench import ARM, AWAY, HOME
 
@@ -61,29 +61,29 @@ def test_a_slow_move_takes_its_way_over_its_speed_and_a_fast_one_the_slowest_axi
 
 
 def test_a_line_knows_how_far_it_can_be_followed() -> None:
-    assert LinePath(ARM, HOME, AWAY).blocked_at == 1.0
+    assert LinePath(ARM, HOME, AWAY).reachable_fraction == 1.0
     behind = np.radians([175.0, 15.0, 0.0, 0.0, 65.0, 0.0])
-    assert 0.0 < LinePath(ARM, HOME, behind).blocked_at < 1.0
+    assert 0.0 < LinePath(ARM, HOME, behind).reachable_fraction < 1.0
 
 
 def test_standstill_counts_after_the_settling_time() -> None:
-    arm = SimulatedArm(ARM, HOME, RobotNoise())
-    assert arm.settled_at(0.0)
+    arm = SimulatedArm(ARM, HOME, ArmNoise())
+    assert arm.is_settled_at(0.0)
     arm.depart(AWAY, 250.0, False, 10.0)
-    assert arm.moving_at(10.1)
-    assert not arm.moving_at(arm.end_s)
-    assert not arm.settled_at(arm.end_s + 0.9 * IN_POSITION_S)
-    assert arm.settled_at(arm.end_s + IN_POSITION_S)
+    assert arm.is_moving_at(10.1)
+    assert not arm.is_moving_at(arm.end_s)
+    assert not arm.is_settled_at(arm.end_s + 0.9 * IN_POSITION_S)
+    assert arm.is_settled_at(arm.end_s + IN_POSITION_S)
     np.testing.assert_array_equal(arm.joints_at(arm.end_s), AWAY)
 
 
 def test_it_cannot_begin_outside_its_limits() -> None:
     with pytest.raises(OutsideJointLimits, match="axis 5"):
-        SimulatedArm(ARM, np.radians([0, 0, 0, 0, 130.0, 0]), RobotNoise())
+        SimulatedArm(ARM, np.radians([0, 0, 0, 0, 130.0, 0]), ArmNoise())
 
 
 def test_the_true_pose_is_off_by_the_arms_error_which_stays_while_it_stands() -> None:
-    arm = SimulatedArm(ARM, HOME, RobotNoise(0.3, np.radians(0.03), seed=5))
+    arm = SimulatedArm(ARM, HOME, ArmNoise(0.3, np.radians(0.03), seed=5))
     first = inverse(arm.reported_base_T_flange(0.0)) @ arm.true_base_T_flange(0.0)
     later = inverse(arm.reported_base_T_flange(99.0)) @ arm.true_base_T_flange(99.0)
     np.testing.assert_array_equal(first, later)
@@ -95,17 +95,17 @@ def test_the_true_pose_is_off_by_the_arms_error_which_stays_while_it_stands() ->
 
 
 def test_the_arms_error_has_the_stated_sigma_in_every_component_and_is_seeded() -> None:
-    noise = RobotNoise(0.3, np.radians(0.03), seed=5)
+    noise = ArmNoise(0.3, np.radians(0.03), seed=5)
     errors = np.array([noise.flange_T_true(k) for k in range(4000)])
     translations, turns = errors[:, :3, 3], vector_from_rotation(errors[:, :3, :3])
     assert np.all(np.abs(translations.std(0) / 0.3 - 1) < 0.05)
     assert np.all(np.abs(turns.std(0) / np.radians(0.03) - 1) < 0.05)
     assert np.all(np.abs(translations.mean(0)) < 0.02)
     assert np.all(np.abs(np.corrcoef(np.hstack([translations, turns]).T) - np.eye(6)) < 0.06)
-    np.testing.assert_array_equal(noise.flange_T_true(3), RobotNoise(0.3, np.radians(0.03), seed=5).flange_T_true(3))
-    assert np.abs(noise.flange_T_true(3) - RobotNoise(0.3, np.radians(0.03), seed=6).flange_T_true(3)).max() > 1e-6
+    np.testing.assert_array_equal(noise.flange_T_true(3), ArmNoise(0.3, np.radians(0.03), seed=5).flange_T_true(3))
+    assert np.abs(noise.flange_T_true(3) - ArmNoise(0.3, np.radians(0.03), seed=6).flange_T_true(3)).max() > 1e-6
 
 
 def test_without_noise_the_arm_is_where_it_says() -> None:
-    arm = SimulatedArm(ARM, HOME, RobotNoise())
+    arm = SimulatedArm(ARM, HOME, ArmNoise())
     np.testing.assert_array_equal(arm.true_base_T_flange(0.0), arm.reported_base_T_flange(0.0))

@@ -61,10 +61,10 @@ async def test_a_standing_arm_does_not_vibrate_and_is_where_the_controller_says(
 
 async def test_a_ringing_arm_shows_its_amplitude() -> None:
     async with monitored() as (cell, monitor):
-        cell.breaks("egm-vibration")
+        cell.inject_fault("egm-vibration")
         await a_window_passes(monitor)
         assert monitor.vibration(WINDOW_S).translation_mm == pytest.approx(VIBRATION_MM, rel=0.1)
-        cell.mends()
+        cell.clear_faults()
         await a_window_passes(monitor)
         assert monitor.vibration(WINDOW_S).translation_mm == 0.0
 
@@ -78,12 +78,12 @@ async def test_a_moving_arm_is_seen_to_move() -> None:
 
 async def test_lost_packets_are_counted_and_garbage_is_no_sample() -> None:
     async with monitored() as (cell, monitor):
-        cell.breaks("egm-loss")
+        cell.inject_fault("egm-loss")
         await a_window_passes(monitor)
         vibration = monitor.vibration(WINDOW_S)
         assert vibration.lost == pytest.approx(0.25 * vibration.samples, abs=3)
-        cell.mends()
-        cell.breaks("egm-garbage")
+        cell.clear_faults()
+        cell.inject_fault("egm-garbage")
         await eventually(lambda: monitor.strangers > 5)
         await eventually(lambda: not monitor.link.connected)
 
@@ -91,7 +91,7 @@ async def test_lost_packets_are_counted_and_garbage_is_no_sample() -> None:
 async def test_a_silent_controller_is_told_with_what_to_do() -> None:
     async with monitored() as (cell, monitor):
         await a_window_passes(monitor)
-        cell.breaks("egm-silent")
+        cell.inject_fault("egm-silent")
         await eventually(lambda: not monitor.link.connected)
         assert "EGMStreamStart" in monitor.link.detail
         with pytest.raises(DeviceTimeout, match="EGMStreamStart"):

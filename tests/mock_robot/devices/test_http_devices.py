@@ -18,8 +18,8 @@ from mock_robot.errors import UnknownFault
 from mock_robot.faults.device_faults import DEVICE_FAULTS, DeviceFaultBoard
 from mock_robot.scene.camera_view import facing
 from mock_robot.scene.part import DOOR
-from mock_robot.scene.printed_target import printed
-from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.scene.printed_target import print_target
+from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.score_ply import UnreadablePly, read_points
 from mock_robot.truth.truth import NO_NOISE, CellTruth
 
@@ -35,7 +35,7 @@ def looking_at_the_target(distance_mm: float = 620.0) -> Array:
     """base_T_flange."""
     tilted = transform(rotation_from_vector([0.2, -0.1, 0.0]), [0.0, 0.0, 0.0])
     view = transform(np.eye(3), [0, 0, distance_mm]) @ tilted @ transform(np.eye(3), [0, 0, -distance_mm])
-    camera_T_target = view @ facing(distance_mm, printed(TRUTH.target, TRUTH.sheet))
+    camera_T_target = view @ facing(distance_mm, print_target(TRUTH.target, TRUTH.sheet))
     base_T_flange: Array = TRUTH.base_T_target @ inverse(camera_T_target) @ inverse(TRUTH.flange_T_camera)
     return base_T_flange
 
@@ -89,7 +89,7 @@ async def test_the_picture_shows_the_target_where_the_truth_projects_it(at: At) 
 
 
 async def test_the_cloud_lies_on_the_true_part(at: At) -> None:
-    pose = suggested_scan_poses(TRUTH)[1]
+    pose = scan_poses_of(TRUTH)[1]
     answer = await at(lambda: pose).ask(CLOUD)
 
     assert answer.headers["content-type"] == "application/x-ply"
@@ -209,7 +209,7 @@ async def test_a_repeated_picture_comes_until_it_is_cleared(at: At, fault: str, 
 
 
 async def test_scanner_faults_spoil_one_cloud_each(at: At) -> None:
-    pose = suggested_scan_poses(TRUTH)[1]
+    pose = scan_poses_of(TRUTH)[1]
     cell = at(lambda: pose)
     assert len(read_points((await spoiled(cell, "scanner-empty")).content)) == 0
     holes = np.isnan(read_points((await spoiled(cell, "scanner-nan")).content)).all(axis=1)
@@ -229,7 +229,7 @@ async def test_a_late_answer_is_late(at: At, device: str, monkeypatch: pytest.Mo
         waited.append(seconds)
         await really(0)
 
-    pose = looking_at_the_target() if device == "camera" else suggested_scan_poses(TRUTH)[1]
+    pose = looking_at_the_target() if device == "camera" else scan_poses_of(TRUTH)[1]
     cell = at(lambda: pose)
     monkeypatch.setattr("mock_robot.devices.http_devices.asyncio.sleep", sleep)
     await spoiled(cell, f"{device}-late")

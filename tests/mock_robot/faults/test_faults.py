@@ -278,4 +278,4 @@ def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: bool) 
 def test_faults_may_strike_what_another_has_swallowed() -> None:
     bench = broken("link-half-open")
     bench.faults.switch_on("link-request-bit-flip", bench.controller, bench.now_s)
-    assert bench.faults.incoming(b"anything") == b""
+    assert bench.faults.alter_incoming(b"anything") == b""

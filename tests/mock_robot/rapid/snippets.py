@@ -6,9 +6,9 @@ from typing import Any
 
 from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.interrupts import Interrupts
-from mock_robot.rapid.program import Memory, Program, Source
+from mock_robot.rapid.program import PersistentMemory, Program, Source
 from mock_robot.rapid.scope import Data
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 
 
 @dataclass
@@ -17,7 +17,7 @@ class Nobody:
 
     failures: list[ProgramStopped] = field(default_factory=list)
 
-    def program_failed(self, task: Task, stopped: ProgramStopped) -> None:
+    def stop_failed_program(self, task: ProgramTask, stopped: ProgramStopped) -> None:
         self.failures.append(stopped)
 
 
@@ -26,12 +26,12 @@ class Snippet:
     """A loaded module; `runs` its main once, in this thread."""
 
     text: str
-    memory: Memory = field(default_factory=Memory)
+    memory: PersistentMemory = field(default_factory=PersistentMemory)
     motion: bool = False
     noted: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.task = Task("T_TEST", Nobody(), self.motion)
+        self.task = ProgramTask("T_TEST", Nobody(), self.motion)
         self.program = Program(self.task, self.memory, {})
         self.program.load([Source("TEST.mod", self.text)])
         self.task.services = SimpleNamespace(

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RapidProgramError
-from mock_robot.rapid.program import Memory
+from mock_robot.rapid.program import PersistentMemory
 from tests.mock_robot.rapid.snippets import Snippet, module, ran, value_of
 
 
@@ -224,7 +224,7 @@ def test_the_limits_of_a_controller(body: str, error: str) -> None:
 
 
 def test_a_pers_keeps_its_value_over_a_restart_and_is_shared_by_name() -> None:
-    memory = Memory()
+    memory = PersistentMemory()
     text = module("n := n + 1;\nm := m + 1;", "PERS num n := 5;\nVAR num m := 5;")
     for expected in (6, 7, 8):
         snippet = Snippet(text, memory).runs()
@@ -233,7 +233,7 @@ def test_a_pers_keeps_its_value_over_a_restart_and_is_shared_by_name() -> None:
 
 
 def test_a_private_pers_belongs_to_its_task() -> None:
-    memory = Memory()
+    memory = PersistentMemory()
     Snippet(module("n := 9;", "TASK PERS num n := 5;"), memory).runs()
     assert Snippet(module("m := n;", "PERS num n := 1;\nVAR num m;"), memory).runs()["m"] == 1
 

@@ -82,7 +82,7 @@ async def moves_again(cell: RunningCell, client: CbClient) -> None:
         assert cell.controller.arm.departures == departures
 
     cell.controller.press_emergency_stop(False, cell.cell.clock())
-    cell.controller.put_right(cell.cell.clock())
+    cell.controller.recover(cell.cell.clock())
     await is_answered(client, cb.SetArmed(cell.controller.session, True), cb.ArmingDone(), stands)
     await is_answered(client, move_to(AWAY, 1000.0), cb.MoveAccepted(), stands)
     assert await ends_as(client, client.session.last_seq) is Status.OK
@@ -251,7 +251,7 @@ async def test_an_interrupted_move_does_not_go_on_though_the_client_is_gone() ->
             await eventually(lambda: not cell.controller.armed)
         await eventually(lambda: not cell.moving)
         standing = joints_now(cell)
-        cell.controller.put_right(cell.cell.clock())
+        cell.controller.recover(cell.cell.clock())
         async with over_tcp(int(cell.announcement.robot_port or 0)) as client:
             await client.is_armed()
             np.testing.assert_array_equal(joints_now(cell), standing)
@@ -352,7 +352,7 @@ async def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: 
         async with talking(serial=serial, time_scale=200.0) as (cell, client):
             requests = 0
             for _ in range(3):
-                cell.breaks(schedule.choice(LINE_FAULTS), after_moves=schedule.randrange(2))
+                cell.inject_fault(schedule.choice(LINE_FAULTS), after_moves=schedule.randrange(2))
                 request = client.session.request(move_to(schedule.choice([HOME, AWAY])))
                 client.session.abandon()
                 requests += 1
@@ -361,7 +361,7 @@ async def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: 
                     with suppress(TimeoutError, ConnectionError):
                         async with asyncio.timeout(0.1):
                             await client.read()
-                cell.mends()
+                cell.clear_faults()
             await eventually(lambda: not cell.moving)
             assert cell.controller.arm.departures <= requests
             departures += cell.controller.arm.departures
@@ -400,7 +400,7 @@ async def test_every_request_may_come_byte_by_byte() -> None:
 async def test_a_restart_counts_the_session_up_and_closes_the_connection() -> None:
     async with talking() as (cell, client):
         before = cell.controller.session
-        cell.breaks("link-restart")
+        cell.inject_fault("link-restart")
         with pytest.raises(ConnectionError):
             await client.hears()
         assert cell.controller.session == before + 1

@@ -11,10 +11,10 @@ from mock_robot.rapid.configuration import task_plans
 from mock_robot.rapid.errors import RapidSyntaxError
 from mock_robot.rapid.headers import builtins
 from mock_robot.rapid.instructions.table import DOES
-from mock_robot.rapid.program import Memory, Program
+from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.rules import offences
 from mock_robot.rapid.syntax import parse_module
-from mock_robot.rapid.tasks import Task
+from mock_robot.rapid.tasks import ProgramTask
 from tests.mock_robot.rapid.snippets import Nobody
 
 RAPID = Path(__file__).parents[3] / "deploy" / "rapid"
@@ -51,7 +51,7 @@ def test_every_name_type_and_argument_is_known_to_the_controller() -> None:
     ]
     for plan in plans:
         signals = dict.fromkeys(("cell_do_motors", "cell_do_estop", "cell_do_running", "cell_do_error"), object())
-        program = Program(Task(plan.name, Nobody(), plan.motion), Memory(), signals)
+        program = Program(ProgramTask(plan.name, Nobody(), plan.motion), PersistentMemory(), signals)
         program.load(plan.sources)
         assert callable(program.main())
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mock_robot.arm.simulated_arm import RobotNoise, SimulatedArm
+from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.rapid.configuration import instances
 from mock_robot.rapid.controller import DEPLOYED, RapidController
 from mock_robot.rapid.errors import RapidProgramError
@@ -84,7 +84,7 @@ def running(folder: Path, text: str, time_scale: float = 20.0) -> Iterator[Rapid
         (folder / name).write_text(content)
     for name in ("EIO.cfg", "SIO.cfg"):
         (folder / name).write_text((DEPLOYED / name).read_text())
-    arm = SimulatedArm(ARM, HOME, RobotNoise())
+    arm = SimulatedArm(ARM, HOME, ArmNoise())
     controller = RapidController(arm, 1, time_scale, monotonic(), folder=folder)
     try:
         controller.begin()
@@ -140,7 +140,7 @@ def test_a_move_that_cannot_be_stops_the_program_with_abbs_number(tmp_path: Path
 
 def test_a_path_is_cleared_only_of_an_arm_that_was_stopped(tmp_path: Path) -> None:
     with running(tmp_path, program("MoveAbsJ away, v100, fine, tool0;", "ClearPath;"), time_scale=1.0) as controller:
-        until(controller.unit.moving)
+        until(controller.unit.is_moving)
         controller.memory["bell"].value = 1.0
         until(lambda: not controller.panel.program_running)
         assert "StopMove comes first" in controller.log[0].text
@@ -159,10 +159,10 @@ def test_a_target_out_of_reach_is_an_error_one_can_handle(tmp_path: Path) -> Non
 def test_a_trap_runs_during_a_move_and_the_move_goes_on(tmp_path: Path) -> None:
     body = "MoveAbsJ away, v100, fine, tool0;\n    stage := stage + 1;"
     with running(tmp_path, program(body), time_scale=2.0) as controller:
-        until(controller.unit.moving)
+        until(controller.unit.is_moving)
         controller.memory["bell"].value = 1.0
         until(lambda: stage(controller) == 90)
-        assert controller.unit.moving()
+        assert controller.unit.is_moving()
         controller.time_scale, controller.started_at_s = 200.0, monotonic() - controller.unit.now_s() / 200.0
         until(lambda: stage(controller) == 91)
         np.testing.assert_allclose(joints_of(controller), AWAY, atol=1e-5)
@@ -175,10 +175,10 @@ def test_a_stopped_move_goes_on_with_startmove_unless_its_path_is_cleared(
     trap = f"StopMove;\n    {clears}\n    stage := 50;\n    WaitTime 1;\n    StartMove;"
     body = "MoveAbsJ away, v100, fine, tool0;\n    stage := stage + 1;"
     with running(tmp_path, program(body, trap), time_scale=4.0) as controller:
-        until(controller.unit.moving)
+        until(controller.unit.is_moving)
         controller.memory["bell"].value = 1.0
         until(lambda: stage(controller) == 50)
-        assert not controller.unit.moving()
+        assert not controller.unit.is_moving()
         until(lambda: stage(controller) == 51, 20.0)
         if ends_at is None:
             assert np.abs(joints_of(controller) - AWAY).max() > 0.01
@@ -190,9 +190,9 @@ def test_what_was_interrupted_goes_on_when_the_program_is_started_again(tmp_path
     """As on a controller. The shipped program must not rely on anything else."""
     body = "MoveAbsJ away, v1000, fine, tool0;\n    stage := 1;"
     with running(tmp_path, program(body), time_scale=1.0) as controller:
-        until(controller.unit.moving)
+        until(controller.unit.is_moving)
         controller.press_emergency_stop(True, monotonic())
-        until(lambda: not controller.unit.moving())
+        until(lambda: not controller.unit.is_moving())
         standing = joints_of(controller)
         controller.press_emergency_stop(False, monotonic())
         controller.switch_motors(True, monotonic())
@@ -237,7 +237,7 @@ def test_a_configuration_that_nobody_understands_is_refused_by_name(tmp_path: Pa
     ):
         text = (folder / file).read_text()
         (folder / file).write_text(text.replace(sound, wrong))
-        arm = SimulatedArm(ARM, HOME, RobotNoise())
+        arm = SimulatedArm(ARM, HOME, ArmNoise())
         with pytest.raises(RapidProgramError, match=why):
             RapidController(arm, 1, folder=folder).begin()
         (folder / file).write_text(text)

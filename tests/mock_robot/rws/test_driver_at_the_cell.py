@@ -15,7 +15,7 @@ from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.robots.tcp import TcpTransport
 from mock_robot.cabinet.panel import Mode
-from mock_robot.rws.sessions import SESSIONS_MAX
+from mock_robot.rws.sessions import MAX_SESSIONS
 from protocols.cb.codes import Command
 from tests.mock_robot.bench import AWAY
 from tests.mock_robot.rws_cell import RwsCell, rws_cell
@@ -83,7 +83,7 @@ async def test_a_moving_arm_is_not_still(version: int) -> None:
 async def test_it_asks_for_tool0_and_wobj0_whatever_is_selected(version: int) -> None:
     async with rws_cell() as cell, robot_at(cell, version) as robot:
         before = await robot.read_pose()
-        cell.cell.breaks("rws-other-tool")
+        cell.cell.inject_fault("rws-other-tool")
         assert np.array_equal((await robot.read_pose()).base_T_flange, before.base_T_flange)
 
 
@@ -135,12 +135,12 @@ async def test_the_panel_is_told_by_the_controller(version: int) -> None:
 async def test_modules_are_uploaded_when_asked_and_never_without_mastership(version: int) -> None:
     modules = {"CELL_shared.sys": b"MODULE CELL_shared(SYSMODULE)\r\nENDMODULE\r\n"}
     async with rws_cell() as cell, robot_at(cell, version) as robot:
-        cell.cell.breaks("rws-mastership-held")
+        cell.cell.inject_fault("rws-mastership-held")
         with pytest.raises(RequestRefused) as refused:
             await robot.upload_modules(modules)
         assert refused.value.status == "MASTERSHIP_HELD"
         assert cell.world.volumes.files == {}
-        cell.cell.mends()
+        cell.cell.clear_faults()
         with pytest.raises(RequestRefused) as running:
             await robot.upload_modules(modules, load_into="T_ROB1")
         assert running.value.status == "WRONG_STATE"
@@ -155,15 +155,15 @@ async def test_modules_are_uploaded_when_asked_and_never_without_mastership(vers
 async def test_reconnects_and_a_restart_leave_one_session(version: int) -> None:
     async with rws_cell() as cell:
         sessions = (cell.cell.rws.first if version == 1 else cell.cell.rws.second).sessions
-        for _ in range(SESSIONS_MAX - 3):
+        for _ in range(MAX_SESSIONS - 3):
             sessions.open("another client", cell.cell.clock())
         for _ in range(6):
             robot = RwsRobot(RwsAddress.parse(cell.rws(version) + f"?version={version}"), quick_timing())
             await robot.stop()
             await robot.close()
-        assert sessions.count == SESSIONS_MAX - 3
+        assert sessions.count == MAX_SESSIONS - 3
         async with robot_at(cell, version) as robot:
-            cell.cell.breaks("link-restart")
+            cell.cell.inject_fault("link-restart")
             await robot.connected(10.0)
             await eventually(lambda: robot.watching and sessions.count == 1)
             await robot.read_pose()
@@ -184,13 +184,13 @@ async def test_each_fault_has_its_error_and_is_over_when_it_is_over(
     version: int, fault: str, kind: type[DeviceError], words: str
 ) -> None:
     async with rws_cell() as cell, robot_at(cell, version, f"?version={version}") as robot:
-        cell.cell.breaks(fault)
+        cell.cell.inject_fault(fault)
         with pytest.raises(DeviceError) as refused:
             await robot.read_pose()
         assert isinstance(refused.value, kind), refused.value
         assert words in str(refused.value)
         await eventually(lambda: not robot.link.connected and words in robot.link.detail)
-        cell.cell.mends()
+        cell.cell.clear_faults()
         await robot.connected(10.0)
         assert (await robot.read_pose()).still
 
@@ -198,7 +198,7 @@ async def test_each_fault_has_its_error_and_is_over_when_it_is_over(
 @VERSIONS
 async def test_a_fault_of_which_no_version_is_known_is_told_in_the_controllers_words(version: int) -> None:
     async with rws_cell() as cell:
-        cell.cell.breaks("rws-503")
+        cell.cell.inject_fault("rws-503")
         robot = RwsRobot(RwsAddress.parse(cell.rws(version)), quick_timing())
         with pytest.raises(DeviceUnreachable, match="503"):
             await robot.stop()
@@ -222,8 +222,8 @@ async def test_nobody_there_is_told_for_both_versions_and_a_wrong_password_is_tr
 async def test_a_subscription_that_has_gone_mute_is_noticed_and_opened_again(version: int) -> None:
     async with rws_cell() as cell, robot_at(cell, version) as robot:
         await eventually(lambda: robot.watching)
-        cell.cell.breaks("rws-subscription-gone")
-        cell.cell.mends()
+        cell.cell.inject_fault("rws-subscription-gone")
+        cell.cell.clear_faults()
         cell.controller.switch_motors(False, cell.cell.clock())
         await eventually(lambda: robot.newest_event < cell.controller.recorded)
         await eventually(lambda: "motoroff" in robot.link.detail)
@@ -235,7 +235,7 @@ async def test_a_subscription_that_has_gone_mute_is_noticed_and_opened_again(ver
 
 async def test_robotware_8_has_no_mastership_and_the_upload_says_so() -> None:
     async with rws_cell() as cell, robot_at(cell, 2) as robot:
-        cell.cell.breaks("rws-410")
+        cell.cell.inject_fault("rws-410")
         with pytest.raises(RequestRefused, match="no mastership any more") as refused:
             await robot.upload_modules({"x.mod": b"MODULE x\nENDMODULE"})
         assert refused.value.status == "GONE"
@@ -243,7 +243,7 @@ async def test_robotware_8_has_no_mastership_and_the_upload_says_so() -> None:
 
 async def test_a_late_answer_is_waited_for() -> None:
     async with rws_cell() as cell, robot_at(cell, 2) as robot:
-        cell.cell.breaks("rws-slow")
+        cell.cell.inject_fault("rws-slow")
         began_s = time.monotonic()
         await robot.read_joints()
         assert time.monotonic() - began_s > 0.9
@@ -268,7 +268,7 @@ async def test_the_second_way_stops_a_move_when_the_cb_link_breaks(version: int)
         try:
             await eventually(lambda: robot.link.connected and robot.link.detail.endswith("way to stop: there"))
             await robot.set_armed(True)
-            cell.cell.breaks("link-reset", only=Command.STATUS, after_moves=1)
+            cell.cell.inject_fault("link-reset", only=Command.STATUS, after_moves=1)
             arm = cell.controller.arm.arm
             goal = MoveGoal(arm.forward(AWAY), Configuration(*arm.configuration(AWAY)), speed_mm_s=50.0)
             with pytest.raises(LinkLost):

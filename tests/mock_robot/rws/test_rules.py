@@ -8,7 +8,7 @@ import pytest
 
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.mastership import POLL_LIMIT_S
-from mock_robot.rws.sessions import BURST, IDLE_S, SESSIONS_MAX, Session, Sessions, SessionsExhausted
+from mock_robot.rws.sessions import BURST, IDLE_S, MAX_SESSIONS, Session, Sessions, SessionsExhausted
 from tests.mock_robot.rws_cell import FORM_2, RwsCell, rws_cell_apart
 
 START = {"regain": "continue", "execmode": "continue", "cycle": "once", "condition": "none", "stopatbp": "disabled",
@@ -110,22 +110,22 @@ def test_rws_2_wants_basic_and_the_right_password(cell: RwsCell) -> None:
 def test_a_client_that_loses_its_cookies_takes_every_session_and_then_is_told_503(cell: RwsCell) -> None:
     with httpx.Client(verify=False) as forgetful:
         answers = []
-        for _ in range(SESSIONS_MAX + 1):
+        for _ in range(MAX_SESSIONS + 1):
             forgetful.cookies.clear()
             url = f"{cell.second}/rw/panel/ctrl-state"
             answers.append(forgetful.get(url, auth=("Admin", "robotics"), headers=FORM_2).status_code)
-    assert answers == [200] * SESSIONS_MAX + [503]
+    assert answers == [200] * MAX_SESSIONS + [503]
 
 
 def test_idle_sessions_die_after_five_minutes_and_a_logout_frees_one_at_once(cell: RwsCell) -> None:
     ended: list[Session] = []
     sessions = Sessions(ended.append)
-    for _ in range(SESSIONS_MAX):
+    for _ in range(MAX_SESSIONS):
         sessions.open("u", 0.0)
     with pytest.raises(SessionsExhausted):
         sessions.open("u", IDLE_S - 1)
     assert sessions.open("u", IDLE_S + 1).user == "u"
-    assert len(ended) == SESSIONS_MAX
+    assert len(ended) == MAX_SESSIONS
     with cell.client_1() as client:
         client.get("/rw/system")
         client.get("/logout")
@@ -296,7 +296,7 @@ def test_without_tool_and_work_object_the_pose_is_of_what_is_selected_at_the_pen
         explicit = {"tool": "tool0", "wobj": "wobj0", "json": "1"}
         before = robtarget(client, json="1")
         assert before == robtarget(client, **explicit)
-        cell.does(lambda: cell.cell.breaks("rws-other-tool"))
+        cell.does(lambda: cell.cell.inject_fault("rws-other-tool"))
         assert robtarget(client, **explicit) == before
         assert robtarget(client, json="1")["z"] != before["z"]
         for coordinate in ("Base", "World", "Word", "Wobj"):

@@ -147,7 +147,7 @@ async def test_a_restart_loses_sessions_subscriptions_and_mastership() -> None:
         await client.post("/rw/mastership/request")
         path = await subscribed(client, STATE[2])
         async with socket(client, path, 2) as connection:
-            cell.cell.breaks("link-restart")
+            cell.cell.inject_fault("link-restart")
             with pytest.raises(ConnectionClosed):
                 await heard(connection)
         assert cell.cell.rws.second.sessions.count == 0

@@ -10,7 +10,7 @@ from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, T
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from mock_robot.scene.camera_view import facing, render, render_smeared, scene_reflectance
 from mock_robot.scene.optics import CLEAN, Optics
-from mock_robot.scene.printed_target import printed
+from mock_robot.scene.printed_target import print_target
 
 STRONG = CameraModel(
     np.array([[1300.0, 0.0, 640.3], [0.0, 1301.0, 480.7], [0.0, 0.0, 1.0]]),
@@ -40,7 +40,7 @@ def poses(count: int, seed: int = 3) -> list[Array]:
 
 def clean_picture(camera: CameraModel, target: Target, camera_T_target: Array) -> Array:
     rng = np.random.default_rng(0)
-    return scene_reflectance(camera, printed(target), camera_T_target, CLEAN, rng).astype(float)
+    return scene_reflectance(camera, print_target(target), camera_T_target, CLEAN, rng).astype(float)
 
 
 def edge_errors(picture: Array, camera: CameraModel, camera_T_target: Array) -> list[float]:
@@ -123,7 +123,7 @@ def polygon_centroid(corners: Array) -> tuple[Array, float]:
 def test_every_kind_agrees_with_brute_force_sampling(kind: str) -> None:
     """16 × 16 points a pixel, each sent through the camera's own inverse."""
     target = KINDS[kind]
-    sheet = printed(target)
+    sheet = print_target(target)
     pose = transform(rotation_from_vector([0.3, -0.4, 0.2]), [0.0, 0.0, 420.0]) @ transform(
         np.eye(3), [*-sheet.outline_mm.mean(axis=0), 0.0]
     )
@@ -173,8 +173,8 @@ def test_a_target_through_the_camera_plane_is_drawn_where_it_is_in_front_only() 
     y, x = (axis.ravel() for axis in np.mgrid[3:960:7, 3:1280:7])
     rays = STRONG.normalise(np.column_stack([x, y]).astype(float))
     u, v, w = np.linalg.inv(steep[:3, [0, 1, 3]]) @ np.column_stack([rays, np.ones(len(rays))]).T
-    on_plane = np.where(w > 0, printed(board).reflectance(u / w, v / w), np.nan)
-    ghosts = np.isfinite(printed(board).reflectance(u / w, v / w)) & (w < 0)
+    on_plane = np.where(w > 0, print_target(board).reflectance(u / w, v / w), np.nan)
+    ghosts = np.isfinite(print_target(board).reflectance(u / w, v / w)) & (w < 0)
 
     assert ghosts.sum() > 100, "this view must be able to show a ghost"
     assert np.isfinite(on_plane).sum() > 1000
@@ -189,7 +189,7 @@ def test_small_dots_have_their_whole_area() -> None:
     for distance in (800.0, 1300.0):
         pose = transform(np.eye(3), [-50.3, -40.1, distance])
         dark = (1.0 - clean_picture(PLAIN, dots, pose)) * (clean_picture(PLAIN, dots, pose) != np.float32(0.35))
-        outline = printed(dots).outline_mm
+        outline = print_target(dots).outline_mm
         left, top, right, bottom = np.rint(
             PLAIN.project(map_points(pose, np.column_stack([outline, np.zeros(4)])))[[0, 2]].ravel()
         ).astype(int)
@@ -225,7 +225,7 @@ def test_the_same_seed_gives_the_same_picture_and_another_seed_other_noise() -> 
 
 
 def test_a_smeared_picture_is_the_mean_of_its_moments() -> None:
-    pose = facing(400.0, printed(BOARD))
+    pose = facing(400.0, print_target(BOARD))
     moved = transform(np.eye(3), [3.0, 0.0, 0.0]) @ pose
     smeared = render_smeared(STRONG, BOARD, [pose, moved], CLEAN, np.random.default_rng(1)).astype(float)
     first, second = (render(STRONG, BOARD, p, CLEAN, np.random.default_rng(1)).astype(float) for p in (pose, moved))

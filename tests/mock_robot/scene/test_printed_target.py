@@ -6,12 +6,12 @@ import pytest
 
 from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid
 from calibration.transforms import Array
-from mock_robot.scene.printed_target import Sheet, UnprintableTarget, printed
+from mock_robot.scene.printed_target import PrintOptions, UnprintableTarget, print_target
 
 
 def at_pixels(target: Charuco | AprilTagGrid, shape: tuple[int, int], pixels_a_mm: float) -> Array:
     y, x = np.indices(shape)
-    return printed(target).reflectance((x + 0.5) / pixels_a_mm, (y + 0.5) / pixels_a_mm)
+    return print_target(target).reflectance((x + 0.5) / pixels_a_mm, (y + 0.5) / pixels_a_mm)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_an_apriltag_grid_is_what_opencv_generates() -> None:
 
 
 def test_a_chessboard_begins_with_black_before_its_first_inner_corner() -> None:
-    sheet = printed(Chessboard(3, 2, 10.0))
+    sheet = print_target(Chessboard(3, 2, 10.0))
     u, v = np.array([-5.0, 5.0, 5.0, -15.0, 35.0]), np.array([-5.0, -5.0, 5.0, -5.0, -25.0])
     assert sheet.reflectance(u, v)[:4] == pytest.approx([0.0, 1.0, 0.0, 1.0])
     assert np.isnan(sheet.reflectance(u, v)[4])
@@ -63,7 +63,7 @@ def test_a_chessboard_begins_with_black_before_its_first_inner_corner() -> None:
 @pytest.mark.parametrize("dots", ["black", "white"])
 def test_a_dot_lies_at_every_point_and_paper_between(layout: str, dots: str) -> None:
     target = CircleGrid(layout, 4, 5, 40.0, dots)  # type: ignore[arg-type]
-    sheet = printed(target)
+    sheet = print_target(target)
     inside, outside = (1.0, 0.0) if dots == "white" else (0.0, 1.0)
     u, v, _ = target.points_mm.T
     radius = 0.25 * (40.0 if layout == "symmetric" else 40.0 / np.sqrt(2))
@@ -78,7 +78,7 @@ def test_the_large_dot_is_the_first_point_and_round(layout: str) -> None:
     target = CircleGrid(layout, 4, 5, 40.0, "black", "large-dot")  # type: ignore[arg-type]
     radius = 0.5 * (40.0 if layout == "symmetric" else 40.0 / np.sqrt(2))
     angle = np.linspace(0, 2 * np.pi, 40)
-    sheet = printed(target)
+    sheet = print_target(target)
     assert np.all(sheet.reflectance(0.98 * radius * np.cos(angle), 0.98 * radius * np.sin(angle)) == 0.0)
     assert np.all(sheet.reflectance(1.02 * radius * np.cos(angle), 1.02 * radius * np.sin(angle)) == 1.0)
 
@@ -86,13 +86,15 @@ def test_the_large_dot_is_the_first_point_and_round(layout: str) -> None:
 @pytest.mark.parametrize(
     ("target", "sheet", "words"),
     [
-        (Charuco(5, 5, 20.0, 15.0, "DICT_9X9"), Sheet(), "no marker dictionary"),
-        (Charuco(5, 5, 20.0, 15.0, "__doc__"), Sheet(), "no marker dictionary"),
-        (Charuco(20, 20, 20.0, 15.0, "DICT_4X4_50"), Sheet(), "50 markers"),
-        (AprilTagGrid(8, 8, 20.0, 5.0, "tag16h5"), Sheet(), "30 markers"),
-        (CircleGrid("symmetric", 4, 4, 20.0), Sheet(dot_ratio=1.1), "smaller dot ratio"),
+        (Charuco(5, 5, 20.0, 15.0, "DICT_9X9"), PrintOptions(), "no marker dictionary"),
+        (Charuco(5, 5, 20.0, 15.0, "__doc__"), PrintOptions(), "no marker dictionary"),
+        (Charuco(20, 20, 20.0, 15.0, "DICT_4X4_50"), PrintOptions(), "50 markers"),
+        (AprilTagGrid(8, 8, 20.0, 5.0, "tag16h5"), PrintOptions(), "30 markers"),
+        (CircleGrid("symmetric", 4, 4, 20.0), PrintOptions(dot_ratio=1.1), "smaller dot ratio"),
     ],
 )
-def test_what_cannot_be_printed_is_said(target: Charuco | AprilTagGrid | CircleGrid, sheet: Sheet, words: str) -> None:
+def test_what_cannot_be_printed_is_said(
+    target: Charuco | AprilTagGrid | CircleGrid, sheet: PrintOptions, words: str
+) -> None:
     with pytest.raises(UnprintableTarget, match=words):
-        printed(target, sheet)
+        print_target(target, sheet)

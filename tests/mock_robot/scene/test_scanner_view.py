@@ -10,7 +10,7 @@ from calibration.transforms import Array, inverse, map_points, rotation_from_vec
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.part_mesh import surface_samples
 from mock_robot.scene.scanner_view import ScannerModel, cast, cloud_ply, scan
-from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.score_ply import read_points
 from mock_robot.truth.truth import CellTruth
 
@@ -112,7 +112,7 @@ def test_the_taught_views_together_cover_the_door_though_guess_and_rack_are_off(
     metal = surface_samples(10.0)
     for seed in (0, 1, 2):
         truth = CellTruth.from_seed(seed)
-        views = [inverse(truth.base_T_part) @ pose @ truth.flange_T_scanner for pose in suggested_scan_poses(truth)]
+        views = [inverse(truth.base_T_part) @ pose @ truth.flange_T_scanner for pose in scan_poses_of(truth)]
         clouds = [map_points(view, scan(COARSE, [view], np.random.default_rng(1))) for view in views]
         distance, _ = cKDTree(np.concatenate(clouds)).query(metal)
         assert np.mean(distance < 6.0) > 0.99

@@ -14,8 +14,8 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.targets import AprilTagGrid, Chessboard, CircleGrid
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.camera_view import render
-from mock_robot.scene.printed_target import printed
-from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.scene.printed_target import print_target
+from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.truth import TARGET_MIDDLE_MM, CellTruth
 from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet, target_document, truth_document
 
@@ -23,7 +23,7 @@ SEEDS = range(40)
 
 
 def middle(truth: CellTruth) -> Array:
-    return np.append(printed(truth.target, truth.sheet).outline_mm.mean(axis=0), 0.0)
+    return np.append(print_target(truth.target, truth.sheet).outline_mm.mean(axis=0), 0.0)
 
 
 def test_the_same_seed_is_the_same_cell_and_another_seed_another() -> None:
@@ -96,7 +96,7 @@ def test_the_arm_reaches_every_taught_scan_pose_inside_the_box() -> None:
     for seed in SEEDS:
         truth = CellTruth.from_seed(seed)
         joints = np.zeros(6)
-        for pose in suggested_scan_poses(truth):
+        for pose in scan_poses_of(truth):
             joints = find_arm(truth.arm).nearest(pose, joints)  # raises when it cannot
             assert np.all((pose[:3, 3] > low) & (pose[:3, 3] < high))
 

@@ -6,7 +6,7 @@ from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import difference, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.scanner_view import ScannerModel, scan
-from mock_robot.truth.part_views import suggested_scan_poses
+from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.truth import CellTruth
 from registration.fusion.overlap import agreement
 from registration.fusion.pose_adjustment import refine_poses
@@ -18,7 +18,7 @@ NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
 
 def test_views_of_the_door_agree_as_well_as_the_scanner_measures_and_refinement_beats_the_robot() -> None:
     truth, random = CellTruth.from_seed(1), np.random.default_rng(1)
-    said = suggested_scan_poses(truth)[:4]
+    said = scan_poses_of(truth)[:4]
     errors = [
         transform(rotation_from_vector(random.normal(0, NOISE.rotation_rad, 3)), random.normal(0, 0.3, 3)) for _ in said
     ]
