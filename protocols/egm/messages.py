@@ -86,7 +86,7 @@ def _fields_by_number(data: bytes) -> dict[int, Value]:
 def _message_field(parts: dict[int, Value], number: int) -> bytes:
     value = parts.get(number)
     if not isinstance(value, bytes):
-        raise NotProtobuf(f"field {number} holds no message {number}")
+        raise NotProtobuf(f"field {number} holds no message")
     return value
 
 

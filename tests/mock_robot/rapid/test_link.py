@@ -424,10 +424,10 @@ async def test_when_the_link_task_dies_every_task_stops(tmp_path) -> None:  # ty
         async with over_tcp(flawed.devices.address[1]) as client:  # type: ignore[index]
             await client.is_armed()
             assert await client.asks(move_to(AWAY, 50.0)) == cb.MoveAccepted()
-            await eventually(flawed.unit.moving)
+            await eventually(flawed.unit.is_moving)
             client.write(client.session.request(cb.GetJoints()))
             await eventually(lambda: not flawed.panel.program_running)
-            await eventually(lambda: not flawed.unit.moving())
+            await eventually(lambda: not flawed.unit.is_moving())
         assert [entry.code for entry in flawed.log] == [10020, 10014]
         assert "ERR_FILEOPEN" in flawed.log[0].text
         assert "CELL_comm.mod:" in flawed.log[0].text
