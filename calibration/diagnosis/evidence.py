@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
+from calibration.linear_algebra import scaled_inverse
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import PixelStatistics, pixel_statistics
 from calibration.problem import Problem, Setup, anchor_T_mount_of
@@ -71,9 +72,7 @@ def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camer
     """From corners and each view's own pose (n, 4, 4); the pixel noise is what those poses leave."""
     statistics = pixel_statistics(seen, camera, camera_T_target)
     pixel = pixel_deviation(statistics)
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(statistics.normal, axis1=1, axis2=2), 1e-12))
-    scaled = statistics.normal * scale[:, :, None] * scale[:, None, :] + 1e-12 * np.eye(6)
-    covariance = pixel**2 * scale[:, :, None] * np.linalg.inv(scaled) * scale[:, None, :]
+    covariance = pixel**2 * scaled_inverse(statistics.normal)
     indices = np.array([problem.views[position].index for position in seen.positions], np.intp)
     redundancy = np.maximum(statistics.count - 6.0, 1.0)
     return Evidence(problem.setup, indices, seen.base_T_flange, camera_T_target, covariance, redundancy)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
 from calibration.kinematics.robot_accuracy import MIN_REPEATABILITY
+from calibration.linear_algebra import inverse_or_pseudo_inverse, scaled_solve
 from calibration.problem import Setup, base_T_flange_of
 from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, transform, vector_from_rotation
 
@@ -74,14 +75,14 @@ class Fit:
 
     def step(self) -> Array:
         """What the shared unknowns (p,) still lack, to first order."""
-        information = inverted(self.covariance)[None]
+        information = inverse_or_pseudo_inverse(self.covariance)[None]
         step, _ = _step(_Linear(self.residuals[None], self.by_shared[None], self.by_robot[None]), information)
         missing: Array = step[0]
         return missing
 
     def distances(self) -> Array:
         """Squared Mahalanobis distance (n,) of every view."""
-        return _squared(self.residuals, inverted(self.covariance))
+        return _squared(self.residuals, inverse_or_pseudo_inverse(self.covariance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +255,7 @@ def _covariance(by_images: Array, by_robot: Array, variances: Array) -> Array:
 def _weighted(stack: _Stack, linear: _Linear, variances: Array) -> tuple[Array, Array]:
     """Inverse covariance (t, n, 6, 6) and the log-likelihood (t,)."""
     covariance = _covariance(stack.covariance, linear.by_robot, variances)
-    information = inverted(covariance)
+    information = inverse_or_pseudo_inverse(covariance)
     sign, log_determinant = np.linalg.slogdet(covariance)
     squared = _squared(linear.residuals, information)
     value = -0.5 * np.sum(log_determinant + squared, axis=-1)
@@ -267,10 +268,8 @@ def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
     t, n, _, p = linear.by_shared.shape
     weighted = np.swapaxes((information @ linear.by_shared).reshape(t, 6 * n, p), -1, -2)
     normal = weighted @ linear.by_shared.reshape(t, 6 * n, p)
-    gradient = (weighted @ linear.residuals.reshape(t, 6 * n, 1))[..., 0]
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=-2, axis2=-1), SMALLEST_INFORMATION))
-    scaled = scale[:, :, None] * normal * scale[:, None, :] + 1e-12 * np.eye(p)
-    step = -scale * _solved(scaled, (scale * gradient)[..., None])[..., 0]
+    gradient = weighted @ linear.residuals.reshape(t, 6 * n, 1)
+    step = -scaled_solve(normal, gradient)[..., 0]
     # A wrong assumption may have no sensible fit: keep the steps within what still is a cell.
     longest = np.resize(LONGEST_STEP, p)
     step = np.clip(np.nan_to_num(step), -longest, longest)
@@ -313,21 +312,6 @@ def _moved(a_T_b: Array, step: Array) -> Array:
 def _where(chosen: NDArray[np.bool_], new: Array, old: Array) -> Array:
     """`new` for the chosen members of a stack, `old` for the others."""
     return np.where(chosen.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-
-
-def _solved(matrices: Array, right_hand: Array) -> Array:
-    try:
-        return np.asarray(np.linalg.solve(matrices, right_hand), np.float64)
-    except np.linalg.LinAlgError:  # one of the assumptions leaves something undetermined
-        return np.asarray(np.linalg.pinv(matrices, hermitian=True) @ right_hand, np.float64)
-
-
-def inverted(matrices: Array) -> Array:
-    """Inverses of a stack (..., k, k)."""
-    try:
-        return np.asarray(np.linalg.inv(matrices), np.float64)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(matrices, hermitian=True), np.float64)
 
 
 def _squared(residuals: Array, information: Array) -> Array:

@@ -8,6 +8,7 @@ from scipy.stats import f as fisher
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import pixel_deviation
 from calibration.intrinsics.bundle_adjustment import adjust
+from calibration.linear_algebra import scaled_pseudo_inverse, scaled_solve
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, pixel_statistics
 from calibration.observations.view_poses import refined_poses
@@ -74,14 +75,12 @@ def lens_misfit(
 def _chance_of_a_step(seen: Observations, camera: CameraModel, poses: Array) -> float:
     """A score test: what one linear step of the intrinsics promises, for the price of one look at the pixels."""
     sums = pixel_statistics(seen, camera, poses, free_intrinsics=True)
-    own = sums.normal[:, :6, :6] + 1e-12 * np.einsum("nii->ni", sums.normal[:, :6, :6])[:, :, None] * np.eye(6)
     coupling, gradient = sums.normal[:, :6, 6:], sums.gradient[:, :6, None]
-    solved = np.linalg.solve(own, np.concatenate([coupling, gradient], axis=2))
+    solved = scaled_solve(sums.normal[:, :6, :6], np.concatenate([coupling, gradient], axis=2))
     across = np.swapaxes(coupling, 1, 2) @ solved
     information = (sums.normal[:, 6:, 6:] - across[:, :, :-1]).sum(axis=0)
     score = (sums.gradient[:, 6:] - across[:, :, -1]).sum(axis=0)
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information), 1e-30))
-    promised = scale * score @ np.linalg.pinv(scale[:, None] * information * scale, rcond=1e-10) @ (scale * score)
+    promised = score @ scaled_pseudo_inverse(information, 1e-10) @ score
     before = pixel_deviation(sums) ** 2
     redundancy = max(float(sums.count.sum()) - 6 * len(seen), 1.0)
     left = max(1 - float(promised) / (before * redundancy), 1e-6)

@@ -10,10 +10,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, inverted
+from calibration.diagnosis.fit import Fit
 from calibration.diagnosis.hypothesis import few_views_factor, price_of
 from calibration.diagnosis.view_hypotheses import STRETCH
 from calibration.kinematics.robot_accuracy import MAX_USUAL_NOISE
+from calibration.linear_algebra import inverse_or_pseudo_inverse, scaled_inverse, scaled_solve
 from calibration.transforms import Array
 
 FEW_VIEWS = 20
@@ -38,17 +39,16 @@ def suspicious(evidence: Evidence, fitted: Fit) -> bool:
 def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:
     """Each kind's estimated gain, and the limit that it must pass."""
     n = len(evidence)
-    weights = inverted(fitted.covariance)
+    weights = inverse_or_pseudo_inverse(fitted.covariance)
     by_shared, residuals = fitted.by_shared, fitted.residuals[..., None]
     weighted = weights @ by_shared
     normal = np.swapaxes(by_shared, 1, 2) @ weighted
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal.sum(axis=0)), 1e-30))
-    shared = scale[:, None] * inverted(scale[:, None] * normal.sum(axis=0) * scale + 1e-12 * np.eye(12)) * scale
+    shared = scaled_inverse(normal.sum(axis=0))
 
     # One view is off: its distance from the others, in their own uncertainty and its own.
     outside = fitted.covariance - by_shared @ shared @ np.swapaxes(by_shared, 1, 2)
     ridge = 1e-9 * np.einsum("nii->ni", fitted.covariance)[:, :, None] * np.eye(6)
-    distances = np.einsum("nik,nij,njl->nkl", residuals, inverted(outside + ridge), residuals)[:, 0, 0]
+    distances = np.einsum("nik,nij,njl->nkl", residuals, inverse_or_pseudo_inverse(outside + ridge), residuals)[:, 0, 0]
     yield _gain(float(distances.max()), n, 1, 7 * n), ONE_VIEW
 
     # X, or the target's pose, is another from some view on.
@@ -69,9 +69,7 @@ def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:
 
 
 def _largest_fall(score: Array, information: Array) -> float:
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-30))
-    scaled = scale[:, :, None] * information * scale[:, None, :] + 1e-9 * np.eye(6)
-    falls = np.einsum("ni,nij,nj->n", scale * score, inverted(scaled), scale * score)
+    falls = np.sum(score * scaled_solve(information, score[..., None], ridge=1e-9)[..., 0], axis=-1)
     return float(falls.max(initial=0.0))
 
 

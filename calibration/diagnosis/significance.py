@@ -13,8 +13,14 @@ from itertools import product
 import numpy as np
 from scipy.stats import chi2
 
-from calibration.diagnosis.fit import SMALLEST_INFORMATION, SMALLEST_VARIANCE, Fit, inverted
+from calibration.diagnosis.fit import SMALLEST_INFORMATION, SMALLEST_VARIANCE, Fit
 from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
+from calibration.linear_algebra import (
+    inverse_or_pseudo_inverse,
+    scaled_inverse_and_log_determinant,
+    scaled_solve,
+    squared_distances,
+)
 from calibration.transforms import Array
 
 GRIDS = (5, 5, 7)
@@ -66,18 +72,15 @@ class Background:
         by_shared = fitted.by_shared
         n, _, p = by_shared.shape
         # Views stacked: (k, p, 6 n) @ (6 n, p + 1)
-        information = inverted(covariance)
+        information = inverse_or_pseudo_inverse(covariance)
         weighted = np.swapaxes((information @ by_shared).reshape(len(logs), 6 * n, p), 1, 2)
         both = weighted @ np.concatenate([by_shared, fitted.residuals[..., None]], axis=2).reshape(6 * n, p + 1)
         normal, gradient = both[:, :, :p], both[:, :, p]
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), SMALLEST_INFORMATION))
-        scaled = scale[:, :, None] * normal * scale[:, None, :] + 1e-12 * np.eye(p)
-        shared = scale[:, :, None] * inverted(scaled) * scale[:, None, :]
+        shared, log_determinant = scaled_inverse_and_log_determinant(normal)
         steps = -(shared @ gradient[..., None])[..., 0]
         weighted_residuals = (information @ fitted.residuals[..., None])[..., 0]
         square = np.sum(weighted_residuals * fitted.residuals, axis=(1, 2)) + np.sum(steps * gradient, axis=1)
-        determinants = np.linalg.slogdet(covariance)[1].sum(axis=1) + np.linalg.slogdet(scaled)[1]
-        determinants -= 2 * np.log(scale).sum(axis=1)
+        determinants = np.linalg.slogdet(covariance)[1].sum(axis=1) + log_determinant
         stated = np.sum(((logs - np.log(PRIOR_NOISE.levels())) / np.log(PRIOR_FACTOR)) ** 2, axis=1)
         likely = -0.5 * (determinants + square + stated)
         weights = np.exp(likely - likely.max())
@@ -90,7 +93,7 @@ class Background:
 
     def _chance(self, off: Array, covariance: Array) -> float:
         """Of values (k, d) with covariances (k, d, d)."""
-        return float(self.weights @ chi2.sf(_squares(off, covariance), off.shape[1]))
+        return float(self.weights @ chi2.sf(squared_distances(off, covariance), off.shape[1]))
 
     def of_outsider(self, seen: Fit) -> "Outsider":
         """A view that took no part in the fit, as `fit.applied` sees it."""
@@ -128,7 +131,7 @@ class Outsider:
     def fitting(self, slopes: Array) -> Array:
         """Multiples (m,) of each of the `slopes` (m, 6) that, added, leave least."""
         step, covariance = self._averaged()
-        directions = _solved(covariance, slopes.T)  # (6, m)
+        directions = scaled_solve(covariance, slopes.T)  # (6, m)
         own = np.maximum(np.sum(slopes.T * directions, axis=0), SMALLEST_INFORMATION)
         multiples: Array = -((self.residual + step) @ directions) / own
         return multiples
@@ -137,7 +140,7 @@ class Outsider:
         """Squared distance (m,) of other residuals (m, 6) that the view could have."""
         step, covariance = self._averaged()
         off = residuals + step
-        squares: Array = np.sum(off.T * _solved(covariance, off.T), axis=0)
+        squares: Array = np.sum(off.T * scaled_solve(covariance, off.T), axis=0)
         return squares
 
     def _averaged(self) -> tuple[Array, Array]:
@@ -146,17 +149,3 @@ class Outsider:
         mean = weights @ self.steps
         off = self.steps - mean
         return mean, np.tensordot(weights, self.covariances, 1) + (weights[:, None] * off).T @ off
-
-
-def _squares(off: Array, covariance: Array) -> Array:
-    """off' covariance^-1 off (k,), of values (k, d)."""
-    squares: Array = np.sum(off[..., None] * _solved(covariance, off[..., None]), axis=(-2, -1))
-    return squares
-
-
-def _solved(matrix: Array, right_hand: Array) -> Array:
-    """(..., d, d) of numbers as different as radians and millimetres, and (..., d, m)."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), SMALLEST_INFORMATION))[..., None]
-    scaled = scale * matrix * np.swapaxes(scale, -1, -2) + 1e-12 * np.eye(matrix.shape[-1])
-    solved: Array = scale * (inverted(scaled) @ (scale * right_hand))
-    return solved

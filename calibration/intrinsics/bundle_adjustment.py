@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
+from calibration.linear_algebra import MIN_DETERMINED, RIDGE, scaled_pseudo_inverse, scaled_solve
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, pixel_statistics, with_intrinsics
 from calibration.observations.view_poses import moved
@@ -102,10 +103,8 @@ def _prior(camera: CameraModel) -> tuple[Array, Array]:
 
 def _schur(normal: _Normal, damping: float) -> tuple[Array, Array, Array]:
     """The intrinsics' own equations, and the inverse pose blocks (n, 6, 6) times gradient and coupling."""
-    index = np.arange(6)
-    blocks = normal.poses.copy()
-    blocks[:, index, index] *= 1 + damping + 1e-12
-    solved = np.linalg.solve(blocks, np.concatenate([normal.poses_gradient[..., None], normal.coupling], axis=2))
+    right_hand = np.concatenate([normal.poses_gradient[..., None], normal.coupling], axis=2)
+    solved = scaled_solve(normal.poses, right_hand, damping + RIDGE)
     own = normal.intrinsics + damping * np.diag(np.diag(normal.intrinsics))
     own = own - np.einsum("nij,nik->jk", normal.coupling, solved[:, :, 1:])
     return own, solved[:, :, 0], solved[:, :, 1:]
@@ -115,6 +114,5 @@ def _solve(normal: _Normal, damping: float) -> tuple[Array, Array]:
     """Steps of the intrinsics (k,) and of the poses (n, 6)."""
     own, by_gradient, by_coupling = _schur(normal, damping)
     right = normal.gradient - np.einsum("nij,ni->j", normal.coupling, by_gradient)
-    scale = 1 / np.sqrt(np.maximum(np.diag(own), 1e-300))
-    step = -scale * np.linalg.lstsq(own * scale[:, None] * scale, scale * right, rcond=1e-13)[0]
+    step = -scaled_pseudo_inverse(own, MIN_DETERMINED) @ right
     return step, -(by_gradient + by_coupling @ step)

@@ -9,7 +9,8 @@ import numpy as np
 
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.mixed_model import covariance_of, of_views
+from calibration.likelihood.mixed_model import of_views
+from calibration.linear_algebra import covariance_of, squared_distances
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import pixel_statistics
 from calibration.transforms import Array, inverse, vector_from_rotation
@@ -48,8 +49,7 @@ def disagreement(best: Estimate, left_out: LeftOut, by_shared: Array) -> Array:
     own = covariance_of(information[:, :6, :6])
     off = (own @ gradient[:, :6, None])[..., 0]
     spread = own + by_shared @ left_out.covariance[:, :12, :12] @ np.swapaxes(by_shared, 1, 2)
-    squared: Array = np.einsum("ni,ni->n", off, (covariance_of(spread) @ off[..., None])[..., 0])
-    return squared
+    return squared_distances(off, spread)
 
 
 def outside_disagreement(best: Estimate, seen: Observations, camera_T_target: Array) -> Array:
@@ -62,5 +62,4 @@ def outside_disagreement(best: Estimate, seen: Observations, camera_T_target: Ar
     by_robot, by_shared = chain.by_correction(expected) * best.variances.deviations(), chain.by_shared(expected)
     spread = own + by_robot @ np.swapaxes(by_robot, 1, 2)
     spread += by_shared @ best.step.covariance[:12, :12] @ np.swapaxes(by_shared, 1, 2)
-    squared: Array = np.einsum("ni,ni->n", vector, (covariance_of(spread) @ vector[..., None])[..., 0])
-    return squared
+    return squared_distances(vector, spread)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.likelihood.chain import Chain
+from calibration.linear_algebra import covariance_of
 from calibration.observations.reprojection import PixelStatistics
 from calibration.transforms import Array
 
@@ -225,12 +226,3 @@ def woodbury(model: MixedModel, variances: Variances) -> Array:
     scaled = deviation[:, None] * model.UU * deviation + variances.pixel * np.eye(6)
     K: Array = deviation[:, None] * np.linalg.inv(scaled) * deviation
     return K
-
-
-def covariance_of(information: Array) -> Array:
-    """Inverses of symmetric positive matrices (..., k, k) whose unknowns have different units."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-30))
-    values, vectors = np.linalg.eigh(scale[..., :, None] * information * scale[..., None, :])
-    vectors = scale[..., :, None] * vectors
-    covariance: Array = (vectors / np.maximum(values, 1e-14)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    return covariance

@@ -15,6 +15,7 @@ import numpy as np
 from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
 from calibration.likelihood.mixed_model import MixedModel, Variances, summed_products
 from calibration.likelihood.variance_components import redundancy
+from calibration.linear_algebra import MIN_EIGENVALUE, scaled_inverse_and_log_determinant
 from calibration.transforms import Array
 
 MOST_STATED_VIEWS = 7
@@ -121,13 +122,9 @@ def _at(model: MixedModel, variances: Variances, deviations: Array) -> _At:
     known = model.known_information(variances)
     information = (total[:p, :p] - explained[:, :p, :p]) / pixel + np.diag(known)
     gradient = (total[:p, p] - explained[:, :p, p]) / pixel + known * model.offset
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-30))
-    factor = np.linalg.cholesky(scale[:, :, None] * information * scale[:, None, :] + 1e-14 * np.eye(p))
-    root = scale[:, :, None] * np.swapaxes(np.linalg.inv(factor), 1, 2)
-    covariance = root @ np.swapaxes(root, 1, 2)
+    covariance, log_S = scaled_inverse_and_log_determinant(information, MIN_EIGENVALUE)
     b = -(covariance @ gradient[..., None])[..., 0]
     log_V = np.linalg.slogdet(scaled)[1].sum(axis=1)
-    log_S = 2 * np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) - 2 * np.log(scale).sum(axis=1)
     quadratic = (
         (total[p, p] - explained[:, p, p]) / pixel + np.sum(known * model.offset**2) + np.sum(b * gradient, axis=1)
     )

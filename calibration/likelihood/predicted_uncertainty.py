@@ -16,6 +16,7 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.mixed_model import Variances, linearised, of_views, solve
+from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import pixel_statistics
 from calibration.problem import Setup, anchor_T_mount_of
@@ -82,7 +83,7 @@ def predict(scene: Scene, base_T_flange: Array) -> Prediction:
 
 def prediction_of(scene: Scene, information: Array, distance_mm: float) -> Prediction:
     """The prediction of a summed information matrix."""
-    covariance = covariance_of(information)
+    covariance = covariance_or_inf(information, 6)
     weights = point_weights(working_points_mm(scene.camera, distance_mm))
     mount_R_camera = scene.mount_T_camera[:3, :3]
     known = bool(np.all(np.isfinite(covariance)))
@@ -106,19 +107,6 @@ def uncertainty_of(
         point_mm=float(np.sqrt(np.sum(weights * covariance))),
         covariance=covariance,
     )
-
-
-def covariance_of(information: Array) -> Array:
-    """Covariance (..., 6, 6) of X from information (..., k, k) on (X, rest); infinite where it is singular."""
-    # Radians and millimetres differ by orders of magnitude: scale to unit diagonal before judging singularity.
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-300))
-    scaled = information * scale[..., :, None] * scale[..., None, :]
-    values, vectors = np.linalg.eigh(scaled)
-    determined = values[..., 0] > 1e-13
-    values = np.where(determined[..., None], values, 1.0)
-    x_rows = vectors[..., :6, :] * scale[..., :6, None]
-    covariance: Array = (x_rows / values[..., None, :]) @ np.swapaxes(x_rows, -1, -2)
-    return np.where(determined[..., None, None], covariance, np.diag(np.full(6, np.inf)))
 
 
 def view_information(scene: Scene, base_T_flange: Array) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.likelihood.mixed_model import MixedModel, Step, Variances, solve, summed_products
+from calibration.linear_algebra import unit_diagonal
 from calibration.transforms import Array
 
 SMALLEST_PIXEL_VARIANCE = 1e-6
@@ -107,8 +108,8 @@ def _scored(found: Redundancy, variances: Variances) -> Variances:
 
 def _nonnegative(fisher: Array, quadratic: Array) -> tuple[float, float]:
     """The non-negative solution of two equations; a component that wants to be negative is zero."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(fisher), 1e-30))
-    scaled, right_hand = scale[:, None] * fisher * scale, scale * quadratic
+    scaled, scale = unit_diagonal(fisher)
+    right_hand = scale * quadratic
     if abs(np.linalg.det(scaled)) > 1e-9:
         both = scale * np.linalg.solve(scaled, right_hand)
         if np.all(both >= 0):

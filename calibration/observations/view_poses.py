@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.errors import DetectionError
+from calibration.linear_algebra import scaled_solve
 from calibration.observations.observations import FEWEST_CORNERS, Observations, observe
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.problem import Detection, Problem, View
@@ -119,9 +120,7 @@ def refined_poses(seen: Observations, camera: CameraModel, camera_T_target: Arra
     before = 0.0
     for _ in range(iterations):
         statistics = pixel_statistics(seen, camera, camera_T_target)
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(statistics.normal, axis1=1, axis2=2), 1e-12))
-        scaled = statistics.normal * scale[:, :, None] * scale[:, None, :] + 1e-10 * np.eye(6)
-        step = -scale * np.linalg.solve(scaled, (scale * statistics.gradient)[..., None])[..., 0]
+        step = -scaled_solve(statistics.normal, statistics.gradient[..., None])[..., 0]
         camera_T_target = moved(camera_T_target, step)
         longest = float(np.max(np.abs(step), initial=0.0))
         # Gauss-Newton converges linearly: the next step would be shorter by as much as this one was.

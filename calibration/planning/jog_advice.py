@@ -12,13 +12,13 @@ import numpy as np
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import (
     Scene,
-    covariance_of,
     median_distance_mm,
     point_weights,
     prediction_of,
     view_information,
     working_points_mm,
 )
+from calibration.linear_algebra import covariance_or_inf
 from calibration.observability import summarise_motion
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.scene_belief import SceneBelief, ScenePrior, infer_scene
@@ -118,7 +118,7 @@ def _best_jog(
     weights = point_weights(working_points_mm(scene.camera, distance_mm))
     regularised = information.copy()
     regularised[:, :6, :6] += np.linalg.inv(prior_covariance)  # two views do not determine X
-    sigma_mm = np.sqrt(np.einsum("ij,nji->n", weights, covariance_of(regularised)))
+    sigma_mm = np.sqrt(np.einsum("ij,nji->n", weights, covariance_or_inf(regularised, 6)))
     single = np.array([len(choices[row]) == 1 for row in np.flatnonzero(keep)])
     best = int(np.argmin(np.where(single, sigma_mm, MIN_GAIN_OF_TWO_TURNS * sigma_mm)))
     row = int(np.flatnonzero(keep)[best])

@@ -13,7 +13,8 @@ from calibration.camera import CameraModel
 from calibration.closed_forms.kronecker import kronecker
 from calibration.errors import DetectionError, UndeterminedError
 from calibration.intrinsics.zhang_init import DEFAULT_FOCAL_OF_WIDTH
-from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, covariance_of, predict, view_information
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict, view_information
+from calibration.linear_algebra import covariance_or_inf
 from calibration.observability import summarise_motion
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import target_pose
@@ -188,7 +189,7 @@ def _rough_belief(
     fixed_lens = replace(scene, intrinsics_free=False)
     information = view_information(fixed_lens, np.array([view.base_T_flange for view in seen])).sum(axis=0)
     information[:6, :6] += np.linalg.inv(prior_covariance)
-    posterior = covariance_of(information)
+    posterior = covariance_or_inf(information, 6)
     covariance = caution**2 * (posterior if np.all(np.isfinite(posterior)) else prior_covariance)
     others = []
     for lens in (camera,) if prior.camera else _alternative_cameras(camera):

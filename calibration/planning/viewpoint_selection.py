@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from calibration.likelihood.predicted_uncertainty import (
     Scene,
-    covariance_of,
     point_weights,
     view_information,
     working_points_mm,
 )
+from calibration.linear_algebra import covariance_or_inf
 from calibration.planning.viewpoints import (
     ViewpointLimits,
     clip_to_limits,
@@ -72,7 +72,7 @@ class Search:
         distance = float(np.mean(self.limits.distance_mm))
         weights = point_weights(working_points_mm(self.scene.camera, distance))
         with np.errstate(invalid="ignore"):
-            variance = np.einsum("ij,nji->n", weights, covariance_of(information))
+            variance = np.einsum("ij,nji->n", weights, covariance_or_inf(information, 6))
         return np.where(np.isfinite(variance), variance, np.inf)
 
 

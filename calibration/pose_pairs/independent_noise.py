@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import gammaln
 from scipy.stats import f as f_distribution
 
+from calibration.linear_algebra import covariance_of
 from calibration.pose_pairs.noise_models import CAMERAS, Sources, robot
 from calibration.pose_pairs.reml_optimizer import (
     Moments,
@@ -18,7 +19,6 @@ from calibration.pose_pairs.reml_optimizer import (
     climbed,
     first_variances,
     floor_variances,
-    inverted,
     limited,
     spent_on,
 )
@@ -85,7 +85,7 @@ def _state(pairs: PosePairs, chain: Chain, variances: Array, camera: str, tails:
     weights = (tails + 6) / (tails + distances) if np.isfinite(tails) else np.ones(len(pairs))
     weighted = ((information * weights[:, None, None]) @ at.by_shared).reshape(-1, at.by_shared.shape[2])
     normal = weighted.T @ at.by_shared.reshape(weighted.shape)
-    covariance = inverted(normal)
+    covariance = covariance_of(normal)
     step = limited(-covariance @ (weighted.T @ at.residuals.reshape(-1)))
     left = at.residuals + at.by_shared @ step
     moments = _moments(directions, information, weights, left, at, covariance)

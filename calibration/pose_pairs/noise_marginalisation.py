@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp, ndtri
 
+from calibration.linear_algebra import scaled_inverse_and_log_determinant
 from calibration.pose_pairs.independent_noise import PoseFit
 from calibration.pose_pairs.noise_models import CAMERAS, Sources, robot
 from calibration.pose_pairs.noise_priors import WIDELY, prior_of
@@ -111,11 +112,8 @@ def _restricted(at: Linearised, spreads: Array, levels: Array) -> tuple[Array, A
     weighted = (np.linalg.inv(noise) @ both).reshape(k, -1, p + 1)
     total = both.reshape(-1, p + 1).T @ weighted
     normal, gradient, square = total[:, :p, :p], total[:, :p, p], total[:, p, p]
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-30))
-    scaled = scale[:, :, None] * normal * scale[:, None, :] + 1e-12 * np.eye(p)
-    covariances = scale[:, :, None] * np.linalg.inv(scaled) * scale[:, None, :]
+    covariances, log_normal = scaled_inverse_and_log_determinant(normal)
     steps = -(covariances @ gradient[..., None])[..., 0]
-    log_normal = np.linalg.slogdet(scaled)[1] - 2 * np.log(scale).sum(axis=1)
     square = square + np.sum(steps * gradient, axis=1)
     log_likelihood: Array = -0.5 * (np.linalg.slogdet(noise)[1].sum(axis=1) + log_normal + square)
     return log_likelihood, steps, covariances

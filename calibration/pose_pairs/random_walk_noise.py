@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from calibration.closed_forms.kronecker import as_rotation
+from calibration.linear_algebra import covariance_of
 from calibration.pose_pairs.independent_noise import PoseFit
 from calibration.pose_pairs.noise_models import DRIFTING
 from calibration.pose_pairs.reml_optimizer import (
@@ -20,7 +21,6 @@ from calibration.pose_pairs.reml_optimizer import (
     climbed,
     first_variances,
     floor_variances,
-    inverted,
     limited,
     spent_on,
 )
@@ -76,7 +76,7 @@ def _state(pairs: PosePairs, chain: Chain, variances: Array, chosen: NDArray[np.
     information = np.asarray(np.linalg.inv(total), np.float64)
     weighted = information @ by_shared
     normal = by_shared.T @ weighted
-    covariance = inverted(normal)
+    covariance = covariance_of(normal)
     step = limited(-covariance @ (weighted.T @ residuals))
     moments = _moments(shares, information, weighted, residuals + by_shared @ step, covariance, floor)
     square = float(np.linalg.slogdet(total)[1] + residuals @ information @ residuals)

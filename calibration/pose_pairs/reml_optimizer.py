@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
+from calibration.linear_algebra import unit_diagonal
 from calibration.pose_pairs.residuals import Chain
 from calibration.transforms import Array
 
@@ -46,8 +47,8 @@ class Moments:
 
     def scored(self) -> Array:
         """The variances, none below zero, with which the squares are what one expects."""
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(self.fisher), 1e-30))
-        values, vectors = np.linalg.eigh(scale[:, None] * self.fisher * scale)
+        scaled, scale = unit_diagonal(self.fisher)
+        values, vectors = np.linalg.eigh(scaled)
         # Sources that act alike are told apart by nothing: least squares with the square root of what is left of it.
         root = np.sqrt(np.maximum(values, SMALLEST_EIGENVALUE))
         explained = scale * (self.squares + self.spent - self.floor)
@@ -107,11 +108,3 @@ def limited(step: Array) -> Array:
     """A step that stays within what still is a cell."""
     longest = LONGEST_STEP[: len(step)]
     return np.clip(step, -longest, longest)
-
-
-def inverted(normal: Array) -> Array:
-    """The inverse (p, p), never with a negative square; what is unobservable is left very uncertain."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(normal), 1e-30))
-    values, vectors = np.linalg.eigh(scale[:, None] * normal * scale)
-    root = scale[:, None] * vectors / np.sqrt(np.maximum(values, 1e-12))
-    return np.asarray(root @ root.T)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.likelihood.mixed_model import covariance_of
+from calibration.linear_algebra import covariance_of, scaled_inverse, unit_diagonal
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, pixel_rows, with_intrinsics
 from calibration.observations.view_poses import moved
@@ -59,9 +59,9 @@ def deviates(seen: Observations, camera: CameraModel, camera_T_target: Array, fr
         return False
     few = np.unique(np.linspace(0, len(seen) - 1, MOST_TEST_VIEWS).astype(np.intp))
     system = _system(seen.take(few), camera, camera_T_target[few], free)
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(system.information), 1e-300))
-    scale[np.diagonal(system.information) < 1e-9 * np.diagonal(system.information).max()] = 0.0
-    correlation = scale[:, None] * system.information * scale
+    correlation, scale = unit_diagonal(system.information)
+    unseen = np.diagonal(system.information) < 1e-9 * np.diagonal(system.information).max()
+    scale[unseen], correlation[unseen], correlation[:, unseen] = 0.0, 0.0, 0.0
     statistic = np.sum((scale * system.gradient) ** 2) / system.variance
     return bool(statistic - np.trace(correlation) > CONVINCING * np.sqrt(2 * np.sum(correlation**2)))
 
@@ -132,7 +132,7 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
     c = shared.shape[-1]
     # Dense blocks by view: pose × pose, pose × offsets, pose × intrinsics.
     pose_rows = rows[..., :6].reshape(n, 2 * m, 6)
-    HH = np.linalg.inv(np.swapaxes(pose_rows, 1, 2) @ pose_rows + 1e-12 * np.eye(6))
+    HH = scaled_inverse(np.swapaxes(pose_rows, 1, 2) @ pose_rows)
     HS = _by_id(seen, np.swapaxes(rows[..., :6], 2, 3) @ by_point, k).transpose(0, 2, 1, 3).reshape(n, 6, 3 * k)
     HC = np.swapaxes(pose_rows, 1, 2) @ shared.reshape(n, 2 * m, c)
     hg = (np.swapaxes(pose_rows, 1, 2) @ residual.reshape(n, 2 * m, 1))[..., 0]

@@ -10,7 +10,7 @@ from calibration.errors import GeometryError, UndeterminedError
 from calibration.likelihood.chain import Chain, correction_transforms
 from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.mixed_model import covariance_of
+from calibration.linear_algebra import covariance_of
 from calibration.observability import require_observable
 from calibration.observations.observations import scaled
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics

@@ -11,10 +11,11 @@ import numpy as np
 
 from calibration.likelihood.augmented_model import Widened
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.mixed_model import MixedModel, Variances, covariance_of, solve, with_trend
+from calibration.likelihood.mixed_model import MixedModel, Variances, solve, with_trend
 from calibration.likelihood.noise_marginalisation import averaged, log_restricted
 from calibration.likelihood.systematic_errors import CENTRE, NO_DOUBT, Doubt, trend_basis
 from calibration.likelihood.variance_components import estimate_variances
+from calibration.linear_algebra import covariance_of, squared_distances
 from calibration.observations.reprojection import INTRINSICS
 from calibration.preprocessing.prepare import Prepared
 from calibration.solver.view_outliers import Selection
@@ -123,7 +124,7 @@ def _centre_moves(model: MixedModel, best: Estimate) -> bool:
     step = solve(model, best.variances)
     columns = np.flatnonzero(model.known > 0)
     moved, doubt = step.b[columns], step.covariance[np.ix_(columns, columns)]
-    return bool(moved @ np.linalg.solve(doubt, moved) > WORTH_A_TRIAL_CENTRE)
+    return bool(squared_distances(moved, doubt) > WORTH_A_TRIAL_CENTRE)
 
 
 def _trend_shows(model: MixedModel, p: int, best: Estimate) -> bool:
