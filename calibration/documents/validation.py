@@ -2,11 +2,15 @@
 
 import difflib
 import json
-from typing import Any, TypeVar, get_args
+from collections.abc import Iterable
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from calibration.errors import DocumentError, DocumentProblem
+
+TOP = "document"
+"""The place of the document itself."""
 
 
 class Document(BaseModel):
@@ -45,9 +49,7 @@ def _problem(model: type[BaseModel], detail: Any) -> DocumentProblem:
     location = detail["loc"]
     match detail["type"]:
         case "extra_forbidden":
-            nearest = difflib.get_close_matches(str(location[-1]), _all_keys(model), n=1, cutoff=0.5)
-            fix = f"did you mean '{nearest[0]}'?" if nearest else "remove it"
-            return DocumentProblem(_place(location), "unknown key", fix)
+            return DocumentProblem(_place(location), "unknown key", _mend(model, location))
         case "missing":
             return DocumentProblem(_place(location), "missing", "add it")
         case _:
@@ -58,7 +60,7 @@ def _problem(model: type[BaseModel], detail: Any) -> DocumentProblem:
 def _place(location: tuple[int | str, ...]) -> str:
     """views[3].base_T_flange.quaternion_wxyz"""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
-    return text.lstrip(".") or "document"
+    return text.lstrip(".") or TOP
 
 
 def _short(value: Any) -> str:
@@ -66,19 +68,43 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _all_keys(model: type[BaseModel]) -> set[str]:
-    """Every key of the model and of the models within it."""
-    keys: set[str] = set()
-    pending: list[Any] = [model]
-    seen: set[Any] = set()
+def nearest_fix(name: str, known: Iterable[str]) -> str | None:
+    """A question that names the one of `known` most like `name`; None when none is like it."""
+    nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"did you mean '{nearest[0]}'?" if nearest else None
+
+
+def _mend(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
+    """What to do with an unknown key: move it to where it is known, correct its spelling, or remove it."""
+    key, here = str(location[-1]), _place(tuple(part for part in location[:-1] if isinstance(part, str)))
+    places = _places(model)
+    if known_in := [place for place, keys in places.items() if key in keys]:
+        return f"move it to {' or '.join(known_in).replace(TOP, 'the top level')}, or remove it"
+    beside = places.get(here, set())
+    return nearest_fix(key, beside) or nearest_fix(key, set().union(*places.values())) or "remove it"
+
+
+def _places(model: type[BaseModel]) -> dict[str, set[str]]:
+    """The keys that may stand in each place; list indices are left out of the place."""
+    places: dict[str, set[str]] = {}
+    pending: list[tuple[tuple[str, ...], type[BaseModel]]] = [((), model)]
     while pending:
-        kind = pending.pop()
-        if kind in seen:
-            continue
-        seen.add(kind)
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            for name, field in kind.model_fields.items():
-                keys.add(field.alias or name)
-                pending.append(field.annotation)
-        pending.extend(get_args(kind))
-    return keys
+        path, kind = pending.pop(0)
+        places[_place(path)] = {field.alias or name for name, field in kind.model_fields.items()}
+        for name, field in kind.model_fields.items():
+            inner, below = _models(field.annotation), (*path, field.alias or name)
+            pending += [((*below, *_tag(one)) if len(inner) > 1 else below, one) for one in inner]
+    return places
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """The models in an annotation, through unions, lists and options."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for inner in get_args(annotation) for model in _models(inner)]
+
+
+def _tag(model: type[BaseModel]) -> tuple[str, ...]:
+    """What pydantic adds to the location of a model in a discriminated union: the value of its Literal field."""
+    kinds = (field.annotation for field in model.model_fields.values())
+    return tuple(str(get_args(kind)[0]) for kind in kinds if get_origin(kind) is Literal)[:1]

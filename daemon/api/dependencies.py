@@ -1,6 +1,5 @@
 """How a route reaches the application, its body and its query."""
 
-import difflib
 import json
 from collections.abc import Awaitable, Callable, Iterator
 from typing import Annotated, Any, Protocol, TypeVar
@@ -8,7 +7,7 @@ from typing import Annotated, Any, Protocol, TypeVar
 from fastapi import Depends, Path, Query, Request
 from pydantic import BaseModel
 
-from calibration.documents.validation import Document, validate_document
+from calibration.documents.validation import Document, nearest_fix, validate_document
 from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, RequestRefused
 from daemon.application import Application
@@ -95,8 +94,7 @@ def only_known_queries(request: Request) -> None:
     problems = []
     for name in request.query_params:
         if name not in known:
-            nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-            fix = f"did you mean '{nearest[0]}'?" if nearest else "remove it"
+            fix = nearest_fix(name, known) or "remove it"
             problems.append(DocumentProblem(f"query.{name[:60]}", "unknown query parameter", fix))
     if problems:
         raise RequestRefused(problems)
