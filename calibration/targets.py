@@ -10,7 +10,28 @@ from typing import Literal
 
 import numpy as np
 
+from calibration.errors import DetectionError
 from calibration.transforms import Array
+
+_MARKERS = {
+    **{f"DICT_{bits}X{bits}_{count}": count for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
+    "DICT_ARUCO_ORIGINAL": 1024,
+    "DICT_ARUCO_MIP_36h12": 250,
+    "DICT_APRILTAG_16h5": 30,
+    "DICT_APRILTAG_25h9": 35,
+    "DICT_APRILTAG_36h10": 2320,
+    "DICT_APRILTAG_36h11": 587,
+}
+MARKER_COUNTS = _MARKERS | {name.upper(): count for name, count in _MARKERS.items()}
+"""Number of markers in each of OpenCV's dictionaries, by its name in cv2.aruco, where some have a second spelling."""
+
+TAG_FAMILIES = {
+    "tag36h11": "DICT_APRILTAG_36h11",
+    "tag36h10": "DICT_APRILTAG_36h10",
+    "tag25h9": "DICT_APRILTAG_25h9",
+    "tag16h5": "DICT_APRILTAG_16h5",
+}
+"""OpenCV's dictionary of each AprilTag family."""
 
 
 def _grid(columns: int, rows: int, pitch_mm: float) -> Array:
@@ -92,3 +113,23 @@ class AprilTagGrid:
 
 
 Target = Chessboard | Charuco | CircleGrid | AprilTagGrid
+
+
+def require_markers(target: Target) -> None:
+    """Raises DetectionError `unknown-dictionary` or `dictionary-too-small` for a target that cannot be printed."""
+    match target:
+        case Charuco():
+            name, needed = target.dictionary, target.columns * target.rows // 2
+            if name not in MARKER_COUNTS:
+                fix = "use one of OpenCV's, like DICT_5X5_100"
+                raise DetectionError("unknown-dictionary", f"the dictionary {name!r} is not known", fix)
+        case AprilTagGrid():
+            if target.family not in TAG_FAMILIES:
+                what, fix = f"the tag family {target.family!r} is not known", f"use one of {', '.join(TAG_FAMILIES)}"
+                raise DetectionError("unknown-dictionary", what, fix)
+            name, needed = TAG_FAMILIES[target.family], target.columns * target.rows
+        case _:
+            return
+    if needed > MARKER_COUNTS[name]:
+        what = f"{name} has {MARKER_COUNTS[name]} markers, a target of this size needs {needed}"
+        raise DetectionError("dictionary-too-small", what, "check the dictionary, columns and rows")

@@ -10,15 +10,9 @@ from calibration.detection.image import Grey, downscale, to_full_size
 from calibration.detection.tag_edges import refine_squares
 from calibration.errors import DetectionError
 from calibration.problem import Detection
-from calibration.targets import AprilTagGrid
+from calibration.targets import TAG_FAMILIES, AprilTagGrid, require_markers
 from calibration.transforms import Array
 
-DICTIONARIES = {
-    "tag16h5": cv2.aruco.DICT_APRILTAG_16h5,
-    "tag25h9": cv2.aruco.DICT_APRILTAG_25h9,
-    "tag36h10": cv2.aruco.DICT_APRILTAG_36h10,
-    "tag36h11": cv2.aruco.DICT_APRILTAG_36h11,
-}
 SEARCH_PIXELS = (2.0e6, np.inf)
 """Pixels of the image that is searched, one after the other until all tags are found."""
 EDGE_REACH_OF_MODULE = 0.8
@@ -28,12 +22,10 @@ EDGE_REACH_OF_MODULE = 0.8
 def detect_apriltags(image: Grey, target: AprilTagGrid) -> Detection:
     """Four corners of every tag in view, ids as in AprilTagGrid.
 
-    Raises DetectionError `not-found`, `unknown-dictionary`.
+    Raises DetectionError `not-found`, `unknown-dictionary`, `dictionary-too-small`.
     """
-    if target.family not in DICTIONARIES:
-        what = f"the tag family {target.family!r} is not known"
-        raise DetectionError("unknown-dictionary", what, f"use one of {', '.join(DICTIONARIES)}")
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[target.family])
+    require_markers(target)
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, TAG_FAMILIES[target.family]))
     tags, rough = _read_tags(image, dictionary, target.columns * target.rows)
     if len(tags) == 0:
         what = f"no {target.family} tag of the grid was found"

@@ -20,7 +20,7 @@ from calibration.detection.saddle import refine_saddles
 from calibration.detection.squares import half_window_px, narrowest_side
 from calibration.errors import DetectionError
 from calibration.problem import Detection
-from calibration.targets import Charuco
+from calibration.targets import Charuco, require_markers
 from calibration.transforms import Array
 
 LATTICE_PIXELS, RING_RADII_PX, MIN_JOINED_CORNERS = 1.3e6, (4.0, 2.5), 9
@@ -75,14 +75,8 @@ def _detect_by_markers(image: Grey, board: Any) -> Detection:
 
 def charuco_board(target: Charuco) -> Any:
     """OpenCV's board. Raises DetectionError `unknown-dictionary`, `dictionary-too-small`."""
-    number = getattr(cv2.aruco, target.dictionary, None) if target.dictionary.startswith("DICT_") else None
-    if number is None:
-        what = f"the dictionary {target.dictionary!r} is not known"
-        raise DetectionError("unknown-dictionary", what, "use one of OpenCV's, like DICT_5X5_100")
-    dictionary, needed = cv2.aruco.getPredefinedDictionary(number), target.columns * target.rows // 2
-    if needed > len(dictionary.bytesList):
-        what = f"{target.dictionary} has {len(dictionary.bytesList)} markers, the board of this size {needed}"
-        raise DetectionError("dictionary-too-small", what, "check the dictionary, columns and rows")
+    require_markers(target)
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
     board = cv2.aruco.CharucoBoard((target.columns, target.rows), target.square_mm, target.marker_mm, dictionary)
     board.setLegacyPattern(target.legacy)
     return board

@@ -6,8 +6,16 @@ from pydantic import Field, PositiveFloat, model_validator
 
 from calibration import targets
 from calibration.documents.validation import Document
+from calibration.errors import DetectionError
 
 Count = Annotated[int, Field(ge=2, le=200)]
+
+
+def _require_markers(target: targets.Target) -> None:
+    try:
+        targets.require_markers(target)
+    except DetectionError as error:
+        raise ValueError(str(error)) from None
 
 
 class ChessboardDocument(Document):
@@ -39,6 +47,11 @@ class CharucoDocument(Document):
             raise ValueError("marker_mm must be smaller than square_mm")
         return self
 
+    @model_validator(mode="after")
+    def _markers_exist(self) -> "CharucoDocument":
+        _require_markers(self.target())
+        return self
+
     def target(self) -> targets.Charuco:
         return targets.Charuco(self.columns, self.rows, self.square_mm, self.marker_mm, self.dictionary, self.legacy)
 
@@ -67,6 +80,11 @@ class AprilTagGridDocument(Document):
     tag_mm: PositiveFloat
     gap_mm: PositiveFloat
     family: str = "tag36h11"
+
+    @model_validator(mode="after")
+    def _tags_exist(self) -> "AprilTagGridDocument":
+        _require_markers(self.target())
+        return self
 
     def target(self) -> targets.AprilTagGrid:
         return targets.AprilTagGrid(self.columns, self.rows, self.tag_mm, self.gap_mm, self.family)

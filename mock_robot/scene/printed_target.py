@@ -11,17 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
+from calibration.targets import TAG_FAMILIES, AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
 from calibration.transforms import Array
 
 BLACK, WHITE = 0.0, 1.0
-
-APRILTAG_DICTIONARIES = {
-    "tag16h5": "DICT_APRILTAG_16h5",
-    "tag25h9": "DICT_APRILTAG_25h9",
-    "tag36h10": "DICT_APRILTAG_36h10",
-    "tag36h11": "DICT_APRILTAG_36h11",
-}
 
 
 class UnprintableTarget(ValueError):
@@ -161,7 +154,7 @@ def _charuco(target: Charuco, sheet: PrintOptions) -> PrintedTarget:
 
 
 def _apriltags(target: AprilTagGrid, sheet: PrintOptions) -> PrintedTarget:
-    dictionary = _dictionary(APRILTAG_DICTIONARIES.get(target.family, target.family))
+    dictionary = _dictionary(TAG_FAMILIES.get(target.family, target.family))
     modules = dictionary.markerSize + 2
     offsets = target.tag_mm / modules * np.arange(modules + 1)
     pitch_mm = target.tag_mm + target.gap_mm

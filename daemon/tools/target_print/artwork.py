@@ -5,9 +5,8 @@ from functools import singledispatch
 import cv2
 import numpy as np
 
-from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
+from calibration.targets import TAG_FAMILIES, AprilTagGrid, Charuco, Chessboard, CircleGrid, Target, require_markers
 from calibration.transforms import Array
-from daemon.tools.target_print.errors import PrintRefused
 from daemon.tools.target_print.shapes import Artwork, Box, Disc, Rectangles
 
 DOT_RADIUS = 0.25
@@ -16,12 +15,10 @@ DOT_RADIUS = 0.25
 LARGE_DOT_RADIUS = 0.375
 """The origin dot of a circle grid: half as large again as the rest."""
 
-FAMILIES = ("tag36h11", "tag36h10", "tag25h9", "tag16h5")
-
 
 @singledispatch
 def artwork(target: Target) -> Artwork:
-    """The shapes of `target` and the paper it needs. Raises PrintRefused for a dictionary OpenCV does not have."""
+    """The shapes of `target` and the paper it needs. Raises DetectionError for markers that OpenCV does not have."""
     raise TypeError(f"no artwork for {type(target).__name__}")
 
 
@@ -36,7 +33,8 @@ def _(target: Chessboard) -> Artwork:
 
 @artwork.register
 def _(target: Charuco) -> Artwork:
-    dictionary = _dictionary(target.dictionary, target.columns * target.rows // 2)
+    require_markers(target)
+    dictionary = _dictionary(target.dictionary)
     board = cv2.aruco.CharucoBoard((target.columns, target.rows), target.square_mm, target.marker_mm, dictionary)
     board.setLegacyPattern(target.legacy)
     corners_mm = [np.asarray(corners, float)[:, :2] for corners in board.getObjPoints()]
@@ -70,9 +68,8 @@ def _(target: CircleGrid) -> Artwork:
 @artwork.register
 def _(target: AprilTagGrid) -> Artwork:
     origins = target.points_mm[::4, :2]
-    if target.family not in FAMILIES:
-        raise PrintRefused(f"target: no tag family is called {target.family}", f"one of {', '.join(FAMILIES)}")
-    dictionary = _dictionary(f"DICT_APRILTAG_{target.family.removeprefix('tag')}", len(origins))
+    require_markers(target)
+    dictionary = _dictionary(TAG_FAMILIES[target.family])
     tags = tuple(_marker(dictionary, tag, origin, target.tag_mm) for tag, origin in enumerate(origins))
     (right, bottom), margin = origins.max(axis=0) + target.tag_mm, target.tag_mm / 2
     return Artwork(tags, Box(-margin, -margin, right + margin, bottom + margin))
@@ -94,16 +91,8 @@ def _squares(columns: int, rows: int, edge: float, origin: float) -> list[tuple[
     ]
 
 
-def _dictionary(name: str, markers: int) -> "cv2.aruco.Dictionary":
-    number = getattr(cv2.aruco, name, None) if name.startswith("DICT_") else None
-    if number is None:
-        known = ", ".join(sorted(key for key in dir(cv2.aruco) if key.startswith("DICT_")))
-        raise PrintRefused(f"target: OpenCV has no dictionary {name}", f"it has {known}")
-    dictionary = cv2.aruco.getPredefinedDictionary(number)
-    if markers > len(dictionary.bytesList):
-        what = f"target: {name} has {len(dictionary.bytesList)} markers where {markers} are needed"
-        raise PrintRefused(what, "fewer columns and rows, or a larger dictionary")
-    return dictionary
+def _dictionary(name: str) -> "cv2.aruco.Dictionary":
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
 
 
 def _marker(dictionary: "cv2.aruco.Dictionary", marker: int, corner: Array, edge: float) -> Rectangles:

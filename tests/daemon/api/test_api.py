@@ -83,6 +83,8 @@ def pose(**changes: Any) -> dict[str, Any]:
     return {**pose_json(poses_around_the_target(1)[0]), **changes}
 
 
+TAGS = {"kind": "apriltag-grid", "columns": 5, "rows": 7, "tag_mm": 24, "gap_mm": 8}
+
 BAD_BODIES: list[tuple[bytes, int, str, str]] = [
     (b"{", 400, "body-malformed", "line 1, column 2"),
     (b"\xff\xfe", 400, "body-malformed", "UTF-8"),
@@ -102,6 +104,7 @@ BAD_BODIES: list[tuple[bytes, int, str, str]] = [
         "poses[0].translation_mm[0]",
     ),
     (b'{"target": {"kind": "cheessboard"}}', 422, "document-refused", "target"),
+    (json.dumps({"target": {**TAGS, "family": "tag99h9"}}).encode(), 422, "document-refused", "use one of tag36h11"),
 ]
 
 

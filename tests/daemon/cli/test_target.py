@@ -112,13 +112,16 @@ REFUSED = {
     ),
     "unknown page": (["chessboard", "--page", "A9"], "page: none is called 'A9': one of A4, A3"),
     "absurd page": (["chessboard", "--page", "1x1"], "page: none is called '1x1'"),
-    "unknown dictionary": (["charuco", "--dictionary", "DICT_9"], "target: OpenCV has no dictionary DICT_9: it has"),
+    "unknown dictionary": (["charuco", "--dictionary", "DICT_9"], "the dictionary 'DICT_9' is not known: use one"),
     "too many markers": (
         ["charuco", "--columns", "40", "--rows", "40", "--dictionary", "DICT_4X4_50"],
-        "target: DICT_4X4_50 has 50 markers where 800 are needed: fewer columns and rows, or a larger dictionary",
+        "DICT_4X4_50 has 50 markers, a target of this size needs 800: check the dictionary, columns and rows",
     ),
     "marker too large": (["charuco", "--marker-mm", "30"], "target: target.charuco: "),
-    "unknown family": (["apriltag-grid", "--family", "tag1"], "target: no tag family is called tag1: one of tag36h11"),
+    "unknown family": (
+        ["apriltag-grid", "--family", "tag1"],
+        "the tag family 'tag1' is not known: use one of tag36h11",
+    ),
     "not a number": (["circles", "--pitch-mm", "nan"], "target: target.circles.pitch_mm: nan: "),
     "unknown layout": (["circles", "--layout", "round"], "target: target.circles.layout: 'round': "),
 }
@@ -129,7 +132,7 @@ def test_what_cannot_be_printed_is_told(tmp_path: Path, arguments: list[str], li
     ran = handeyed("target", *arguments, "-o", tmp_path / "a.pdf")
 
     assert ran.status == 2
-    assert ran.err.startswith(line), ran.err
+    assert line in ran.err
     assert not (tmp_path / "a.pdf").exists()
 
 

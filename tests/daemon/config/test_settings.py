@@ -19,17 +19,19 @@ EVERYTHING = re.sub("^#(?! |$)", "", EXAMPLE.read_text(), flags=re.MULTILINE)
 OTHER_TARGETS = {"pitch_mm", "layout", "dots", "origin", "tag_mm", "gap_mm", "family"}
 """Keys of other targets than the example's; named in its comments."""
 
-SMALLEST = """
+CHESSBOARD = """kind = "chessboard"
+columns = 11
+rows = 8
+pitch_mm = 20.0"""
+
+SMALLEST = f"""
 [robot]
 address = "tcp://r:1"
 box_mm = [[0, 0, 0], [1, 1, 1]]
 [camera]
 address = "http://c/"
 [target]
-kind = "chessboard"
-columns = 11
-rows = 8
-pitch_mm = 20.0
+{CHESSBOARD}
 """
 
 
@@ -89,6 +91,23 @@ def test_the_example_differs_from_the_defaults_in_nothing_but_what_a_cell_must_s
     [
         (("pitch_mm", "pitchmm"), "target.chessboard.pitchmm", "did you mean 'pitch_mm'?"),
         (("[camera]", "[camra]"), "camra", "did you mean 'camera'?"),
+        (("[camera]", "[camera]\nmatrix = 1"), "camera.matrix", "unknown key: move it to camera.intrinsics"),
+        (("[camera]", "[camera]\nlimit_s = 1"), "camera.limit_s", "scanner or interlocks or robot.settling"),
+        (("[camera]", "[camera]\nserver = 1"), "camera.server", "move it to the top level, or remove it"),
+        (("pitch_mm", "square_mm"), "target.chessboard.square_mm", "move it to target.charuco, or remove it"),
+        (
+            (
+                CHESSBOARD,
+                'kind = "charuco"\ncolumns = 5\nrows = 7\nsquare_mm = 20\nmarker_mm = 15\ndictionary = "DICT_NONE"',
+            ),
+            "target.charuco",
+            "the dictionary 'DICT_NONE' is not known",
+        ),
+        (
+            (CHESSBOARD, 'kind = "apriltag-grid"\ncolumns = 5\nrows = 7\ntag_mm = 24\ngap_mm = 8\nfamily = "tag99h9"'),
+            "target.apriltag-grid",
+            "use one of tag36h11",
+        ),
         (('address = "tcp://r:1"', "speed_mm_s = 300"), "robot.speed_mm_s", "less than or equal to 250"),
         (('address = "tcp://r:1"', ""), "robot.address", "missing"),
         (("[1, 1, 1]", "[1, -1, 1]"), "robot", "each minimum below its maximum"),
