@@ -20,7 +20,7 @@ from typing import Any
 
 import httpx
 
-from daemon.cli.demo_run.processes import child
+from daemon.cli.demo_run.processes import start_child
 from daemon.cli.demo_run.settings_file import settings_text
 
 READY_BAR_S = 5.0
@@ -83,7 +83,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="handeyed-restart-") as name:
         folder, took_s, work_s = Path(name), [], []
         mock = ["mock_robot", "run", "--with-parent", "--seed", "7", "--time-scale", "20"]
-        with child("mock-cell", mock, folder) as robot:
+        with start_child("mock-cell", mock, folder) as robot:
             (folder / "handeyed.toml").write_text(settings_text(robot.announcement, 0))
             left = ""
             with _first(folder) as client:
@@ -106,7 +106,7 @@ def main() -> int:
 @contextmanager
 def _first(folder: Path) -> Iterator[httpx.Client]:
     """The daemon that makes the first calibration: register is not ready before."""
-    with child("daemon", ["daemon.cli", "serve", str(folder / "handeyed.toml")], folder) as daemon:
+    with start_child("daemon", ["daemon.cli", "serve", str(folder / "handeyed.toml")], folder) as daemon:
         with httpx.Client(base_url=daemon.announcement["url"], timeout=120, trust_env=False, verify=False) as client:
             yield client
         daemon.process.kill()

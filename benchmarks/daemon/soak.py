@@ -22,7 +22,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from daemon.cli.demo_run.processes import child
+from daemon.cli.demo_run.processes import start_child
 from daemon.cli.demo_run.settings_file import settings_text
 from protocols.modbus.mbap import Adu
 
@@ -188,11 +188,11 @@ def busy_cell() -> Iterator[Cell]:
         folder, plc_port = Path(name), free.getsockname()[1]
         free.close()
         mock = ["mock_robot", "run", "--with-parent", "--seed", "7", "--time-scale", "200"]
-        with child("mock-cell", mock, folder) as robot:
+        with start_child("mock-cell", mock, folder) as robot:
             settings = folder / "handeyed.toml"
             plc = f'[plc]\nport = {plc_port}\nwriters = ["127.0.0.1"]\n'
             settings.write_text(settings_text(robot.announcement, 0) + plc)
-            with child("daemon", ["daemon.cli", "serve", str(settings)], folder) as daemon:
+            with start_child("daemon", ["daemon.cli", "serve", str(settings)], folder) as daemon:
                 cell = Cell(daemon.announcement["url"], daemon.announcement["pid"], plc_port)
                 try:
                     run = cell.run("/calibrate")

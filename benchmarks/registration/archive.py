@@ -18,8 +18,8 @@ import numpy as np
 
 from benchmarks.registration.rows import Cost, cost
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
-from daemon.tools.batch_registration.executors import engine, in_this_process
-from daemon.tools.batch_registration.tasks import Task
+from daemon.tools.batch_registration.executors import open_executor, run_here
+from daemon.tools.batch_registration.tasks import RegistrationTask
 from registration.io.formats import ply
 from registration.points.layout import XYZ_FLOAT32
 
@@ -67,13 +67,13 @@ def main() -> int:
         folder = Path(temporary)
         scans = an_archive(folder / "in", options.scans, options.points)
 
-        def tasks(out: str) -> list[Task]:
-            return [Task(str(folder / "in"), str(folder / out), scan, calibration) for scan in scans]
+        def tasks(out: str) -> list[RegistrationTask]:
+            return [RegistrationTask(str(folder / "in"), str(folder / out), scan, calibration) for scan in scans]
 
-        list(in_this_process(tasks("warm")[:1]))
-        spent = {0: cost(lambda: list(in_this_process(tasks("here"))))}
+        list(run_here(tasks("warm")[:1]))
+        spent = {0: cost(lambda: list(run_here(tasks("here"))))}
         for workers in (1, 2):
-            with engine("local", workers) as run:
+            with open_executor("local", workers) as run:
                 list(run(tasks(f"warm{workers}")[: 2 * workers]))  # imports are paid once, not for each scan
                 before = _busy_s(os.getpid())
                 spent[workers] = cost(lambda w=workers, r=run: list(r(tasks(f"out{w}"))))  # type: ignore[misc]

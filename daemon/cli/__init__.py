@@ -1,7 +1,7 @@
-"""The command line: one module a command, assembled in `main`. Heavy rooms are imported inside the commands."""
+"""The command line: one module per command, assembled in `main`. Heavy packages are imported inside the commands."""
 
 import os
 
-# Before numpy is loaded: its matrices are small here, and on a busy PC threads that share one out wait for each other
-# (a calibration takes up to four times as long). Clouds are not worked on by numpy's linear algebra.
+# Set before numpy is loaded. Its matrices are small here, and on a busy PC its threads wait for each other: a
+# calibration takes up to four times as long. Clouds do not use numpy's linear algebra.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

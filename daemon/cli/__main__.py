@@ -1,4 +1,4 @@
-"""`python -m daemon.cli`: the command without its console script."""
+"""`python -m daemon.cli`: `handeyed` without the console script."""
 
 from daemon.cli.main import main
 

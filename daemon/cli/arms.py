@@ -1,4 +1,4 @@
-"""`handeyed arms`."""
+"""`handeyed arms`: list the known arms."""
 
 import typer
 

@@ -1,4 +1,4 @@
-"""`handeyed assess FILE`: what a calibration from given poses will know."""
+"""`handeyed assess FILE`: the uncertainty that a calibration from given poses will have."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,11 +7,11 @@ import typer
 
 from daemon.cli.errors import ExitStatus
 from daemon.cli.output import Json
-from daemon.cli.plan import prediction_words, read_question
+from daemon.cli.plan import prediction_text, read_plan
 
 
 def assess(
-    file: Annotated[Path, typer.Argument(help='plan.json with "views": \\[pose, ...], poses chosen by somebody.')],
+    file: Annotated[Path, typer.Argument(help='plan.json with "views": \\[pose, ...], the poses to assess.')],
     json: Json = False,
 ) -> None:
     """Predict how well given robot poses will determine the calibration, before anything moves.
@@ -24,11 +24,11 @@ def assess(
     from calibration.errors import DocumentError, DocumentProblem
     from calibration.likelihood.predicted_uncertainty import predict
 
-    question = read_question(file)
+    question = read_plan(file)
     if not question.views:
         raise DocumentError(str(file), [DocumentProblem("views", "missing", "add the poses to assess")])
     poses = np.stack([view.transform() for view in question.views])
     predicted = PredictedDocument.of(predict(question.scene(), poses))
-    typer.echo(AssessedDocument(predicted=predicted).model_dump_json() if json else prediction_words(predicted))
+    typer.echo(AssessedDocument(predicted=predicted).model_dump_json() if json else prediction_text(predicted))
     if predicted.point_mm is None:
         raise typer.Exit(ExitStatus.NOT_ACCEPTED)

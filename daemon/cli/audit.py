@@ -1,4 +1,4 @@
-"""`handeyed audit verify`: was the audit log changed?"""
+"""`handeyed audit verify`: check the audit log's hash chain."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Commands, Json
+from daemon.cli.output import CommandGroup, Json
 
 if TYPE_CHECKING:
     from daemon.access.audit_chain import AuditAnchor
 
-app = typer.Typer(cls=Commands, no_args_is_help=True, help="Who did what; and whether that record is whole.")
+app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="The audit log: check that it is unchanged.")
 
 
 @app.callback()
 def audit() -> None:
-    """Who did what; and whether that record is whole."""
+    """The audit log: check that it is unchanged."""
 
 
 @app.command()
@@ -24,7 +24,9 @@ def verify(
     config: Annotated[Path, typer.Argument(help="The daemon's settings.")],
     anchor: Annotated[
         list[str] | None,
-        typer.Option(help="ROW:HASH that the daemon logged, or you wrote down: the log must still hold it; repeat it."),
+        typer.Option(
+            help="ROW:HASH noted earlier, from the daemon's log or by you; the log must still hold it. May be repeated."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""`handeyed backup` and `handeyed restore`: everything that must survive, as one file."""
+"""`handeyed backup` and `handeyed restore`: the store as one tar file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,7 @@ def backup(
     config: Config,
     out: Annotated[Path, typer.Option("--out", "-o", help="The tar file to write.")] = Path("handeyed-backup.tar"),
 ) -> None:
-    """Write the store into one file, while the daemon runs or not. It holds hashes of keys, but no key."""
+    """Write the store into one file, while the daemon runs or not. It holds hashes of keys, but no keys."""
     from daemon.config.settings import load_settings
     from daemon.runtime.clock import Clock
     from daemon.store.backup import back_up
@@ -25,10 +25,10 @@ def backup(
 
 
 def restore(
-    source: Annotated[Path, typer.Argument(help="What 'handeyed backup' wrote.")],
+    source: Annotated[Path, typer.Argument(help="A file written by 'handeyed backup'.")],
     config: Config,
 ) -> None:
-    """Put a backup where the settings say the store lies; refused where there is one already."""
+    """Restore a backup into the store's folder of the settings; refused when a store exists there."""
     from daemon.config.settings import load_settings
     from daemon.store.backup import restore as restore_store
 

@@ -1,4 +1,4 @@
-"""`handeyed calibrate`: ask the daemon for a calibration, and follow it."""
+"""`handeyed calibrate`: start a calibration through the daemon, and follow it."""
 
 import sys
 from pathlib import Path
@@ -28,20 +28,20 @@ def calibrate(
     apply: Annotated[bool, typer.Option("--apply", help="Put it in force when the verdict accepts it.")] = False,
     json: Json = False,
 ) -> None:
-    """Let the daemon calibrate: THE ROBOT MOVES. Shows progress, then the verdict. Ctrl-C stops the arm.
+    """Calibrate through the daemon: THE ROBOT MOVES. Shows progress, then the verdict. Ctrl-C stops the arm.
 
-    With --manual you move it: after each view you are told what to turn next, and what that will give.
+    With --manual you move it: after each view the command advises the next pose, and predicts its benefit.
 
     Exit status: 0 accepted, 3 solved or refused but not accepted, 1 the run failed.
     """
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.calibration_text import summary
-    from daemon.cli.manual import by_hand
+    from daemon.cli.manual import calibrate_manually
     from daemon.cli.rest_client import DaemonClient
 
-    body = _body(request, count, uncertainty, manual)
+    body = _request_body(request, count, uncertainty, manual)
     with DaemonClient(url) as daemon:
-        run = by_hand(daemon, body) if body.get("manual") else daemon.run("/calibrate", body, _tell)
+        run = calibrate_manually(daemon, body) if body.get("manual") else daemon.run("/calibrate", body, _show_progress)
         if run["state"] != "finished":
             cause = run["cause"] or {"what": f"the run was {run['state']}", "fix": "start it again"}
             raise CommandError(f"{daemon.url}/runs/{run['id']}", cause["what"], cause["fix"])
@@ -56,7 +56,7 @@ def calibrate(
     raise typer.Exit(ExitStatus.OK if document.verdict.accepted else ExitStatus.NOT_ACCEPTED)
 
 
-def _body(request: Path | None, count: int | None, uncertainty: float | None, manual: bool) -> dict[str, Any]:
+def _request_body(request: Path | None, count: int | None, uncertainty: float | None, manual: bool) -> dict[str, Any]:
     from calibration.documents.validation import parse_document
     from daemon.model.requests import CalibrateRequest
     from daemon.sessions.session_reader import read_bytes
@@ -70,12 +70,12 @@ def _body(request: Path | None, count: int | None, uncertainty: float | None, ma
     return body | {name: value for name, value in given.items() if value is not None}
 
 
-def _tell(event: dict[str, Any]) -> None:
-    """One line that is rewritten on a terminal; silence elsewhere, where nobody watches."""
+def _show_progress(event: dict[str, Any]) -> None:
+    """Rewrite one progress line on a terminal; print nothing elsewhere."""
     if not sys.stderr.isatty():
         return
     line = f"station {min(event['station'] + 1, event['stations'])} of {event['stations']}: {event['state']}"
-    from daemon.cli.rest_client import OVER
+    from daemon.cli.rest_client import FINAL_STATES
 
-    over = event["state"] in OVER
+    over = event["state"] in FINAL_STATES
     typer.echo(f"\r\033[K{'' if over else line}", nl=False, err=True)

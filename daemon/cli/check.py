@@ -1,4 +1,4 @@
-"""`handeyed check CONFIG`: could the daemon work with these settings here and now?"""
+"""`handeyed check CONFIG`: check the settings and every device."""
 
 import asyncio
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from daemon.cli.errors import ExitStatus
-from daemon.cli.output import Json, Result
+from daemon.cli.output import CheckResult, Json
 
 
 def check(
@@ -23,7 +23,7 @@ def check(
     from daemon.config.settings import load_settings
 
     settings = load_settings(config)
-    results = [Result("settings", True, f"{config} is complete and consistent")]
+    results = [CheckResult("settings", True, f"{config} is complete and consistent")]
     if not config_only:
         results += [check_storage(settings), *asyncio.run(check_devices(settings))]
     if json:

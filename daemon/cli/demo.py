@@ -1,4 +1,4 @@
-"""`handeyed demo`: the main job against a mock cell, with the truth beside the answer."""
+"""`handeyed demo`: calibrate and register against a mock cell, and compare with the truth."""
 
 import time
 from pathlib import Path
@@ -10,13 +10,13 @@ from daemon.cli.errors import CommandError
 from daemon.cli.output import Json
 
 if TYPE_CHECKING:
-    from daemon.cli.demo_run.processes import Child
+    from daemon.cli.demo_run.processes import ChildProcess
 
 
 def demo(
     folder: Annotated[Path, typer.Option(help="Where the demo keeps its files; emptied at the start.")] = Path(".demo"),
     keep: Annotated[bool, typer.Option("--keep", help="Leave cell and daemon running until Ctrl-C.")] = False,
-    seed: Annotated[int, typer.Option(help="Another number is another cell.")] = 7,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated cell.")] = 7,
     time_scale: Annotated[float, typer.Option(help="How many times faster than real the arm moves.")] = 10.0,
     controller: Annotated[
         str | None, typer.Option(help="Whose robot program answers: rapid (the shipped one, interpreted) or python.")
@@ -24,52 +24,52 @@ def demo(
     as_json: Json = False,
 ) -> None:
     """Calibrate and register against a mock ABB cell over real sockets; print the truth beside the answer."""
-    from daemon.cli.demo_run.processes import child, signals_as_exits
-    from daemon.cli.demo_run.progress import Teller
-    from daemon.cli.demo_run.report import farewell, report, report_json
-    from daemon.cli.demo_run.scenario import VIEW_FILE, play
+    from daemon.cli.demo_run.processes import exit_on_signals, start_child
+    from daemon.cli.demo_run.progress import ProgressPrinter
+    from daemon.cli.demo_run.report import next_steps, report, report_json
+    from daemon.cli.demo_run.scenario import VIEW_FILE, run_scenario
     from daemon.cli.demo_run.settings_file import settings_text
 
-    _empty(folder)
-    teller = Teller(aside=as_json)
-    teller.line("\nhandeyed demo: a mock ABB cell, calibrated and used over real sockets\n")
+    _clear_folder(folder)
+    printer = ProgressPrinter(aside=as_json)
+    printer.line("\nhandeyed demo: a mock ABB cell, calibrated and used over real sockets\n")
     mock = ["mock_robot", "run", "--with-parent", "--seed", str(seed), "--time-scale", str(time_scale)]
     mock += ["--controller", controller] if controller else []
     with (
-        signals_as_exits(),
-        teller.step("mock cell", "robot, camera and scanner") as starting,
-        child("mock-cell", mock, folder) as cell,
+        exit_on_signals(),
+        printer.progress_line("mock cell", "robot, camera and scanner") as starting,
+        start_child("mock-cell", mock, folder) as cell,
     ):
-        starting.done(f"on real sockets, the arm {time_scale:g} x as fast as real")
+        starting.finish(f"on real sockets, the arm {time_scale:g} x as fast as real")
         settings = folder / "handeyed.toml"
-        settings.write_text(settings_text(cell.announcement, _port() if keep else 0))
+        settings.write_text(settings_text(cell.announcement, _choose_port() if keep else 0))
         serve = ["daemon.cli", "serve", str(settings)]
-        with teller.step("daemon", str(settings)) as step, child("daemon", serve, folder) as daemon:
+        with printer.progress_line("daemon", str(settings)) as step, start_child("daemon", serve, folder) as daemon:
             url = daemon.announcement["url"]
-            step.done(url)
-            found = play(url, folder, seed, teller)
-            teller.line(report(found))
+            step.finish(url)
+            found = run_scenario(url, folder, seed, printer)
+            printer.line(report(found))
             if as_json:
                 typer.echo(report_json(found))
-            teller.line(farewell(url if keep else None, folder / VIEW_FILE))
+            printer.line(next_steps(url if keep else None, folder / VIEW_FILE))
             if keep:
-                _until_told([cell, daemon])
+                _wait_for_interrupt([cell, daemon])
 
 
-def _until_told(children: "list[Child]") -> None:
-    """Until Ctrl-C; a child that ends by itself is an error."""
+def _wait_for_interrupt(children: "list[ChildProcess]") -> None:
+    """Wait for Ctrl-C. Raises CommandError when a child process ends by itself."""
     try:
         while True:
             for process in children:
-                if process.ended():
+                if not process.is_running():
                     raise CommandError(process.name, "it ended by itself", f"see {process.log}")
             time.sleep(0.5)
     except KeyboardInterrupt:
         typer.echo("\nEnding the cell ...")
 
 
-def _empty(folder: Path) -> None:
-    """Only what an earlier demo made is removed."""
+def _clear_folder(folder: Path) -> None:
+    """Empty the folder, if an earlier demo made it, else require that it is empty. Raises CommandError."""
     import shutil
 
     mark = folder / "made-by-handeyed-demo"
@@ -85,8 +85,8 @@ def _empty(folder: Path) -> None:
         raise CommandError(str(folder), f"cannot be used ({reason})", "give another one with --folder") from None
 
 
-def _port() -> int:
-    """The usual port when it is free, so that the curl lines are always the same; else one the system chooses."""
+def _choose_port() -> int:
+    """The default port when it is free, so that the printed curl lines stay the same; else 0."""
     import socket
 
     from daemon.config.server_settings import ServerSettings

@@ -1,4 +1,4 @@
-"""What a command answers to the shell when it cannot do its work.
+"""Exit statuses and errors of commands.
 
 Every line on standard error is `file: place: what: what to do`; exit statuses are fixed:
 0 done (solve: every calibration accepted), 1 failed, 2 unreadable input, 3 solved or refused but not accepted.
@@ -8,7 +8,7 @@ from enum import IntEnum
 
 
 class ExitStatus(IntEnum):
-    """What the shell sees."""
+    """Exit status of a command."""
 
     OK = 0
     FAILED = 1
@@ -17,7 +17,7 @@ class ExitStatus(IntEnum):
 
 
 class CommandError(Exception):
-    """A command cannot go on: where (a file, an address), what, what to do, and the exit status."""
+    """A command failed: `where` (a file, an address), `what`, `fix`, and the exit status."""
 
     def __init__(self, where: str, what: str, fix: str, status: ExitStatus = ExitStatus.FAILED) -> None:
         self.where, self.what, self.fix, self.status = where, what, fix, status

@@ -1,4 +1,4 @@
-"""`handeyed keys ...`: who may do what. Works beside a running daemon, which knows at once."""
+"""`handeyed keys ...`: manage API keys. Changes take effect in a running daemon at once."""
 
 import asyncio
 import getpass
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Commands, Json
+from daemon.cli.output import CommandGroup, Json
 
 if TYPE_CHECKING:
     from daemon.access.keys import KeyRecord
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 Answer = TypeVar("Answer")
 
 app = typer.Typer(
-    cls=Commands, no_args_is_help=True, help="Add, list, rotate and revoke keys: viewer, operator or admin."
+    cls=CommandGroup, no_args_is_help=True, help="Add, list, rotate and revoke keys: viewer, operator or admin."
 )
 
 Config = Annotated[Path, typer.Argument(help="The daemon's settings.")]
 Name = Annotated[str, typer.Argument(help="Whose key: a person's or a system's name, or a key's id.")]
-Days = Annotated[float, typer.Option(help="Valid for so long; 0: until it is revoked.", min=0, max=36_500)]
+Days = Annotated[float, typer.Option(help="Days of validity; 0: until revoked.", min=0, max=36_500)]
 
 
 @app.command()
@@ -34,7 +34,7 @@ def add(
     days: Days = 365,
     json: Json = False,
 ) -> None:
-    """Make a key. It is shown this once; only its hash is stored. The first key ends access without one."""
+    """Make a key. It is shown only once; its hash is stored. With the first key, requests without one are refused."""
     from daemon.access.roles import ROLES
 
     if role not in ROLES:
@@ -46,7 +46,7 @@ def add(
 
 @app.command("list")
 def list_keys(config: Config, json: Json = False) -> None:
-    """Every key there ever was, without the keys."""
+    """List all keys, also expired and revoked ones, by id, role and name."""
     from daemon.runtime.clock import Clock
 
     now = Clock().timestamp()
@@ -69,17 +69,17 @@ def rotate(
     config: Config,
     name: Name,
     days: Days = 365,
-    overlap_h: Annotated[float, typer.Option(help="The old key stays valid for so long.", min=0, max=8760)] = 24.0,
+    overlap_h: Annotated[float, typer.Option(help="Hours that the old key stays valid.", min=0, max=8760)] = 24.0,
     json: Json = False,
 ) -> None:
-    """Make a new key of the same name and role; the old one ends by itself."""
+    """Make a new key of the same name and role; the old one expires after the overlap."""
     key, record = _with_key_service(config, lambda service: service.rotate(name, _me(), days or None, overlap_h))
     _show(key, record, json)
 
 
 @app.command()
 def revoke(config: Config, name: Name) -> None:
-    """End every valid key of that name, now."""
+    """Revoke every valid key of that name at once."""
     ids = _with_key_service(config, lambda service: service.revoke(name, _me()))
     typer.echo(f"revoked: {', '.join(ids)}")
 

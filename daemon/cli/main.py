@@ -1,4 +1,4 @@
-"""The command `handeyed`, assembled from one module a command."""
+"""The command `handeyed`, assembled from one module per command."""
 
 import os
 
@@ -13,7 +13,7 @@ from daemon.cli.check import check
 from daemon.cli.demo import demo
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
-from daemon.cli.output import Commands
+from daemon.cli.output import CommandGroup
 from daemon.cli.plan import plan
 from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
@@ -25,11 +25,11 @@ from daemon.cli.target import app as target
 from daemon.cli.tls import app as tls
 from daemon.cli.version import version
 
-AS_THEY_ARE = {"ignore_unknown_options": True, "help_option_names": ["--about"]}
-"""`handeyed mock` hands its arguments on, --help among them."""
+PASS_ARGUMENTS_ON = {"ignore_unknown_options": True, "help_option_names": ["--about"]}
+"""`handeyed mock` passes its arguments on, including --help."""
 
 app = typer.Typer(
-    cls=Commands,
+    cls=CommandGroup,
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_show_locals=False,
@@ -39,7 +39,7 @@ app = typer.Typer(
 TRY, CELL, OFFLINE = "Try it", "In the cell", "From files"
 
 app.command(rich_help_panel=TRY)(demo)
-app.command(rich_help_panel=TRY, context_settings=AS_THEY_ARE)(mock)
+app.command(rich_help_panel=TRY, context_settings=PASS_ARGUMENTS_ON)(mock)
 app.command(rich_help_panel=CELL)(check)
 app.command(rich_help_panel=CELL)(serve)
 app.command(rich_help_panel=CELL)(calibrate)
@@ -62,5 +62,5 @@ app.command(rich_help_panel=OFFLINE)(version)
 
 def main() -> None:
     """The console script."""
-    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its lines would mix with ours; failures come as errors
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its messages would mix with ours; failures are raised
     app()

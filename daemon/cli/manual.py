@@ -1,4 +1,4 @@
-"""`handeyed calibrate --manual`: Enter takes a view, f finishes, q gives up; after each view the next is advised."""
+"""`handeyed calibrate --manual`: Enter takes a view, f finishes, q aborts; after each view the next pose is advised."""
 
 import sys
 from typing import Any
@@ -6,23 +6,23 @@ from typing import Any
 import typer
 
 from daemon.cli.errors import CommandError
-from daemon.cli.output import error_line
-from daemon.cli.rest_client import DaemonClient, interrupts_deferred
+from daemon.cli.output import print_error
+from daemon.cli.rest_client import DaemonClient, defer_interrupts
 
 KEYS = "Enter: take a view   f Enter: finish and solve   q Enter: give up"
 BEGIN = "jog the arm to where the camera sees the whole target and let it stand; nothing here moves it"
-LOOK_S = 20
+POLL_S = 20
 
 
-def by_hand(daemon: DaemonClient, body: dict[str, Any]) -> Any:
-    """The finished run. Raises CommandError when it cannot begin, or has ended meanwhile."""
-    with interrupts_deferred():
+def calibrate_manually(daemon: DaemonClient, body: dict[str, Any]) -> Any:
+    """Run a manual calibration to its end; returns the run. Raises CommandError."""
+    with defer_interrupts():
         run = daemon.post("/calibrate", body)
     links, ended = run["links"], False
-    _say(f"run {run['id']}: {BEGIN}\n{KEYS}")
+    _print_aside(f"run {run['id']}: {BEGIN}\n{KEYS}")
     try:
         while not ended:
-            run, ended = _obeyed(daemon, links, _key())
+            run, ended = _handle_key(daemon, links, _read_key())
     except (KeyboardInterrupt, SystemExit, CommandError):
         if not daemon.get(links["self"])["over"]:
             daemon.post(links["abort"])
@@ -30,40 +30,42 @@ def by_hand(daemon: DaemonClient, body: dict[str, Any]) -> Any:
     return run
 
 
-def _obeyed(daemon: DaemonClient, links: dict[str, str], key: str) -> tuple[Any, bool]:
-    """The run, and whether it is over. What the daemon refuses is told, and asked for again."""
+def _handle_key(daemon: DaemonClient, links: dict[str, str], key: str) -> tuple[Any, bool]:
+    """Carry out one key; returns the run and whether it is over. A refusal of the daemon is printed."""
     try:
         if key in ("q", "quit"):
             return daemon.post(links["abort"]), True
         if key in ("f", "finish"):
-            return _over(daemon, daemon.post(links["finish"])), True
+            return _wait_until_over(daemon, daemon.post(links["finish"])), True
         if key:
-            _say(KEYS)
+            _print_aside(KEYS)
             return None, False
         run = daemon.post(links["stations"])
     except CommandError as refused:
         if daemon.get(links["self"])["over"]:
             raise
-        error_line(f"not taken: {refused.what}: {refused.fix}")
+        print_error(f"not taken: {refused.what}: {refused.fix}")
         return None, False
     planning = run["planning"]
-    _say(f"view {run['station']} taken. {planning['predicted'] or 'not yet determined'}\n  next: {planning['advice']}")
+    _print_aside(
+        f"view {run['station']} taken. {planning['predicted'] or 'not yet determined'}\n  next: {planning['advice']}"
+    )
     return run, False
 
 
-def _over(daemon: DaemonClient, run: Any) -> Any:
-    """The run when it has ended."""
+def _wait_until_over(daemon: DaemonClient, run: Any) -> Any:
+    """Wait for the end of the run; returns it."""
     while not run["over"]:
-        run = daemon.get(f"/runs/{run['id']}?wait={LOOK_S}")
+        run = daemon.get(f"/runs/{run['id']}?wait={POLL_S}")
     return run
 
 
-def _key() -> str:
-    """What was typed before Enter; giving up when nobody can type any more."""
+def _read_key() -> str:
+    """Read a line from standard input; "q" at its end."""
     line = sys.stdin.readline()
     return line.strip().lower() if line else "q"
 
 
-def _say(text: str) -> None:
-    """To the person who jogs: standard error, so that the answer alone is on standard output."""
+def _print_aside(text: str) -> None:
+    """Print to standard error: only the result goes to standard output."""
     typer.echo(text, err=True)

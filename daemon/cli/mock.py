@@ -1,4 +1,4 @@
-"""`handeyed mock ...`: the mock cell, as a process of its own."""
+"""`handeyed mock ...`: run the mock cell's program."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ def mock(
 ) -> None:
     """Start the mock cell: an ABB controller, a camera and a scanner with known truth, on real sockets.
 
-    `handeyed mock run --help` lists its options; `handeyed mock faults` what can be broken.
+    `handeyed mock run --help` lists its options; `handeyed mock faults` the faults it can simulate.
     """
-    # Its own program from here on: nothing of the daemon knows the mock, and signals reach it directly.
+    # Replaces this process: the daemon does not import the mock, and signals reach it directly.
     os.execv(sys.executable, [sys.executable, "-m", "mock_robot", *(arguments or ["run"])])

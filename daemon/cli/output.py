@@ -13,13 +13,13 @@ from daemon.cli.errors import CommandError, ExitStatus
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
 
 
-def error_line(text: str) -> None:
-    """One thing that is wrong, on standard error."""
+def print_error(text: str) -> None:
+    """Print a line on standard error."""
     typer.echo(text, err=True)
 
 
-class Commands(typer.core.TyperGroup):
-    """The group of commands; it turns the project's errors into lines on standard error and an exit status."""
+class CommandGroup(typer.core.TyperGroup):
+    """A group of commands that turns the project's errors into a line on standard error and an exit status."""
 
     def invoke(self, ctx: Any) -> Any:
         from calibration.errors import CalibrationError, DocumentError
@@ -31,21 +31,21 @@ class Commands(typer.core.TyperGroup):
         try:
             return super().invoke(ctx)
         except DocumentError as error:
-            error_line(str(error))
+            print_error(str(error))
             raise typer.Exit(ExitStatus.UNREADABLE) from None
         except CommandError as error:
-            error_line(str(error))
+            print_error(str(error))
             raise typer.Exit(error.status) from None
         except (PrintRefused, RegistrationError) as error:
-            error_line(str(error))
+            print_error(str(error))
             raise typer.Exit(ExitStatus.UNREADABLE) from None
         except (CalibrationError, DaemonError, DeviceError) as error:
-            error_line(str(error))
+            print_error(str(error))
             raise typer.Exit(ExitStatus.FAILED) from None
 
 
 @dataclass(frozen=True)
-class Result:
+class CheckResult:
     """One thing that `handeyed check` has looked at: `what` was found, and what to do when it is not well."""
 
     name: str
@@ -60,7 +60,7 @@ class Result:
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """A function to call with (done, of); it draws only when standard error is a terminal."""
+    """A progress bar on standard error if it is a terminal; yields a function to call with (done, of)."""
     if not sys.stderr.isatty():
         yield lambda done, of: None
         return
@@ -68,7 +68,7 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
     from rich.table import Column
 
-    # Of a long path the end goes, not the count.
+    # A long path is shortened, not the count.
     name = TextColumn("{task.description}", table_column=Column(ratio=1, no_wrap=True, overflow="ellipsis"))
     columns = (name, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as progress:

@@ -1,4 +1,4 @@
-"""`handeyed plan FILE`: the poses from which a calibration learns most."""
+"""`handeyed plan FILE`: the robot poses that determine the calibration best."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,15 +21,15 @@ def plan(
     from calibration.planning.plan import plan_poses
     from calibration.planning.reachability import reachable_by
 
-    question = read_question(file)
+    question = read_plan(file)
     reachable = None if question.robot is None else reachable_by(_arm(question.robot, file))
     chosen = plan_poses(question.scene(), question.limits.limits(), question.poses, reachable=reachable)
     answer = PlannedDocument.of(chosen)
-    typer.echo(answer.model_dump_json() if json else _told(answer))
+    typer.echo(answer.model_dump_json() if json else _text(answer))
 
 
-def read_question(file: Path) -> "PlanDocument":
-    """plan.json, for `plan` and `assess`. Raises DocumentError."""
+def read_plan(file: Path) -> "PlanDocument":
+    """Read plan.json, for `plan` and `assess`. Raises DocumentError."""
     from calibration.documents.plan import PlanDocument
     from calibration.documents.validation import parse_document
     from daemon.sessions.session_reader import read_bytes
@@ -48,8 +48,8 @@ def _arm(name: str, file: Path) -> "Arm":
         raise DocumentError(str(file), [problem]) from None
 
 
-def prediction_words(predicted: "PredictedDocument") -> str:
-    """One standard deviation of what a calibration from these poses will know."""
+def prediction_text(predicted: "PredictedDocument") -> str:
+    """The predicted standard deviations in one line of text."""
     if predicted.point_mm is None or predicted.translation_mm is None or predicted.rotation_deg is None:
         return (
             "predicted        these poses do not determine the calibration: turn about two different axes between them"
@@ -62,10 +62,10 @@ def prediction_words(predicted: "PredictedDocument") -> str:
     )
 
 
-def _told(answer: "PlannedDocument") -> str:
+def _text(answer: "PlannedDocument") -> str:
     lines = ["pose   x mm       y mm       z mm       quaternion w, x, y, z                        target in view"]
     for number, pose in enumerate(answer.poses, start=1):
         x, y, z = (f"{value:10.2f}" for value in pose.base_T_flange.translation_mm)
         quaternion = ", ".join(f"{value:9.6f}" for value in pose.base_T_flange.quaternion_wxyz)
         lines.append(f"{number:>3} {x} {y} {z}   {quaternion}   {pose.target_in_view:8.0%}")
-    return "\n".join([*lines, prediction_words(answer.predicted)])
+    return "\n".join([*lines, prediction_text(answer.predicted)])

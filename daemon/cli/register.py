@@ -1,4 +1,4 @@
-"""`handeyed register SCAN_DIR`: the clouds of a part, in the robot's base frame, as one."""
+"""`handeyed register SCAN_DIR`: merge the clouds of a part in the robot's base frame."""
 
 import time
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, error_line
+from daemon.cli.output import Json, print_error
 
 if TYPE_CHECKING:
     from registration.documents import RegisteredViewDocument, RegistrationReportDocument
@@ -27,11 +27,11 @@ def register(
         False
     ),
     voxel_mm: Annotated[float | None, typer.Option(help="Average the points of each cell of this size.")] = None,
-    normals: Annotated[bool, typer.Option("--normals", help="Fit normals, where the clouds bring none.")] = False,
+    normals: Annotated[bool, typer.Option("--normals", help="Estimate normals where the clouds have none.")] = False,
     outliers: Annotated[
-        str, typer.Option(help="Points that stand alone: keep, or leave out by 'statistical' or 'radius'.")
+        str, typer.Option(help="Isolated points: keep, or remove by 'statistical' or 'radius'.")
     ] = "keep",
-    views: Annotated[Path | None, typer.Option(help="Folder for the views one by one, too.")] = None,
+    views: Annotated[Path | None, typer.Option(help="Also write each view to this folder.")] = None,
     json: Json = False,
 ) -> None:
     """Put every cloud of a scan into the robot's base frame, in mm, and write them as one.
@@ -48,18 +48,18 @@ def register(
     document = parse_document(CalibrationDocument, read_bytes(calibration), str(calibration))
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
     if views is not None:
-        _make(views)
+        _make_folder(views)
     report = register_scan(
         read_scan(folder), hand_of(document), out, time.perf_counter, refine=refine, merge=merge, views_out=views
     )
-    typer.echo(report.model_dump_json() if json else _told(report, out))
+    typer.echo(report.model_dump_json() if json else _summary(report, out))
     if not document.verdict.accepted:
-        error_line(f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew")
+        print_error(f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew")
     accepted = report.verdict.accepted and document.verdict.accepted
     raise typer.Exit(ExitStatus.OK if accepted else ExitStatus.NOT_ACCEPTED)
 
 
-def _make(folder: Path) -> None:
+def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -67,7 +67,7 @@ def _make(folder: Path) -> None:
         raise CommandError(str(folder), what, "check path and rights", ExitStatus.UNREADABLE) from None
 
 
-def _told(report: "RegistrationReportDocument", out: Path) -> str:
+def _summary(report: "RegistrationReportDocument", out: Path) -> str:
     from calibration.documents.calibration_text import finding_line
 
     lines = [f"{out}: {report.points:,} points of {len(report.views)} views, base frame, mm"]
@@ -75,10 +75,10 @@ def _told(report: "RegistrationReportDocument", out: Path) -> str:
     if before is not None:
         fitted = "" if after is None else f", {after:.3f} mm after refinement"
         lines.append(f"  between overlapping views {before:.3f} mm RMS by the robot's poses{fitted}")
-    lines += [_view(view) for view in report.views]
+    lines += [_view_line(view) for view in report.views]
     return "\n".join([*lines, *(f"  {finding_line(finding)}" for finding in report.verdict.findings)])
 
 
-def _view(view: "RegisteredViewDocument") -> str:
+def _view_line(view: "RegisteredViewDocument") -> str:
     deviation = "" if view.rms_mm is None else f"{view.rms_mm:8.3f} mm RMS"
     return f"  {view.cloud:<24}{view.points:>12,} points{view.overlap:6.0%} overlap{deviation}"

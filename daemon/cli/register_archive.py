@@ -1,4 +1,4 @@
-"""`handeyed register-archive DIR`: every scan below a folder into the base frame, on one machine or many."""
+"""`handeyed register-archive DIR`: register every scan below a folder, on one machine or several."""
 
 import json as json_module
 from dataclasses import asdict
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, error_line, progress_bar
+from daemon.cli.output import Json, print_error, progress_bar
 
 if TYPE_CHECKING:
-    from daemon.tools.batch_registration.tasks import Outcome, Task
+    from daemon.tools.batch_registration.tasks import RegistrationTask, ScanOutcome
 
 
 def register_archive(
@@ -28,50 +28,50 @@ def register_archive(
     voxel_mm: Annotated[float | None, typer.Option(help="Average the points of each cell of this size.")] = None,
     json: Json = False,
 ) -> None:
-    """Register every scan of an archive; scans that are finished already are left as they are.
+    """Register every scan of an archive; finished scans are skipped.
 
     Exit status: 0 all done, 3 done but some not accepted, 2 some could not be read (they are named).
     """
-    from daemon.tools.batch_registration.executors import engine
+    from daemon.tools.batch_registration.executors import open_executor
 
     tasks = _tasks(folder, calibration, out, refine, voxel_mm)
     outcomes = []
-    with engine(scheduler, workers) as run, progress_bar(folder) as progress:
+    with open_executor(scheduler, workers) as run, progress_bar(folder) as progress:
         for outcome in run(tasks):
             outcomes.append(outcome)
             progress(len(outcomes), len(tasks))
             if outcome.error is not None:
-                error_line(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
+                print_error(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
     outcomes.sort(key=lambda each: each.scan)
-    typer.echo("\n".join(json_module.dumps(asdict(each)) for each in outcomes) if json else _told(out, outcomes))
+    typer.echo("\n".join(json_module.dumps(asdict(each)) for each in outcomes) if json else _summary(out, outcomes))
     raise typer.Exit(_status(outcomes))
 
 
-def _tasks(folder: str, calibration: Path, out: str, refine: bool, voxel_mm: float | None) -> "list[Task]":
+def _tasks(folder: str, calibration: Path, out: str, refine: bool, voxel_mm: float | None) -> "list[RegistrationTask]":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from daemon.sessions.session_reader import read_bytes
-    from daemon.tools.batch_registration.remote_folder import Place
-    from daemon.tools.batch_registration.tasks import SCAN, Task
+    from daemon.tools.batch_registration.remote_folder import RemoteFolder
+    from daemon.tools.batch_registration.tasks import SCAN, RegistrationTask
     from registration.scan import hand_of
 
     content = read_bytes(calibration)
     hand_of(parse_document(CalibrationDocument, content, str(calibration)))
-    source, target = Place.of(folder), Place.of(out)
+    source, target = RemoteFolder.of(folder), RemoteFolder.of(out)
     scans = source.folders_with(SCAN)
     if not scans:
         raise CommandError(folder, f"no folder below holds a {SCAN}", "name another folder", ExitStatus.UNREADABLE)
-    return [Task(source.url, target.url, scan, content.decode(), refine, voxel_mm) for scan in scans]
+    return [RegistrationTask(source.url, target.url, scan, content.decode(), refine, voxel_mm) for scan in scans]
 
 
-def _told(out: str, outcomes: "list[Outcome]") -> str:
+def _summary(out: str, outcomes: "list[ScanOutcome]") -> str:
     points = sum(each.points for each in outcomes)
     counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
     numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
     return f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
 
 
-def _status(outcomes: "list[Outcome]") -> ExitStatus:
+def _status(outcomes: "list[ScanOutcome]") -> ExitStatus:
     if any(each.state == "failed" for each in outcomes):
         return ExitStatus.UNREADABLE
     return ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED

@@ -1,4 +1,4 @@
-"""The daemon's REST interface as commands use it: problems become lines on standard error."""
+"""Client of the daemon's REST interface for commands; raises CommandError."""
 
 import json
 import os
@@ -14,22 +14,22 @@ import httpx
 from daemon.cli.errors import CommandError, ExitStatus
 
 DEFAULT_URL = "http://127.0.0.1:8372"
-ANSWER_LIMIT_S = 30.0
-"""Nothing but a run takes longer, and runs are followed through their events."""
+MAX_ANSWER_S = 30.0
+"""Only runs take longer, and they are followed through their events."""
 
-OVER = ("finished", "failed", "aborted")
-"""States after which nothing more comes of a run."""
+FINAL_STATES = ("finished", "failed", "aborted")
+"""States in which a run is over."""
 
-Event = dict[str, Any]
+ServerEvent = dict[str, Any]
 
 
 class DaemonClient:
     """One daemon at one address. Every method raises CommandError.
 
-    HANDEYED_KEY holds the key to ask with, HANDEYED_CA the file of the authority that vouches for the daemon.
+    The environment variable HANDEYED_KEY holds the API key, HANDEYED_CA the authority of its certificate.
     """
 
-    def __init__(self, url: str, limit_s: float = ANSWER_LIMIT_S) -> None:
+    def __init__(self, url: str, limit_s: float = MAX_ANSWER_S) -> None:
         self.url = url.rstrip("/")
         key, authority = os.environ.get("HANDEYED_KEY"), os.environ.get("HANDEYED_CA")
         self._http = httpx.Client(
@@ -37,7 +37,7 @@ class DaemonClient:
             timeout=limit_s,
             trust_env=False,
             headers={"Authorization": f"Bearer {key}"} if key else {},
-            verify=_trusting(authority) if authority else True,
+            verify=_tls_context(authority) if authority else True,
         )
 
     def __enter__(self) -> "DaemonClient":
@@ -48,62 +48,62 @@ class DaemonClient:
 
     def get(self, path: str) -> Any:
         """The JSON answer of a GET."""
-        return self._asked(lambda: self._http.get(path)).json()
+        return self._request(lambda: self._http.get(path)).json()
 
     def post(self, path: str, body: dict[str, Any] | None = None) -> Any:
         """The JSON answer of a POST; `body` goes as JSON."""
-        return self._asked(lambda: self._http.post(path, json=body or {})).json()
+        return self._request(lambda: self._http.post(path, json=body or {})).json()
 
     def download(self, path: str, file: Path) -> int:
-        """The octets of a GET into `file`; how many they were."""
-        with self._told(), self._http.stream("GET", path) as answer:
+        """GET into `file`; returns its size in bytes."""
+        with self._translate_errors(), self._http.stream("GET", path) as answer:
             if answer.is_error:
                 answer.read()
-                raise problem(self.url, answer)
+                raise problem_error(self.url, answer)
             with file.open("wb") as out:
                 for block in answer.iter_bytes():
                     out.write(block)
         return file.stat().st_size
 
-    def run(self, path: str, body: dict[str, Any] | None, told: Callable[[Event], None]) -> Any:
-        """Start a run with a POST and follow it: `told` gets its events; the finished run is the answer."""
+    def run(self, path: str, body: dict[str, Any] | None, on_event: Callable[[ServerEvent], None]) -> Any:
+        """Start a run with a POST and follow it to its end; `on_event` receives its events. Returns the run."""
         with (
-            self._told(),
-            self._http.stream("GET", "/events", timeout=httpx.Timeout(ANSWER_LIMIT_S, read=None)) as news,
+            self._translate_errors(),
+            self._http.stream("GET", "/events", timeout=httpx.Timeout(MAX_ANSWER_S, read=None)) as news,
         ):
             if news.is_error:
                 news.read()
-                raise problem(self.url, news)
-            events = sse(news.iter_lines())
-            next(events)  # the greeting: from here on nothing is missed
+                raise problem_error(self.url, news)
+            events = parse_sse(news.iter_lines())
+            next(events)  # the first comment: from here on no event is missed
             run: Any = None
             try:
-                with interrupts_deferred():
+                with defer_interrupts():
                     started = self.post(path, body)
                     run = started.get("run") or started
                 for event in events:
                     if event.get("id") != run["id"]:
                         continue
-                    told(event)
-                    if event["state"] in OVER:
+                    on_event(event)
+                    if event["state"] in FINAL_STATES:
                         return self.get(f"/runs/{run['id']}")
             except (KeyboardInterrupt, SystemExit):
-                if run is not None:  # whoever started the arm and leaves does not leave it moving
+                if run is not None:  # do not leave the arm moving
                     self.post(f"/runs/{run['id']}/abort")
                 raise
         raise CommandError(
-            self.url, f"the daemon stopped during run {run['id']}", "start it again; what it saw is stored"
+            self.url, f"the daemon stopped during run {run['id']}", "start it again; its views are stored"
         )
 
-    def _asked(self, request: Callable[[], httpx.Response]) -> httpx.Response:
-        with self._told():
+    def _request(self, request: Callable[[], httpx.Response]) -> httpx.Response:
+        with self._translate_errors():
             answer = request()
         if answer.is_error:
-            raise problem(self.url, answer)
+            raise problem_error(self.url, answer)
         return answer
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _translate_errors(self) -> Iterator[None]:
         try:
             yield
         except httpx.ConnectError:
@@ -120,7 +120,7 @@ class DaemonClient:
             raise CommandError(self.url, f"the connection broke ({error})", "look at the daemon's log") from None
 
 
-def _trusting(authority: str) -> ssl.SSLContext:
+def _tls_context(authority: str) -> ssl.SSLContext:
     try:
         return ssl.create_default_context(cafile=authority)
     except (OSError, ssl.SSLError):
@@ -128,8 +128,8 @@ def _trusting(authority: str) -> ssl.SSLContext:
 
 
 @contextmanager
-def interrupts_deferred() -> Iterator[None]:
-    """Ctrl-C and SIGTERM wait for the block's end: a request that may start the arm is not left half known."""
+def defer_interrupts() -> Iterator[None]:
+    """Defer Ctrl-C and SIGTERM to the end of the block, so that a started run's id is not lost."""
     caught: list[int] = []
     before = {
         number: signal.signal(number, lambda number, frame: caught.append(number))
@@ -144,8 +144,8 @@ def interrupts_deferred() -> Iterator[None]:
         signal.raise_signal(caught[0])
 
 
-def sse(lines: Iterator[str]) -> Iterator[Event]:
-    """Data of server-sent events; an empty one for each comment."""
+def parse_sse(lines: Iterator[str]) -> Iterator[ServerEvent]:
+    """Yield the JSON data of server-sent events, and {} for each comment."""
     for line in lines:
         if line.startswith(":"):
             yield {}
@@ -153,8 +153,8 @@ def sse(lines: Iterator[str]) -> Iterator[Event]:
             yield json.loads(line.removeprefix("data:"))
 
 
-def problem(url: str, answer: httpx.Response) -> CommandError:
-    """problem+json as an error; anything else by its status."""
+def problem_error(url: str, answer: httpx.Response) -> CommandError:
+    """The CommandError for an error answer: from problem+json, else from the status."""
     try:
         document = answer.json()
         what, fix = str(document["detail"]), str(document["fix"])

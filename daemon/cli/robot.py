@@ -1,4 +1,4 @@
-"""`handeyed robot upload`: the robot program onto the controller, and only when somebody consents to it."""
+"""`handeyed robot upload`: copy the robot program to the controller, after consent."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Commands
+from daemon.cli.output import CommandGroup
 
 if TYPE_CHECKING:
     from drivers.robots.abb.rws.address import RwsAddress
     from drivers.robots.abb.rws.parsing import ControllerState
 
-LIMIT_S = 15.0
+MAX_CONNECT_S = 15.0
 SUFFIXES = (".mod", ".sys", ".cfg")
 
-app = typer.Typer(cls=Commands, no_args_is_help=True, help="The controller over Robot Web Services.")
+app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="The controller over Robot Web Services.")
 
 
 @app.callback()
@@ -28,7 +28,7 @@ def upload(
     address: Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")],
     folder: Annotated[Path, typer.Argument(help="The RAPID modules, as deploy/rapid.")],
     to: Annotated[str, typer.Option(help="The folder within HOME: on the controller.")] = "handeyed",
-    yes: Annotated[bool, typer.Option("--yes", help="Consent beforehand; without it you are asked.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")] = False,
 ) -> None:
     """Copy the robot program to the controller. Nothing is written before you consent; nothing is loaded or started.
 
@@ -70,7 +70,7 @@ async def _state(where: "RwsAddress") -> "ControllerState":
     robot = RwsRobot(where)
     robot.start()
     try:
-        await robot.connected(LIMIT_S)
+        await robot.connected(MAX_CONNECT_S)
         return await robot.read_state()
     finally:
         await robot.close()

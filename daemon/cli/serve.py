@@ -1,4 +1,4 @@
-"""`handeyed serve CONFIG`: the daemon."""
+"""`handeyed serve CONFIG`: run the daemon."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,10 +9,10 @@ import typer
 def serve(
     config: Annotated[Path, typer.Argument(help="Settings, as in deploy/handeyed.example.toml.")],
     ready_file: Annotated[
-        Path | None, typer.Option(help='Gets {"url", "pid"} once requests are answered; for programs that wait.')
+        Path | None, typer.Option(help='A file that is written with {"url", "pid"} once requests are answered.')
     ] = None,
 ) -> None:
-    """Run the daemon until SIGTERM or Ctrl-C. Nothing moves until a request says so."""
+    """Run the daemon until SIGTERM or Ctrl-C. Nothing moves until a request asks for it."""
     from daemon.composition import serve as serve_settings
     from daemon.config.settings import load_settings
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, error_line, progress_bar
+from daemon.cli.output import Json, print_error, progress_bar
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -56,7 +56,7 @@ def solve(
         try:
             document = _solve(folder, method) if artefact is None else solve_scan(folder, radius_mm, rough)
         except (DocumentError, RegistrationError) as error:
-            error_line(str(error))
+            print_error(str(error))
             status = ExitStatus.UNREADABLE
             continue
         if not document.verdict.accepted and status is ExitStatus.OK:
@@ -82,8 +82,8 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     clock, session = Clock(), open_session(folder)
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
-    for line in (*find_repeated_poses(session.document), *unseen(problem)):
-        error_line(f"{session.file}: {line}")
+    for line in (*find_repeated_poses(session.document), *missing_target_lines(problem)):
+        print_error(f"{session.file}: {line}")
     solution = solve_hand_eye(problem, method=method)
     verdict = judge(problem, solution)
     if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise())) is not None:
@@ -98,18 +98,18 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     )
 
 
-def unseen(problem: "Problem") -> list[str]:
-    """One line for each reason why views show no target: `views[3, 7]: what: what to do`."""
+def missing_target_lines(problem: "Problem") -> list[str]:
+    """One line for each reason why the target was not found: `views[3, 7]: what: what to do`."""
     by_reason: dict[str, tuple[str, list[int]]] = {}
     for view in problem.views:
         if view.missing is not None:
             code, sentence = view.missing
             by_reason.setdefault(code, (sentence, []))[1].append(view.index)
-    return [f"views[{ranges(indices)}]: {sentence}" for sentence, indices in by_reason.values()]
+    return [f"views[{format_ranges(indices)}]: {sentence}" for sentence, indices in by_reason.values()]
 
 
-def ranges(indices: list[int]) -> str:
-    """0-59, 108: ascending numbers with their runs joined."""
+def format_ranges(indices: list[int]) -> str:
+    """Ascending numbers as ranges, such as "0-59, 108"."""
     starts = [at for at, index in enumerate(indices) if at == 0 or index != indices[at - 1] + 1]
     runs = [
         (indices[start], indices[stop - 1]) for start, stop in zip(starts, [*starts[1:], len(indices)], strict=True)

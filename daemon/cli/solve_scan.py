@@ -1,4 +1,4 @@
-"""`handeyed solve SCAN_DIR --artefact ...`: calibrate from clouds, without a photograph."""
+"""`handeyed solve SCAN_DIR --artefact ...`: calibrate from clouds instead of pictures."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ ARTEFACTS = ("sphere", "none")
 
 
 def check_options(artefact: str | None, radius_mm: float | None, rough: Path | None, method: str) -> None:
-    """The options fit each other. Raises CommandError."""
+    """Check that the options are consistent. Raises CommandError."""
     refusals = [
         (artefact is not None and artefact not in ARTEFACTS, "--artefact", f"none is called {artefact!r}",
          f"one of {', '.join(ARTEFACTS)}"),
@@ -37,7 +37,7 @@ def check_options(artefact: str | None, radius_mm: float | None, rough: Path | N
 
 
 def solve_scan(folder: Path, radius_mm: float | None, rough: Path | None) -> "CalibrationDocument":
-    """From a sphere when its radius is given, else from overlapping surfaces and a rough X.
+    """Calibrate from a sphere when its radius is given, else from overlapping surfaces and a rough X.
 
     Raises DocumentError, RegistrationError.
     """

@@ -1,4 +1,4 @@
-"""`handeyed support-bundle CONFIG`: one file for a remote engineer."""
+"""`handeyed support-bundle CONFIG`: write a support bundle."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +13,9 @@ def support_bundle(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The .tar.gz; named by the time when left out.")
     ] = None,
-    log: Annotated[Path | None, typer.Option(help="A log file, where journald does not keep the log.")] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="A log file to include, when journald does not keep the log.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Gather settings, log, versions, the store's summary and the last runs, without secrets. Nothing moves."""

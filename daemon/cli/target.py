@@ -1,4 +1,4 @@
-"""`handeyed target ...`: a calibration target to print, true to size."""
+"""`handeyed target ...`: write a calibration target to print, true to size."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Commands, Json
+from daemon.cli.output import CommandGroup, Json
 
 if TYPE_CHECKING:
     from calibration.documents.target import TargetDocument
 
-app = typer.Typer(cls=Commands, no_args_is_help=True, help="Write a target to print: PDF or SVG, true to size.")
+app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="Write a target to print: PDF or SVG, true to size.")
 
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write; .pdf or .svg.")]
 PageOption = Annotated[str, typer.Option("--page", help="A4, A3, A2, A1, A0, letter, tabloid, or WIDTHxHEIGHT in mm.")]
@@ -44,7 +44,7 @@ def charuco(
     out: Out = Path("target.pdf"),
     json: Json = False,
 ) -> None:
-    """A ChArUco board, counted in squares: may be seen in part, and knows which way up it is."""
+    """A ChArUco board, counted in squares: may be partly visible; its orientation is unambiguous."""
     board = {"columns": columns, "rows": rows, "square_mm": square_mm, "marker_mm": marker_mm}
     _write({"kind": "charuco", **board, "dictionary": dictionary, "legacy": legacy}, page, out, json)
 
@@ -57,7 +57,7 @@ def circles(
     pitch_mm: Annotated[float, typer.Option(help="Centre to centre in a row.")] = 18.0,
     dots: Annotated[str, typer.Option(help="black or white.")] = "black",
     large_origin: Annotated[
-        bool, typer.Option(help="The first dot larger than the rest: it tells which way up.")
+        bool, typer.Option(help="The first dot larger than the rest: it marks the orientation.")
     ] = True,
     page: PageOption = "A4",
     out: Out = Path("target.pdf"),
@@ -79,7 +79,7 @@ def apriltag_grid(
     out: Out = Path("target.pdf"),
     json: Json = False,
 ) -> None:
-    """A grid of AprilTags: may be seen in part."""
+    """A grid of AprilTags: may be partly visible."""
     grid = {"columns": columns, "rows": rows, "tag_mm": tag_mm, "gap_mm": gap_mm, "family": family}
     _write({"kind": "apriltag-grid", **grid}, page, out, json)
 
@@ -111,7 +111,7 @@ def from_file(
 def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") -> None:
     from calibration.documents.validation import validate_document
     from daemon.cli.target_file import TargetFile
-    from daemon.tools.target_print.layout import lay_out, page_named
+    from daemon.tools.target_print.layout import lay_out, parse_page
     from daemon.tools.target_print.pdf import pdf
     from daemon.tools.target_print.svg import svg
 
@@ -120,7 +120,7 @@ def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") 
     if out.suffix.lower() not in writers:
         raise CommandError(str(out), "neither .pdf nor .svg", "choose one of them", ExitStatus.UNREADABLE)
     snippet, title = document.model_dump_json(), f"handeyed target: {document.kind}"
-    sheet = lay_out(document.target(), page_named(page), title, snippet)
+    sheet = lay_out(document.target(), parse_page(page), title, snippet)
     try:
         out.write_bytes(writers[out.suffix.lower()](sheet, title))
     except OSError as error:
@@ -132,14 +132,14 @@ def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") 
         page_mm, origin_mm = [sheet.width, sheet.height], list(sheet.target_origin)
         typer.echo(dumps({"file": str(out), "page_mm": page_mm, "target_origin_mm": origin_mm, "target": data}))
     else:
-        typer.echo(_told(out, f"{sheet.width:g} x {sheet.height:g} mm", document))
+        typer.echo(_summary(out, f"{sheet.width:g} x {sheet.height:g} mm", document))
 
 
-def _told(out: Path, size: str, target: "TargetDocument") -> str:
-    from daemon.cli.target_file import ambiguity, toml_snippet
+def _summary(out: Path, size: str, target: "TargetDocument") -> str:
+    from daemon.cli.target_file import ambiguity_note, toml_snippet
     from daemon.tools.target_print.layout import PRINT_NOTE
 
-    note = ambiguity(target)
+    note = ambiguity_note(target)
     return "\n".join(
         [
             f"{out}: {size}. {PRINT_NOTE}",

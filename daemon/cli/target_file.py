@@ -1,11 +1,11 @@
-"""The `target` of a file, whatever else stands in it, and how a person writes it down."""
+"""The `target` of a JSON or TOML file, and the target as TOML."""
 
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 
 
 class TargetFile(Document):
-    """What `handeyed target` needs of a session.json, plan.json or handeyed.toml."""
+    """The part of a session.json, plan.json or handeyed.toml that `handeyed target` reads."""
 
     target: TargetDocument
 
@@ -16,8 +16,8 @@ def toml_snippet(target: TargetDocument) -> str:
     return "\n".join(["[target]", *(f"{key} = {_toml(value)}" for key, value in values.items())])
 
 
-def ambiguity(target: TargetDocument) -> str | None:
-    """A sentence when the target looks the same turned by half a turn."""
+def ambiguity_note(target: TargetDocument) -> str | None:
+    """A warning when the target looks the same rotated by 180 degrees; else None."""
     match target.kind:
         case "chessboard" if (target.columns + target.rows) % 2 == 0:
             advice = "make one of columns and rows odd, the other even"
@@ -25,7 +25,7 @@ def ambiguity(target: TargetDocument) -> str | None:
             advice = "use --large-origin, or an asymmetric grid with an even number of rows"
         case _:
             return None
-    return f"This target looks the same turned by 180 deg, so a turned picture cannot be told: {advice}."
+    return f"This target looks the same turned by 180 deg, so a turned picture cannot be recognised: {advice}."
 
 
 def _toml(value: object) -> str:

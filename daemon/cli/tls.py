@@ -1,13 +1,13 @@
-"""`handeyed tls init`: a certificate of one's own."""
+"""`handeyed tls init`: make a self-issued certificate."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from daemon.cli.output import Commands
+from daemon.cli.output import CommandGroup
 
-app = typer.Typer(cls=Commands, no_args_is_help=True, help="A certificate for listening on other addresses.")
+app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="A certificate for listening on other addresses.")
 
 
 @app.callback()
@@ -19,12 +19,12 @@ def tls() -> None:
 def init(
     host: Annotated[
         list[str] | None,
-        typer.Option(help="Name or address that clients will use; repeat it. This machine's by default."),
+        typer.Option(help="Name or address that clients will use; may be repeated. This machine's by default."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the three files.")] = Path("tls"),
-    days: Annotated[int, typer.Option(help="Valid for so long.", min=1, max=36_500)] = 3650,
+    days: Annotated[int, typer.Option(help="Days of validity.", min=1, max=36_500)] = 3650,
 ) -> None:
-    """Make certificate.pem and private_key.pem for the daemon, and authority.pem for whoever asks it."""
+    """Make certificate.pem and private_key.pem for the daemon, and authority.pem for its clients."""
     import socket
     from datetime import UTC, datetime
 

@@ -1,4 +1,4 @@
-"""`handeyed version`."""
+"""`handeyed version`: print the versions."""
 
 import platform
 from importlib import metadata
@@ -8,11 +8,11 @@ import typer
 from daemon.cli.output import Json
 
 NUMERICS = ("numpy", "scipy", "opencv-python-headless")
-"""The libraries whose version can change a figure."""
+"""Libraries whose version can change numerical results."""
 
 
 def version(json: Json = False) -> None:
-    """Print the version, and those of the libraries that figures depend on."""
+    """Print the version, and those of the libraries that numerical results depend on."""
     versions = {name: metadata.version(name) for name in ("handeyed", *NUMERICS)}
     versions["python"] = platform.python_version()
     if json:

@@ -1,1 +1,1 @@
-"""Tools of the command line that stand beside the service: archives, support bundles, printed targets."""
+"""Tools of the command line that do not need the service: batch registration, support bundles, printed targets."""

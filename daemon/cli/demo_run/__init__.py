@@ -1,1 +1,1 @@
-"""The newcomer's first minute: a mock cell and a daemon as two processes, and the main job over REST."""
+"""Parts of `handeyed demo`: a mock cell and a daemon as two processes, and the scenario over REST."""

@@ -1,4 +1,4 @@
-"""Child processes that announce themselves in a file, and end with us whatever happens."""
+"""Child processes that write a ready file, and are ended with this process."""
 
 import json
 import signal
@@ -14,70 +14,70 @@ from typing import Any
 
 from daemon.cli.errors import CommandError
 
-START_LIMIT_S = 30.0
-END_LIMIT_S = 10.0
+MAX_START_S = 30.0
+MAX_END_S = 10.0
 POLL_S = 0.05
 
 
 @dataclass(frozen=True)
-class Child:
-    """A running process, what it announced, and where it writes what it has to say."""
+class ChildProcess:
+    """A running process, the content of its ready file, and its log file."""
 
     name: str
     process: "subprocess.Popen[bytes]"
     announcement: dict[str, Any]
     log: Path
 
-    def ended(self) -> bool:
-        return self.process.poll() is not None
+    def is_running(self) -> bool:
+        return self.process.poll() is None
 
 
 @contextmanager
-def child(name: str, module: Sequence[str], folder: Path) -> Iterator[Child]:
-    """`python -m MODULE... --ready-file FILE`, ready; ended when the block is left. Raises CommandError."""
+def start_child(name: str, module: Sequence[str], folder: Path) -> Iterator[ChildProcess]:
+    """Run `python -m MODULE... --ready-file FILE` until the block ends; yields it once ready. Raises CommandError."""
     ready, log = folder / f"{name}.json", folder / f"{name}.log"
     ready.unlink(missing_ok=True)
     command = [sys.executable, "-m", *module, "--ready-file", str(ready)]
     with log.open("wb") as output:
-        # A session of its own: Ctrl-C in the terminal reaches us, and we end the children in order.
+        # A session of its own: Ctrl-C reaches only this process, which ends the children in order.
         process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
         )
     try:
-        yield Child(name, process, _announcement(name, process, ready, log), log)
+        yield ChildProcess(name, process, _wait_for_announcement(name, process, ready, log), log)
     finally:
         _end(process)
 
 
-def _announcement(name: str, process: "subprocess.Popen[bytes]", ready: Path, log: Path) -> dict[str, Any]:
-    limit_s = time.monotonic() + START_LIMIT_S
+def _wait_for_announcement(name: str, process: "subprocess.Popen[bytes]", ready: Path, log: Path) -> dict[str, Any]:
+    limit_s = time.monotonic() + MAX_START_S
     while not ready.exists():
         if process.poll() is not None:
             last = (log.read_text(errors="replace").strip().splitlines() or ["it said nothing"])[-1]
             raise CommandError(name, f"it ended while starting: {last}", f"see {log}")
         if time.monotonic() > limit_s:
-            raise CommandError(name, f"it was not ready after {START_LIMIT_S:.0f} s", f"see {log}")
+            raise CommandError(name, f"it was not ready after {MAX_START_S:.0f} s", f"see {log}")
         time.sleep(POLL_S)
     announcement: dict[str, Any] = json.loads(ready.read_text())
     return announcement
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:
-    """SIGTERM, and SIGKILL for one that does not listen."""
+    """End the process with SIGTERM, and with SIGKILL after MAX_END_S."""
     if process.stdin is not None:
         process.stdin.close()
     if process.poll() is None:
         process.terminate()
     try:
-        process.wait(END_LIMIT_S)
+        process.wait(MAX_END_S)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
 
 
 @contextmanager
-def signals_as_exits() -> Iterator[None]:
-    """SIGTERM and SIGHUP unwind the stack as Ctrl-C does, so that every child is ended."""
+def exit_on_signals() -> Iterator[None]:
+    """Raise SystemExit on SIGTERM and SIGHUP, so that the children are ended."""
 
     def leave(number: int, frame: FrameType | None) -> None:
         raise SystemExit(128 + number)

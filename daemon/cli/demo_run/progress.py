@@ -1,4 +1,4 @@
-"""How the demo talks: one line a step, rewritten on a terminal while it goes on, written once elsewhere."""
+"""Progress output of the demo: one line per step, rewritten on a terminal, written once elsewhere."""
 
 import sys
 import time
@@ -11,8 +11,8 @@ NAME, WHAT = 12, 36
 """Widths of the two left columns."""
 
 
-class Step:
-    """A step that is being taken."""
+class ProgressLine:
+    """The line of one step in progress."""
 
     def __init__(self, name: str, what: str, live: bool, aside: bool) -> None:
         self._left = f"  {name:<{NAME}}{what:<{WHAT}}"
@@ -20,20 +20,20 @@ class Step:
         self._began_s = time.monotonic()
         self.over = False
 
-    def now(self, doing: str) -> None:
-        """What goes on; seen on a terminal only."""
+    def update(self, doing: str) -> None:
+        """Rewrite the line with the current activity; on a terminal only."""
         if self._live:
             typer.echo(f"\r\033[K{self._left}{doing}", nl=False, err=self._aside)
 
-    def done(self, result: str) -> None:
-        """How it ended."""
+    def finish(self, result: str) -> None:
+        """Complete the line with the time taken and the result."""
         self.over = True
         took = f"{time.monotonic() - self._began_s:5.1f} s"
         typer.echo(("\r\033[K" if self._live else "") + f"{self._left}{took}   {result}", err=self._aside)
 
 
-class Teller:
-    """Writes to standard output; `aside`, to standard error, when the output is for programs."""
+class ProgressPrinter:
+    """Prints to standard output, or with `aside` to standard error."""
 
     def __init__(self, aside: bool = False) -> None:
         self._aside = aside
@@ -43,10 +43,10 @@ class Teller:
         typer.echo(text, err=self._aside)
 
     @contextmanager
-    def step(self, name: str, what: str) -> Iterator[Step]:
-        """A step; when it fails the line is left as it stands, and the error follows on its own."""
-        step = Step(name, what, self._live, self._aside)
-        step.now("...")
+    def progress_line(self, name: str, what: str) -> Iterator[ProgressLine]:
+        """The progress line of a step; when the block raises, the line stays as it is."""
+        step = ProgressLine(name, what, self._live, self._aside)
+        step.update("...")
         try:
             yield step
         except BaseException:

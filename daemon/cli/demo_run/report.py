@@ -1,16 +1,16 @@
-"""What the demo prints in the end: what was found beside what is true, where the cloud lies, three curl lines."""
+"""The demo's report: result beside truth, the merged cloud's file, and three curl commands."""
 
 import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from daemon.cli.demo_run.scenario import Found
+from daemon.cli.demo_run.scenario import DemoResult
 from daemon.cli.rest_client import DEFAULT_URL
 
 
-def report(found: Found) -> str:
-    """The result beside the truth."""
+def report(found: DemoResult) -> str:
+    """A table of the result beside the truth."""
     x, truth = found.calibration.flange_T_camera, found.truth["flange_T_camera"]
     assert x is not None  # an accepted eye-in-hand calibration has one
     off, cloud = found.score["calibration"], found.score["cloud"]
@@ -34,13 +34,13 @@ def report(found: Found) -> str:
     )
     table = "\n".join(f"  {name:<22}{a:<29}{b:<29}{c}".rstrip() for name, a, b, c in rows)
     return (
-        f"\nWhat the daemon found, beside the truth that it never saw:\n\n{table}\n\n"
+        f"\nThe daemon's result beside the truth, which it does not have:\n\n{table}\n\n"
         f"The merged cloud: {found.cloud_file} (base frame, mm; any viewer opens it)"
     )
 
 
-def report_json(found: Found) -> str:
-    """The same for programs: what was found, what is true, how far apart they are, and where the files lie."""
+def report_json(found: DemoResult) -> str:
+    """The same as JSON: calibration, truth, score and files."""
     return json.dumps(
         {
             "calibration": found.calibration.model_dump(mode="json"),
@@ -52,7 +52,7 @@ def report_json(found: Found) -> str:
 
 
 def curl_lines(url: str, view: Path) -> str:
-    """Three commands that work as printed while a daemon listens at `url`."""
+    """Three curl commands for a daemon at `url`."""
     ply = f"-H 'Content-Type: application/x-ply' --data-binary @{view}"
     return "\n".join(
         [
@@ -63,8 +63,8 @@ def curl_lines(url: str, view: Path) -> str:
     )
 
 
-def farewell(kept_url: str | None, view: Path) -> str:
-    """How to go on."""
+def next_steps(kept_url: str | None, view: Path) -> str:
+    """The demo's last lines: how to keep the cell, and three commands to try."""
     first = "The cell keeps running until Ctrl-C." if kept_url else "`handeyed demo --keep` keeps the cell running."
     return f"\n{first} In another terminal, in this folder:\n\n{curl_lines(kept_url or DEFAULT_URL, view)}\n"
 

@@ -1,29 +1,30 @@
-"""What the MES would do: calibrate, scan a part from several sides, fetch the merged cloud. Then ask for the truth."""
+"""The demo's scenario, as an MES would run it: calibrate, scan a part, fetch the merged cloud; then score it."""
 
 import json
 import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.cli.demo_run.progress import Teller
+from daemon.cli.demo_run.progress import ProgressLine, ProgressPrinter
 from daemon.cli.errors import CommandError
-from daemon.cli.rest_client import DaemonClient, Event
+from daemon.cli.rest_client import DaemonClient, ServerEvent
 
 VIEW_FILE = "view.ply"
-"""The last view as the scanner gave it: the arm still stands where it was taken."""
+"""The last view in the scanner's frame; the arm still stands where it was taken."""
 
 POSES = 3
-"""As the seed: three positions."""
+"""The smallest number of poses."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """What came out, and the files it lies in."""
+class DemoResult:
+    """The results, their files, the truth and the score."""
 
     calibration: CalibrationDocument
     calibration_file: Path
@@ -33,58 +34,58 @@ class Found:
     score: dict[str, Any]
 
 
-def play(url: str, folder: Path, seed: int, teller: Teller) -> Found:
-    """The main job, through the daemon at `url`; files go into `folder`. Raises CommandError."""
+def run_scenario(url: str, folder: Path, seed: int, printer: ProgressPrinter) -> DemoResult:
+    """Run the scenario with the daemon at `url`; files go into `folder`. Raises CommandError."""
     with DaemonClient(url) as daemon:
-        calibration = _calibrate(daemon, teller)
+        calibration = _calibrate(daemon, printer)
         calibration_file = folder / "calibration.json"
         calibration_file.write_text(calibration.model_dump_json(indent=1) + "\n")
-        scan_id, cloud_file = _scan(daemon, folder / "door.ply", teller)
+        scan_id, cloud_file = _scan(daemon, folder / "door.ply", printer)
         last_view = daemon.get(f"/scans/{scan_id}")["views"][-1]["file"]
     shutil.copy(folder / "store" / "scans" / scan_id / last_view, folder / VIEW_FILE)
-    truth = mock_says(["truth", "--seed", str(seed)])
+    truth = run_mock(["truth", "--seed", str(seed)])
     files = ["--calibration", str(calibration_file), "--cloud", str(cloud_file)]
-    score = mock_says(["score", "--seed", str(seed), *files])
-    return Found(calibration, calibration_file, cloud_file, scan_id, truth, score)
+    score = run_mock(["score", "--seed", str(seed), *files])
+    return DemoResult(calibration, calibration_file, cloud_file, scan_id, truth, score)
 
 
-def _calibrate(daemon: DaemonClient, teller: Teller) -> CalibrationDocument:
-    with teller.step("calibrate", f"{POSES} poses, planned") as step:
-        run = _finished(daemon.run("/calibrate", {"count": POSES}, _progress(step)))
+def _calibrate(daemon: DaemonClient, printer: ProgressPrinter) -> CalibrationDocument:
+    with printer.progress_line("calibrate", f"{POSES} poses, planned") as step:
+        run = _require_success(daemon.run("/calibrate", {"count": POSES}, _show_progress(step)))
         document = CalibrationDocument.model_validate(daemon.get(f"/calibrations/{run['result']['calibration_id']}"))
         if not document.verdict.accepted:
             errors = [finding for finding in document.verdict.findings if finding.severity == "error"]
             raise CommandError("calibrate", f"not accepted: {errors[0].message}", errors[0].fix)
-        step.done("accepted and in force")
+        step.finish("accepted and in force")
     return document
 
 
-def _scan(daemon: DaemonClient, file: Path, teller: Teller) -> tuple[str, Path]:
-    with teller.step("scan", "a car door, wider than one view") as step:
-        run = _finished(daemon.run("/scans", {"name": "door", "capture": True}, _progress(step)))
+def _scan(daemon: DaemonClient, file: Path, printer: ProgressPrinter) -> tuple[str, Path]:
+    with printer.progress_line("scan", "a car door, wider than one view") as step:
+        run = _require_success(daemon.run("/scans", {"name": "door", "capture": True}, _show_progress(step)))
         scan_id = run["result"]["scan_id"]
-        step.now("merging")
+        step.update("merging")
         size = daemon.download(f"/scans/{scan_id}/cloud", file)
-        step.done(f"{run['result']['views']} views, {size / 1e6:.0f} MB merged")
+        step.finish(f"{run['result']['views']} views, {size / 1e6:.0f} MB merged")
     return scan_id, file
 
 
-def _progress(step: Any) -> Any:
-    def told(event: Event) -> None:
-        step.now(f"station {min(event['station'] + 1, event['stations'])} of {event['stations']}: {event['state']}")
+def _show_progress(line: ProgressLine) -> Callable[[ServerEvent], None]:
+    def show(event: ServerEvent) -> None:
+        line.update(f"station {min(event['station'] + 1, event['stations'])} of {event['stations']}: {event['state']}")
 
-    return told
+    return show
 
 
-def _finished(run: Any) -> Any:
+def _require_success(run: Any) -> Any:
     if run["state"] != "finished":
         cause = run["cause"] or {"what": f"the run was {run['state']}", "fix": "try again"}
         raise CommandError(f"{run['kind']} run {run['id']}", cause["what"], cause["fix"])
     return run
 
 
-def mock_says(arguments: list[str]) -> dict[str, Any]:
-    """What the mock's own program prints: the truth is never imported here."""
+def run_mock(arguments: list[str]) -> dict[str, Any]:
+    """The JSON that `python -m mock_robot` prints. Raises CommandError. The truth is never imported here."""
     began_s = time.monotonic()
     command = [sys.executable, "-m", "mock_robot", *arguments]
     process = subprocess.run(command, capture_output=True, text=True, check=False)

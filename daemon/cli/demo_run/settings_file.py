@@ -1,11 +1,11 @@
-"""handeyed.toml for the mock cell: what an integrator would write from the cell's sheet. No truth is in it."""
+"""handeyed.toml for the mock cell, from its data sheet, as an integrator would write it; without the truth."""
 
 import json
 from typing import Any
 
 
 def settings_text(announcement: dict[str, Any], port: int) -> str:
-    """The settings of a daemon at `port` for the cell that announced itself."""
+    """The settings of a daemon at `port` for the mock cell with this ready file."""
     robot, cell = announcement["robot"], announcement["cell"]
     sections: dict[str, dict[str, Any]] = {
         "robot": {
@@ -33,7 +33,7 @@ def _lines(values: dict[str, Any]) -> str:
 
 
 def _toml(value: Any) -> str:
-    """Inline TOML; numbers, strings and truth values are written as in JSON."""
+    """A value as inline TOML; numbers, strings and booleans are written as in JSON."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list):

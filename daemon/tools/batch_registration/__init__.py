@@ -1,1 +1,1 @@
-"""Many scans registered again: divided among workers, each whole or not there, resumed where it stopped."""
+"""Register an archive of scans with parallel workers; results are written atomically, finished scans skipped."""

@@ -1,9 +1,13 @@
-"""Errors of an archive: the whole of it; what is wrong with one scan is an outcome, not an error."""
+"""Errors of a whole archive. The failure of one scan is a ScanOutcome, not an error.
+
+DaemonError
+└── ArchiveError          the archive cannot be read or written, or there is no executor
+"""
 
 from daemon.errors import DaemonError
 
 
 class ArchiveError(DaemonError):
-    """The archive cannot be read or written, or there is nobody to do the work."""
+    """The archive cannot be read or written, or there is no executor."""
 
     code = "archive-error"

@@ -1,6 +1,6 @@
-"""Who does the work: this process, Dask's workers on this machine, or a Dask scheduler elsewhere.
+"""Executors of the tasks: this process, Dask workers on this machine, or a Dask scheduler elsewhere.
 
-Each scan is one task and owns its files, so the bytes do not depend on how many workers there are.
+Each scan is one task with its own files, so the results do not depend on the number of workers.
 """
 
 import logging
@@ -9,35 +9,35 @@ from contextlib import contextmanager
 from typing import Any
 
 from daemon.tools.batch_registration.errors import ArchiveError
-from daemon.tools.batch_registration.remote_folder import library
-from daemon.tools.batch_registration.tasks import Outcome, Task, register_one
+from daemon.tools.batch_registration.remote_folder import import_extra
+from daemon.tools.batch_registration.tasks import RegistrationTask, ScanOutcome, run_task
 
-Engine = Callable[[Sequence[Task]], Iterator[Outcome]]
+Executor = Callable[[Sequence[RegistrationTask]], Iterator[ScanOutcome]]
 
 HERE, LOCAL = "here", "local"
-CONNECT_LIMIT_S = 15.0
+MAX_CONNECT_S = 15.0
 
 
 @contextmanager
-def engine(scheduler: str, workers: int) -> Iterator[Engine]:
-    """By name: `here`, `local` (with so many workers), or an address like tcp://host:8786. Raises ArchiveError."""
+def open_executor(scheduler: str, workers: int) -> Iterator[Executor]:
+    """The executor `here`, `local` (`workers` processes) or at an address like tcp://host:8786. Raises ArchiveError."""
     if scheduler == HERE:
-        yield in_this_process
+        yield run_here
         return
     if scheduler != LOCAL and "://" not in scheduler:
         raise ArchiveError(f"{scheduler!r} is no scheduler", f"use {HERE}, {LOCAL} or an address like tcp://host:8786")
     with _client(scheduler, workers) as client:
-        yield lambda tasks: _by_dask(client, tasks)
+        yield lambda tasks: _run_on_dask(client, tasks)
 
 
-def in_this_process(tasks: Iterable[Task]) -> Iterator[Outcome]:
-    """One after another."""
-    yield from map(register_one, tasks)
+def run_here(tasks: Iterable[RegistrationTask]) -> Iterator[ScanOutcome]:
+    """Run the tasks one after another in this process."""
+    yield from map(run_task, tasks)
 
 
 @contextmanager
 def _client(scheduler: str, workers: int) -> Iterator[Any]:
-    distributed = library("distributed")
+    distributed = import_extra("distributed")
     logging.getLogger("distributed").setLevel(logging.ERROR)
     if scheduler == LOCAL:
         with (
@@ -49,7 +49,7 @@ def _client(scheduler: str, workers: int) -> Iterator[Any]:
             yield client
         return
     try:
-        client = distributed.Client(scheduler, timeout=CONNECT_LIMIT_S)
+        client = distributed.Client(scheduler, timeout=MAX_CONNECT_S)
     except (OSError, ValueError, TimeoutError) as error:
         fix = "start it with `dask scheduler`, and workers with `dask worker`"
         raise ArchiveError(f"no Dask scheduler answers at {scheduler} ({error})", fix) from None
@@ -57,14 +57,16 @@ def _client(scheduler: str, workers: int) -> Iterator[Any]:
         yield client
 
 
-def _by_dask(client: Any, tasks: Sequence[Task]) -> Iterator[Outcome]:
-    """As they are done. A worker that dies with a scan costs that scan, after Dask has tried it elsewhere."""
-    distributed = library("distributed")
-    scans = {client.submit(register_one, task, pure=False): task.scan for task in tasks}
+def _run_on_dask(client: Any, tasks: Sequence[RegistrationTask]) -> Iterator[ScanOutcome]:
+    """Yield outcomes as they complete. A scan whose workers die fails, after Dask's retries on other workers."""
+    distributed = import_extra("distributed")
+    scans = {client.submit(run_task, task, pure=False): task.scan for task in tasks}
     for future in distributed.as_completed(list(scans)):
         error = future.exception()
         if error is None:
             yield future.result()
         else:
-            yield Outcome(scans[future], "failed", accepted=False, error=f"its worker failed ({error}): try it again")
+            yield ScanOutcome(
+                scans[future], "failed", accepted=False, error=f"its worker failed ({error}): try it again"
+            )
         future.release()

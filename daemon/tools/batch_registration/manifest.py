@@ -1,4 +1,4 @@
-"""manifest.json: what a registered scan was made of and what came out. Written last: with it a scan is finished."""
+"""manifest.json: hashes of a registered scan's inputs and files. Written last, so it marks a finished scan."""
 
 import hashlib
 from pathlib import Path
@@ -6,12 +6,12 @@ from typing import Literal
 
 from calibration.documents.validation import Document
 
-NAME = "manifest.json"
-PIECE = 1 << 20
+MANIFEST_NAME = "manifest.json"
+PIECE_BYTES = 1 << 20
 
 
 class WrittenDocument(Document):
-    """A file and its content's hash."""
+    """A file with its size in bytes and SHA-256."""
 
     name: str
     bytes: int
@@ -19,7 +19,7 @@ class WrittenDocument(Document):
 
 
 class ManifestDocument(Document):
-    """A finished scan. `input_sha256`: scan.json, every cloud it names, the calibration's document and the options."""
+    """A finished scan. `input_sha256` covers scan.json, every cloud it names, the calibration and the options."""
 
     schema_version: Literal[1] = 1
     scan: str
@@ -31,7 +31,7 @@ class ManifestDocument(Document):
 
 
 def hash_of_inputs(folder: Path, names: list[str], about: bytes) -> str:
-    """Names, lengths and contents, so that no two different inputs run together."""
+    """SHA-256 over `about` and the names and contents of the files."""
     whole = hashlib.sha256(about)
     for name in names:
         whole.update(f"\n{name}\n{file_hash(folder / name)}".encode())
@@ -39,13 +39,13 @@ def hash_of_inputs(folder: Path, names: list[str], about: bytes) -> str:
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256, in pieces."""
+    """The SHA-256 of a file's content, hexadecimal."""
     found = hashlib.sha256()
     with path.open("rb") as file:
-        while piece := file.read(PIECE):
+        while piece := file.read(PIECE_BYTES):
             found.update(piece)
     return found.hexdigest()
 
 
-def written(path: Path) -> WrittenDocument:
+def describe_file(path: Path) -> WrittenDocument:
     return WrittenDocument(name=path.name, bytes=path.stat().st_size, sha256=file_hash(path))

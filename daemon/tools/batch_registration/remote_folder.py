@@ -1,6 +1,6 @@
-"""Folders by URL through fsspec: local paths, s3://, memory:// and whatever else fsspec knows.
+"""Folders by URL through fsspec: local paths, s3://, memory:// and whatever else fsspec supports.
 
-A local folder is worked on where it is; any other is copied to a temporary folder first, and results are copied back.
+A local folder is used in place; any other is copied to a temporary folder first, and results are copied back.
 """
 
 import tempfile
@@ -17,8 +17,8 @@ from registration.io.durable_file import new_file
 INSTALL = "install handeyed[archive]"
 
 
-def library(name: str) -> Any:
-    """A library of the extra `archive`. Raises ArchiveError when it is not installed."""
+def import_extra(name: str) -> Any:
+    """Import a library of the extra `archive`. Raises ArchiveError when it is not installed."""
     try:
         return import_module(name)
     except ImportError:
@@ -26,19 +26,19 @@ def library(name: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Place:
-    """A folder: its URL as given, without a slash at its end."""
+class RemoteFolder:
+    """A folder; `url` has no trailing slash."""
 
     url: str
 
     @classmethod
-    def of(cls, url: str) -> "Place":
-        """A path or URL; a path is made absolute, for workers stand elsewhere. Raises ArchiveError."""
+    def of(cls, url: str) -> "RemoteFolder":
+        """A folder by path or URL; paths are made absolute for workers elsewhere. Raises ArchiveError."""
         place = cls(url.rstrip("/") or "/")
         return place if place.local is None else cls(str(place.local))
 
     def _system(self) -> tuple[Any, str]:
-        fsspec = library("fsspec")
+        fsspec = import_extra("fsspec")
         try:
             system, path = fsspec.core.url_to_fs(self.url)
         except (ValueError, ImportError) as error:
@@ -47,16 +47,16 @@ class Place:
 
     @property
     def local(self) -> Path | None:
-        """The folder itself when it is on this machine."""
+        """Its path when it is on this machine, else None."""
         system, path = self._system()
         protocols = (system.protocol,) if isinstance(system.protocol, str) else system.protocol
         return Path(path) if "file" in protocols else None
 
-    def child(self, name: str) -> "Place":
-        return Place(f"{self.url}/{name}") if name else self
+    def child(self, name: str) -> "RemoteFolder":
+        return RemoteFolder(f"{self.url}/{name}") if name else self
 
     def folders_with(self, name: str) -> list[str]:
-        """Every folder below this one that holds a file `name`, relative and sorted. Raises ArchiveError."""
+        """The folders below this one that hold a file `name`: relative paths, sorted. Raises ArchiveError."""
         system, path = self._system()
         try:
             system.invalidate_cache()
@@ -69,7 +69,7 @@ class Place:
         return sorted("" if each.parent == root else each.parent.relative_to(root).as_posix() for each in found)
 
     def read(self, name: str) -> bytes | None:
-        """A small file's content; None when it is not there."""
+        """The content of a small file; None when it does not exist."""
         system, path = self._system()
         try:
             content: bytes = system.cat_file(f"{path}/{name}")
@@ -78,7 +78,7 @@ class Place:
         return content
 
     def size(self, name: str) -> int | None:
-        """A file's bytes; None when it is not there."""
+        """A file's size in bytes; None when it does not exist."""
         system, path = self._system()
         try:
             return int(system.info(f"{path}/{name}")["size"])
@@ -86,13 +86,13 @@ class Place:
             return None
 
     def remove(self, name: str) -> None:
-        """The file is not there any more."""
+        """Delete a file if it exists."""
         system, path = self._system()
         with suppress(FileNotFoundError):
             system.rm_file(f"{path}/{name}")
 
     def write(self, name: str, content: bytes) -> None:
-        """A small file, whole or not there."""
+        """Write a small file atomically."""
         if (folder := self.local) is not None:
             folder.mkdir(parents=True, exist_ok=True)
             with new_file(folder / name) as file:
@@ -102,8 +102,8 @@ class Place:
         system.pipe_file(f"{path}/{name}", content)
 
     @contextmanager
-    def fetched(self, names: list[str]) -> Iterator[Path]:
-        """A folder on this machine that holds the files."""
+    def fetch(self, names: list[str]) -> Iterator[Path]:
+        """A folder on this machine that holds the files: this one, or a temporary copy."""
         if (folder := self.local) is not None:
             yield folder
             return
@@ -114,8 +114,8 @@ class Place:
             yield Path(temporary)
 
     @contextmanager
-    def filled(self) -> Iterator[Path]:
-        """A folder to write into; everything in it is in this place when the block is left without an error."""
+    def upload_after(self) -> Iterator[Path]:
+        """A local folder to write into; its files are uploaded here when the block ends without an error."""
         if (folder := self.local) is not None:
             folder.mkdir(parents=True, exist_ok=True)
             yield folder

@@ -1,4 +1,4 @@
-"""One scan of an archive: registered, unless a manifest says that this was done already. Runs in any process."""
+"""Register one scan of an archive, unless its manifest matches the inputs. Runs in any process."""
 
 import json
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.validation import parse_document
 from calibration.errors import CalibrationError
 from daemon.tools.batch_registration.errors import ArchiveError
-from daemon.tools.batch_registration.manifest import NAME, ManifestDocument, hash_of_inputs, written
-from daemon.tools.batch_registration.remote_folder import Place
+from daemon.tools.batch_registration.manifest import MANIFEST_NAME, ManifestDocument, describe_file, hash_of_inputs
+from daemon.tools.batch_registration.remote_folder import RemoteFolder
 from registration.documents import ScanDocument
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
@@ -23,8 +23,8 @@ State = Literal["registered", "unchanged", "failed"]
 
 
 @dataclass(frozen=True)
-class Task:
-    """Everything a worker on another machine has to know."""
+class RegistrationTask:
+    """The input of one task, serialisable for workers on other machines."""
 
     source: str
     target: str
@@ -35,13 +35,13 @@ class Task:
 
     @property
     def about(self) -> bytes:
-        """What beside the clouds decides the result."""
+        """The inputs beside the clouds, as bytes for the hash."""
         return json.dumps([self.calibration, self.refine, self.voxel_mm]).encode()
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What became of one scan; `accepted` is its verdict, `error` why it failed."""
+class ScanOutcome:
+    """The outcome of one scan; `accepted` is its verdict, `error` why it failed."""
 
     scan: str
     state: State
@@ -50,42 +50,42 @@ class Outcome:
     error: str | None = None
 
 
-def register_one(task: Task) -> Outcome:
-    """Whatever is wrong with this scan is its outcome: the others go on."""
+def run_task(task: RegistrationTask) -> ScanOutcome:
+    """Register one scan; an error becomes a failed outcome, so that the other scans go on."""
     try:
-        return _registered(task)
+        return _register_scan(task)
     except (RegistrationError, CalibrationError, ArchiveError) as error:
-        return _failed(task, str(error))
+        return _failure(task, str(error))
     except OSError as error:
-        return _failed(task, f"it cannot be read or written ({error}): check rights and free space")
+        return _failure(task, f"it cannot be read or written ({error}): check rights and free space")
 
 
-def _failed(task: Task, what: str) -> Outcome:
-    return Outcome(task.scan, "failed", accepted=False, error=what)
+def _failure(task: RegistrationTask, what: str) -> ScanOutcome:
+    return ScanOutcome(task.scan, "failed", accepted=False, error=what)
 
 
-def _registered(task: Task) -> Outcome:
-    source, target = Place(task.source).child(task.scan), Place(task.target).child(task.scan)
+def _register_scan(task: RegistrationTask) -> ScanOutcome:
+    source, target = RemoteFolder(task.source).child(task.scan), RemoteFolder(task.target).child(task.scan)
     calibration = parse_document(CalibrationDocument, task.calibration.encode(), "calibration")
-    names = _names(source)
-    with source.fetched(names) as folder:
+    names = _file_names(source)
+    with source.fetch(names) as folder:
         views = read_scan(folder)
         for view in views:
             if not view.path.is_file():
                 raise FileNotFoundError(f"{task.scan}/{view.path.name} is missing")
         inputs = hash_of_inputs(folder, names, task.about)
-        done = _finished(target, inputs, calibration.id)
+        done = _matching_manifest(target, inputs, calibration.id)
         if done is not None:
-            return Outcome(task.scan, "unchanged", done.points, done.accepted)
-        target.remove(NAME)  # what it speaks of is about to be replaced
-        with target.filled() as out:
-            manifest = _register(task, views, hand_of(calibration), out, inputs)
-    target.write(NAME, manifest.model_dump_json(indent=1).encode())
-    return Outcome(task.scan, "registered", manifest.points, manifest.accepted)
+            return ScanOutcome(task.scan, "unchanged", done.points, done.accepted)
+        target.remove(MANIFEST_NAME)  # its files are about to be replaced
+        with target.upload_after() as out:
+            manifest = _write_results(task, views, hand_of(calibration), out, inputs)
+    target.write(MANIFEST_NAME, manifest.model_dump_json(indent=1).encode())
+    return ScanOutcome(task.scan, "registered", manifest.points, manifest.accepted)
 
 
-def _names(source: Place) -> list[str]:
-    """The scan's files, scan.json first. Raises DocumentError, ArchiveError."""
+def _file_names(source: RemoteFolder) -> list[str]:
+    """The names of the scan's files, scan.json first. Raises DocumentError, ArchiveError."""
     content = source.read(SCAN)
     if content is None:
         raise ArchiveError(f"{source.url}/{SCAN} is gone", "start again")
@@ -94,13 +94,13 @@ def _names(source: Place) -> list[str]:
     return [SCAN, *(name for name in clouds if Path(name).name == name)]  # read_scan refuses any other
 
 
-def _finished(target: Place, inputs: str, calibration_id: str) -> ManifestDocument | None:
-    """The manifest, when it speaks of these inputs and its files are there."""
-    content = target.read(NAME)
+def _matching_manifest(target: RemoteFolder, inputs: str, calibration_id: str) -> ManifestDocument | None:
+    """The manifest in `target` when it is of these inputs and its files exist; else None."""
+    content = target.read(MANIFEST_NAME)
     if content is None:
         return None
     try:
-        manifest = parse_document(ManifestDocument, content, f"{target.url}/{NAME}")
+        manifest = parse_document(ManifestDocument, content, f"{target.url}/{MANIFEST_NAME}")
     except CalibrationError:
         return None
     same = (manifest.input_sha256, manifest.calibration_id) == (inputs, calibration_id)
@@ -108,19 +108,21 @@ def _finished(target: Place, inputs: str, calibration_id: str) -> ManifestDocume
     return manifest if same and whole else None
 
 
-def _register(task: Task, views: list[ScanView], hand: Hand, out: Path, inputs: str) -> ManifestDocument:
+def _write_results(
+    task: RegistrationTask, views: list[ScanView], hand: Hand, out: Path, inputs: str
+) -> ManifestDocument:
     report = register_scan(views, hand, out / MERGED, _no_clock, refine=task.refine, merge=Merge(task.voxel_mm))
-    Place(str(out)).write(REPORT, report.model_dump_json(indent=1).encode())
+    RemoteFolder(str(out)).write(REPORT, report.model_dump_json(indent=1).encode())
     return ManifestDocument(
         scan=task.scan,
         calibration_id=hand.calibration_id,
         input_sha256=inputs,
         points=report.points,
         accepted=report.verdict.accepted,
-        files=[written(out / MERGED), written(out / REPORT)],
+        files=[describe_file(out / MERGED), describe_file(out / REPORT)],
     )
 
 
 def _no_clock() -> float:
-    """Times would make every run's report another."""
+    """A clock that stands still, so that equal inputs give equal reports."""
     return 0.0

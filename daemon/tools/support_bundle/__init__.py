@@ -1,1 +1,1 @@
-"""What a remote engineer needs to understand a cell, in one file, without anything secret."""
+"""The support bundle: settings, log, versions and state of a cell in one file, without secrets."""

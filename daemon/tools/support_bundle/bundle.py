@@ -1,4 +1,4 @@
-"""The bundle: a .tar.gz of texts, each without secrets. What cannot be gathered says so in its place."""
+"""The bundle: a .tar.gz of redacted texts. A part that cannot be gathered is replaced by the reason."""
 
 import io
 import json
@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +17,15 @@ from daemon.config.settings import Settings, load_settings
 from daemon.runtime.durable_files import write_durably
 from daemon.runtime.version import SOFTWARE
 from daemon.store.database import storage_errors
-from daemon.tools.support_bundle.redaction import redacted, without_secrets
-from daemon.tools.support_bundle.store_summary import last_runs, summary_of
-from daemon.tools.support_bundle.system_reports import COMMANDS, daemon_says, output_of
-from daemon.tools.support_bundle.versions import about_the_machine
+from daemon.tools.support_bundle.redaction import redact, redact_values
+from daemon.tools.support_bundle.store_summary import last_runs, summarise_store
+from daemon.tools.support_bundle.system_reports import COMMANDS, fetch_pages, output_of
+from daemon.tools.support_bundle.versions import describe_machine
 
-SESSIONS = 5
-"""Runs whose session.json (poses and names of pictures, no picture) goes along."""
+MAX_SESSIONS = 5
+"""Number of runs whose session.json (poses and picture names, no pictures) is included."""
 
-LOG_BYTES = 20_000_000
+MAX_LOG_BYTES = 20_000_000
 
 README = """\
 {software}, {at}
@@ -34,13 +35,13 @@ it before you send it. No picture and no cloud is inside.
 
 
 @dataclass(frozen=True)
-class Bundle:
-    """Texts by file name."""
+class SupportBundle:
+    """The texts of the bundle by file name."""
 
     files: dict[str, str]
 
     def write(self, target: Path, at: datetime) -> int:
-        """As .tar.gz, whole or not at all; answers its size. Raises StorageError."""
+        """Write the .tar.gz atomically; returns its size in bytes. Raises StorageError."""
         out = io.BytesIO()
         with tarfile.open(fileobj=out, mode="w:gz") as archive:
             for name, text in self.files.items():
@@ -53,51 +54,52 @@ class Bundle:
         return len(out.getvalue())
 
 
-def gather(config: Path, at: datetime, log_file: Path | None = None) -> Bundle:
-    """Everything that can be had; settings that cannot be loaded are no reason to stop."""
+def gather(config: Path, at: datetime, log_file: Path | None = None) -> SupportBundle:
+    """Gather the bundle; without valid settings, only what does not depend on them."""
     files = {"README.txt": README.format(software=SOFTWARE, at=at.isoformat(timespec="seconds"))}
-    files["settings.json"] = _told(lambda: without_secrets(tomllib.loads(config.read_text(encoding="utf-8"))))
+    files["settings.json"] = _json_or_error(lambda: redact_values(tomllib.loads(config.read_text(encoding="utf-8"))))
     try:
         settings = load_settings(config)
     except DocumentError as error:
-        files["settings-problems.txt"] = redacted("\n".join(str(problem) for problem in error.problems))
-        return Bundle({**files, **_system(log_file)})
+        files["settings-problems.txt"] = redact("\n".join(str(problem) for problem in error.problems))
+        return SupportBundle({**files, **_system(log_file)})
     store = Path(settings.storage.folder)
-    files["machine.json"] = _told(lambda: about_the_machine(store))
-    files["store.json"] = _told(lambda: without_secrets(summary_of(store)))
-    files["runs.json"] = _told(lambda: without_secrets(last_runs(store)))
+    files["machine.json"] = _json_or_error(lambda: describe_machine(store))
+    files["store.json"] = _json_or_error(lambda: redact_values(summarise_store(store)))
+    files["runs.json"] = _json_or_error(lambda: redact_values(last_runs(store)))
     files.update(_sessions(store))
     files.update(_daemon(settings))
-    return Bundle({**files, **_system(log_file)})
+    return SupportBundle({**files, **_system(log_file)})
 
 
-def _told(gathered: Callable[[], Any]) -> str:
-    """As JSON; or why not."""
+def _json_or_error(gathered: Callable[[], Any]) -> str:
+    """The JSON of the returned value, or of the reason why it could not be gathered."""
     try:
         return json.dumps(gathered(), indent=1, default=str)
     except (OSError, ValueError, sqlite3.Error) as error:
-        return json.dumps({"could not be gathered": redacted(f"{type(error).__name__}: {error}")})
+        return json.dumps({"could not be gathered": redact(f"{type(error).__name__}: {error}")})
 
 
 def _sessions(store: Path) -> dict[str, str]:
-    """Names sort by time."""
-    found = sorted((store / "runs").glob("*/session.json"), reverse=True)[:SESSIONS]
-    return {
-        f"sessions/{file.parent.name}.json": _told(lambda file=file: without_secrets(json.loads(file.read_text())))  # type: ignore[misc]
-        for file in found
-    }
+    """session.json of the latest MAX_SESSIONS runs, whose ids sort by time."""
+    found = sorted((store / "runs").glob("*/session.json"), reverse=True)[:MAX_SESSIONS]
+
+    def load(file: Path) -> Any:
+        return redact_values(json.loads(file.read_text()))
+
+    return {f"sessions/{file.parent.name}.json": _json_or_error(partial(load, file)) for file in found}
 
 
 def _daemon(settings: Settings) -> dict[str, str]:
-    said = daemon_says(settings)
-    return {f"daemon{path.partition('?')[0].replace('/', '-')}.txt": redacted(text) for path, text in said.items()}
+    pages = fetch_pages(settings)
+    return {f"daemon{path.partition('?')[0].replace('/', '-')}.txt": redact(text) for path, text in pages.items()}
 
 
 def _system(log_file: Path | None) -> dict[str, str]:
-    files = {name: redacted(output_of(command)) for name, command in COMMANDS.items()}
+    files = {name: redact(output_of(command)) for name, command in COMMANDS.items()}
     if log_file is not None:
         try:
-            files["log.txt"] = redacted(log_file.read_bytes()[-LOG_BYTES:].decode("utf-8", "replace"))
+            files["log.txt"] = redact(log_file.read_bytes()[-MAX_LOG_BYTES:].decode("utf-8", "replace"))
         except OSError as error:
             files["log.txt"] = f"{log_file}: {error.strerror}"
     return files

@@ -1,4 +1,4 @@
-"""Secrets are taken out of everything that leaves the cell: by the name of a key, and by what a text looks like."""
+"""Remove secrets from what leaves the cell: by the names of keys, and by the patterns of texts."""
 
 import re
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 REMOVED = "[removed]"
 
 SECRET_KEY = re.compile(r"secret|password|passwd|passphrase|token|credential|authorization|cookie|(^|_)key($|s|_)|hash")
-"""Names of settings and columns whose value is not shown, wherever they stand."""
+"""Keys of settings and columns whose values are removed, at any depth."""
 
 SECRETS: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"-----BEGIN [A-Z ]+-----.*?(-----END [A-Z ]+-----|\Z)", re.DOTALL), REMOVED),
-    # user:password@ of an address, and whatever its query says
+    # user:password@ of an address, and its query
     (re.compile(r"(?P<kept>[a-z][a-z0-9+.-]*://)[^/\s\"'@]+@", re.IGNORECASE), rf"\g<kept>{REMOVED}@"),
     (re.compile(r"(?P<kept>(https?|rtsp|wss?)://[^\s\"'?#]+\?)[^\s\"']+", re.IGNORECASE), rf"\g<kept>{REMOVED}"),
     (re.compile(r"(?P<kept>\b(bearer|basic)\s+)[A-Za-z0-9._~+/=-]+", re.IGNORECASE), rf"\g<kept>{REMOVED}"),
@@ -26,23 +26,22 @@ SECRETS: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"\b[A-Z0-9]{4}(-[A-Z0-9]{4}){2,}\b"), REMOVED),
     (re.compile(r"(?<![\w/.-])[A-Za-z0-9_+=-]{32,}(?![\w/.-])"), REMOVED),
 )
-"""Names of files and folders may be long: what has a slash or a dot beside it is kept."""
+"""Patterns and their replacements. Long names beside a slash or a dot are kept: they are files and folders."""
 
 
-def redacted(text: str) -> str:
-    """The text without what looks like a secret."""
+def redact(text: str) -> str:
+    """The text with everything that looks like a secret replaced by "[removed]"."""
     for pattern, replacement in SECRETS:
         text = pattern.sub(replacement, text)
     return text
 
 
-def without_secrets(value: Any) -> Any:
-    """Data as JSON or TOML give it, without the values of secret keys, and every text redacted."""
+def redact_values(value: Any) -> Any:
+    """JSON or TOML data with the values of secret keys removed and every text redacted."""
     if isinstance(value, dict):
         return {
-            key: REMOVED if SECRET_KEY.search(str(key).lower()) else without_secrets(item)
-            for key, item in value.items()
+            key: REMOVED if SECRET_KEY.search(str(key).lower()) else redact_values(item) for key, item in value.items()
         }
     if isinstance(value, list | tuple):
-        return [without_secrets(item) for item in value]
-    return redacted(value) if isinstance(value, str) else value
+        return [redact_values(item) for item in value]
+    return redact(value) if isinstance(value, str) else value

@@ -1,4 +1,4 @@
-"""What the store holds, read beside a running daemon: counts, the last runs and calibrations, never a key."""
+"""Summary of the store, read-only beside a running daemon: counts, latest runs and calibrations, no keys."""
 
 import json
 import sqlite3
@@ -9,11 +9,11 @@ from typing import Any
 
 from daemon.store.database import DATABASE_NAME
 
-LAST_RUNS = 50
+MAX_ROWS = 50
 
 
-def summary_of(folder: Path) -> dict[str, Any]:
-    """Raises sqlite3.Error when it cannot be read."""
+def summarise_store(folder: Path) -> dict[str, Any]:
+    """Schema, integrity, row counts, history and calibrations. Raises sqlite3.Error."""
     with closing(sqlite3.connect(f"{(folder / DATABASE_NAME).as_uri()}?mode=ro", uri=True, timeout=2)) as db:
         return {
             "schema": db.execute("PRAGMA user_version").fetchone()[0],
@@ -27,14 +27,14 @@ def summary_of(folder: Path) -> dict[str, Any]:
 
 
 def last_runs(folder: Path) -> list[dict[str, Any]]:
-    """The newest first, with cause and result; a result's points are left out."""
+    """The latest 50 runs, newest first, with cause and result; without the points of verifications."""
     with closing(sqlite3.connect(f"{(folder / DATABASE_NAME).as_uri()}?mode=ro", uri=True, timeout=2)) as db:
         rows = _rows(
             db,
             "SELECT id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result"
             " FROM runs ORDER BY created_at DESC, id DESC",
         )
-    return [{**row, "request": _parsed(row["request"]), "result": _short(_parsed(row["result"]))} for row in rows]
+    return [{**row, "request": _parse(row["request"]), "result": _shorten(_parse(row["result"]))} for row in rows]
 
 
 def _counts(db: sqlite3.Connection) -> Iterator[tuple[str, int]]:
@@ -44,16 +44,16 @@ def _counts(db: sqlite3.Connection) -> Iterator[tuple[str, int]]:
 
 
 def _rows(db: sqlite3.Connection, query: str) -> list[dict[str, Any]]:
-    cursor = db.execute(f"{query} LIMIT {LAST_RUNS}")
+    cursor = db.execute(f"{query} LIMIT {MAX_ROWS}")
     names = [column[0] for column in cursor.description]
     return [dict(zip(names, row, strict=True)) for row in cursor]
 
 
-def _parsed(text: str | None) -> Any:
+def _parse(text: str | None) -> Any:
     return None if text is None else json.loads(text)
 
 
-def _short(result: Any) -> Any:
+def _shorten(result: Any) -> Any:
     if isinstance(result, dict) and isinstance(result.get("verification"), dict):
         return {**result, "verification": {**result["verification"], "points": "left out"}}
     return result

@@ -1,4 +1,4 @@
-"""What the running daemon and the system say: asked for a moment, and left out in words when they do not answer."""
+"""Reports of the running daemon and the system; one that does not answer is replaced by the reason."""
 
 import shutil
 import subprocess
@@ -8,7 +8,7 @@ import httpx
 
 from daemon.config.settings import Settings
 
-ANSWER_LIMIT_S = 5.0
+MAX_ANSWER_S = 5.0
 LOG_LINES = 5000
 PAGES = ("/health", "/ready", "/metrics", "/runs?limit=5")
 
@@ -19,13 +19,13 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-def daemon_says(settings: Settings) -> dict[str, str]:
-    """Its own pages by path, as far as it shows them without a key."""
+def fetch_pages(settings: Settings) -> dict[str, str]:
+    """The daemon's answers to PAGES by path, without a key."""
     scheme = "https" if getattr(settings.server, "certificate", None) else "http"
     host = f"[{settings.server.host}]" if ":" in settings.server.host else settings.server.host
     said: dict[str, str] = {}
     with httpx.Client(
-        base_url=f"{scheme}://{host}:{settings.server.port}", timeout=ANSWER_LIMIT_S, trust_env=False, verify=False
+        base_url=f"{scheme}://{host}:{settings.server.port}", timeout=MAX_ANSWER_S, trust_env=False, verify=False
     ) as client:
         for path in PAGES:
             try:
@@ -38,7 +38,7 @@ def daemon_says(settings: Settings) -> dict[str, str]:
 
 
 def output_of(command: Sequence[str]) -> str:
-    """What a program of the system prints."""
+    """What a system program prints, or why it could not be run."""
     if shutil.which(command[0]) is None:
         return f"{command[0]} is not on this machine"
     try:

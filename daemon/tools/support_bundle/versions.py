@@ -1,4 +1,4 @@
-"""The machine and the versions."""
+"""The machine and the installed versions."""
 
 import os
 import platform
@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 
-def about_the_machine(store: Path) -> dict[str, Any]:
-    """What this runs on."""
+def describe_machine(store: Path) -> dict[str, Any]:
+    """System, cores, load, memory, disk of the store, and the installed packages."""
     existing = next(place for place in (store, *store.parents) if place.exists())
     disk = shutil.disk_usage(existing)
     return {

@@ -1,4 +1,4 @@
-"""What each kind of target looks like, in its own frame (see `calibration.targets`)."""
+"""The shapes of each kind of target in its own frame (see `calibration.targets`), in mm."""
 
 from functools import singledispatch
 
@@ -10,10 +10,10 @@ from calibration.transforms import Array
 from daemon.tools.target_print.shapes import Artwork, Box, Disc, Rectangles
 
 DOT_RADIUS = 0.25
-"""Of the distance to the nearest neighbour: half black, half white across a row."""
+"""Relative to the distance to the nearest neighbour: dots and gaps are equally wide."""
 
 LARGE_DOT_RADIUS = 0.375
-"""The origin dot of a circle grid: half as large again as the rest."""
+"""The origin dot of a circle grid: 1.5 times the radius of the others."""
 
 
 @singledispatch
@@ -96,7 +96,7 @@ def _dictionary(name: str) -> "cv2.aruco.Dictionary":
 
 
 def _marker(dictionary: "cv2.aruco.Dictionary", marker: int, corner: Array, edge: float) -> Rectangles:
-    """A marker's black cells, each row's runs joined, with its outer black border `edge` wide."""
+    """The black cells of a marker, `edge` mm wide with its border; adjacent cells of a row are joined."""
     cells = np.asarray(cv2.aruco.generateImageMarker(dictionary, marker, dictionary.markerSize + 2))
     left, top = (float(value) for value in corner)
     cell = edge / len(cells)

@@ -1,13 +1,13 @@
-"""Errors of printing targets.
+"""Errors of target_print.
 
 DaemonError
-└── PrintRefused          this target cannot be put on this page
+└── PrintRefused          the target cannot be printed on this page
 """
 
 from daemon.errors import DaemonError
 
 
 class PrintRefused(DaemonError):
-    """This target cannot be put on this page."""
+    """The target cannot be printed on this page."""
 
     code = "print-refused"

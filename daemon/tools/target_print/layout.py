@@ -1,4 +1,4 @@
-"""A target on a page: centred, with two rulers to check the print and words that say what it is."""
+"""Lay out a target on a page: centred, with two rulers to check the print, and a caption."""
 
 import textwrap
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from calibration.targets import Target
 from daemon.tools.target_print.artwork import artwork
 from daemon.tools.target_print.errors import PrintRefused
-from daemon.tools.target_print.shapes import Box, Rectangles, Sheet, Words
+from daemon.tools.target_print.shapes import Box, Rectangles, Sheet, TextLine
 
 PAGES_MM: dict[str, tuple[float, float]] = {
     "A4": (210.0, 297.0),
@@ -18,28 +18,28 @@ PAGES_MM: dict[str, tuple[float, float]] = {
     "tabloid": (279.4, 431.8),
 }
 UNPRINTABLE_MM = 6.0
-"""What most printers cannot reach along every edge."""
+"""The margin that most printers cannot print on."""
 
 RULERS_MM = (100.0, 50.0)
 TEXT_MM = 2.6
 LINE_MM = 1.3 * TEXT_MM
 STRIP_MM = 9.0
-"""Room for a ruler and its words along the left and the lower edge."""
+"""Space for a ruler and its label along the left and the lower edge."""
 
 PRINT_NOTE = "Print at 100 % (no 'fit to page'). Then measure: both rulers must have the length written at them."
 
 
 @dataclass(frozen=True)
 class Page:
-    """Paper, upright, in millimetres."""
+    """A page in portrait orientation; sizes in mm."""
 
     name: str
     width: float
     height: float
 
 
-def page_named(text: str) -> Page:
-    """`A4`, `letter` or `WIDTHxHEIGHT` in mm. Raises PrintRefused."""
+def parse_page(text: str) -> Page:
+    """The page `A4`, `letter`, ... or `WIDTHxHEIGHT` in mm. Raises PrintRefused."""
     for name, (width, height) in PAGES_MM.items():
         if text.lower() == name.lower():
             return Page(name, width, height)
@@ -54,7 +54,7 @@ def page_named(text: str) -> Page:
 
 
 def lay_out(target: Target, page: Page, title: str, snippet: str) -> Sheet:
-    """`target` on `page`, turned to landscape where only that fits. Raises PrintRefused when neither does."""
+    """Place `target` on `page`, in landscape if only that fits. Raises PrintRefused when neither does."""
     art = artwork(target)
     upright, turned = (page.width, page.height), (page.height, page.width)
     order = (upright, turned) if art.extent.height >= art.extent.width else (turned, upright)
@@ -75,25 +75,27 @@ def lay_out(target: Target, page: Page, title: str, snippet: str) -> Sheet:
     x = room.left + (room.width - art.extent.width) / 2 - art.extent.left
     y = room.top + (room.height - art.extent.height) / 2 - art.extent.top
     lower = height - UNPRINTABLE_MM - len(words) * LINE_MM
-    captions = [Words(UNPRINTABLE_MM, lower + (line + 1) * LINE_MM, TEXT_MM, text) for line, text in enumerate(words)]
+    captions = [
+        TextLine(UNPRINTABLE_MM, lower + (line + 1) * LINE_MM, TEXT_MM, text) for line, text in enumerate(words)
+    ]
     rulers = [
         *_ruler(UNPRINTABLE_MM + STRIP_MM, lower - 1, _ruler_length(width), across=True),
         *_ruler(UNPRINTABLE_MM, UNPRINTABLE_MM + 1, _ruler_length(height), across=False),
     ]
-    return Sheet(width, height, (x, y), (*(shape.moved(x, y) for shape in art.shapes), *rulers, *captions))
+    return Sheet(width, height, (x, y), (*(shape.translate(x, y) for shape in art.shapes), *rulers, *captions))
 
 
 def _ruler_length(side: float) -> float:
     return next((length for length in RULERS_MM if length <= side - 4 * STRIP_MM), 10.0)
 
 
-def _ruler(x: float, y: float, length: float, across: bool) -> list[Rectangles | Words]:
-    """Ticks each millimetre from 0 to `length`: the outer edges of the two end ticks are the measure."""
+def _ruler(x: float, y: float, length: float, across: bool) -> list[Rectangles | TextLine]:
+    """A ruler with a tick each mm from 0 to `length`, measured between the outer edges of the two end ticks."""
     thin = 0.1
     boxes = []
     for millimetre in range(int(length) + 1):
         height = 5.0 if millimetre % 10 == 0 else 3.5 if millimetre % 5 == 0 else 2.0
-        # The two end ticks lie wholly inside the measure, so that a calliper set to it meets black.
+        # The two end ticks lie inside the length, so that a caliper set to it meets black.
         start = min(max(millimetre - thin / 2, 0.0), length - thin)
         boxes.append(
             Box(x + start, y - height, x + start + thin, y)
@@ -101,7 +103,7 @@ def _ruler(x: float, y: float, length: float, across: bool) -> list[Rectangles |
             else Box(x, y + start, x + height, y + start + thin)
         )
     label = f"{length:g} mm"
-    words = Words(x + length + 1.5, y, TEXT_MM, label) if across else Words(x, y + length + 4, TEXT_MM, label)
+    words = TextLine(x + length + 1.5, y, TEXT_MM, label) if across else TextLine(x, y + length + 4, TEXT_MM, label)
     return [Rectangles(tuple(boxes)), words]
 
 

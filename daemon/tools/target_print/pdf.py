@@ -1,22 +1,22 @@
-"""A sheet as a PDF of one page (ISO 32000-1), in millimetres through the page's own transform."""
+"""Write a sheet as a one-page PDF (ISO 32000-1); the page's transform converts mm to points."""
 
 from functools import singledispatch
 
-from daemon.tools.target_print.shapes import Disc, Rectangles, Sheet, Words
+from daemon.tools.target_print.shapes import Disc, Rectangles, Sheet, TextLine
 
 POINTS_PER_MM = 72 / 25.4
-CIRCLE = 0.5522847498307936
-"""Control arm of the cubic that draws a quarter circle, over its radius: 4/3 (sqrt 2 - 1)."""
+CIRCLE_CONTROL_RATIO = 0.5522847498307936
+"""Distance of the control points of a cubic quarter circle from its ends, relative to the radius: 4/3 (sqrt 2 - 1)."""
 
 GREY = {"black": "0", "white": "1"}
 
 
 def pdf(sheet: Sheet, title: str) -> bytes:
-    """The file's bytes. The reader is asked not to scale the page when printing."""
+    """The bytes of the PDF, with PrintScaling None so that readers do not scale the page."""
     width, height = (_number(side * POINTS_PER_MM) for side in (sheet.width, sheet.height))
     scale = f"{POINTS_PER_MM:.12f}"
     content = "\n".join(
-        [f"{scale} 0 0 -{scale} 0 {sheet.height * POINTS_PER_MM:.9f} cm", *(_drawn(shape) for shape in sheet.shapes)]
+        [f"{scale} 0 0 -{scale} 0 {sheet.height * POINTS_PER_MM:.9f} cm", *(_draw(shape) for shape in sheet.shapes)]
     ).encode("cp1252", "replace")
     objects = [
         b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
@@ -40,19 +40,19 @@ def pdf(sheet: Sheet, title: str) -> bytes:
 
 
 @singledispatch
-def _drawn(shape: object) -> str:
+def _draw(shape: object) -> str:
     raise TypeError(type(shape).__name__)
 
 
-@_drawn.register
+@_draw.register
 def _(shape: Rectangles) -> str:
     boxes = (_numbers(box.left, box.top, box.width, box.height) + " re" for box in shape.boxes)
     return "\n".join([f"{GREY[shape.ink]} g", *boxes, "f"])
 
 
-@_drawn.register
+@_draw.register
 def _(shape: Disc) -> str:
-    x, y, r, arm = shape.x, shape.y, shape.radius, shape.radius * CIRCLE
+    x, y, r, arm = shape.x, shape.y, shape.radius, shape.radius * CIRCLE_CONTROL_RATIO
     curves = (
         (x + r, y + arm, x + arm, y + r, x, y + r),
         (x - arm, y + r, x - r, y + arm, x - r, y),
@@ -63,8 +63,8 @@ def _(shape: Disc) -> str:
     return "\n".join([f"{GREY[shape.ink]} g", _numbers(x + r, y) + " m", *path, "h f"])
 
 
-@_drawn.register
-def _(shape: Words) -> str:
+@_draw.register
+def _(shape: TextLine) -> str:
     place = _numbers(shape.x, shape.y)
     return f"0 g BT /F {_number(shape.size)} Tf 1 0 0 -1 {place} Tm ({_text(shape.text)}) Tj ET"
 

@@ -1,4 +1,4 @@
-"""What a page is made of. Millimetres, x to the right, y down."""
+"""Shapes on a page, in mm; x to the right, y down."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -8,7 +8,7 @@ Ink = Literal["black", "white"]
 
 @dataclass(frozen=True)
 class Box:
-    """Left, top, right and bottom edge."""
+    """A rectangle by its edges."""
 
     left: float
     top: float
@@ -23,19 +23,19 @@ class Box:
     def height(self) -> float:
         return self.bottom - self.top
 
-    def moved(self, x: float, y: float) -> "Box":
+    def translate(self, x: float, y: float) -> "Box":
         return Box(self.left + x, self.top + y, self.right + x, self.bottom + y)
 
 
 @dataclass(frozen=True)
 class Rectangles:
-    """Boxes filled as one path, so that touching edges leave no seam."""
+    """Boxes filled as one path, so that touching ones show no seam."""
 
     boxes: tuple[Box, ...]
     ink: Ink = "black"
 
-    def moved(self, x: float, y: float) -> "Rectangles":
-        return replace(self, boxes=tuple(box.moved(x, y) for box in self.boxes))
+    def translate(self, x: float, y: float) -> "Rectangles":
+        return replace(self, boxes=tuple(box.translate(x, y) for box in self.boxes))
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class Disc:
     radius: float
     ink: Ink = "black"
 
-    def moved(self, x: float, y: float) -> "Disc":
+    def translate(self, x: float, y: float) -> "Disc":
         return replace(self, x=self.x + x, y=self.y + y)
 
 
 @dataclass(frozen=True)
-class Words:
-    """One line of text; `x`, `y` is the left end of its base line, `size` the height of its em."""
+class TextLine:
+    """One line of text; `x`, `y` is the left end of its baseline, `size` its em in mm."""
 
     x: float
     y: float
@@ -61,12 +61,12 @@ class Words:
     text: str
 
 
-Shape = Rectangles | Disc | Words
+Shape = Rectangles | Disc | TextLine
 
 
 @dataclass(frozen=True)
 class Artwork:
-    """A target's shapes in its own frame, and the paper it needs: with the quiet white margin around it."""
+    """A target's shapes in its own frame; `extent` is the area it needs, with its white margin."""
 
     shapes: tuple[Rectangles | Disc, ...]
     extent: Box
@@ -74,7 +74,7 @@ class Artwork:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A finished page. `target_origin` is where the target's frame begins on it."""
+    """A finished page. `target_origin` is the origin of the target's frame on it, in mm."""
 
     width: float
     height: float

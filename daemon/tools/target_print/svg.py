@@ -1,31 +1,31 @@
-"""A sheet as SVG 1.1: the page's size in mm, one user unit a millimetre."""
+"""Write a sheet as SVG 1.1; one user unit is 1 mm."""
 
 from functools import singledispatch
 from xml.sax.saxutils import escape, quoteattr
 
-from daemon.tools.target_print.shapes import Disc, Rectangles, Sheet, Words
+from daemon.tools.target_print.shapes import Disc, Rectangles, Sheet, TextLine
 
 
 def svg(sheet: Sheet, title: str) -> bytes:
-    """The file's bytes."""
+    """The bytes of the SVG."""
     size = f'width="{_number(sheet.width)}mm" height="{_number(sheet.height)}mm"'
     view = f'viewBox="0 0 {_number(sheet.width)} {_number(sheet.height)}"'
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} {view}>',
         f"<title>{escape(title)}</title>",
         '<rect width="100%" height="100%" fill="white"/>',
-        *(_drawn(shape) for shape in sheet.shapes),
+        *(_draw(shape) for shape in sheet.shapes),
         "</svg>\n",
     ]
     return "\n".join(lines).encode()
 
 
 @singledispatch
-def _drawn(shape: object) -> str:
+def _draw(shape: object) -> str:
     raise TypeError(type(shape).__name__)
 
 
-@_drawn.register
+@_draw.register
 def _(shape: Rectangles) -> str:
     path = "".join(
         f"M{_number(box.left)} {_number(box.top)}H{_number(box.right)}V{_number(box.bottom)}H{_number(box.left)}Z"
@@ -34,14 +34,14 @@ def _(shape: Rectangles) -> str:
     return f'<path d="{path}" fill="{shape.ink}"/>'
 
 
-@_drawn.register
+@_draw.register
 def _(shape: Disc) -> str:
     place = f'cx="{_number(shape.x)}" cy="{_number(shape.y)}" r="{_number(shape.radius)}"'
     return f'<circle {place} fill="{shape.ink}"/>'
 
 
-@_drawn.register
-def _(shape: Words) -> str:
+@_draw.register
+def _(shape: TextLine) -> str:
     place = f'x="{_number(shape.x)}" y="{_number(shape.y)}" font-size="{_number(shape.size)}"'
     return f"<text {place} font-family={quoteattr('Helvetica, Arial, sans-serif')}>{escape(shape.text)}</text>"
 

@@ -14,7 +14,7 @@ import httpx
 import pytest
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.cli.demo_run.processes import Child, child
+from daemon.cli.demo_run.processes import ChildProcess, start_child
 from daemon.cli.demo_run.settings_file import settings_text
 from tests.daemon.cli.running import handeyed
 from tests.support.terminal import started
@@ -26,8 +26,8 @@ FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
 class Running:
     """The cell's processes and the daemon's settings."""
 
-    mock: Child
-    daemon: Child
+    mock: ChildProcess
+    daemon: ChildProcess
     settings: Path
 
     @property
@@ -39,20 +39,20 @@ class Running:
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     folder = tmp_path_factory.mktemp("cell")
-    with child("mock", FAST, folder) as mock:
+    with start_child("mock", FAST, folder) as mock:
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
         settings = folder / "handeyed.toml"
         settings.write_text(settings_text(mock.announcement, port))
-        with child("daemon", ["daemon.cli", "serve", str(settings)], folder) as daemon:
+        with start_child("daemon", ["daemon.cli", "serve", str(settings)], folder) as daemon:
             yield Running(mock, daemon, settings)
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Child, Path]]:
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ChildProcess, Path]]:
     """A cell without a daemon."""
     folder = tmp_path_factory.mktemp("alone")
-    with child("mock", FAST, folder) as mock:
+    with start_child("mock", FAST, folder) as mock:
         settings = folder / "handeyed.toml"
         settings.write_text(settings_text(mock.announcement, 1))
         yield mock, settings
@@ -146,7 +146,7 @@ def test_a_second_daemon_at_the_same_port_is_refused_in_words(running: Running, 
     assert str(httpx.URL(running.url).port) in ran.err
 
 
-def test_check_says_a_line_for_each_device(alone: tuple[Child, Path]) -> None:
+def test_check_says_a_line_for_each_device(alone: tuple[ChildProcess, Path]) -> None:
     _, settings = alone
 
     ran = handeyed("check", settings)
@@ -160,7 +160,7 @@ def test_check_says_a_line_for_each_device(alone: tuple[Child, Path]) -> None:
     assert lines[3][2].startswith("a picture of 1920 x 1200; ")
 
 
-def test_check_waits_for_egm_and_says_when_none_comes(alone: tuple[Child, Path], tmp_path: Path) -> None:
+def test_check_waits_for_egm_and_says_when_none_comes(alone: tuple[ChildProcess, Path], tmp_path: Path) -> None:
     _, settings = alone
     egm = '[robot.egm]\nhost = "127.0.0.1"\nport = 0\nrobot = "127.0.0.1"\n'
     (tmp_path / "handeyed.toml").write_text(settings.read_text() + egm)
@@ -173,7 +173,7 @@ def test_check_waits_for_egm_and_says_when_none_comes(alone: tuple[Child, Path],
     assert "EGMStreamStart" in vibration["fix"]
 
 
-def test_check_says_what_to_do_where_nobody_answers(alone: tuple[Child, Path], tmp_path: Path) -> None:
+def test_check_says_what_to_do_where_nobody_answers(alone: tuple[ChildProcess, Path], tmp_path: Path) -> None:
     mock, settings = alone
     text = settings.read_text().replace(mock.announcement["camera"], "http://127.0.0.1:9/camera.png")
     (tmp_path / "handeyed.toml").write_text(text)
@@ -187,7 +187,7 @@ def test_check_says_what_to_do_where_nobody_answers(alone: tuple[Child, Path], t
     assert camera["fix"]
 
 
-def test_check_sees_a_robot_that_would_not_move(alone: tuple[Child, Path]) -> None:
+def test_check_sees_a_robot_that_would_not_move(alone: tuple[ChildProcess, Path]) -> None:
     mock, settings = alone
     pressed = f"{mock.announcement['control']}/faults/robot-emergency-stop"
     httpx.post(pressed).raise_for_status()

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from daemon.cli.checks_modbus import check_interlocks, check_line, check_plc, check_port
-from daemon.cli.output import Result
+from daemon.cli.output import CheckResult
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from tests.daemon.cli.running import handeyed
 from tests.daemon.daemon_process import SETTINGS
@@ -89,12 +89,12 @@ async def test_the_plcs_line_is_opened_and_left_alone() -> None:
     async with cable() as (ours, _):
         line = PlcSerialSettings(port=ours, parity="N")
         assert await check_plc(PlcSettings(port=0, serial=line)) == [
-            Result(
+            CheckResult(
                 "plc",
                 True,
                 "Modbus TCP can listen on 127.0.0.1 port 0; nobody may write, triggers may not move the arm",
             ),
-            Result("plc", True, f"the line {ours} opens, 19200 baud, as unit 1"),
+            CheckResult("plc", True, f"the line {ours} opens, 19200 baud, as unit 1"),
         ]
         refused = await asyncio.to_thread(check_line, PlcSerialSettings(port=ours, parity="E"))
         assert "Invalid argument" in refused.what  # a pseudo terminal knows no parity

@@ -9,7 +9,7 @@ import pytest
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import difference
-from daemon.cli.solve import ranges
+from daemon.cli.solve import format_ranges
 from tests.daemon.cli.running import handeyed
 from tests.daemon.cli.sessions import FLANGE_T_CAMERA, with_corners, with_images
 
@@ -96,8 +96,8 @@ def test_an_unreadable_folder_does_not_keep_the_others_from_being_solved(tmp_pat
 
 
 def test_numbers_in_a_row_are_joined() -> None:
-    assert ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
-    assert ranges([3]) == "3"
+    assert format_ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
+    assert format_ranges([3]) == "3"
 
 
 @pytest.mark.data

@@ -14,9 +14,9 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
-from daemon.tools.batch_registration.manifest import NAME
-from daemon.tools.batch_registration.remote_folder import Place
-from daemon.tools.batch_registration.tasks import Task, register_one
+from daemon.tools.batch_registration.manifest import MANIFEST_NAME
+from daemon.tools.batch_registration.remote_folder import RemoteFolder
+from daemon.tools.batch_registration.tasks import RegistrationTask, run_task
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
@@ -101,10 +101,10 @@ def test_killed_in_the_middle_it_goes_on_where_it_stopped(tmp_path: Path, archiv
     arguments = command(archive, calibration, out, "--scheduler", "here", "--json")
     with subprocess.Popen([sys.executable, "-m", "daemon.cli", *arguments], stdout=subprocess.DEVNULL) as process:
         limit = time.monotonic() + 30
-        while len(list(out.rglob(NAME))) < 2 and time.monotonic() < limit:
+        while len(list(out.rglob(MANIFEST_NAME))) < 2 and time.monotonic() < limit:
             time.sleep(0.002)
         process.send_signal(signal.SIGKILL)
-    finished = {file.parent.relative_to(out).as_posix() for file in out.rglob(NAME)}
+    finished = {file.parent.relative_to(out).as_posix() for file in out.rglob(MANIFEST_NAME)}
     assert 2 <= len(finished) < 16
     ran = handeyed(*arguments)
     assert ran.status == 0
@@ -147,15 +147,15 @@ def test_scans_and_results_may_lie_anywhere_fsspec_reaches(archive: Path, tmp_pa
 
     memory: Any = fsspec.filesystem("memory")
     memory.put(str(archive), "/in", recursive=True)
-    source, target = Place.of("memory://in"), Place.of("memory://out")
+    source, target = RemoteFolder.of("memory://in"), RemoteFolder.of("memory://out")
     calibration = a_calibration("cal-1").model_dump_json()
     scans = source.folders_with("scan.json")
     assert scans == ["2026/fender", "2026/roof", "door", "hood"]
-    tasks = [Task(source.url, target.url, scan, calibration) for scan in scans]
-    assert [register_one(task).state for task in tasks] == ["registered"] * 4
-    assert [register_one(task).state for task in tasks] == ["unchanged"] * 4
-    local = [Task(str(archive), str(tmp_path / "out"), scan, calibration) for scan in scans]
-    assert [register_one(task).state for task in local] == ["registered"] * 4
+    tasks = [RegistrationTask(source.url, target.url, scan, calibration) for scan in scans]
+    assert [run_task(task).state for task in tasks] == ["registered"] * 4
+    assert [run_task(task).state for task in tasks] == ["unchanged"] * 4
+    local = [RegistrationTask(str(archive), str(tmp_path / "out"), scan, calibration) for scan in scans]
+    assert [run_task(task).state for task in local] == ["registered"] * 4
     assert bytes_of(tmp_path / "out") == {
         f"{scan}/{name}": memory.cat_file(f"/out/{scan}/{name}")
         for scan in scans

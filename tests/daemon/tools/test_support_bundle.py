@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from daemon.cli.main import app
 from daemon.tools.support_bundle.bundle import gather
-from daemon.tools.support_bundle.redaction import REMOVED, redacted, without_secrets
+from daemon.tools.support_bundle.redaction import REMOVED, redact, redact_values
 from tests.daemon.cell_under_test import serving, settings_for
 
 NOW = datetime(2026, 11, 21, 9, tzinfo=UTC)
@@ -159,11 +159,11 @@ def test_the_command(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_is_no_secret_is_kept(kept: str) -> None:
-    assert redacted(kept) == kept
+    assert redact(kept) == kept
 
 
 def test_secret_keys_are_known_by_name_wherever_they_stand() -> None:
     given = {"a": [{"api_key": "1", "private_key": "2", "keyboard": "3", "secret_file": "4", "monkey": "5"}]}
-    assert without_secrets(given) == {
+    assert redact_values(given) == {
         "a": [{"api_key": REMOVED, "private_key": REMOVED, "keyboard": "3", "secret_file": REMOVED, "monkey": "5"}]
     }
