@@ -8,7 +8,7 @@ import numpy as np
 from calibration.kinematics.robot_accuracy import MAX_USUAL_NOISE
 from calibration.observability import summarise_motion
 from calibration.problem import Problem
-from calibration.solution import Finding, Solution, Verdict
+from calibration.solution import Finding, Noise, Solution, Verdict
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,17 @@ def judge(problem: Problem, solution: Solution, limits: VerdictLimits = DEFAULT_
     """The verdict: the solution's findings and those of the rules; accepted when X exists and none is an error."""
     rules = RULES if solution.mount_T_camera is not None else ()
     findings = (*solution.findings, *(finding for rule in rules for finding in rule(problem, solution, limits)))
+    return verdict_of(solution, findings)
+
+
+def verdict_of(solution: Solution, findings: tuple[Finding, ...]) -> Verdict:
+    """Accepted when X exists and none of the findings is an error."""
     accepted = solution.mount_T_camera is not None and not any(finding.severity == "error" for finding in findings)
     return Verdict(accepted, findings)
 
 
-def _point(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
+def point_findings(solution: Solution, limits: VerdictLimits, fix: str) -> Iterator[Finding]:
+    """When a mapped point is more uncertain than `limits` allow: what to do is `fix`."""
     if solution.uncertainty is None:
         return
     point_mm = solution.uncertainty.point_mm
@@ -51,8 +57,28 @@ def _point(problem: Problem, solution: Solution, limits: VerdictLimits) -> Itera
             "point-uncertain",
             "error" if not point_mm <= limits.point_mm else "warning",
             f"a mapped point is uncertain by {point_mm:.2g} mm (limit {limits.point_mm:g}), most by {weakest}",
-            "add views turned by 30 degrees or more about different axes, or let the poses be planned",
+            fix,
         )
+
+
+def robot_findings(noise: Noise, limits: VerdictLimits, fix: str) -> Iterator[Finding]:
+    """When the robot's poses scatter more than `limits` allow, as far as `noise` has been estimated."""
+    translation_mm, rotation_rad = noise.robot_translation_mm, noise.robot_rotation_rad
+    if (translation_mm or 0.0) > limits.robot_translation_mm or (rotation_rad or 0.0) > limits.robot_rotation_rad:
+        and_turns = "" if rotation_rad is None else f" and {np.degrees(rotation_rad):.2g} degrees"
+        yield Finding("robot-noise", "warning", f"the robot's poses scatter by {translation_mm:.2g} mm{and_turns}", fix)
+
+
+def rejection_findings(rejected: int, views: int, limits: VerdictLimits, doubt: str, fix: str) -> Iterator[Finding]:
+    """When too large a share of `views` was `rejected` for contradicting the others; `doubt` ends the sentence."""
+    if rejected > limits.rejected_share * views:
+        what = f"{rejected} of {views} views contradict the others{doubt}"
+        yield Finding("many-rejected", "error", what, fix)
+
+
+def _point(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
+    fix = "add views turned by 30 degrees or more about different axes, or let the poses be planned"
+    return point_findings(solution, limits, fix)
 
 
 def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
@@ -69,14 +95,8 @@ def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterat
 
 
 def _robot(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
-    rotation, translation = solution.noise.robot_rotation_rad, solution.noise.robot_translation_mm
-    if (translation or 0.0) > limits.robot_translation_mm or (rotation or 0.0) > limits.robot_rotation_rad:
-        yield Finding(
-            "robot-noise",
-            "warning",
-            f"the robot's poses scatter by {translation:.2g} mm and {np.degrees(rotation or 0.0):.2g} degrees",
-            "check tool and work object of the reported pose, the settling time, the camera mount and the arm's zero",
-        )
+    fix = "check tool and work object of the reported pose, the settling time, the camera mount and the arm's zero"
+    return robot_findings(solution.noise, limits, fix)
 
 
 def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
@@ -92,13 +112,9 @@ def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Itera
 def _rejections(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     seen = [view for view in solution.views if view.status != "rejected" or view.reason in CONTRADICTIONS]
     rejected = sum(view.status == "rejected" for view in seen)
-    if rejected > limits.rejected_share * len(seen):
-        yield Finding(
-            "many-rejected",
-            "error",
-            f"{rejected} of {len(seen)} views contradict the others: which of the two are right is not certain",
-            "check the reported poses and the target, and run the calibration again",
-        )
+    doubt = ": which of the two are right is not certain"
+    fix = "check the reported poses and the target, and run the calibration again"
+    return rejection_findings(rejected, len(seen), limits, doubt, fix)
 
 
 def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:

@@ -8,13 +8,13 @@ import numpy as np
 
 from calibration.likelihood.predicted_uncertainty import (
     ExpectedNoise,
-    Prediction,
     Scene,
     point_weights,
     predict,
     working_points_mm,
 )
 from calibration.problem import Setup
+from calibration.solution import Uncertainty
 from calibration.transforms import Array, inverse, vector_from_rotation
 from tests.simulated.pose_pairs import PoseSession
 from tests.simulated.sessions import Cell, CellNoise, random_cell
@@ -58,7 +58,7 @@ def scene_of(cell: Cell, noise: CellNoise) -> Scene:
     return Scene(problem.setup, problem.target, cell.camera, cell.mount_T_camera, cell.anchor_T_target, expected, free)
 
 
-def bound_of(cell: Cell, noise: CellNoise) -> Prediction:
+def bound_of(cell: Cell, noise: CellNoise) -> Uncertainty:
     """The Cramér-Rao bound."""
     return predict(scene_of(cell, noise), np.array([view.base_T_flange for view in cell.problem.views]))
 

@@ -7,7 +7,7 @@ import numpy as np
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import Document
-from calibration.problem import Problem, Setup
+from calibration.problem import Setup
 from calibration.solution import Noise, Solution, Verdict, ViewResult
 from calibration.transforms import Array
 
@@ -114,16 +114,16 @@ class CalibrationDocument(Document):
 
 
 def calibration_document(
-    problem: Problem, solution: Solution, verdict: Verdict, *, calibration_id: str, created_at: str, software: str
+    solution: Solution, verdict: Verdict, *, calibration_id: str, created_at: str, software: str
 ) -> CalibrationDocument:
     """The calibration.json of a solution and its verdict; the transforms are null when they are not determined."""
-    transforms = zip(TRANSFORM_NAMES[problem.setup], (solution.mount_T_camera, solution.anchor_T_target), strict=True)
+    transforms = zip(TRANSFORM_NAMES[solution.setup], (solution.mount_T_camera, solution.anchor_T_target), strict=True)
     return CalibrationDocument.model_validate(
         {
             "id": calibration_id,
             "created_at": created_at,
             "software": software,
-            "setup": problem.setup,
+            "setup": solution.setup,
             "method": solution.method,
             **{name: PoseDocument.of(a_T_b) for name, a_T_b in transforms if a_T_b is not None},
             "camera": _camera(solution),

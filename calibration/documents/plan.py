@@ -10,9 +10,10 @@ from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from calibration.kinematics.robot_accuracy import PLANNING_NOISE
-from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Prediction, Scene
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.planning.plan import Plan
 from calibration.planning.viewpoints import ViewpointLimits
+from calibration.solution import Uncertainty
 
 
 class NoiseExpectedDocument(Document):
@@ -84,7 +85,7 @@ class PredictedDocument(Document):
     rotation_deg: Vector | None
 
     @classmethod
-    def of(cls, prediction: Prediction) -> "PredictedDocument":
+    def of(cls, prediction: Uncertainty) -> "PredictedDocument":
         if not np.isfinite(prediction.point_mm):
             return cls(point_mm=None, translation_mm=None, rotation_deg=None)
         x, y, z = prediction.translation_mm.tolist()

@@ -61,50 +61,30 @@ class Scene:
         return inverse(anchor_T_mount @ self.mount_T_camera) @ self.anchor_T_target
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """One standard deviation of X, (3,) each, and of a registered point.
-
-    `rotation_rad` is about the camera's axes, `translation_mm` along the mount's; `covariance` (6, 6) of [rad, mm], of
-    mount_T_camera @ exp(.), in the camera frame.
-    """
-
-    covariance: Array
-    rotation_rad: Array
-    translation_mm: Array
-    point_mm: float
-
-
-def predict(scene: Scene, base_T_flange: Array) -> Prediction:
+def predict(scene: Scene, base_T_flange: Array) -> Uncertainty:
     """What views from the poses (n, 4, 4) will tell of X. Infinite where they do not determine it."""
     information = view_information(scene, base_T_flange).sum(axis=0)
     return prediction_of(scene, information, median_distance_mm(scene, base_T_flange))
 
 
-def prediction_of(scene: Scene, information: Array, distance_mm: float) -> Prediction:
-    """The prediction of a summed information matrix."""
-    covariance = covariance_or_inf(information, 6)
-    weights = point_weights(working_points_mm(scene.camera, distance_mm))
-    mount_R_camera = scene.mount_T_camera[:3, :3]
-    known = bool(np.all(np.isfinite(covariance)))
-    along_mount = mount_R_camera @ covariance[3:, 3:] @ mount_R_camera.T if known else covariance[3:, 3:]
-    rotation_rad, translation_mm = (np.sqrt(np.diagonal(block)) for block in (covariance[:3, :3], along_mount))
-    return Prediction(
-        covariance, rotation_rad, translation_mm, float(np.sqrt(np.einsum("ij,ji->", weights, covariance)))
-    )
+def prediction_of(scene: Scene, information: Array, distance_mm: float) -> Uncertainty:
+    """The prediction of a summed information matrix (k, k)."""
+    points_mm = working_points_mm(scene.camera, distance_mm)
+    return uncertainty_of(covariance_or_inf(information, 6), scene.mount_T_camera, points_mm)
 
 
-def uncertainty_of(
-    covariance: Array, mount_T_camera: Array, camera: CameraModel, target_distance_mm: float
-) -> Uncertainty:
-    """From the covariance (6, 6) of [rotation rad, translation mm] of mount_T_camera @ exp(.)."""
+def uncertainty_of(covariance: Array, mount_T_camera: Array, points_mm: Array) -> Uncertainty:
+    """From the covariance (6, 6) of [rotation rad, translation mm] of mount_T_camera @ exp(.); it may be infinite.
+
+    `points_mm` (n, 3) in the camera frame: where `point_mm` is taken.
+    """
     mount_R_camera = mount_T_camera[:3, :3]
-    translation = np.diagonal(mount_R_camera @ covariance[3:, 3:] @ mount_R_camera.T)
-    weights = point_weights(working_points_mm(camera, target_distance_mm))
+    by_camera = covariance[3:, 3:]
+    by_mount = mount_R_camera @ by_camera @ mount_R_camera.T if np.all(np.isfinite(by_camera)) else by_camera
     return Uncertainty(
-        translation_mm=np.sqrt(translation),
+        translation_mm=np.sqrt(np.diagonal(by_mount)),
         rotation_rad=np.sqrt(np.diagonal(covariance)[:3]),
-        point_mm=float(np.sqrt(np.sum(weights * covariance))),
+        point_mm=float(np.sqrt(np.sum(point_weights(points_mm) * covariance))),
         covariance=covariance,
     )
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.likelihood.predicted_uncertainty import Prediction, Scene, predict, view_information
+from calibration.likelihood.predicted_uncertainty import Scene, predict, view_information
 from calibration.planning.route import visiting_order
 from calibration.planning.viewpoint_selection import RESTARTS, Reachable, Search, select_viewpoints
 from calibration.planning.viewpoints import ViewpointLimits, target_in_view
+from calibration.solution import Uncertainty
 from calibration.transforms import Array
 
 
@@ -27,7 +28,7 @@ class Plan:
 
     base_T_flange: Array
     target_in_view: Array
-    predicted: Prediction
+    predicted: Uncertainty
 
 
 def plan_poses(

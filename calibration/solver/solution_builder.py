@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from calibration.errors import UndeterminedError
 from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.predicted_uncertainty import uncertainty_of
+from calibration.likelihood.predicted_uncertainty import uncertainty_of, working_points_mm
 from calibration.observability import describe_axis, summarise_motion
 from calibration.observations.observations import Observations, Unusable, observe, scaled
 from calibration.observations.reprojection import pixel_residuals
@@ -44,7 +44,7 @@ def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start,
         anchor_T_target=best.chain.anchor_T_target,
         camera=best.camera,
         camera_source="given" if best.camera is problem.camera else "estimated",
-        uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, best.camera, distance_mm),
+        uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, working_points_mm(best.camera, distance_mm)),
         noise=_noise(best),
         views=_views(problem, prepared, selection, agreeing, own_poses),
         observability=_observability(problem, rows, best, covariance),

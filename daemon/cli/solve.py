@@ -89,7 +89,6 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise())) is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
     return calibration_document(
-        problem,
         solution,
         verdict,
         calibration_id=time_ordered_id(clock),

@@ -41,15 +41,16 @@ def solve_scan(folder: Path, radius_mm: float | None, rough: Path | None) -> "Ca
 
     Raises DocumentError, RegistrationError.
     """
+    from calibration.documents.calibration import calibration_document
     from daemon.runtime.clock import Clock, time_ordered_id
     from daemon.runtime.version import SOFTWARE
-    from registration.calibrate.outcome import judge_scan, scan_calibration_document
+    from registration.calibrate.outcome import judge_scan
     from registration.calibrate.sphere import solve_sphere_scan
     from registration.scan import read_scan
 
     clock, views = Clock(), read_scan(folder)
     solution = solve_sphere_scan(views, radius_mm) if radius_mm is not None else _from_surfaces(views, rough)
-    return scan_calibration_document(
+    return calibration_document(
         solution,
         judge_scan(solution),
         calibration_id=time_ordered_id(clock),

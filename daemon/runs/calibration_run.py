@@ -73,5 +73,5 @@ def solved(
     if better is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
     return calibration_document(
-        problem, solution, verdict, calibration_id=calibration_id, created_at=created_at, software=SOFTWARE
+        solution, verdict, calibration_id=calibration_id, created_at=created_at, software=SOFTWARE
     )

@@ -1,17 +1,24 @@
-"""What a calibration from clouds answers, as a Solution, judged, and as calibration.json."""
+"""What a calibration from clouds answers, as a Solution, and its verdict."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.pose import PoseDocument
 from calibration.errors import UndeterminedError
-from calibration.likelihood.predicted_uncertainty import point_weights
+from calibration.likelihood.predicted_uncertainty import uncertainty_of
 from calibration.observability import summarise_motion
-from calibration.solution import Finding, Noise, Observability, Solution, Uncertainty, Verdict, ViewResult
+from calibration.solution import Finding, Noise, Observability, Solution, Verdict, ViewResult
 from calibration.transforms import Array
-from calibration.verdict import CONTRADICTIONS, DEFAULT_VERDICT_LIMITS, VerdictLimits
+from calibration.verdict import (
+    CONTRADICTIONS,
+    DEFAULT_VERDICT_LIMITS,
+    VerdictLimits,
+    point_findings,
+    rejection_findings,
+    robot_findings,
+    verdict_of,
+)
 
 FIX = "add views turned by 30 degrees or more about different axes"
 
@@ -30,14 +37,6 @@ def determined(
 
     `base_T_flange` (n, 4, 4): the poses that were used.
     """
-    flange_R_camera = flange_T_camera[:3, :3]
-    translation = np.diagonal(flange_R_camera @ covariance[3:, 3:] @ flange_R_camera.T)
-    uncertainty = Uncertainty(
-        translation_mm=np.sqrt(translation),
-        rotation_rad=np.sqrt(np.diagonal(covariance)[:3]),
-        point_mm=float(np.sqrt(np.sum(point_weights(seen_mm) * covariance))),
-        covariance=covariance,
-    )
     return Solution(
         setup="eye-in-hand",
         method=method,
@@ -45,7 +44,7 @@ def determined(
         anchor_T_target=None,
         camera=None,
         camera_source="given",
-        uncertainty=uncertainty,
+        uncertainty=uncertainty_of(covariance, flange_T_camera, seen_mm),
         noise=noise,
         views=tuple(views),
         observability=_observability(base_T_flange, _weakest(covariance, seen_mm)),
@@ -86,70 +85,15 @@ def _weakest(covariance: Array, seen_mm: Array) -> str:
 
 
 def judge_scan(solution: Solution, limits: VerdictLimits = DEFAULT_VERDICT_LIMITS) -> Verdict:
-    """May X from clouds be used? The same limits and codes as with images."""
-    findings = [*solution.findings]
-    if solution.uncertainty is not None:
-        point_mm = solution.uncertainty.point_mm
-        if not point_mm <= limits.point_warning_mm:
-            what = (
-                f"a mapped point is uncertain by {point_mm:.2g} mm (limit {limits.point_mm:g}), "
-                f"most by {solution.observability.weakest_direction}"
-            )
-            findings.append(
-                Finding("point-uncertain", "error" if not point_mm <= limits.point_mm else "warning", what, FIX)
-            )
-    noise_mm = solution.noise.robot_translation_mm or 0.0
-    if noise_mm > limits.robot_translation_mm:
-        what = f"the robot's poses scatter by {noise_mm:.2g} mm"
-        findings.append(Finding("robot-noise", "warning", what, "check tool and work object, settling, and the mount"))
+    """May X from clouds be used? The same limits and codes as with images; of the robot's noise its translation."""
     contradicting = sum(view.reason in CONTRADICTIONS for view in solution.views)
-    if contradicting > limits.rejected_share * len(solution.views):
-        what = f"{contradicting} of {len(solution.views)} views contradict the others"
-        findings.append(Finding("many-rejected", "error", what, "check the poses and that the artefact stood still"))
-    accepted = solution.mount_T_camera is not None and not any(found.severity == "error" for found in findings)
-    return Verdict(accepted, tuple(findings))
-
-
-def scan_calibration_document(
-    solution: Solution, verdict: Verdict, *, calibration_id: str, created_at: str, software: str
-) -> CalibrationDocument:
-    """calibration.json; `flange_T_camera` is null when the views do not fix X, `camera` always."""
-    uncertainty, noise, seen = solution.uncertainty, solution.noise, solution.observability
-    rotation_rad = noise.robot_rotation_rad
-    return CalibrationDocument.model_validate(
-        {
-            "id": calibration_id,
-            "created_at": created_at,
-            "software": software,
-            "setup": solution.setup,
-            "method": solution.method,
-            "flange_T_camera": None if solution.mount_T_camera is None else PoseDocument.of(solution.mount_T_camera),
-            "camera": None,
-            "uncertainty": uncertainty
-            and {
-                "translation_mm": uncertainty.translation_mm.tolist(),
-                "rotation_deg": np.degrees(uncertainty.rotation_rad).tolist(),
-                "point_mm": uncertainty.point_mm,
-            },
-            "noise": {
-                "image_px": None,
-                "robot_rotation_deg": None if rotation_rad is None else float(np.degrees(rotation_rad)),
-                "robot_translation_mm": noise.robot_translation_mm,
-            },
-            "views": [_view(view) for view in solution.views],
-            "observability": {
-                "views_used": seen.views_used,
-                "max_rotation_deg": float(np.degrees(seen.max_rotation_rad)),
-                "axis_spread": seen.axis_spread,
-                "weakest_direction": seen.weakest_direction,
-            },
-            "hold_out": None,
-            "verdict": {"accepted": verdict.accepted, "findings": [vars(finding) for finding in verdict.findings]},
-        }
+    noise = replace(solution.noise, robot_rotation_rad=None)
+    findings = (
+        *solution.findings,
+        *point_findings(solution, limits, FIX),
+        *robot_findings(noise, limits, "check tool and work object, settling, and the mount"),
+        *rejection_findings(
+            contradicting, len(solution.views), limits, "", "check the poses and that the artefact stood still"
+        ),
     )
-
-
-def _view(view: ViewResult) -> dict[str, object]:
-    found = view.robot_correction
-    correction = found and {"translation_mm": found[0].tolist(), "rotation_deg": np.degrees(found[1]).tolist()}
-    return {**vars(view), "robot_correction": correction}
+    return verdict_of(solution, findings)

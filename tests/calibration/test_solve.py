@@ -187,7 +187,7 @@ def test_the_document_names_the_transforms_by_their_setup(setup: Setup, names: t
     problem = cell(8, 6, setup=setup).problem
     solution = solve_hand_eye(problem)
     document = calibration_document(
-        problem, solution, judge(problem, solution), calibration_id="c1", created_at="now", software="handeyed 0"
+        solution, judge(problem, solution), calibration_id="c1", created_at="now", software="handeyed 0"
     )
     given = document.model_dump(exclude_none=True)
     assert {name for name in given if "_T_" in name} == set(names)

@@ -34,7 +34,7 @@ async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None
         problem = load_problem(open_session(tmp_path / "runs" / run["id"]))
         solution = solve_hand_eye(problem)
         again = calibration_document(
-            problem, solution, judge(problem, solution), calibration_id=current.id, created_at=current.created_at,
+            solution, judge(problem, solution), calibration_id=current.id, created_at=current.created_at,
             software=current.software,
         )  # fmt: skip
         assert again == current

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import CalibrationDocument, calibration_document
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.solution import Solution
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
-from registration.calibrate.outcome import judge_scan, scan_calibration_document
+from registration.calibrate.outcome import judge_scan
 from registration.calibrate.sphere import solve_sphere_scan
 from registration.calibrate.surfaces import solve_surface_scan
 from registration.scan import hand_of, read_scan
@@ -21,7 +21,7 @@ ROUGH = FLANGE_T_CAMERA @ transform(rotation_from_vector([0.02, -0.015, 0.02]), 
 
 
 def document_of(solution: Solution) -> CalibrationDocument:
-    return scan_calibration_document(
+    return calibration_document(
         solution, judge_scan(solution), calibration_id="c1", created_at="2026-11-20T08:00:00Z", software="test"
     )
 
