@@ -15,11 +15,21 @@ DeviceError
 └── InterlockRefused       an interlock of the cell does not allow motion; `interlocks` names which
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Literal
+
+DeviceKind = Literal["robot", "camera", "scanner"]
+
 
 class DeviceError(Exception):
-    """Root. `device` is the configured name and address; `code` is stable; `fix` says what to do."""
+    """Root. `device` is the configured name and address; `code` is stable; `fix` says what to do.
+
+    `kind` is the kind of device that was asked; None when the error was raised outside the cell.
+    """
 
     code = "device-error"
+    kind: DeviceKind | None = None
 
     def __init__(self, device: str, what: str, fix: str) -> None:
         self.device, self.what, self.fix = device, what, fix
@@ -113,3 +123,13 @@ class InterlockRefused(DeviceError):
     def __init__(self, device: str, what: str, fix: str, interlocks: tuple[str, ...]) -> None:
         super().__init__(device, what, fix)
         self.interlocks = interlocks
+
+
+@contextmanager
+def errors_of(kind: DeviceKind) -> Iterator[None]:
+    """Every DeviceError raised inside carries this `kind`, whatever the driver calls its device."""
+    try:
+        yield
+    except DeviceError as error:
+        error.kind = kind
+        raise

@@ -13,7 +13,7 @@ from daemon.config.settings import SettlingSettings
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.runtime.clock import Clock
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, errors_of
 from drivers.interfaces import Camera, Frame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
 from drivers.interlocked_robot import InterlockedRobot
 from drivers.interlocks import Interlocks
@@ -139,7 +139,8 @@ class Cell:
         if self._scanner is None:
             raise NoScanner
         self._at.reach("before capture")
-        cloud = await self._scanner.scan(before.taken_at_s)
+        with errors_of("scanner"):
+            cloud = await self._scanner.scan(before.taken_at_s)
         self._at.reach("after capture")
         require_still(before, await self.robot.read_pose(), self._settling)
         self._scanner_novelty.require_new_cloud(cloud, before)
@@ -148,7 +149,8 @@ class Cell:
     async def grab(self, newer_than_s: float) -> Frame:
         """A frame exposed after `newer_than_s`; callers take turns at the camera. Raises DeviceError."""
         async with self._camera_turn:
-            return await self._camera.grab(newer_than_s)
+            with errors_of("camera"):
+                return await self._camera.grab(newer_than_s)
 
     async def grab_now(self) -> Frame:
         """What the camera sees now. Raises DeviceError."""

@@ -9,11 +9,6 @@ LINK_ERRORS = (LinkLost, DeviceTimeout, DeviceUnreachable)
 LINK_FIX = "check the cable and that the cell program runs, see GET /robot; then start the run again"
 
 
-def of_the_robot(error: DeviceError) -> bool:
-    """Cameras and scanners begin their device's name with what they are."""
-    return not error.device.startswith(("camera", "scanner"))
-
-
 def where(run: RunRecord) -> str:
     """after station 4 of 12"""
     if run.station == 0:
@@ -24,7 +19,7 @@ def where(run: RunRecord) -> str:
 def cause_of(error: Exception, run: RunRecord) -> Cause:
     """What to tell the operator about `error`."""
     match error:
-        case DeviceError() if isinstance(error, LINK_ERRORS) and of_the_robot(error):
+        case DeviceError() if isinstance(error, LINK_ERRORS) and error.kind in (None, "robot"):
             return Cause("link-lost", f"link to the controller lost {where(run)}", f"{LINK_FIX} ({error.what})")
         case DeviceError():
             return Cause(error.code, f"{error.device}: {error.what} ({where(run)})", error.fix)

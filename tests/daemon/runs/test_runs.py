@@ -15,7 +15,7 @@ from daemon.model.run_states import RunState
 from daemon.runtime.durable_files import write_durably
 from daemon.sessions.session_reader import load_problem, open_session
 from daemon.store.store import Store
-from drivers.errors import DeviceTimeout, GarbledAnswer, MoveRefused
+from drivers.errors import DeviceTimeout, GarbledAnswer, LinkLost, MoveRefused
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import Gate, poses_around_the_target
 
@@ -167,6 +167,18 @@ async def test_what_went_wrong_is_said(
         assert not bench.robot.armed
         words = (await bench.client.get(f"/runs/{run['id']}", headers=TEXT)).text
         assert says in words
+
+
+async def test_a_camera_by_any_name_that_fails_is_not_taken_for_the_robot(tmp_path: Path) -> None:
+    parts = Parts()
+
+    async def unplug(move: int) -> None:
+        parts.camera.failing = LinkLost("GenICam 10.0.0.7", "no more frames come", "look at the cable")
+
+    parts.robot.before_move = unplug
+    async with serving(settings_for(tmp_path), parts) as bench:
+        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        assert (run["cause"]["code"], run["cause"]["what"].partition(":")[0]) == ("link-lost", "GenICam 10.0.0.7")
 
 
 async def test_a_robot_that_answers_garbage_fails_the_run_and_the_daemon_stays(tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ async def test_a_scanner_that_fails_fails_the_run(tmp_path: Path) -> None:
     async with serving(settings, parts) as bench:
 
         async def late(newer_than_s: float) -> Any:
-            raise DeviceTimeout("scanner http://s/", "no cloud within 60 s", "look at the projector")
+            raise DeviceTimeout("PhoXi 10.0.0.5", "no cloud within 60 s", "look at the projector")
 
         bench.scanner.scan = late  # type: ignore[method-assign]
         answer = await bench.client.post("/scans", params={"wait": 10}, json={"capture": True})
