@@ -5,7 +5,7 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from random import Random
 from time import monotonic
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,6 @@ LOOPBACK = "127.0.0.1"
 
 RobotProgram = Literal["rapid", "python"]
 """Robot program behind the link: the shipped RAPID in the interpreter, or a fast equivalent in Python."""
-ROBOT_PROGRAMS: tuple[RobotProgram, ...] = get_args(RobotProgram)
 
 _WIRES: dict[RobotProgram, type[PythonWires] | type[RapidWires]] = {"rapid": RapidWires, "python": PythonWires}
 

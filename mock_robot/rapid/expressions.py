@@ -129,8 +129,6 @@ def _minus(context: CompileContext, node: Node, wanted: Type | None) -> Expressi
 
 
 def _function(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
-    from mock_robot.rapid.calls import call  # calls have arguments, which are expressions
-
     called = name(node, 0)
     if called == "present":
         return _present(context, node)
@@ -138,7 +136,7 @@ def _function(context: CompileContext, node: Node, wanted: Type | None) -> Expre
     if not isinstance(symbol, Routine | Builtin) or symbol.kind != "func":
         raise context.wrong(line_of(node), f"no function is named {word(node, 0)}")
     assert symbol.result is not None
-    return Expression(symbol.result, call(context, symbol, node))
+    return Expression(symbol.result, context.call(context, symbol, node))
 
 
 def _present(context: CompileContext, node: Node) -> Expression:

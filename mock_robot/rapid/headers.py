@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from functools import cache
 
+from mock_robot.rapid.calls import call
 from mock_robot.rapid.devices import DEVICES
 from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.instructions.table import DOES
@@ -14,7 +15,7 @@ SYSTEM = "system.rapid"
 
 
 def _bare(scope: Scope) -> CompileContext:
-    return CompileContext(None, SYSTEM, scope, ErrorNumbers({}, Slot(0.0)))
+    return CompileContext(None, SYSTEM, scope, ErrorNumbers({}, Slot(0.0)), call)
 
 
 def parameters_of(context: CompileContext, node: Node | None) -> tuple[Parameter, ...]:

@@ -9,9 +9,6 @@ from calibration.transforms import Array, inverse, quaternion_from_rotation, tra
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.values import single
 
-MIN_UNUSED_AXIS = 8.9e9
-"""An unused external axis is 9E9, slightly less in single precision."""
-
 
 def matrix_of(pose: list[Any]) -> Array:
     """Matrix (4, 4) of [trans, rot]."""

@@ -1,9 +1,10 @@
 """The program of one task: declares, checks and compiles its modules; and the PERS that outlive it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from mock_robot.rapid.calls import call
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidProgramError
 from mock_robot.rapid.expressions import expression
 from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
@@ -73,7 +74,7 @@ class Program:
         self.errors = ErrorNumbers({}, Slot(0.0))
         for builtin in builtins():
             self.scope.symbols[builtin.name] = builtin
-        context = CompileContext(self.task, SYSTEM, self.scope, self.errors)
+        context = self._context(SYSTEM)
         for node in parts(parse_system(), "data"):
             self._declare_data(context, node)
         symbols = {each.name: each for each in self.scope.symbols.values() if isinstance(each, Data)}
@@ -90,13 +91,13 @@ class Program:
         loaded = [(source, parse_module(source.text, source.name)) for source in sources]
         pending: list[tuple[CompileContext, Routine, Node]] = []
         for source, module in loaded:
-            context = CompileContext(self.task, source.name, self.scope, self.errors)
+            context = self._context(source.name)
             declare_types(context, module)
             for node in parts(module):
                 if node.data in ("proc", "func", "trap"):
                     pending.append((context, self._declare_routine(context, node), node))
         for source, module in loaded:
-            context = CompileContext(self.task, source.name, self.scope, self.errors)
+            context = self._context(source.name)
             for node in parts(module, "data"):
                 self._declare_data(context, node, shared=source.shared)
         for context, routine, node in pending:
@@ -117,6 +118,9 @@ class Program:
                 raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error}, raised out of main") from error
 
         return run
+
+    def _context(self, module: str) -> CompileContext:
+        return CompileContext(self.task, module, self.scope, self.errors, call)
 
     def _declare_routine(self, context: CompileContext, node: Node) -> Routine:
         function = node.data == "func"
@@ -162,7 +166,7 @@ _STORAGE_OF_MODE = {"in": "var", "var": "var", "inout": "var", "pers": "pers"}
 
 def _compile(context: CompileContext, routine: Routine, node: Node) -> None:
     """Compile body, handler and UNDO of a routine."""
-    inner = CompileContext(context.task, context.module, Scope(context.scope), context.errors, routine)
+    inner = replace(context, scope=Scope(context.scope), routine=routine)
     for parameter in routine.parameters:
         storage = _STORAGE_OF_MODE[parameter.mode]
         inner.local(parameter.name, parameter.type, storage, line_of(node), parameter.optional)

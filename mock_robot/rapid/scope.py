@@ -172,12 +172,16 @@ class ErrorNumbers:
 
 @dataclass
 class CompileContext:
-    """Compile-time context of a statement: task, module, scope and routine."""
+    """Compile-time context of a statement: task, module, scope and routine.
+
+    `call` compiles a call of a routine: handed in because a call's arguments are expressions, and a call is one.
+    """
 
     task: Any
     module: str
     scope: Scope
     errors: "ErrorNumbers"
+    call: "CompileCall"
     routine: Routine | None = None
     in_handler: bool = False
 
@@ -199,3 +203,7 @@ class CompileContext:
         data = Data(name, kind, storage, place=self.routine.places, optional=optional)
         self.scope.declare(data, self.module, line)
         return data
+
+
+CompileCall = Callable[[CompileContext, Routine | Builtin, Any], Callable[[Frame], Any]]
+"""From the context, what is called and the node of the call to what evaluates it in a frame."""

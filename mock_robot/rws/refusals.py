@@ -24,7 +24,6 @@ class Refusal:
 HELD_BY_ANOTHER = Refusal(403, -1073445862, "Requested resource is held by someone else")
 NO_MASTERSHIP = Refusal(403, -1073445859, "The user does not have required mastership for the operation")
 REJECTED = Refusal(403, -1073445881, "Rejected")
-NOT_ALLOWED = Refusal(403, -1073445867, "The user is not allowed access")
 NO_SIGNAL = Refusal(404, -1073445866, "Invalid IO signal name passed in the uri")
 NO_RESOURCE = Refusal(404, -1073414146, "Resource not found")
 NO_SYMBOL_1 = Refusal(400, -1073414146, "Symbol not found")
