@@ -8,8 +8,7 @@ import httpx
 
 from drivers.backoff import Backoff
 from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
-from drivers.interfaces import LinkHealth
-from drivers.link_status import LinkReport
+from drivers.polled_device import PolledDevice
 from drivers.timing import Timing
 
 LOOK_EVERY_S = 5.0
@@ -42,35 +41,19 @@ def age_s(headers: httpx.Headers) -> float:
     return max(ages)
 
 
-class HttpSource:
+class HttpSource(PolledDevice):
     """One URL. Between requests a look every 5 s tells whether somebody listens there."""
 
     def __init__(self, url: str, timing: Timing, *, name: str, limit_s: float, max_bytes: int) -> None:
         self._url = httpx.URL(url)
-        self.device = f"{name} {self._url.copy_with(userinfo=b'')}"
-        self._timing, self._limit_s, self._max_bytes = timing, limit_s, max_bytes
-        self._report = LinkReport(timing.clock)
+        super().__init__(f"{name} {self._url.copy_with(userinfo=b'')}", timing)
+        self._limit_s, self._max_bytes = limit_s, max_bytes
         self._client = httpx.AsyncClient(timeout=httpx.Timeout(limit_s, connect=CONNECT_LIMIT_S), follow_redirects=True)
-        self._task: asyncio.Task[None] | None = None
-
-    @property
-    def link(self) -> LinkHealth:
-        """Does somebody listen there?"""
-        return self._report.health
-
-    def start(self) -> None:
-        """Begin to look."""
-        if self._task is None:
-            self._task = asyncio.create_task(self._look(), name=f"looks at {self.device}")
 
     async def close(self) -> None:
         """End all connections."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-            self._task = None
+        await super().close()
         await self._client.aclose()
-        self._report.down("closed")
 
     async def fetch(self, newer_than_s: float) -> Fetched:
         """Content from after `newer_than_s`; a server that is not there is tried again until the limit is over."""

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
-from drivers.interfaces import LinkHealth
-from drivers.link_status import LinkReport
+from drivers.polled_device import PolledDevice
 from drivers.timing import Timing
 
 LOOK_EVERY_S = 0.1
@@ -53,7 +52,7 @@ def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Sighting]:
     return sightings
 
 
-class WatchedFolder:
+class WatchedFolder(PolledDevice):
     """Looks every 0.1 s. A file's age is its modification time, but never younger than when it was seen first."""
 
     def __init__(
@@ -68,32 +67,12 @@ class WatchedFolder:
         lag_s: float = LAG_S,
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
-        self._folder, self._suffixes, self._timing = folder, suffixes, timing
-        self.device = f"{name} folder:{folder}"
+        super().__init__(f"{name} folder:{folder}", timing)
+        self._folder, self._suffixes = folder, suffixes
         self._limit_s, self._max_bytes, self._lag_s, self._wall_clock = limit_s, max_bytes, lag_s, wall_clock
-        self._report = LinkReport(timing.clock)
         self._first_seen_s: dict[Sighting, float] = {}
         self._looked = False
         self._newest: NewestFile | None = None
-        self._task: asyncio.Task[None] | None = None
-
-    @property
-    def link(self) -> LinkHealth:
-        """Is the folder there?"""
-        return self._report.health
-
-    def start(self) -> None:
-        """Begin to look."""
-        if self._task is None:
-            self._task = asyncio.create_task(self._look(), name=f"watches {self._folder}")
-
-    async def close(self) -> None:
-        """Look no more."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-            self._task = None
-        self._report.down("closed")
 
     async def newest(
         self, newer_than_s: float, understand: Callable[[str, bytes], Content]

@@ -75,7 +75,7 @@ def _show_progress(event: dict[str, Any]) -> None:
     if not sys.stderr.isatty():
         return
     line = f"station {min(event['station'] + 1, event['stations'])} of {event['stations']}: {event['state']}"
-    from daemon.cli.rest_client import FINAL_STATES
+    from daemon.model.run_states import FINAL_STATES
 
     over = event["state"] in FINAL_STATES
     typer.echo(f"\r\033[K{'' if over else line}", nl=False, err=True)

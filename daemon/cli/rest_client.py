@@ -12,13 +12,11 @@ from typing import Any
 import httpx
 
 from daemon.cli.errors import CommandError, ExitStatus
+from daemon.model.run_states import FINAL_STATES
 
 DEFAULT_URL = "http://127.0.0.1:8372"
 MAX_ANSWER_S = 30.0
 """Only runs take longer, and they are followed through their events."""
-
-FINAL_STATES = ("finished", "failed", "aborted")
-"""States in which a run is over."""
 
 ServerEvent = dict[str, Any]
 

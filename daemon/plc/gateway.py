@@ -28,6 +28,7 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.logs import about_request
 from daemon.store.actor import AuditContext, acting_as
 from drivers.errors import DeviceError
+from protocols.counter import MAX_COUNT
 from protocols.modbus.words import Words
 from protocols.plc.bank import PlcBank
 from protocols.plc.codes import ControlBit, DriftState, PlcCommand
@@ -45,7 +46,7 @@ from protocols.plc.events import (
     StationReached,
     TimePassed,
 )
-from protocols.plc.handshake import MAX_COUNT, Handshake, Rules, react
+from protocols.plc.handshake import Handshake, Rules, react
 from protocols.plc.image import register_image
 from protocols.plc.results import CommandResult
 from registration.errors import RegistrationError

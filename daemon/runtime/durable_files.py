@@ -1,4 +1,8 @@
-"""Atomic, durable writes: temporary file, fsync, rename, fsync of the folder. A crash leaves the old or new file."""
+"""Atomic, durable writes: temporary file, fsync, rename, fsync of the folder. A crash leaves the old or new file.
+
+registration.io.durable_file does the same for a command's clouds, with CloudIOErrors and a temporary name of each
+writer's own. Here failpoints stand between the steps, and what a crash left is overwritten by the next attempt.
+"""
 
 import os
 from collections.abc import Callable, Iterable

@@ -5,7 +5,6 @@ the Problem holds it with the reason.
 """
 
 import os
-import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -22,9 +21,9 @@ from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
 from daemon.runtime.bounded_read import read_bounded
+from drivers.cameras.decoding import is_truncated
 
 SESSION_FILE = "session.json"
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 TAKE_AGAIN = "take the picture again, or remove the view from session.json"
 
 Progress = Callable[[int, int], None]
@@ -125,27 +124,6 @@ def read_grey(file: Path) -> NDArray[np.uint8]:
     if image is None:
         raise ImageError(f"'{file.name}' is not a picture", TAKE_AGAIN)
     return np.asarray(image, np.uint8)
-
-
-def is_truncated(content: bytes) -> bool:
-    """True for a PNG or JPEG that is truncated or damaged.
-
-    Checked here because libpng would write to standard error, and OpenCV 4 would fill the missing part with grey.
-    """
-    if content.startswith(b"\xff\xd8"):
-        return b"\xff\xd9" not in content[-64:]
-    if not content.startswith(PNG_SIGNATURE):
-        return False
-    at = len(PNG_SIGNATURE)
-    while at + 12 <= len(content):
-        length, kind = int.from_bytes(content[at : at + 4]), content[at + 4 : at + 8]
-        end = at + 8 + length
-        if zlib.crc32(content[at + 4 : end]) != int.from_bytes(content[end : end + 4]):
-            return True
-        if kind == b"IEND":
-            return False
-        at = end + 4
-    return True
 
 
 def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:

@@ -13,8 +13,9 @@ from calibration.errors import DetectionError
 from calibration.problem import Problem, View
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
-from daemon.sessions.session_reader import PNG_SIGNATURE, SESSION_FILE, read_grey
+from daemon.sessions.session_reader import SESSION_FILE, read_grey
 from daemon.store.store import Store
+from drivers.cameras.decoding import PNG_MAGIC
 from drivers.interfaces import Frame, PoseReading
 
 FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
@@ -77,7 +78,7 @@ def image_name(index: int) -> str:
 
 def png_of(frame: Frame) -> bytes:
     """The frame as PNG: the file from the camera when it is one, else encoded. Raises PictureUnusable."""
-    if frame.encoded is not None and frame.encoded.startswith(PNG_SIGNATURE):
+    if frame.encoded is not None and frame.encoded.startswith(PNG_MAGIC):
         return frame.encoded
     try:
         done, content = cv2.imencode(".png", frame.image, FAST_PNG)

@@ -44,6 +44,18 @@ def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = Non
     return image.astype(np.uint8, copy=False)
 
 
+def is_truncated(encoded: bytes) -> bool:
+    """True for a PNG or JPEG that is truncated or damaged, False for every other file.
+
+    Checked here because libpng would write to standard error, and OpenCV 4 would fill the missing part with grey.
+    """
+    try:
+        _whole_picture_size(encoded)
+    except (ValueError, struct.error, IndexError):
+        return encoded.startswith((PNG_MAGIC, JPEG_MAGIC))
+    return False
+
+
 def _whole_picture_size(encoded: bytes) -> tuple[int, int]:
     """(width, height) of a complete PNG or JPEG; raises ValueError, or IndexError when it ends early."""
     if not encoded:

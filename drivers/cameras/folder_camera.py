@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from drivers.cameras.decoding import decode
-from drivers.interfaces import Frame, LinkHealth
+from drivers.interfaces import Frame
 from drivers.timing import Timing
 from drivers.watched_folder import LAG_S, WatchedFolder
 
@@ -14,7 +14,7 @@ MAX_BYTES = 64 * 2**20
 SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
-class FolderCamera:
+class FolderCamera(WatchedFolder):
     """drivers.interfaces.Camera. A picture is as old as its file, and `lag_s` more for exposure and writing."""
 
     def __init__(
@@ -30,7 +30,7 @@ class FolderCamera:
         name: str = "camera",
     ) -> None:
         self._image_size = image_size
-        self._folder = WatchedFolder(
+        super().__init__(
             folder,
             SUFFIXES,
             timing or Timing(),
@@ -41,22 +41,9 @@ class FolderCamera:
             wall_clock=wall_clock,
         )
 
-    @property
-    def link(self) -> LinkHealth:
-        """Is the folder there?"""
-        return self._folder.link
-
-    def start(self) -> None:
-        """Begin to watch."""
-        self._folder.start()
-
     async def grab(self, newer_than_s: float) -> Frame:
         """The newest whole picture from after `newer_than_s`; raises a DeviceError."""
-        image, encoded, taken_at_s = await self._folder.newest(
+        image, encoded, taken_at_s = await self.newest(
             newer_than_s, lambda device, content: decode(device, content, self._image_size)
         )
         return Frame(image, taken_at_s, encoded)
-
-    async def close(self) -> None:
-        """Watch no more."""
-        await self._folder.close()

@@ -4,14 +4,14 @@ import asyncio
 
 from drivers.cameras.decoding import decode
 from drivers.http_source import HttpSource
-from drivers.interfaces import Frame, LinkHealth
+from drivers.interfaces import Frame
 from drivers.timing import Timing
 
 LIMIT_S = 5.0
 MAX_BYTES = 64 * 2**20
 
 
-class HttpCamera:
+class HttpCamera(HttpSource):
     """drivers.interfaces.Camera. A picture is as old as the answer says, else it was taken after it was asked for."""
 
     def __init__(
@@ -24,24 +24,11 @@ class HttpCamera:
         max_bytes: int = MAX_BYTES,
         name: str = "camera",
     ) -> None:
-        self._source = HttpSource(url, timing or Timing(), name=name, limit_s=limit_s, max_bytes=max_bytes)
+        super().__init__(url, timing or Timing(), name=name, limit_s=limit_s, max_bytes=max_bytes)
         self._image_size = image_size
-
-    @property
-    def link(self) -> LinkHealth:
-        """Does somebody listen at the URL?"""
-        return self._source.link
-
-    def start(self) -> None:
-        """Begin to look whether it is there."""
-        self._source.start()
 
     async def grab(self, newer_than_s: float) -> Frame:
         """A picture taken after `newer_than_s`; raises a DeviceError."""
-        fetched = await self._source.fetch(newer_than_s)
-        image = await asyncio.to_thread(decode, self._source.device, fetched.content, self._image_size)
+        fetched = await self.fetch(newer_than_s)
+        image = await asyncio.to_thread(decode, self.device, fetched.content, self._image_size)
         return Frame(image, fetched.taken_at_s, fetched.content)
-
-    async def close(self) -> None:
-        """End all connections."""
-        await self._source.close()

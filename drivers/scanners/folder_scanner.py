@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from drivers.interfaces import LinkHealth, ScannedCloud
+from drivers.interfaces import ScannedCloud
 from drivers.scanners.cloud_files import whole_cloud
 from drivers.timing import Timing
 from drivers.watched_folder import LAG_S, WatchedFolder
@@ -14,7 +14,7 @@ MAX_BYTES = 2**30
 SUFFIXES = (".ply", ".pcd")
 
 
-class FolderScanner:
+class FolderScanner(WatchedFolder):
     """drivers.interfaces.Scanner. A cloud is as old as its file, and `lag_s` more for scanning and writing."""
 
     def __init__(
@@ -28,7 +28,7 @@ class FolderScanner:
         wall_clock: Callable[[], float] = time.time,
         name: str = "scanner",
     ) -> None:
-        self._folder = WatchedFolder(
+        super().__init__(
             folder,
             SUFFIXES,
             timing or Timing(),
@@ -39,20 +39,7 @@ class FolderScanner:
             wall_clock=wall_clock,
         )
 
-    @property
-    def link(self) -> LinkHealth:
-        """Is the folder there?"""
-        return self._folder.link
-
-    def start(self) -> None:
-        """Begin to watch."""
-        self._folder.start()
-
     async def scan(self, newer_than_s: float) -> ScannedCloud:
         """The newest whole cloud from after `newer_than_s`; raises a DeviceError."""
-        media_type, content, taken_at_s = await self._folder.newest(newer_than_s, whole_cloud)
+        media_type, content, taken_at_s = await self.newest(newer_than_s, whole_cloud)
         return ScannedCloud(content, media_type, taken_at_s)
-
-    async def close(self) -> None:
-        """Watch no more."""
-        await self._folder.close()

@@ -4,7 +4,7 @@ import asyncio
 
 from drivers.errors import GarbledAnswer
 from drivers.http_source import HttpSource
-from drivers.interfaces import LinkHealth, ScannedCloud
+from drivers.interfaces import ScannedCloud
 from drivers.scanners.cloud_files import whole_cloud
 from drivers.timing import Timing
 
@@ -14,7 +14,7 @@ MAX_BYTES = 2**30
 PICTURES_AND_PAGES = ("text/html", "image/")
 
 
-class HttpScanner:
+class HttpScanner(HttpSource):
     """drivers.interfaces.Scanner. A cloud is as old as the answer says, else it was scanned after it was asked for."""
 
     def __init__(
@@ -26,26 +26,13 @@ class HttpScanner:
         max_bytes: int = MAX_BYTES,
         name: str = "scanner",
     ) -> None:
-        self._source = HttpSource(url, timing or Timing(), name=name, limit_s=limit_s, max_bytes=max_bytes)
-
-    @property
-    def link(self) -> LinkHealth:
-        """Does somebody listen at the URL?"""
-        return self._source.link
-
-    def start(self) -> None:
-        """Begin to look whether it is there."""
-        self._source.start()
+        super().__init__(url, timing or Timing(), name=name, limit_s=limit_s, max_bytes=max_bytes)
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
         """A cloud scanned after `newer_than_s`; raises a DeviceError."""
-        fetched = await self._source.fetch(newer_than_s)
+        fetched = await self.fetch(newer_than_s)
         if fetched.media_type.startswith(PICTURES_AND_PAGES):
             what = f"it answered with {fetched.media_type}, not with a cloud"
-            raise GarbledAnswer(self._source.device, what, "check the URL")
-        media_type = await asyncio.to_thread(whole_cloud, self._source.device, fetched.content)
+            raise GarbledAnswer(self.device, what, "check the URL")
+        media_type = await asyncio.to_thread(whole_cloud, self.device, fetched.content)
         return ScannedCloud(fetched.content, media_type, fetched.taken_at_s)
-
-    async def close(self) -> None:
-        """End all connections."""
-        await self._source.close()

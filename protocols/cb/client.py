@@ -17,7 +17,7 @@ from protocols.cb.events import (
 )
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.messages import ANSWERS, COMMAND_OF, Refused, Reply, Request, Stop, Welcome, good_status, pack, unpack
-from protocols.cb.sequence import next_seq
+from protocols.counter import next_count
 
 
 class ClientSessionState(Enum):
@@ -123,7 +123,7 @@ class ClientSession:
         if self._outstanding is not None and not isinstance(message, Stop):
             waiting = self._outstanding
             raise RequestOutstanding(f"{command.name} while {waiting.seq} ({waiting.request}) has no answer")
-        seq = next_seq(self._last_seq)
+        seq = next_count(self._last_seq)
         encoded = Frame(command, seq, pack(message)).encode()
         self._last_seq = seq
         self._outstanding = _Outstanding(seq, message, encoded)

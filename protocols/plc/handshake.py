@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
+from protocols.counter import next_count
 from protocols.modbus.words import WordOrder, Words, unsigned_of
 from protocols.plc.codes import TRIGGER_BITS, TRIGGERS, ControlBit, PlcCommand
 from protocols.plc.error_codes import NO_ERROR, number_of
@@ -31,8 +32,6 @@ from protocols.plc.results import NO_RESULT, result_block
 
 MAX_WAITING_RESULTS = 4
 """Results queued behind the one shown."""
-
-MAX_COUNT = 65535
 
 
 class Phase(Enum):
@@ -129,11 +128,6 @@ def react(state: Handshake, event: HandshakeEvent) -> Reaction:
     """Process an event. Raises IllegalHandshakeEvent."""
     after, effects = _REACTIONS[type(event)](state, event)
     return Reaction(_show_next_result(after), effects)
-
-
-def next_count(count: int) -> int:
-    """The number after `count`: 1 to 65535, cyclic; 0 means that nothing has happened yet."""
-    return count % MAX_COUNT + 1
 
 
 Change = tuple[Handshake, tuple[Effect, ...]]

@@ -7,6 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from protocols.counter import next_count
 from protocols.modbus.words import crc16
 from protocols.plc.codes import TRIGGER_BITS, TRIGGERS, ControlBit, DriftState, PlcCommand, PlcVerdict, StatusBit
 from protocols.plc.error_codes import number_of
@@ -30,7 +31,6 @@ from protocols.plc.handshake import (
     IllegalHandshakeEvent,
     Phase,
     Rules,
-    next_count,
     react,
 )
 from protocols.plc.image import register_image, status_bits

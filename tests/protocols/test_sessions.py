@@ -43,7 +43,8 @@ from protocols.cb.messages import (
     Stopped,
     Welcome,
 )
-from protocols.cb.sequence import is_older, next_seq
+from protocols.cb.sequence import is_older
+from protocols.counter import next_count
 from tests.protocols.dirt import GARBAGE
 from tests.protocols.rows import FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS, Row
 from tests.support.cases import cases, long_enough_s
@@ -183,7 +184,7 @@ def test_numbers_go_round_and_leave_zero_out():
 def test_what_follows_is_never_older(last, steps):
     seq = last
     for _ in range(min(steps, 3)):
-        seq = next_seq(seq)
+        seq = next_count(seq)
     assert 1 <= seq <= 65535
     assert not is_older(seq, last)
     assert is_older(last, seq)

@@ -23,6 +23,7 @@ XYZ = b"property float x\nproperty float y\nproperty float z\n"
 PLY = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\n" + XYZ + b"end_header\n" + BODY
 PLY_ASCII = b"ply\nformat ascii 1.0\ncomment a scanner's\nelement vertex 3\n" + XYZ + b"end_header\n" + LINES
 PCD_HEAD = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 3\nHEIGHT 1\nPOINTS 3\n"
+EMPTY_PCD_HEAD = PCD_HEAD.replace(b"WIDTH 3", b"WIDTH 0").replace(b"POINTS 3", b"POINTS 0")
 PCD = PCD_HEAD + b"DATA binary\n" + BODY
 PCD_ASCII = PCD_HEAD + b"DATA ascii\n" + LINES
 PCD_COMPRESSED = PCD_HEAD + b"DATA binary_compressed\n" + struct.pack("<II", 20, 36) + b"\x01" * 20
@@ -56,6 +57,7 @@ def test_the_last_line_may_have_no_end():
         b"ply\nformat binary_little_endian 1.0\nelement vertex many\nend_header\n",
         b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty quad x\nend_header\n",
         b"ply\nelement\nend_header\n",
+        b"ply\nend_header\n",
         b"VERSION 0.7\nDATA binary\n",
         b"VERSION 0.7\nPOINTS 1\nSIZE x\nDATA binary\n",
         b"VERSION 0.7\nPOINTS 1\nSIZE 4\nCOUNT 1 1\nDATA binary\n",
@@ -69,11 +71,11 @@ def test_what_is_no_cloud_is_told(content):
 @pytest.mark.parametrize(
     "content",
     [
-        b"ply\nend_header\n",
-        b"ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty float x\nend_header\n",
-        b"VERSION 0.7\nSIZE 4\nPOINTS 0\nDATA ascii\n",
-        b"VERSION 0.7\nSIZE 4\nPOINTS 0\nDATA binary\n",
-        b"VERSION 0.7\nSIZE 4\nPOINTS 0\nDATA binary_compressed\n" + bytes(8),
+        b"ply\nformat ascii 1.0\nelement vertex 0\n" + XYZ + b"end_header\n",
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 0\n" + XYZ + b"end_header\n",
+        EMPTY_PCD_HEAD + b"DATA ascii\n",
+        EMPTY_PCD_HEAD + b"DATA binary\n",
+        EMPTY_PCD_HEAD + b"DATA binary_compressed\n" + bytes(8),
     ],
 )
 def test_a_cloud_without_a_point_is_a_scanner_that_saw_nothing(content):
