@@ -8,9 +8,9 @@ from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
 from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotStatus
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.cb_link import CbLink
+from drivers.robots.abb.cb_move_monitor import Arrival
 from drivers.robots.abb.cb_session import Answered, Conversation, Overtaken
 from drivers.robots.abb.cb_status_errors import move_failed, move_refused, request_refused
-from drivers.robots.move_monitor import Arrival
 from drivers.robots.transport import Transport
 from drivers.timing import Timing
 from protocols.cb.codes import Status

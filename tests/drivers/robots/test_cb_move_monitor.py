@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import MoveFailed, MoveStalled
-from drivers.robots.move_monitor import Arrival
+from drivers.robots.abb.cb_move_monitor import Arrival
 from protocols.cb.codes import Flag, Status
 from protocols.cb.messages import Report
 
