@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from calibration.transforms import Array
 from drivers.errors import InterlockRefused
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotStatus
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotCapabilities, RobotStatus
 from drivers.interlocks import Interlocks
 
 FIX = "close the gate, put the part in; or correct [interlocks] in the settings"
@@ -20,6 +20,13 @@ class InterlockedRobot:
     @property
     def link(self) -> LinkHealth:
         return self.robot.link
+
+    @property
+    def capabilities(self) -> RobotCapabilities:
+        return self.robot.capabilities
+
+    def start(self) -> None:
+        self.robot.start()
 
     async def read_pose(self) -> PoseReading:
         return await self.robot.read_pose()

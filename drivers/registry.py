@@ -16,7 +16,9 @@ from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
+from drivers.interfaces import Camera, MakeCamera, MakeRobot, MakeScanner, Robot, Scanner, VibrationMonitor
 from drivers.robots.abb.cb_robot import CbRobot
+from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.redundant_stop import TwoWaysToStop
 from drivers.robots.abb.rws.robot import RwsRobot
@@ -30,53 +32,62 @@ from drivers.timing import Timing
 STREAM_LATENCY_S = 1.0
 """A network stream shows the world of about a second ago: encoder, network and decoder each keep some frames."""
 
-AnyRobot = CbRobot | RwsRobot | TwoWaysToStop
-AnyCamera = HttpCamera | VideoCamera | FolderCamera
-AnyScanner = HttpScanner | FolderScanner
+Parse = Callable[[str], Any]
+"""From an address to what the driver's constructor takes. Opens nothing; raises AddressNotUnderstood."""
 Entry = TypeVar("Entry")
 
 
-def open_robot(address: str, timing: Timing | None = None, *, stop_address: str | None = None) -> AnyRobot:
+def open_robot(address: str, timing: Timing | None = None, *, stop_address: str | None = None) -> Robot:
     """The robot at an address, dialling in the background; `stop_address`: a second way to stop it, over RWS.
 
     Raises AddressNotUnderstood; needs a running loop.
     """
-    wire = _look_up(ROBOTS, "robot", address)(address)
-    robot = RwsRobot(wire, timing) if isinstance(wire, RwsAddress) else CbRobot(wire, timing)
-    second = None if stop_address is None else RwsRobot(_second_way(stop_address), timing, name="second way to stop")
+    timing = timing or Timing()
+    parse, make = _look_up(ROBOTS, "robot", address)
+    robot = make(parse(address), timing)
+    if stop_address is not None:
+        second = RwsRobot(_second_way(stop_address), timing, name="second way to stop")
+        robot = TwoWaysToStop(robot, second, timing)
     robot.start()
-    if second is None:
-        return robot
-    second.start()
-    return TwoWaysToStop(robot, second, timing or Timing())
+    return robot
 
 
 def open_camera(
     address: str, timing: Timing | None = None, *, image_size: tuple[int, int] | None = None, limit_s: float = 5.0
-) -> AnyCamera:
+) -> Camera:
     """The camera at an address, looked for in the background; `image_size` is (width, height).
 
     Raises AddressNotUnderstood; needs a running loop.
     """
     parse, make = _look_up(CAMERAS, "camera", address)
-    camera = make(parse(address), timing, image_size=image_size, limit_s=limit_s)
+    camera = make(parse(address), timing or Timing(), image_size=image_size, limit_s=limit_s)
     camera.start()
     return camera
 
 
 def open_scanner(
     address: str, timing: Timing | None = None, *, limit_s: float = 60.0, max_bytes: int = 2**30
-) -> AnyScanner:
+) -> Scanner:
     """The scanner at an address, looked for in the background. Raises AddressNotUnderstood; needs a running loop."""
     parse, make = _look_up(SCANNERS, "scanner", address)
-    scanner = make(parse(address), timing, limit_s=limit_s, max_bytes=max_bytes)
+    scanner = make(parse(address), timing or Timing(), limit_s=limit_s, max_bytes=max_bytes)
     scanner.start()
     return scanner
 
 
+def open_vibration_monitor(host: str, port: int, robot: str | None, timing: Timing) -> VibrationMonitor:
+    """EGM, which the controller sends to `host` and `port`; `robot` is the only sender that is listened to.
+
+    Raises DeviceUnreachable for a port that is taken.
+    """
+    monitor = EgmMonitor(EgmAddress(host, port, robot), timing)
+    monitor.start()
+    return monitor
+
+
 def check_robot_address(address: str) -> None:
     """Raises AddressNotUnderstood; opens nothing."""
-    _look_up(ROBOTS, "robot", address)(address)
+    _look_up(ROBOTS, "robot", address)[0](address)
 
 
 def check_stop_address(address: str) -> None:
@@ -169,22 +180,22 @@ def _folder(address: str) -> Path:
     return Path(path)
 
 
-ROBOTS: dict[str, Callable[[str], Transport | RwsAddress]] = {
-    "tcp": _tcp,
-    "serial": _serial,
-    "socket": _device_server,
-    "rfc2217": _device_server,
-    "loop": SerialTransport,
-    "rws": RwsAddress.parse,
+ROBOTS: dict[str, tuple[Parse, MakeRobot]] = {
+    "tcp": (_tcp, CbRobot),
+    "serial": (_serial, CbRobot),
+    "socket": (_device_server, CbRobot),
+    "rfc2217": (_device_server, CbRobot),
+    "loop": (SerialTransport, CbRobot),
+    "rws": (RwsAddress.parse, RwsRobot),
 }
-CAMERAS: dict[str, tuple[Callable[[str], Any], Callable[..., AnyCamera]]] = {
+CAMERAS: dict[str, tuple[Parse, MakeCamera]] = {
     "http": (_url, HttpCamera),
     "https": (_url, HttpCamera),
     "video": (_video, VideoCamera),
     "rtsp": (_url, partial(VideoCamera, latency_s=STREAM_LATENCY_S)),
     "folder": (_folder, FolderCamera),
 }
-SCANNERS: dict[str, tuple[Callable[[str], Any], Callable[..., AnyScanner]]] = {
+SCANNERS: dict[str, tuple[Parse, MakeScanner]] = {
     "http": (_url, HttpScanner),
     "https": (_url, HttpScanner),
     "folder": (_folder, FolderScanner),

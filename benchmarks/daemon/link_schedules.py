@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm import Configuration
 from drivers.errors import DeviceError
-from drivers.interfaces import Configuration, MoveGoal
+from drivers.interfaces import MoveGoal
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from drivers.robots.transport import Connection

@@ -5,8 +5,7 @@ from daemon.cell.vibration import Quiet
 from daemon.config.settings import EgmSettings, Settings
 from daemon.runtime.clock import Clock
 from drivers.interfaces import Scanner
-from drivers.registry import open_camera, open_robot, open_scanner
-from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
+from drivers.registry import open_camera, open_robot, open_scanner, open_vibration_monitor
 from drivers.timing import Timing
 
 
@@ -23,9 +22,7 @@ def open_devices(settings: Settings, clock: Clock) -> Devices:
 
 
 def _quiet(egm: EgmSettings, timing: Timing) -> Quiet:
-    monitor = EgmMonitor(EgmAddress(egm.host, egm.port, egm.robot), timing)
-    monitor.start()
-    return Quiet(monitor, egm)
+    return Quiet(open_vibration_monitor(egm.host, egm.port, egm.robot, timing), egm)
 
 
 def _scanner(settings: Settings, timing: Timing) -> Scanner | None:

@@ -12,7 +12,7 @@ from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
 from daemon.config.settings import RobotSettings, TaughtPose
 from daemon.errors import PoseRefused
-from drivers.interfaces import Configuration, MoveGoal, PoseReading, Robot
+from drivers.interfaces import MoveGoal, PoseReading, Posture, Robot
 
 PLANNED_TRAVEL_DEG = 120.0
 """No joint turns further in one move that nobody taught: short moves are easy to foresee, and cost no accuracy."""
@@ -51,21 +51,21 @@ class MotionRules:
         """The move to `pose` from where the arm stands now. Raises PoseRefused, DeviceError."""
         self.require_inside_box(station, pose)
         here = await robot.read_pose()
-        configuration = await self._configuration(station, pose, robot, here)
+        posture = await self._posture(station, pose, robot, here)
         return MoveGoal(
             base_T_flange=pose.transform(),
-            configuration=configuration,
+            posture=posture,
             external_axes=here.external_axes,
             speed_mm_s=self.robot.speed_mm_s,
         )
 
-    async def _configuration(self, station: int, pose: TaughtPose, robot: Robot, here: PoseReading) -> Configuration:
+    async def _posture(self, station: int, pose: TaughtPose, robot: Robot, here: PoseReading) -> Posture:
         """As taught; else the posture with the least joint travel; else the posture the arm has now."""
         if pose.configuration is not None:
-            return Configuration(*pose.configuration)
+            return pose.configuration
         if self.arm is None:
-            return here.configuration
-        return Configuration(*self.arm.configuration(self._joints(station, pose, self.arm, await robot.read_joints())))
+            return here.posture
+        return self.arm.configuration(self._joints(station, pose, self.arm, await robot.read_joints()))
 
     def _joints(self, station: int, pose: TaughtPose, arm: Arm, near_rad: Array) -> Array:
         try:

@@ -83,7 +83,7 @@ def require_still(before: PoseReading, after: PoseReading, settling: SettlingSet
         )
 
 
-def require_arrived(sent_base_T_flange: Array, reading: PoseReading) -> None:
+def require_arrived(sent_base_T_flange: Array, reading: PoseReading, pose_convention: str) -> None:
     """Raises ElsewhereThanSent when the pose that is read is not the one that was commanded.
 
     A wrong unit, quaternion order, tool or work object shows here at the first move, before a picture is taken.
@@ -94,7 +94,7 @@ def require_arrived(sent_base_T_flange: Array, reading: PoseReading) -> None:
     raise ElsewhereThanSent(
         f"the arm was sent to {_place(sent_base_T_flange)} mm and says it stands at {_place(reading.base_T_flange)} mm,"
         f" {off_mm:.4g} mm and {degrees(off_rad):.3g}° away",
-        _guess(sent_base_T_flange, reading.base_T_flange),
+        _guess(sent_base_T_flange, reading.base_T_flange, pose_convention),
     )
 
 
@@ -102,12 +102,12 @@ def _place(base_T_flange: Array) -> str:
     return "({:.4g}, {:.4g}, {:.4g})".format(*base_T_flange[:3, 3])
 
 
-def _guess(sent: Array, read: Array) -> str:
+def _guess(sent: Array, read: Array, pose_convention: str) -> str:
     """What would explain it."""
     w, x, y, z = quaternion_from_rotation(sent[:3, :3])
     scalar_last = rotation_from_quaternion([x, y, z, w])
     if np.linalg.norm(1000.0 * read[:3, 3] - sent[:3, 3]) <= SENT_MM:
         return "it tells metres where millimetres belong: correct the controller's program"
     if rotation_angle_rad(scalar_last.T @ read[:3, :3]) <= SENT_RAD:
-        return "its quaternion has the scalar part last, ABB's comes first: correct the controller's program"
-    return "see that the controller's program tells tool0 in wobj0, in millimetres, with ABB's quaternion (q1 first)"
+        return "its quaternion has the scalar part last where it belongs first: correct the controller's program"
+    return f"see that the controller's program gives {pose_convention}"

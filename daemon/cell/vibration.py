@@ -3,24 +3,13 @@
 import asyncio
 from dataclasses import dataclass
 from math import degrees
-from typing import Protocol
 
 from daemon.config.settings import EgmSettings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
-from drivers.robots.abb.egm_vibration import Vibration
+from drivers.interfaces import Vibration, VibrationMonitor
 
 LOOK_S = 0.02
-
-
-class VibrationMonitor(Protocol):
-    """drivers.robots.abb.egm_vibration.EgmMonitor, or a test's."""
-
-    def vibration(self, window_s: float) -> Vibration:
-        """Raises DeviceTimeout when the controller sends nothing."""
-        ...
-
-    def close(self) -> None: ...
 
 
 @dataclass(frozen=True)

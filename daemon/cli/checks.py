@@ -130,7 +130,8 @@ async def _check_robot(robot: Robot) -> CheckResult:
     if reasons:
         found = "; ".join(reason.removeprefix("robot: ") for reason in reasons)
         return CheckResult("robot", False, f"answers, but {found}", "put this right at the controller")
-    return CheckResult("robot", True, f"answers and could move; the flange stands at ({at}) mm")
+    could = "could move" if robot.capabilities.moves else "is read only: views are taken by hand, with --manual"
+    return CheckResult("robot", True, f"answers and {could}; the flange stands at ({at}) mm")
 
 
 async def _check_camera(camera: Camera, settings: Settings) -> CheckResult:

@@ -165,7 +165,7 @@ class AdaptiveSequence:
     async def _capture(self, *, captured: bool, sent: Array | None = None) -> View:
         reading = await self.cell.settled_pose()
         if sent is not None:
-            require_arrived(sent, reading)
+            require_arrived(sent, reading, self.cell.robot.capabilities.pose_convention)
         await self.log.took(E.SETTLED)
         index = await self.session.add(await self.cell.picture(reading), reading)
         self._at.planning = replace(self._at.planning, pictures=index + 1)

@@ -74,7 +74,7 @@ async def visit_poses(
             await cell.move_to(goal)
             await log.took(E.ARRIVED)
             reading = await cell.settled_pose()
-            require_arrived(goal.base_T_flange, reading)
+            require_arrived(goal.base_T_flange, reading, robot.capabilities.pose_convention)
             await log.took(E.SETTLED)
             await at_station(reading)
             event = E.CAPTURED if station < len(poses) else last

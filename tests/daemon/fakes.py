@@ -11,19 +11,12 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm import Configuration
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, LinkLost
-from drivers.interfaces import (
-    UNUSED_AXIS,
-    Configuration,
-    Frame,
-    LinkHealth,
-    MoveGoal,
-    PoseReading,
-    RobotStatus,
-    ScannedCloud,
-)
+from drivers.interfaces import Frame, LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus, ScannedCloud
+from drivers.robots.abb.robtarget import UNUSED_AXIS
 
 BOARD = Chessboard(11, 8, 20.0)
 CAMERA = CameraModel(np.array([[900.0, 0, 320], [0, 900, 240], [0, 0, 1]]), np.zeros(5), (640, 480))
@@ -71,6 +64,13 @@ class FakeRobot:
     @property
     def link(self) -> LinkHealth:
         return LinkHealth(not self.lost, "lost" if self.lost else "connected", 0.0)
+
+    @property
+    def capabilities(self) -> RobotCapabilities:
+        return RobotCapabilities(moves=True, pose_convention="the flange in the base frame")
+
+    def start(self) -> None:
+        pass
 
     def _alive(self) -> None:
         if self.broken_with is not None:
@@ -133,6 +133,9 @@ class FakeCamera:
     def link(self) -> LinkHealth:
         return LinkHealth(self.failing is None, str(self.failing or "connected"), 0.0)
 
+    def start(self) -> None:
+        pass
+
     async def grab(self, newer_than_s: float) -> Frame:
         if self.failing is not None:
             raise self.failing
@@ -177,6 +180,9 @@ class FakeScanner:
     @property
     def link(self) -> LinkHealth:
         return LinkHealth(self.failing is None, str(self.failing or "connected"), 0.0)
+
+    def start(self) -> None:
+        pass
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
         if self.failing is not None:

@@ -31,13 +31,13 @@ from tests.support.waiting import quick_timing
     ],
 )
 def test_a_robot_address_names_its_transport(address, transport):
-    assert registry.ROBOTS[address.partition(":")[0]](address) == transport
+    assert registry.ROBOTS[address.partition(":")[0]][0](address) == transport
     check_robot_address(address)
 
 
 @pytest.mark.parametrize("address", ["tcp://192.168.125.1:5500", "tcp://[::1]:5500", "serial:///dev/ttyUSB0?baud=9600"])
 def test_a_transport_says_its_address_as_it_was_written(address):
-    assert registry.ROBOTS[address.partition(":")[0]](address).address == address
+    assert registry.ROBOTS[address.partition(":")[0]][0](address).address == address
 
 
 @pytest.mark.parametrize(

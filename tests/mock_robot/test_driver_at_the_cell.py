@@ -6,10 +6,10 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
-from calibration.kinematics.arm import UnreachablePoseError
+from calibration.kinematics.arm import Configuration, UnreachablePoseError
 from calibration.transforms import difference, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost, MoveFailed, MoveRefused
-from drivers.interfaces import Configuration, MoveGoal
+from drivers.interfaces import MoveGoal
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
@@ -80,7 +80,7 @@ async def test_it_visits_views_all_around_the_target_and_reads_where_it_stands(
             shift_mm, turn_rad = difference(reading.base_T_flange, goal.base_T_flange)
             assert shift_mm < 2e-4
             assert turn_rad < 1e-6
-            assert reading.configuration == goal.configuration
+            assert reading.posture == goal.posture
         assert cell.commanded_moves == 6
 
 

@@ -20,11 +20,12 @@ async def robot(request: Request, app: App) -> Response:
     """Where the arm stands, and what the controller says of itself."""
     arm = app.cell.robot
     status, pose, joints = await arm.read_status(), await arm.read_pose(), await arm.read_joints()
+    cf1, cf4, cf6, cfx = pose.posture
     document = RobotDocument(
         connected=arm.link.connected,
         detail=arm.link.detail,
         base_T_flange=PoseDocument.of(pose.base_T_flange),
-        configuration=pose.configuration,
+        configuration=(cf1, cf4, cf6, cfx),
         joints_deg=[math.degrees(angle) for angle in joints],
         still=pose.still,
         motors_on=status.motors_on,

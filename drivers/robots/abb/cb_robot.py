@@ -5,12 +5,13 @@ import contextlib
 
 from calibration.transforms import Array
 from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotStatus
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.cb_link import CbLink
 from drivers.robots.abb.cb_move_monitor import Arrival
 from drivers.robots.abb.cb_session import Answered, Conversation, Overtaken
 from drivers.robots.abb.cb_status_errors import move_failed, move_refused, request_refused
+from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.robots.transport import Transport
 from drivers.timing import Timing
 from protocols.cb.codes import Status
@@ -44,6 +45,11 @@ class CbRobot:
     def link(self) -> LinkHealth:
         """Is the controller there?"""
         return self._link.health
+
+    @property
+    def capabilities(self) -> RobotCapabilities:
+        """It moves."""
+        return RobotCapabilities(moves=True, pose_convention=POSE_CONVENTION)
 
     @property
     def controller_session(self) -> int | None:

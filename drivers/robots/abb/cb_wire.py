@@ -5,15 +5,15 @@ import math
 import numpy as np
 
 from calibration.errors import GeometryError
+from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
-from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, PoseReading, RobotStatus
+from drivers.interfaces import MoveGoal, PoseReading, Posture, RobotStatus
+from drivers.robots.abb.robtarget import UNUSED_AXES, UNUSED_AXIS, external_axis
 from protocols.cb.codes import Flag, MoveKind, Status
 from protocols.cb.errors import FieldOutOfRange
 from protocols.cb.messages import Joints, Move, Pose, Report, pack
 
-UNUSED_FROM = 8.9e9
-"""9E9 crosses the wire as float32 8999999488: at least this is an axis that is not there."""
 ROTATION_TOLERANCE = 1e-6
 REACH_MM = 1e5
 CONFIGURATION_LIMIT = 2**15
@@ -33,8 +33,8 @@ def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
         raise _garbled(device, str(error)) from error
     return PoseReading(
         base_T_flange=transform(base_R_flange, pose.position_mm),
-        configuration=Configuration(*pose.configuration),
-        external_axes=tuple(_axis(value) for value in pose.external_axes),
+        posture=Configuration(*pose.configuration),
+        external_axes=tuple(external_axis(value) for value in pose.external_axes),
         still=bool(pose.flags & Flag.IN_POSITION) and not pose.flags & Flag.MOVING,
         taken_at_s=taken_at_s,
     )
@@ -74,8 +74,8 @@ def move_of(device: str, goal: MoveGoal) -> Move:
     move = Move(
         position_mm=(float(position[0]), float(position[1]), float(position[2])),
         quaternion_wxyz=(float(quaternion[0]), float(quaternion[1]), float(quaternion[2]), float(quaternion[3])),
-        configuration=goal.configuration,
-        external_axes=_six(goal.external_axes),
+        configuration=_confdata(goal.posture),
+        external_axes=_six(goal.external_axes or UNUSED_AXES),
         speed_mm_s=float(goal.speed_mm_s),
         kind=KINDS[goal.path],
     )
@@ -98,15 +98,16 @@ def _wrong_with(goal: MoveGoal) -> str:
         return f"a position beyond {REACH_MM:g} mm; positions are millimetres"
     if not (math.isfinite(goal.speed_mm_s) and goal.speed_mm_s > 0):
         return f"a speed of {goal.speed_mm_s} mm/s"
-    if len(goal.external_axes) != 6 or not np.all(np.isfinite(goal.external_axes)):
+    if len(goal.external_axes) not in (0, 6) or not np.all(np.isfinite(goal.external_axes)):
         return f"external axes {goal.external_axes}; six numbers are wanted, {UNUSED_AXIS:g} where there is none"
-    if any(abs(quarter) >= CONFIGURATION_LIMIT for quarter in goal.configuration):
-        return f"the configuration {tuple(goal.configuration)}"
+    if len(goal.posture) != 4 or any(abs(quarter) >= CONFIGURATION_LIMIT for quarter in goal.posture):
+        return f"the configuration {tuple(goal.posture)}"
     return "" if goal.path in KINDS else f"the path {goal.path!r}; joint or linear"
 
 
-def _axis(value: float) -> float:
-    return UNUSED_AXIS if value >= UNUSED_FROM else value
+def _confdata(posture: Posture) -> Configuration:
+    cf1, cf4, cf6, cfx = posture
+    return Configuration(cf1, cf4, cf6, cfx)
 
 
 def _six(axes: tuple[float, ...]) -> tuple[float, float, float, float, float, float]:

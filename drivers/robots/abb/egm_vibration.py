@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import DeviceTimeout, DeviceUnreachable
-from drivers.interfaces import LinkHealth
+from drivers.interfaces import LinkHealth, Vibration
 from drivers.link_status import LinkReport
 from drivers.timing import Timing, take_turns_often
 from protocols.egm.messages import NotEgm, RobotSample, decode
@@ -32,16 +32,6 @@ SO_TIMESTAMPNS = 35
 CLOCK_TRIES, CLOCK_STEP_S = 5, 1e-4
 _TIMESPEC = _TIMEVAL = struct.Struct("@ll")
 STREAMS = "check that the program runs EGMStreamStart, and the address and port in the controller's SIO (UDPUC)"
-
-
-@dataclass(frozen=True)
-class Vibration:
-    """How far the flange was from its mean within a window. `lost`: packets that were sent and did not come."""
-
-    translation_mm: float
-    rotation_rad: float
-    samples: int
-    lost: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from daemon.config.settings import SettlingSettings
 from daemon.errors import ElsewhereThanSent, NotStill
 from daemon.runtime.clock import Clock
 from drivers.interfaces import PoseReading
+from drivers.robots.abb.robtarget import POSE_CONVENTION
 from tests.daemon.fakes import FakeRobot, pose_reading
 
 SETTLING = SettlingSettings()
@@ -90,8 +91,8 @@ def read_as(position_mm: list[float], quaternion_wxyz: list[float]) -> PoseReadi
 )
 def test_a_pose_that_is_not_where_the_arm_was_sent(told: PoseReading, fix: str) -> None:
     with pytest.raises(ElsewhereThanSent, match=fix):
-        require_arrived(SENT, told)
+        require_arrived(SENT, told, POSE_CONVENTION)
 
 
 def test_a_controller_stops_within_its_own_resolution() -> None:
-    require_arrived(SENT, read_as([515.3, -20.0, 712.2], [0.7, 0.1001, 0.7, -0.1]))
+    require_arrived(SENT, read_as([515.3, -20.0, 712.2], [0.7, 0.1001, 0.7, -0.1]), POSE_CONVENTION)

@@ -11,7 +11,7 @@ from daemon.config.settings import EgmSettings, SettlingSettings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
 from drivers.errors import DeviceTimeout
-from drivers.robots.abb.egm_vibration import Vibration
+from drivers.interfaces import Vibration
 from tests.daemon.fakes import FakeCamera, FakeRobot
 
 

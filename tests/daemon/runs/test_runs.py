@@ -266,11 +266,11 @@ async def test_the_postures_of_a_known_arm_are_computed_and_taught_ones_kept(tmp
     settings = settings_for(tmp_path, robot={"model": "IRB 1600-6/1.45"}, calibration={"poses": taught})
     async with serving(settings) as bench:
         await bench.client.post("/calibrate", params={"wait": 30})
-        assert len({goal.configuration for goal in bench.robot.goals} - {(0, 0, 0, 0)}) >= 1
+        assert len({goal.posture for goal in bench.robot.goals} - {(0, 0, 0, 0)}) >= 1
     taught[1]["configuration"] = [0, 0, 0, 1]
     async with serving(settings_for(tmp_path, calibration={"poses": taught})) as bench:
         await bench.client.post("/calibrate", params={"wait": 30})
-        assert [goal.configuration for goal in bench.robot.goals] == [(0, 0, 0, 0), (0, 0, 0, 1), (0, 0, 0, 0)]
+        assert [goal.posture for goal in bench.robot.goals] == [(0, 0, 0, 0), (0, 0, 0, 1), (0, 0, 0, 0)]
 
 
 async def test_more_poses_than_are_taught_and_nothing_to_plan_with_are_told(tmp_path: Path) -> None:

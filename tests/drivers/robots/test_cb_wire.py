@@ -7,10 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calibration.kinematics.arm import Configuration
 from calibration.transforms import rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
-from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal
+from drivers.interfaces import MoveGoal
 from drivers.robots.abb.cb_wire import joints_rad, move_of, pose_reading
+from drivers.robots.abb.robtarget import UNUSED_AXIS
 from protocols.cb.codes import Flag, MoveKind
 from protocols.cb.messages import Joints, Pose, pack, unpack
 from tests.drivers.robots.fake_controller import BASE_T_FLANGE
@@ -121,4 +123,4 @@ def test_a_goal_comes_back_as_the_pose_it_was(quaternion, position):
     back = pose_reading("r", unpack(Pose, pack(there)), 0.0)
     np.testing.assert_allclose(back.base_T_flange[:3, :3], base_T_flange[:3, :3], atol=3e-7)
     np.testing.assert_allclose(back.base_T_flange[:3, 3], position, atol=1.3e-4)
-    assert back.configuration == POSTURE
+    assert back.posture == POSTURE

@@ -5,8 +5,9 @@ import asyncio
 import numpy as np
 import pytest
 
+from calibration.kinematics.arm import Configuration
 from drivers.errors import AddressNotUnderstood, DeviceUnreachable, LinkLost, MoveRefused
-from drivers.interfaces import Configuration, LinkHealth, MoveGoal
+from drivers.interfaces import LinkHealth, MoveGoal
 from drivers.registry import check_stop_address
 from drivers.robots.abb.rws.redundant_stop import TwoWaysToStop
 from tests.support.waiting import quick_timing

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import pytest_asyncio
 
+from calibration.kinematics.arm import Configuration
 from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRefused, RequestRefused
-from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, Robot
+from drivers.interfaces import MoveGoal, Robot
 from drivers.robots.abb.cb_robot import CbRobot
+from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from protocols.cb.codes import MoveKind, Status
@@ -48,6 +50,7 @@ async def _connected(transport, controller):
 async def test_it_is_a_robot(cell):
     robot: Robot = cell[0]
     assert robot.link.connected
+    assert robot.capabilities.moves
     assert "session 7" in robot.link.detail
 
 
@@ -56,7 +59,7 @@ async def test_a_pose_is_read_in_tool0_and_wobj0(cell):
     before_s = time.monotonic()
     reading = await robot.read_pose()
     np.testing.assert_allclose(reading.base_T_flange, BASE_T_FLANGE, atol=1e-9)
-    assert reading.configuration == Configuration(0, -1, 0, 1)
+    assert reading.posture == Configuration(0, -1, 0, 1)
     assert reading.external_axes == (UNUSED_AXIS,) * 6
     assert reading.still
     assert before_s <= reading.taken_at_s <= time.monotonic()
@@ -155,7 +158,7 @@ async def test_many_ask_at_once_and_each_gets_its_own_answer(cell):
     answers = await asyncio.gather(
         robot.move_to(GOAL), *(robot.read_pose() for _ in range(5)), robot.read_joints(), robot.read_status()
     )
-    assert [reading.configuration.cfx for reading in answers[1:6]] == [1] * 5
+    assert [reading.posture.cfx for reading in answers[1:6]] == [1] * 5
     assert answers[6].shape == (6,)
 
 

@@ -10,9 +10,11 @@ import pytest
 import pytest_asyncio
 
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm import Configuration
 from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRefused
-from drivers.interfaces import UNUSED_AXIS, Configuration, MoveGoal, Robot
+from drivers.interfaces import MoveGoal, Robot
 from drivers.robots.abb.cb_robot import CbRobot
+from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from protocols.cb.codes import Command
@@ -54,7 +56,7 @@ async def test_a_pose_and_the_axes_are_the_arms_in_tool0_and_wobj0(cell):
     before_s = time.monotonic()
     reading = await robot.read_pose()
     np.testing.assert_allclose(reading.base_T_flange, ARM.forward(joints_now(running)), atol=1e-3)
-    assert reading.configuration == Configuration(*ARM.configuration(joints_now(running)))
+    assert reading.posture == Configuration(*ARM.configuration(joints_now(running)))
     assert reading.external_axes == (UNUSED_AXIS,) * 6
     assert reading.still
     assert before_s <= reading.taken_at_s <= time.monotonic()

@@ -9,8 +9,9 @@ import time
 import pytest
 import serial
 
+from calibration.kinematics.arm import Configuration
 from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost, MoveFailed, MoveStalled
-from drivers.interfaces import Configuration, MoveGoal
+from drivers.interfaces import MoveGoal
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.cb_session import REPLY_LIMIT_S
 from drivers.robots.serial_line import SerialConnection, SerialTransport

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import AddressNotUnderstood, DeviceUnreachable, GarbledAnswer, RequestRefused
-from drivers.interfaces import UNUSED_AXIS
 from drivers.registry import ROBOTS, check_robot_address
+from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.dialect import DIALECTS, error_in
@@ -35,7 +35,7 @@ ROBTARGET = {"x": "515", "y": "0", "z": "712", "q1": "0.707106769", "q2": "0", "
     ],
 )
 def test_an_address_says_where_and_how_to_ask(address, read):
-    assert ROBOTS["rws"](address) == read
+    assert ROBOTS["rws"][0](address) == read
     check_robot_address(address)
 
 
@@ -77,7 +77,7 @@ def test_a_robtarget_becomes_a_pose_scalar_first_in_millimetres():
     pose = parsing.pose("robot", ROBTARGET, 5.0)
     assert pose.base_T_flange[:3, 3].tolist() == [515.0, 0.0, 712.0]
     assert np.allclose(pose.base_T_flange[:3, :3], [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-7)
-    assert pose.configuration == (0, -1, 0, 1)
+    assert pose.posture == (0, -1, 0, 1)
     assert pose.external_axes == (UNUSED_AXIS,) * 6
     assert (pose.still, pose.taken_at_s) == (False, 5.0)
 

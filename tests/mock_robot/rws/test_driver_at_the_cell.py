@@ -7,8 +7,9 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
+from calibration.kinematics.arm import Configuration
 from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer, LinkLost, MoveRefused, RequestRefused
-from drivers.interfaces import Configuration, MoveGoal
+from drivers.interfaces import MoveGoal
 from drivers.registry import open_robot
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.rws.address import RwsAddress
@@ -46,7 +47,7 @@ async def test_it_finds_the_version_by_itself_and_reads_what_the_cb_link_reads(v
             told, here = await other.read_pose(), await robot.read_pose()
             assert np.array_equal(told.base_T_flange[:3, 3], np.float32(here.base_T_flange[:3, 3]))
             assert np.allclose(told.base_T_flange, here.base_T_flange, rtol=0, atol=1e-6)
-            assert told.configuration == here.configuration
+            assert told.posture == here.posture
             assert told.external_axes == here.external_axes
             assert np.allclose(await other.read_joints(), await robot.read_joints(), rtol=0, atol=1e-8)
             assert here.still
@@ -90,6 +91,7 @@ async def test_it_asks_for_tool0_and_wobj0_whatever_is_selected(version: int) ->
 @VERSIONS
 async def test_nothing_moves_over_rws_and_the_refusal_says_what_to_do(version: int) -> None:
     async with rws_cell() as cell, robot_at(cell, version) as robot:
+        assert not robot.capabilities.moves
         goal = MoveGoal(np.eye(4), Configuration(0, 0, 0, 0))
         with pytest.raises(MoveRefused, match="--manual") as refused:
             await robot.move_to(goal)

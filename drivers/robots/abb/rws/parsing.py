@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from calibration.errors import GeometryError
+from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, difference, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer
-from drivers.interfaces import UNUSED_AXIS, Configuration, PoseReading, RobotStatus
+from drivers.interfaces import PoseReading, RobotStatus
+from drivers.robots.abb.robtarget import external_axis
 
-UNUSED_FROM = 8.9e9
-"""9E9 is printed 8.999999e+09 or 9E+09: at least this is an axis that is not there."""
 STILL_MM, STILL_RAD = 0.02, math.radians(0.005)
 """Two readings further apart than this are of an arm that moves."""
 AXES = "abcdef"
@@ -57,8 +57,8 @@ def pose(device: str, values: Values, taken_at_s: float) -> PoseReading:
     axes = _numbers(device, values, tuple(f"{spelled}{letter}" for letter in AXES))
     return PoseReading(
         base_T_flange=transform(base_R_flange, [x, y, z]),
-        configuration=Configuration(*(int(quarter) for quarter in quarters)),
-        external_axes=tuple(UNUSED_AXIS if axis >= UNUSED_FROM else axis for axis in axes),
+        posture=Configuration(*(int(quarter) for quarter in quarters)),
+        external_axes=tuple(external_axis(axis) for axis in axes),
         still=False,
         taken_at_s=taken_at_s,
     )

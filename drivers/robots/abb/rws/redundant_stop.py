@@ -5,7 +5,7 @@ import logging
 
 from calibration.transforms import Array
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotStatus
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotCapabilities, RobotStatus
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.timing import Timing
 
@@ -29,6 +29,16 @@ class TwoWaysToStop:
         own, second = self._robot.link, self._second.link
         how = "there" if second.connected else f"NOT there, {second.detail}"
         return LinkHealth(own.connected, f"{own.detail}; second way to stop: {how}", own.since_s)
+
+    @property
+    def capabilities(self) -> RobotCapabilities:
+        """Those of the robot's own link."""
+        return self._robot.capabilities
+
+    def start(self) -> None:
+        """Both ways."""
+        self._robot.start()
+        self._second.start()
 
     async def read_pose(self) -> PoseReading:
         """Over the robot's own link."""

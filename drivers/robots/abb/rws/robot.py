@@ -6,7 +6,8 @@ from typing import NoReturn
 
 from calibration.transforms import Array
 from drivers.errors import MoveRefused, RequestRefused
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotStatus
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus
+from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import FRAMES, RwsAddress
 from drivers.robots.abb.rws.client import RwsClient
@@ -35,6 +36,11 @@ class RwsRobot:
     def link(self) -> LinkHealth:
         """Is the controller there, and in which state?"""
         return self._link.health
+
+    @property
+    def capabilities(self) -> RobotCapabilities:
+        """It is read and stopped; nothing moves it."""
+        return RobotCapabilities(moves=False, pose_convention=POSE_CONVENTION)
 
     @property
     def watching(self) -> bool:
