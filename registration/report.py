@@ -14,16 +14,13 @@ from registration.documents import (
     RegistrationReportDocument,
     Seconds,
 )
-from registration.fusion.merging import EVERY_POINT, Merge, Merger
+from registration.fusion.concatenation import MergedCloud, PlacedCloud, write_merged
+from registration.fusion.merging import EVERY_POINT, Merge
 from registration.fusion.pose_adjustment import ViewCorrection
-from registration.io.columns import Conversion
-from registration.io.writing import form_of, new_cloud
 from registration.scan import (
     Hand,
     Registration,
     ScanView,
-    merged_blocks,
-    merged_layout,
     register_views,
     sample_views,
     write_views,
@@ -49,18 +46,12 @@ def register_scan(
     sampled = clock()
     registration = register_views(views, samples, hand, refine=refine)
     registered = clock()
-    layout, lost = merged_layout(registration.views)
-    merger = Merger(merge, form_of(out, layout).layout)
-    lost = (*lost, *sorted(set(layout.dtype.names or ()) - set(merger.shared.dtype.names or ())))
-    with new_cloud(out, merger.layout) as writer:
-        held = Conversion.between(merger.layout, writer.form.layout)
-        for block in merged_blocks(registration.views, merger):
-            writer.write(block if held.layout == merger.layout else held.convert(block))
-        written = writer.points
+    clouds = [PlacedCloud(placed.view.path, placed.view.unit, placed.base_T_camera) for placed in registration.views]
+    merged = write_merged(clouds, out, merge=merge)
     if views_out is not None:
         write_views(registration.views, views_out)
     seconds = Seconds(read=sampled - began, register=registered - sampled, write=clock() - registered)
-    return report_of(registration, hand, written, seconds, [*dropped(lost), *_strays(merger)])
+    return report_of(registration, hand, merged.points, seconds, [*dropped(merged.columns_lost), *_outliers(merged)])
 
 
 def report_of(
@@ -117,6 +108,11 @@ def _findings(registration: Registration, hand: Hand) -> list[FindingDocument]:
     empty = [index for index, view in enumerate(registration.views) if not view.points]
     if empty:
         findings.append(_finding("view-empty", "warning", f"views {_list(empty)} have no points", "scan them again"))
+    non_finite = sum(view.non_finite for view in registration.views)
+    if non_finite:
+        of = sum(view.points for view in registration.views)
+        what = f"{non_finite} of {of} points have coordinates that are not finite, and are left out of the merged cloud"
+        findings.append(_finding("points-not-finite", "info", what, "none needed: the scanner saw nothing there"))
     refinement = registration.refinement
     if refinement:
         far = [index for index, found in enumerate(refinement.corrections) if not found.explained]
@@ -144,10 +140,10 @@ def dropped(lost: Sequence[str]) -> list[FindingDocument]:
     return [_finding("columns-dropped", "warning", what, "scan every view with the same settings, and write a PLY")]
 
 
-def _strays(merger: Merger) -> list[FindingDocument]:
-    if not merger.left_out:
+def _outliers(merged: MergedCloud) -> list[FindingDocument]:
+    if not merged.outliers:
         return []
-    what = f"{merger.left_out} of {merger.averaged} averaged points stand alone and were left out"
+    what = f"{merged.outliers} of {merged.averaged} averaged points stand alone and were left out"
     return [_finding("outliers-left-out", "info", what, "none needed; --outliers keep writes them, too")]
 
 

@@ -16,11 +16,10 @@ from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, MIN_POSE_NOISE
 from calibration.transforms import Array
 from registration.documents import ScanDocument
 from registration.errors import ScanError
-from registration.fusion.merging import Merger
 from registration.fusion.overlap import Agreement, agreement
 from registration.fusion.pose_adjustment import Refinement, refine_poses
 from registration.io.columns import shared_layout
-from registration.io.convert import move_file, moved_blocks
+from registration.io.convert import move_file
 from registration.io.durable_file import GuardedFile
 from registration.io.reading import open_cloud
 from registration.points.layout import Layout, Records
@@ -50,12 +49,13 @@ class Hand:
 
 @dataclass(frozen=True, eq=False)
 class PlacedView:
-    """A view with its pose in base after registration, and how many points it has."""
+    """A view with its pose in base after registration, how many points it has, and how many are not finite."""
 
     view: ScanView
     base_T_camera: Array
     layout: Layout
     points: int
+    non_finite: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +100,12 @@ def hand_of(document: CalibrationDocument) -> Hand:
 
 @dataclass(frozen=True, eq=False)
 class ViewSample:
-    """What was read of a view: its surface, its columns, how many points it has."""
+    """What was read of a view: its surface, its columns, how many points it has, and how many are not finite."""
 
     surface: Surface
     layout: Layout
     points: int
+    non_finite: int
 
 
 def sample_views(views: Sequence[ScanView]) -> list[ViewSample]:
@@ -117,9 +118,9 @@ def sample_views(views: Sequence[ScanView]) -> list[ViewSample]:
 def _sample(view: ScanView) -> ViewSample:
     scale = scale_to_mm(view.unit)
     with open_cloud(view.path) as cloud:
-        blocks = _CountedBlocks(cloud.blocks())
+        blocks = _CountedBlocks(cloud.blocks(), cloud.layout)
         points = sample_points(blocks, cloud.layout, scale)
-        return ViewSample(Surface.of(points), cloud.layout, blocks.points)
+        return ViewSample(Surface.of(points), cloud.layout, blocks.points, blocks.non_finite)
 
 
 def register_views(
@@ -137,22 +138,23 @@ def register_views(
         poses = [found.motion @ pose for found, pose in zip(refinement.corrections, poses, strict=True)]
         after = agreement(surfaces, poses)
     placed = tuple(
-        PlacedView(view, pose, sample.layout, sample.points)
+        PlacedView(view, pose, sample.layout, sample.points, sample.non_finite)
         for view, pose, sample in zip(views, poses, samples, strict=True)
     )
     return Registration(placed, before, after, refinement)
 
 
 class _CountedBlocks:
-    """Blocks that are counted while they pass."""
+    """Blocks whose points are counted while they pass."""
 
-    def __init__(self, blocks: Iterator[Records]) -> None:
-        self._blocks = blocks
-        self.points = 0
+    def __init__(self, blocks: Iterator[Records], layout: Layout) -> None:
+        self._blocks, self._layout = blocks, layout
+        self.points = self.non_finite = 0
 
     def __iter__(self) -> Iterator[Records]:
         for block in self._blocks:
             self.points += len(block)
+            self.non_finite += len(block) - int(np.count_nonzero(self._layout.finite(block)))
             yield block
 
 
@@ -172,13 +174,3 @@ def write_views(views: Sequence[PlacedView], folder: Path) -> list[Path]:
 def merged_layout(views: Sequence[PlacedView]) -> tuple[Layout, tuple[str, ...]]:
     """The columns of the merged cloud, and the names of those only some views have."""
     return shared_layout(view.layout for view in views)
-
-
-def merged_blocks(views: Sequence[PlacedView], merger: Merger) -> Iterator[Records]:
-    """The views in base, in mm, as one cloud. Raises CloudError's leaves, ScanError."""
-    return merger.merged((_placed_blocks(view, merger.shared), view.base_T_camera[:3, 3]) for view in views)
-
-
-def _placed_blocks(view: PlacedView, layout: Layout) -> Iterator[Records]:
-    with open_cloud(view.view.path) as cloud:
-        yield from moved_blocks(cloud, Motion.of(view.base_T_camera, view.view.unit), layout)

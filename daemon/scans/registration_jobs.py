@@ -146,6 +146,6 @@ def _register(
     hand = Hand(given.calibration_id, wanted.flange_T_scanner, given.noise)
     registration = register_views(wanted.views, samples, hand, refine=wanted.refine)
     _, lost = merged_layout(registration.views)
-    points = sum(view.points for view in registration.views)
+    points = sum(view.points - view.non_finite for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
     return report_of(registration, hand, points, seconds, dropped(lost))  # type: ignore[arg-type]

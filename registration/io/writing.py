@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -51,12 +51,12 @@ FORMS: dict[str, Callable[[Layout, str], Form]] = {
 """By suffix; `.bin` is raw float32 x, y, z and holds no other column."""
 
 
-LIBRARIES: dict[str, Callable[[GuardedFile, Layout], AbstractContextManager[LasOut | E57Out]]] = {
-    ".las": lambda file, layout: las_out(file, layout, compress=False),
-    ".laz": lambda file, layout: las_out(file, layout, compress=True),
-    ".e57": e57_out,
+LIBRARIES: dict[str, Callable[[GuardedFile, Layout, str], AbstractContextManager[LasOut | E57Out]]] = {
+    ".las": lambda file, layout, software: las_out(file, layout, compress=False, software=software),
+    ".laz": lambda file, layout, software: las_out(file, layout, compress=True, software=software),
+    ".e57": lambda file, layout, _: e57_out(file, layout),
 }
-"""Formats that the extras' libraries write."""
+"""Formats that the extras' libraries write, with the software that is named as their writer."""
 
 
 def form_of(path: Path, layout: Layout) -> Form:
@@ -68,6 +68,10 @@ def form_of(path: Path, layout: Layout) -> Form:
         fix = f"use one of {', '.join([*FORMS, *LIBRARIES])}"
         raise CloudUnsupported(path.name, "suffix", f"clouds of type {suffix!r} are not written", fix)
     return FORMS[suffix](layout, path.name)
+
+
+def _naming_the_frame(form: Form, calibration_id: str) -> Form:
+    return replace(form, header=lambda count: ply.with_frame(form.header(count), calibration_id))
 
 
 class Writer(Protocol):
@@ -110,12 +114,19 @@ class CloudWriter:
 
 
 @contextmanager
-def new_cloud(path: Path, layout: Layout, *, durable: bool = True) -> Iterator[Writer]:
-    """A cloud file that is whole under its name, or not there. Raises CloudUnsupported, CloudIOError."""
+def new_cloud(
+    path: Path, layout: Layout, *, durable: bool = True, calibration_id: str | None = None
+) -> Iterator[Writer]:
+    """A cloud file that is whole under its name, or not there. Raises CloudUnsupported, CloudIOError.
+
+    `calibration_id` of a cloud in the base frame: a PLY names both in a comment, a LAS file the calibration as writer.
+    """
     form, library = form_of(path, layout), LIBRARIES.get(path.suffix.lower())
+    if calibration_id is not None and path.suffix.lower() == ".ply":
+        form = _naming_the_frame(form, calibration_id)
     with new_file(path, durable=durable) as file:
         if library is not None:
-            with library(file, layout) as out:
+            with library(file, layout, f"handeyed {calibration_id or ''}".strip()) as out:
                 yield LibraryWriter(out, form)
             return
         writer = CloudWriter(file, form)

@@ -54,6 +54,12 @@ class Layout:
             for index, (kind, offset, *_) in enumerate(fields)
         )
 
+    def finite(self, block: Records) -> NDArray[np.bool_]:
+        """Which points (n,) of a block have three finite coordinates."""
+        x, y, z = (np.isfinite(block[name]) for name in self.xyz)
+        finite: NDArray[np.bool_] = x & y & z
+        return finite
+
     def offset(self, name: str) -> int:
         """Where a column begins inside the record, in bytes."""
         assert self.dtype.fields is not None

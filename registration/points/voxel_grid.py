@@ -44,7 +44,7 @@ class VoxelGrid:
 
     def _add(self, block: Records) -> None:
         columns = {name: block[name].astype(float) for name in self._names}
-        finite = np.all([np.isfinite(columns[name]) for name in self.layout.xyz], axis=0)
+        finite = self.layout.finite(block)
         if not finite.all():
             columns = {name: column[finite] for name, column in columns.items()}
         cells = self._cells.numbers(self._keys(columns))

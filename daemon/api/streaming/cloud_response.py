@@ -20,7 +20,7 @@ from daemon.api.streaming.request_body import pieces
 from daemon.api.streaming.spool import Spool
 from daemon.errors import StorageError
 from registration.errors import CloudTooLong, CloudTruncated, RegistrationError
-from registration.fusion.concatenation import with_frame
+from registration.io.formats.ply import with_frame
 from registration.io.stream import CloudStream
 
 log = logging.getLogger(__name__)

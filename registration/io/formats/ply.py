@@ -124,6 +124,15 @@ class _Reading:
         )
 
 
+def with_frame(header: bytes, calibration_id: str) -> bytes:
+    """A PLY header with a comment that names the frame, whatever its older comments say."""
+    line = b"comment handeyed: frame base, lengths mm"
+    if calibration_id:
+        line += b", calibration " + calibration_id.encode("ascii", "replace").translate(None, b"\r\n")
+    head, _, end = header.rpartition(b"end_header")
+    return head + line + (b"\r\n" if head.endswith(b"\r\n") else b"\n") + b"end_header" + end
+
+
 def format_header(layout: Layout, count: int, encoding: str = "binary_little_endian") -> bytes:
     """A header for records of `layout`, all scalars that PLY has names for; as long for every `count`."""
     lines = ["ply", f"format {encoding} 1.0", "comment lengths in mm".ljust(41 - len(str(count)))]
