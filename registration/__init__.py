@@ -1,1 +1,1 @@
-"""Pure mathematics on point clouds: blocks of points in, blocks of points out."""
+"""Moves, registers and calibrates with point clouds; pure functions and file formats, no devices."""

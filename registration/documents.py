@@ -1,4 +1,4 @@
-"""scan.json: point clouds with poses; and the report of a registration."""
+"""scan.json (clouds with poses), and the report of a registration."""
 
 from typing import Literal
 
@@ -11,7 +11,7 @@ from registration.points.rigid_motion import Unit
 
 
 class ScanViewDocument(Document):
-    """One cloud, its unit (never guessed) and where the flange stood."""
+    """One cloud, its unit (never guessed) and its flange pose."""
 
     cloud: str
     unit: Unit
@@ -19,7 +19,7 @@ class ScanViewDocument(Document):
 
 
 class ScanDocument(Document):
-    """The whole of scan.json."""
+    """Content of scan.json."""
 
     schema_version: Literal[1]
     source: str = ""
@@ -28,7 +28,7 @@ class ScanDocument(Document):
 
 
 class RegisteredViewDocument(Document):
-    """How one view lies: `overlap` is the share of it another view saw, `rms_mm` its deviation from the others."""
+    """One registered view: `overlap` is the share seen by other views, `rms_mm` the deviation from them."""
 
     index: int
     cloud: str
@@ -48,7 +48,7 @@ class DeviationDocument(Document):
 
 
 class Seconds(TypedDict):
-    """Where the time went."""
+    """Durations of the steps in seconds."""
 
     read: float
     register: float
@@ -56,7 +56,7 @@ class Seconds(TypedDict):
 
 
 class RegistrationReportDocument(Document):
-    """What `handeyed register --json` prints."""
+    """Output of `handeyed register --json`."""
 
     schema_version: Literal[1] = 1
     calibration_id: str

@@ -1,13 +1,13 @@
-"""Errors of the registration room. A cloud's error says file, place, what is wrong, and what to do.
+"""Errors of registration. A cloud's error names file and place, what is wrong and how to fix it.
 
 RegistrationError
-├── CloudError             something is wrong with one cloud; `file` and `place` say where
-│   ├── CloudFormatError       the bytes are not what the format (or the header) says
-│   ├── CloudTruncated         the bytes end before the cloud does
+├── CloudError             an error of one cloud, with `file` and `place`
+│   ├── CloudFormatError       the bytes violate the format or the header
+│   ├── CloudTruncated         the bytes end too early
 │   ├── CloudTooLong           bytes follow after the cloud's end
-│   ├── CloudUnsupported       a valid cloud of a kind that is not handled, or an extra that is not installed
+│   ├── CloudUnsupported       a valid cloud that is not supported, or whose extra is not installed
 │   └── CloudIOError           the operating system could not read or write (disk full, no such file)
-├── UnitUnknown            nobody said whether coordinates are metres or millimetres
+├── UnitUnknown            it is not stated whether coordinates are metres or millimetres
 ├── MotionError            a transform is not a rigid motion (mirrored, scaled, not finite)
 ├── ScanError              views that cannot be registered together
 └── SphereError            the points are not a sphere of the stated radius
@@ -17,7 +17,7 @@ from calibration.errors import PicklableError
 
 
 class RegistrationError(PicklableError):
-    """Root of the room's errors. `code` is stable; `what` and `fix` are for people."""
+    """Root of registration's errors. `code` is stable; `what` and `fix` are for people."""
 
     code = "registration-error"
 
@@ -27,7 +27,7 @@ class RegistrationError(PicklableError):
 
 
 class CloudError(RegistrationError):
-    """Something is wrong with one cloud. `file` names it ('request body' for an upload), `place` a spot in it."""
+    """An error of one cloud. `file` names it ('request body' for an upload), `place` a position in it."""
 
     code = "cloud-error"
 
@@ -38,13 +38,13 @@ class CloudError(RegistrationError):
 
 
 class CloudFormatError(CloudError):
-    """The bytes are not what the format or the header says."""
+    """The bytes violate the format or the header."""
 
     code = "cloud-malformed"
 
 
 class CloudTruncated(CloudError):
-    """The bytes end before the cloud does."""
+    """The bytes end too early."""
 
     code = "cloud-truncated"
 
@@ -56,7 +56,7 @@ class CloudTooLong(CloudError):
 
 
 class CloudUnsupported(CloudError):
-    """A valid cloud of a kind that is not handled here, or whose optional library is not installed."""
+    """A valid cloud that is not supported here, or whose optional library is not installed."""
 
     code = "cloud-unsupported"
 
@@ -68,7 +68,7 @@ class CloudIOError(CloudError):
 
 
 class UnitUnknown(RegistrationError):
-    """Nobody said whether coordinates are metres or millimetres; it is never guessed."""
+    """It is not stated whether coordinates are metres or millimetres; the unit is never guessed."""
 
     code = "unit-unknown"
 

@@ -1,4 +1,4 @@
-"""What a registration found, as the report that people and programs read."""
+"""Registers a scan, writes the merged cloud and builds the report."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -37,9 +37,9 @@ def register_scan(
     merge: Merge = EVERY_POINT,
     views_out: Path | None = None,
 ) -> RegistrationReportDocument:
-    """Register, write the merged cloud to `out` (whole or not at all), report. `clock` gives seconds.
+    """Register, write the merged cloud to `out` (completely or not at all), report. `clock` gives seconds.
 
-    Into `views_out`, an existing folder, each view by itself, too. Raises RegistrationError's leaves.
+    With `views_out`, an existing folder, also write each registered view. Raises RegistrationError's leaves.
     """
     began = clock()
     samples = sample_views(views)
@@ -57,7 +57,7 @@ def register_scan(
 def report_of(
     registration: Registration, hand: Hand, points: int, seconds: Seconds, further: Sequence[FindingDocument] = ()
 ) -> RegistrationReportDocument:
-    """The report of a registration, with `further` findings of the merging."""
+    """Report of a registration, with `further` findings of the merge."""
     findings = [*_findings(registration, hand), *further]
     after = registration.after
     return RegistrationReportDocument(
@@ -91,7 +91,7 @@ def _correction(correction: ViewCorrection) -> CorrectionDocument:
 
 
 def _words(twist: Array) -> str:
-    """A unit twist [rotation × radius, translation] in base, by its larger half."""
+    """A unit twist [rotation × radius, translation] in base, described by its larger half."""
     turning, sliding = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
     kind, axis = ("rotation about", twist[:3]) if turning > sliding else ("translation along", twist[3:])
     x, y, z = axis / np.linalg.norm(axis)
@@ -103,7 +103,7 @@ def _findings(registration: Registration, hand: Hand) -> list[FindingDocument]:
     agreed = registration.after or registration.before
     alone = [index for index, overlap in enumerate(agreed.view_overlap) if not overlap]
     if alone and len(registration.views) > 1:
-        what = f"views {_list(alone)} overlap no other; they stand where the robot says"
+        what = f"views {_list(alone)} overlap no other; they keep the robot's pose"
         findings.append(_finding("view-alone", "warning", what, "add views between, so that surfaces are seen twice"))
     empty = [index for index, view in enumerate(registration.views) if not view.points]
     if empty:
@@ -133,7 +133,7 @@ def _findings(registration: Registration, hand: Hand) -> list[FindingDocument]:
 
 
 def dropped(lost: Sequence[str]) -> list[FindingDocument]:
-    """What is said of columns that only some views have."""
+    """Finding about columns that only some views have; empty without any."""
     if not lost:
         return []
     what = f"the columns {', '.join(lost)} are not in every view, or not in this format, and were left out"

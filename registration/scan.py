@@ -1,7 +1,7 @@
-"""A scan: several clouds of one part, each with the pose of the flange, to one cloud in the base frame.
+"""Registers a scan: several clouds of one part, each with its flange pose, become one cloud in the base frame.
 
-The plain formula is P_base = base_T_flange @ flange_T_camera @ P_camera, view by view (paper, Eq. 10, with X^-1
-where it prints X). Refinement puts a small motion before it.
+The basic formula is P_base = base_T_flange @ flange_T_camera @ P_camera for each view (paper, Eq. 10, with X^-1 where
+it prints X). Refinement puts a small motion before it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,7 +31,7 @@ DOCUMENT_LIMIT = 1 << 26
 
 @dataclass(frozen=True, eq=False)
 class ScanView:
-    """A cloud file of unit `unit`, taken when the flange stood at `base_T_flange` (4, 4)."""
+    """A cloud file with its unit and its flange pose `base_T_flange` (4, 4)."""
 
     path: Path
     unit: str
@@ -40,7 +40,7 @@ class ScanView:
 
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """What a calibration gives a registration: X, and the robot's noise where it was estimated."""
+    """X and, where it was estimated, the robot's noise, as a registration needs them from a calibration."""
 
     calibration_id: str
     flange_T_camera: Array
@@ -60,7 +60,7 @@ class PlacedView:
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """Where every view lies, and how well they agree before and (when refined) after."""
+    """Poses of all views, and their agreement before and (when refined) after."""
 
     views: tuple[PlacedView, ...]
     before: Agreement
@@ -69,7 +69,7 @@ class Registration:
 
 
 def read_scan(folder: Path) -> list[ScanView]:
-    """The views of a folder's scan.json. Raises CloudIOError, DocumentError, ScanError."""
+    """Views of a folder's scan.json. Raises CloudIOError, DocumentError, ScanError."""
     path = folder / "scan.json"
     with GuardedFile.reading(path, str(path)) as file:
         document = parse_document(ScanDocument, file.read(min(DOCUMENT_LIMIT, path.stat().st_size)), str(path))
@@ -82,7 +82,7 @@ def read_scan(folder: Path) -> list[ScanView]:
 
 
 def hand_of(document: CalibrationDocument) -> Hand:
-    """What a calibration.json gives. Raises ScanError when it has no flange_T_camera."""
+    """The scanner's mount from calibration.json. Raises ScanError when it has no flange_T_camera."""
     if document.flange_T_camera is None:
         reason = "its motions could not determine X" if document.setup == "eye-in-hand" else "its camera stands still"
         raise ScanError(
@@ -126,7 +126,7 @@ def _sample(view: ScanView) -> ViewSample:
 def register_views(
     views: Sequence[ScanView], samples: Sequence[ViewSample], hand: Hand, *, refine: bool = False
 ) -> Registration:
-    """Where the views lie: by the plain formula, or refined. Raises MotionError."""
+    """Poses of the views by the basic formula, or refined. Raises MotionError."""
     poses = [view.base_T_flange @ hand.flange_T_camera for view in views]
     for view, pose in zip(views, poses, strict=True):
         Motion.of(pose, view.unit)
@@ -159,7 +159,7 @@ class _CountedBlocks:
 
 
 def write_views(views: Sequence[PlacedView], folder: Path) -> list[Path]:
-    """Each view by itself in base, in mm, under its own name in `folder`; its format and columns stay as they are.
+    """Write each view in base, in mm, under its own name in `folder`, with its format and columns.
 
     Raises CloudError's leaves, ScanError when `folder` is the scan's own.
     """
@@ -172,5 +172,5 @@ def write_views(views: Sequence[PlacedView], folder: Path) -> list[Path]:
 
 
 def merged_layout(views: Sequence[PlacedView]) -> tuple[Layout, tuple[str, ...]]:
-    """The columns of the merged cloud, and the names of those only some views have."""
+    """Columns of the merged cloud, and the names of those that only some views have."""
     return shared_layout(view.layout for view in views)

@@ -1,8 +1,8 @@
-"""Figures of a scanner from spheres and ball bars, based on VDI/VDE 2634-3 and ISO 10360-13.
+"""Scanner acceptance from spheres and ball bars, based on VDI/VDE 2634-3 and ISO 10360-13.
 
-Probing error (form): the width that holds 95 % of the distances from the sphere fitted with its radius free. Probing
-error (size): the fitted diameter less the calibrated one. Sphere-spacing error: the measured distance of a ball bar's
-centres less the calibrated one. "Based on": the standards also prescribe artefacts, positions and temperature.
+Probing error (form): width that contains 95 % of the distances from the sphere fitted with free radius. Probing error
+(size): fitted minus calibrated diameter. Sphere-spacing error: measured minus calibrated distance of a ball bar's
+centres. "Based on", since the standards also prescribe artefacts, positions and temperature.
 """
 
 from collections.abc import Sequence
@@ -17,12 +17,12 @@ from registration.points.sphere_fit import find_artefact, fit_sphere
 BASED_ON = "based on VDI/VDE 2634-3 and ISO 10360-13"
 FORM_SHARE = 0.95
 BELONGS = 1.25
-"""Points within so many radii of a ball's centre are its own, or those of its holder."""
+"""Points within this many radii of a ball's centre belong to it or its holder."""
 
 
 @dataclass(frozen=True, eq=False)
 class Probed:
-    """One ball in one position: where (3,), and its probing errors."""
+    """One ball in one position: centre (3,) and probing errors."""
 
     centre_mm: Array
     form_mm: float
@@ -32,7 +32,7 @@ class Probed:
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """What one cloud shows: one ball, or the two of a ball bar and their spacing error."""
+    """Result of one cloud: one ball, or the two of a ball bar with their spacing error."""
 
     balls: tuple[Probed, ...]
     spacing_mm: float | None
@@ -40,7 +40,7 @@ class Position:
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
-    """The largest of each, in magnitude, over all positions; `spacing_mm` None without a ball bar."""
+    """Largest magnitudes over all positions; `spacing_mm` is None without a ball bar."""
 
     positions: tuple[Position, ...]
     form_mm: float
@@ -49,7 +49,7 @@ class Acceptance:
 
 
 def accept(clouds: Sequence[Array], radius_mm: float, spacing_mm: float | None = None) -> Acceptance:
-    """From one cloud (n, 3) in mm for each position. Raises SphereError, naming the position."""
+    """Evaluate one cloud (n, 3) in mm per position. Raises SphereError, naming the position."""
     if not clouds:
         raise SphereError("there are no positions", "scan the artefact in at least one")
     positions = tuple(_position(index, points, radius_mm, spacing_mm) for index, points in enumerate(clouds))

@@ -1,1 +1,1 @@
-"""X without a photograph: from a sphere seen in every view, or from surfaces that overlap."""
+"""X without images: from a sphere visible in every view, or from overlapping surfaces."""

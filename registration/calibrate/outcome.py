@@ -33,9 +33,9 @@ def determined(
     base_T_flange: Array,
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
-    """A Solution of X with its covariance (6, 6), as Uncertainty has it; `seen_mm` (n, 3): where its points are used.
+    """A Solution with X and its covariance (6, 6), as in Uncertainty; `seen_mm` (n, 3): where X's points are used.
 
-    `base_T_flange` (n, 4, 4): the poses that were used.
+    `base_T_flange` (n, 4, 4): poses of the views used.
     """
     return Solution(
         setup="eye-in-hand",
@@ -54,7 +54,7 @@ def determined(
 
 
 def undetermined(method: str, views: Sequence[ViewResult], base_T_flange: Array, error: UndeterminedError) -> Solution:
-    """A Solution without X, and why."""
+    """A Solution without X, with the reason."""
     return Solution(
         setup="eye-in-hand",
         method=method,
@@ -77,7 +77,7 @@ def _observability(base_T_flange: Array, weakest: str) -> Observability:
 
 
 def _weakest(covariance: Array, seen_mm: Array) -> str:
-    """The axis about or along which X moves the points it maps most."""
+    """The axis about or along which X displaces the mapped points most."""
     reach = np.linalg.norm(seen_mm.mean(axis=0))
     deviations = np.sqrt(np.diagonal(covariance)) * np.repeat([reach, 1.0], 3)
     worst = int(np.argmax(deviations))

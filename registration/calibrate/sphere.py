@@ -1,4 +1,4 @@
-"""A scan of a sphere as a calibration: the same Solution that images give."""
+"""Calibration from scans of one sphere, with the same Solution as from images."""
 
 from collections.abc import Sequence
 
@@ -18,9 +18,9 @@ METHOD = "sphere of known radius"
 
 
 def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
-    """X from views of one sphere that stands still; `mount_T_camera` is None when they do not fix it.
+    """X from views of one fixed sphere; `mount_T_camera` is None when they do not determine it.
 
-    A view without the sphere is rejected and says why. Raises CloudError's leaves, UnitUnknown, ScanError.
+    A view without the sphere is rejected with a reason. Raises CloudError's leaves, UnitUnknown, ScanError.
     """
     centres: dict[int, Array] = {}
     reasons: dict[int, str] = {}
@@ -81,7 +81,7 @@ def _solution(
 
 
 def _seen(index: int, used: bool, base_error_mm: float) -> ViewResult:
-    """`base_error_mm`: the sphere's centre from where the other views put it."""
+    """`base_error_mm`: distance of the sphere's centre from where the other views put it."""
     reason = None if used else "pose-disagrees"
     return ViewResult(index, None, "used" if used else "rejected", reason, None, base_error_mm, None)
 

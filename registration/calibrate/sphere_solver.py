@@ -1,8 +1,8 @@
-"""X from a sphere that stands still while the arm looks at it from many sides.
+"""X from a fixed sphere that is scanned from many directions.
 
-In every view base_T_flange @ flange_T_camera @ c = s: c is the centre found in the camera's cloud, s the same point of
-the base each time. Unknown are X (6 numbers) and s (3); each view gives 3 equations. A sphere has no orientation, so
-X's rotation is fixed only by centres that lie at different places of the camera's field.
+In every view base_T_flange @ flange_T_camera @ c = s, where c is the centre in the camera's cloud and s the same point
+of the base each time. Unknowns are X (6 numbers) and s (3); each view gives 3 equations. A sphere has no orientation,
+so X's rotation is determined only by centres at different places of the camera's field of view.
 """
 
 from collections.abc import Sequence
@@ -21,13 +21,13 @@ LEAST_NOISE_MM = 0.05
 ROTATION_LIMIT_RAD = float(np.deg2rad(2.0))
 TRANSLATION_LIMIT_MM = 15.0
 OUTLIER_RATIO = 3.0
-"""A view is left out when the others agree so many times better without it; robots err by far less unevenly."""
+"""A view is rejected when the others agree this many times better without it; robot errors are far more even."""
 OUTLIER_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class SphereView:
-    """The sphere's centre (3,) in the camera's frame, in mm, and where the flange stood."""
+    """The sphere's centre (3,) in the camera frame in mm, and the flange pose."""
 
     centre_mm: Array
     base_T_flange: Array
@@ -35,12 +35,12 @@ class SphereView:
 
 @dataclass(frozen=True, eq=False)
 class SphereSolution:
-    """X, the centre in base, and how well they are known.
+    """X and the centre in base, with their uncertainty.
 
-    `covariance` (6, 6) of [rotation rad, translation mm] of flange_T_camera @ exp(.), in the camera's frame.
-    `spread_mm` (3,): standard deviation of the centre over the views, per axis of the base. `left_out_mm` (n,): how
-    far each view's centre lies from where the others put it, X solved without it; None below five views.
-    `used`: the views that agree; the figures are theirs.
+    `covariance` (6, 6) of [rotation rad, translation mm] of flange_T_camera @ exp(.), in the camera frame. `spread_mm`
+    (3,): standard deviation of the centre over the views, per axis of the base. `left_out_mm` (n,): distance of each
+    view's centre from where the others put it, with X solved without that view; None below five views. `used`: the
+    views that agree, to which all figures refer.
     """
 
     flange_T_camera: Array
@@ -53,7 +53,7 @@ class SphereSolution:
 
 
 def solve_from_sphere(views: Sequence[SphereView]) -> SphereSolution:
-    """Maximum likelihood with robust weights. Raises UndeterminedError when the views do not fix X."""
+    """Maximum likelihood with robust weights. Raises UndeterminedError when the views do not determine X."""
     if len(views) < LEAST_VIEWS:
         raise UndeterminedError(
             "too-few-views", f"{len(views)} views of the sphere", f"scan it from at least {LEAST_VIEWS}"
@@ -88,7 +88,7 @@ class _Estimate:
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """The views as stacks: base rotations (n, 3, 3), base translations (n, 3), centres (n, 3)."""
+    """The views stacked: base rotations (n, 3, 3), base translations (n, 3), centres (n, 3)."""
 
     rotations: Array
     translations: Array
@@ -105,27 +105,27 @@ class _System:
         )
 
     def residuals(self, estimate: _Estimate) -> Array:
-        """(n, 3): where each view puts the centre, less the common one."""
+        """(n, 3): each view's centre in base minus the common one."""
         flange = self.centres @ estimate.rotation.T + estimate.translation
         found: Array = np.einsum("nij,nj->ni", self.rotations, flange) + self.translations - estimate.centre
         return found
 
     def jacobian(self, estimate: _Estimate) -> Array:
-        """(n, 3, 9) by [rotation in the camera's frame rad, translation in the flange's frame mm, centre mm]."""
+        """(n, 3, 9) by [rotation in the camera frame rad, translation in the flange frame mm, centre mm]."""
         count = len(self.centres)
         turned = self.rotations @ (estimate.rotation @ -skew(self.centres))
         return np.concatenate([turned, self.rotations, np.broadcast_to(-np.eye(3), (count, 3, 3))], axis=2)
 
 
 def _solve(system: _System) -> _Estimate:
-    """The best minimum from 24 starts; raises UndeterminedError when another fits as well."""
+    """Best minimum from 24 starts; raises UndeterminedError when another fits as well."""
     found = [(_sigma(system, estimate), estimate) for estimate in map(partial(_from, system), _cube_rotations())]
     found.sort(key=lambda entry: entry[0])
     best, estimate = found[0]
     for sigma_mm, other in found[1:]:
         apart = float(rotation_angle_rad(other.rotation.T @ estimate.rotation))
         if apart > 10 * ROTATION_LIMIT_RAD and sigma_mm < 1.5 * best + LEAST_NOISE_MM:
-            what = f"two solutions {np.rad2deg(apart):.0f} degrees apart fit alike"
+            what = f"two solutions {np.rad2deg(apart):.0f} degrees apart fit equally well"
             raise UndeterminedError("ambiguous", what, FIX)
     return estimate
 
@@ -135,7 +135,7 @@ def _from(system: _System, rotation: Array) -> _Estimate:
 
 
 def _linear(system: _System, rotation: Array) -> _Estimate:
-    """Translation and centre that fit a given rotation best."""
+    """Translation and centre that best fit a given rotation."""
     count = len(system.centres)
     matrix = np.concatenate([system.rotations, np.broadcast_to(-np.eye(3), (count, 3, 3))], axis=2).reshape(-1, 6)
     right = -(np.einsum("nij,nj->ni", system.rotations, system.centres @ rotation.T) + system.translations)
@@ -144,7 +144,7 @@ def _linear(system: _System, rotation: Array) -> _Estimate:
 
 
 def _descend(system: _System, start: _Estimate) -> _Estimate:
-    """Levenberg and Marquardt."""
+    """Levenberg-Marquardt."""
     estimate, damping = start, 1e-3
     residuals = system.residuals(estimate)
     for _ in range(ITERATIONS):
@@ -168,7 +168,7 @@ def _descend(system: _System, start: _Estimate) -> _Estimate:
 
 
 def _outlier(system: _System, estimate: _Estimate) -> int | None:
-    """The view without which the others agree far better, if there is one."""
+    """The view without which the others agree far better; None when there is none."""
     count = len(system.centres)
     if count <= LEAST_VIEWS + 1:
         return None
@@ -179,13 +179,13 @@ def _outlier(system: _System, estimate: _Estimate) -> int | None:
 
 
 def _sigma(system: _System, estimate: _Estimate) -> float:
-    """Standard deviation of a coordinate of the centre; 9 numbers were fitted."""
+    """Standard deviation of a coordinate of the centre, with 9 fitted parameters."""
     freedom = max(3 * len(system.centres) - 9, 1)
     return float(np.sqrt(np.sum(system.residuals(estimate) ** 2) / freedom))
 
 
 def _covariance(system: _System, estimate: _Estimate) -> Array:
-    """(6, 6) in the camera's frame. Raises UndeterminedError."""
+    """(6, 6) in the camera frame. Raises UndeterminedError."""
     rows = system.jacobian(estimate).reshape(-1, 9)
     values, vectors = np.linalg.eigh(rows.T @ rows)
     if values[0] <= 1e-12 * values[-1]:
@@ -216,7 +216,7 @@ def _left_out(system: _System, index: int, start: _Estimate) -> float:
 
 
 def _cube_rotations() -> list[Array]:
-    """The 24 rotations of a cube: none is further than 63 degrees from the next."""
+    """The 24 rotations of a cube: no rotation is further than 63 degrees from the nearest."""
     matrices = [
         np.eye(3)[list(order)] * np.array(signs, float)[:, None]
         for order in permutations(range(3))

@@ -1,13 +1,13 @@
-"""X without any target: overlapping views of one rigid part, X among the unknowns of their registration.
+"""X without a target: overlapping views of one rigid part, with X among the unknowns of their registration.
 
-Let view i stand at motion_i @ base_T_flange_i @ X @ exp(d). A change d of X moves view i by Ad(base_T_camera_i) d in
-base, so what every pair says about two views (`fusion.pair_information`) it says about X, too; the robot's accuracy
-is the prior on each motion_i as in `fusion.pose_adjustment`. X itself has no prior: where neither surfaces nor
-motions fix it, its covariance says so and it is refused.
+View i stands at motion_i @ base_T_flange_i @ X @ exp(d). A change d of X moves view i by Ad(base_T_camera_i) d in base,
+so the information each pair has about its two views (`fusion.pair_information`) is also about X. The robot's accuracy
+is the prior of each motion_i as in `fusion.pose_adjustment`. X has no prior: where neither surfaces nor motions
+determine it, its covariance shows this and it is refused.
 
-The robot's noise is estimated with it (expectation maximisation; Dempster, Laird, Rubin 1977): the mean square of the
-motions found and of what the views leave open in them. What was stated counts as one view more, for
-few views cannot tell it.
+The robot's noise is estimated as well (expectation maximisation; Dempster, Laird, Rubin 1977): the mean square of the
+estimated motions plus their remaining variance. The stated noise counts as one further view, since few views cannot
+determine it.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ from registration.scan import ScanView, ViewSample, sample_views
 
 METHOD = "overlapping surfaces"
 ROUGH_MM = 40.0
-"""How far apart the same surface may be by a rough X: the first search for counterparts reaches so far."""
+"""Displacement of a surface by a rough X; the first search for counterparts reaches this far."""
 NARROWING = 0.75
 ITERATIONS = 60
 SETTLED_MM = 2e-3
@@ -45,7 +45,7 @@ ROTATION_LIMIT_RAD = float(np.deg2rad(2.0))
 TRANSLATION_LIMIT_MM = 15.0
 LEAST_VIEWS = 3
 NOISE_SETTLED = 0.01
-"""Share by which an estimate of the noise may still change."""
+"""Relative change of the noise estimate at which it has converged."""
 NOISE_ROUNDS = 30
 SEEN_POINTS = 200
 FIX = "add overlapping views of a part with relief, the flange turned by 30 degrees or more about different axes"
@@ -58,7 +58,7 @@ def solve_surface_scan(
     *,
     rough_mm: float = ROUGH_MM,
 ) -> Solution:
-    """X from overlapping views, from a rough one; `mount_T_camera` is None when they do not fix it.
+    """X from overlapping views and a rough X; `mount_T_camera` is None when they do not determine it.
 
     Raises CloudError's leaves, UnitUnknown, ScanError.
     """
@@ -75,9 +75,9 @@ def solve_surface_scan(
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSolution:
-    """X, covariance (6, 6) of [rotation rad, translation mm] of X @ exp(.) in the camera's frame, and motions in base.
+    """X, covariance (6, 6) of [rotation rad, translation mm] of X @ exp(.) in the camera frame, and motions in base.
 
-    `noise` of the robot, estimated. `alone`: views without overlap, which tell nothing. `settled`: did the iterations.
+    `noise`: the robot's, estimated. `alone`: views without overlap, which carry no information. `settled`: converged.
     """
 
     flange_T_camera: Array
@@ -96,7 +96,7 @@ def solve_from_surfaces(
     noise: RobotNoise = ABSOLUTE_NOISE,
     rough_mm: float = ROUGH_MM,
 ) -> SurfaceSolution:
-    """Gauss-Newton over X and all motions while the search narrows; `noise` is where its estimate begins.
+    """Gauss-Newton over X and all motions while the search radius shrinks; `noise` starts its estimate.
 
     Raises UndeterminedError.
     """
@@ -131,7 +131,7 @@ def solve_from_surfaces(
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """All motions and X about where they are: linear, so that other noise can be tried without another look."""
+    """All motions and X linearised, so that other noise levels can be tried without a new search."""
 
     pairs: dict[tuple[int, int], PairEvidence]
     poses: Sequence[Array]
@@ -146,7 +146,7 @@ class _System:
         return {index for key in self.pairs for index in key}
 
     def solved(self, noise: RobotNoise) -> tuple[Array, Array]:
-        """Information (6n + 6, 6n + 6), and the step it asks for."""
+        """Information (6n + 6, 6n + 6), and the Gauss-Newton step."""
         information, gradient = _with_x(
             self.pairs, self.poses, self.motions, self.base_T_flange, noise, self.origin, self.radius_mm
         )
@@ -161,7 +161,7 @@ class _System:
 
 
 def _estimated_noise(system: _System, noise: RobotNoise, stated: RobotNoise) -> RobotNoise:
-    """From the motions of the views that overlap others, and the covariance that is left of each."""
+    """Noise from the motions of overlapping views, and from their remaining covariance."""
     for _ in range(NOISE_ROUNDS):
         before = noise
         information, step = system.solved(noise)
@@ -197,7 +197,7 @@ def _with_x(
     origin: Array,
     radius_mm: float,
 ) -> tuple[Array, Array]:
-    """Information (6n + 6, 6n + 6) and gradient of all motions and, last, of X (rad, mm in the camera's frame)."""
+    """Information (6n + 6, 6n + 6) and gradient of all motions and, last, of X (rad, mm in the camera frame)."""
     seen, seen_gradient, prior, prior_gradient = normal_equations(
         pairs, motions, list(base_T_flange), noise, origin, radius_mm
     )
@@ -208,7 +208,7 @@ def _with_x(
 
 
 def _moved_by_x(base_T_camera: Array, origin: Array, radius_mm: float) -> Array:
-    """(6, 6): the twist of a view about `origin` [rotation × radius, translation] by a change of X."""
+    """(6, 6): the twist of a view about `origin` [rotation × radius, translation] per change of X."""
     about_base = adjoint(base_T_camera)
     shift = np.eye(6)
     shift[:3, :3] *= radius_mm
@@ -218,10 +218,10 @@ def _moved_by_x(base_T_camera: Array, origin: Array, radius_mm: float) -> Array:
 
 
 def _covariance_of_x(information: Array) -> Array:
-    """(6, 6), the motions marginalised; infinite along directions nothing fixes."""
+    """(6, 6) with the motions marginalised; infinite along undetermined directions."""
     views, coupling, of_x = information[:-6, :-6], information[:-6, -6:], information[-6:, -6:]
     reduced = of_x - coupling.T @ np.linalg.solve(views, coupling)
-    lengths = np.repeat([300.0, 1.0], 3)  # radians and millimetres on one scale
+    lengths = np.repeat([300.0, 1.0], 3)  # scales radians and millimetres alike
     values, vectors = np.linalg.eigh(reduced / lengths[:, None] / lengths)
     if values[0] <= 1e-9 * values[-1]:
         raise UndeterminedError("surfaces-unobservable", _weakest(vectors[:, 0]), FIX)

@@ -1,1 +1,1 @@
-"""Many views of one part in one frame: overlap, small pose corrections, merged clouds."""
+"""Fuses views of one part: overlap, small pose corrections, merged clouds."""

@@ -1,4 +1,4 @@
-"""Several clouds as one: each moved into the base frame, the columns they share written as one file in mm."""
+"""Merges clouds into one file: each moved into the base frame, with the columns all of them have, in mm."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from registration.points.rigid_motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class PlacedCloud:
-    """A cloud file, its unit, and where its frame stood."""
+    """A cloud file, its unit, and the pose of its frame."""
 
     file: Path
     unit: str

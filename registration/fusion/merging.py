@@ -1,7 +1,7 @@
-"""Views as one cloud: every point, or one for each cube, without strays, with normals.
+"""Merges views into one cloud: every point, or one per voxel with outliers removed and normals added.
 
-What several views saw of one place blends into the average of all their points. Strays and normals are judged on
-these averages: a tree over them fits into memory, one over every point would not.
+Overlapping views are blended to the average of their points per voxel. Outliers and normals are computed from these
+averages, since a search tree over all points would not fit into memory.
 """
 
 from collections.abc import Iterable, Iterator
@@ -20,23 +20,23 @@ from registration.points.voxel_grid import VoxelGrid
 Outliers = Literal["keep", "statistical", "radius"]
 
 SPREADS = 2.0
-"""Statistical (Rusu, Semantic 3D Object Maps, 2009, 4.1): mean distance to the neighbours beyond so many deviations."""
+"""Statistical (Rusu, Semantic 3D Object Maps, 2009, 4.1): limit of the mean neighbour distance, in deviations."""
 
 RADIUS_EDGES, LEAST_COMPANY = 3.0, 4
-"""Radius: a point with fewer others within so many voxel edges; a surface has about 28 there."""
+"""Radius: minimum number of other points within this many voxel edges; a surface has about 28 there."""
 
 QUERY_POINTS = 1 << 16
 BLOCK_POINTS = 1 << 15
 
 CAMERA = ("camera x", "camera y", "camera z")
-"""Averaged with a cube's points: where it was seen from, so that its normal can be turned there."""
+"""Averaged with a voxel's points: the camera's position, which normals are directed towards."""
 
 NORMALS = ("nx", "ny", "nz")
 
 
 @dataclass(frozen=True)
 class Merge:
-    """How views become one cloud. `voxel_mm` None: every point stays. Raises ScanError."""
+    """Settings of a merge. `voxel_mm` None keeps every point. Raises ScanError."""
 
     voxel_mm: float | None = None
     normals: bool = False
@@ -50,7 +50,7 @@ class Merge:
             raise ScanError(what, "state its edge, about the points' spacing, such as 0.5 mm")
 
     def layout(self, shared: Layout) -> Layout:
-        """What comes out of blocks of `shared`: measured normals stay, otherwise fitted ones are added."""
+        """Layout of the merged cloud: measured normals are kept, otherwise fitted ones are added."""
         if not self.normals or shared.normals is not None:
             return shared
         return _with_columns(shared, NORMALS, "<f4")
@@ -61,7 +61,7 @@ EVERY_POINT = Merge()
 
 @dataclass(eq=False)
 class Merger:
-    """Takes the views' blocks of `shared` columns, and gives the merged cloud; `left_out` counts the strays."""
+    """Merges the views' blocks of `shared` columns; `left_out` counts the outliers."""
 
     merge: Merge
     shared: Layout
@@ -73,7 +73,7 @@ class Merger:
         return self.merge.layout(self.shared)
 
     def merged(self, views: Iterable[tuple[Iterable[Records], Array]]) -> Iterator[Records]:
-        """`views`: moved blocks, and where the camera stood (3,) in mm. Raises ScanError."""
+        """The merged cloud. `views`: moved blocks, and the camera's position (3,) in mm. Raises ScanError."""
         if self.merge.voxel_mm is None:
             for blocks, _ in views:
                 yield from blocks
@@ -110,7 +110,7 @@ class Merger:
             yield block
 
     def _company(self, points: Array) -> NDArray[np.bool_]:
-        """Which points have others around them."""
+        """Which points have enough others around them."""
         least = 1 if self.merge.outliers == "radius" else 2
         if self.merge.outliers == "keep" or len(points) < least:
             return np.ones(len(points), bool)
@@ -139,7 +139,7 @@ def _seen_from(camera_mm: Array, block: Records, layout: Layout) -> Records:
 
 
 def _distances(tree: cKDTree, points: Array, count: int, within: float = np.inf) -> Array:
-    """(n, count) to the nearest others, infinite where there are none."""
+    """Distances (n, count) to the nearest others, infinite where there are none."""
     found = [
         tree.query(points[start : start + QUERY_POINTS], count + 1, distance_upper_bound=within)[0][:, 1:]
         for start in range(0, len(points), QUERY_POINTS)
@@ -148,7 +148,7 @@ def _distances(tree: cKDTree, points: Array, count: int, within: float = np.inf)
 
 
 def _normals(tree: cKDTree, points: Array, camera: Array) -> Array:
-    """(n, 3) of the planes through each point's neighbours, towards the camera; without neighbours, to the camera."""
+    """Normals (n, 3) of planes through each point's neighbours, towards the camera; alone, towards the camera."""
     sight = camera - points
     lengths = np.linalg.norm(sight, axis=1, keepdims=True)
     sight /= np.where(lengths > 0, lengths, 1.0)

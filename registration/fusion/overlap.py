@@ -1,4 +1,4 @@
-"""How well views agree where they overlap: distances along the normal between each point and the other's surface."""
+"""Agreement of overlapping views: distances along the normal from each point to the other's surface."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from calibration.transforms import Array, inverse, map_points
 from registration.points.surface import Surface
 
 REACH_MM = 4.0
-"""A counterpart is at most this far away (or four spacings): robots err by up to 2 mm."""
+"""Largest distance of a counterpart in mm (or four spacings): robots err by up to 2 mm."""
 
 NORMAL_COSINE = 0.7
-"""Surfaces that meet at more than 45 degrees are not the same surface."""
+"""Surfaces that meet at more than 45 degrees are not taken for the same surface."""
 
 OVER_THE_SURFACE = 1.5
-"""Spacings a point may lie beside its counterpart; further, it looks past the surface's edge."""
+"""Largest lateral offset of a counterpart in spacings; farther points lie beyond the surface's edge."""
 
 LEAST_PAIRS = 100
 PROBE_LIMIT = 3_000
@@ -26,7 +26,7 @@ PROBE_LIMIT = 3_000
 class Correspondences:
     """Points of one view and their counterparts on another, both in base: `gaps` (n,) along `normals` (n, 3) in mm.
 
-    `fraction` of the probed points that have a counterpart.
+    `fraction`: share of the probed points that have a counterpart.
     """
 
     points: Array
@@ -65,7 +65,7 @@ def correspond(
 
 @dataclass(frozen=True)
 class Agreement:
-    """`rms_mm` over all overlaps (None without one); for each view its own, and the share of it that others saw."""
+    """`rms_mm` over all overlaps (None without one); per view its own RMS and the share seen by others."""
 
     rms_mm: float | None
     view_rms_mm: tuple[float | None, ...]
@@ -73,12 +73,12 @@ class Agreement:
 
 
 def reach_of(surfaces: Sequence[Surface]) -> float:
-    """How far a counterpart may be, in mm."""
+    """Search radius of counterparts in mm."""
     return max(REACH_MM, 4 * max((surface.spacing_mm for surface in surfaces), default=1.0))
 
 
 def agreement(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Agreement:
-    """Point-to-plane deviations between all overlapping pairs of views standing at `poses` (base_T_camera)."""
+    """Point-to-plane deviations between all overlapping pairs of views at `poses` (base_T_camera)."""
     reach_mm = reach_of(surfaces)
     squares, counts = np.zeros(len(surfaces)), np.zeros(len(surfaces))
     overlap = np.zeros(len(surfaces))

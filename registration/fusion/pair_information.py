@@ -1,7 +1,7 @@
-"""What one overlapping pair says about the motion between its views: a 6×6 information and a gradient.
+"""Information (6×6) and gradient of one overlapping pair about the motion between its views.
 
-Twists are [rotation rad × radius, translation] in mm, in base, about a centre: both halves are lengths. Directions
-in which the two surfaces slide on each other (a plane, a cylinder, a sphere) say nothing but noise and are left out
+Twists are [rotation rad × radius, translation] in mm, in base, about a centre: both halves are lengths. Directions in
+which the two surfaces slide on each other (plane, cylinder, sphere) carry only noise and are removed
 (Zhang, Kaess, Singh: On degeneracy of optimization-based state estimation problems, ICRA 2016).
 """
 
@@ -16,14 +16,14 @@ FREE_SHARE = 0.004
 """Mean square of normal motion per unit motion below which a direction is free: normals err by up to 3 degrees."""
 
 CORRELATED = 12.0
-"""Neighbours share their error: so many points count as one."""
+"""Neighbouring points share their error: this many count as one."""
 
 
 @dataclass(frozen=True, eq=False)
 class PairEvidence:
     """For a twist u of the source against the target: minimise u' `information` u / 2 + `gradient`' u.
 
-    `free` (k, 6): unit twists about `centre` the surfaces leave open; `sigma_mm` the robust size of the gaps.
+    `free` (k, 6): unit twists about `centre` that the surfaces leave undetermined; `sigma_mm`: robust size of the gaps.
     """
 
     information: Array
@@ -34,7 +34,7 @@ class PairEvidence:
 
 
 def evidence(pair: Correspondences, origin: Array, radius_mm: float) -> PairEvidence:
-    """Robustly weighted (Tukey's biweight), with free directions left out; twists about `origin`."""
+    """Robustly weighted (Tukey's biweight) information without free directions; twists about `origin`."""
     centre = pair.points.mean(axis=0)
     arms = pair.points - centre
     rows = np.hstack([np.cross(arms, pair.normals) / radius_mm, pair.normals])

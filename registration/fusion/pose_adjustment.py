@@ -1,8 +1,8 @@
-"""All views at once: overlapping pairs pull, the robot's accuracy holds (a maximum a posteriori estimate).
+"""Maximum a posteriori correction of all view poses from overlaps, with the robot's accuracy as the prior.
 
-Each iteration finds counterparts for every pair, adds up what they say about 6 numbers a view, adds the robot as a
-prior (its rotation and translation error at the flange), and solves. Views without overlap, and directions that no
-surface fixes, keep the robot's pose because only the prior speaks there.
+Each iteration finds counterparts for every pair, sums their information about 6 numbers per view, adds the prior (the
+robot's rotation and translation error at the flange) and solves. Views without overlap, and directions that no
+surface determines, keep the robot's pose, since only the prior constrains them.
 """
 
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ LEAST_FRACTION = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ViewCorrection:
-    """`motion` (4, 4) in base, put before the robot's pose; at the flange `translation_mm` (3,), `rotation_rad` (3,).
+    """`motion` (4, 4) in base, before the robot's pose; at the flange `translation_mm` (3,), `rotation_rad` (3,).
 
     `explained`: within three standard deviations of the robot's noise. `free` (k, 6): unit twists [rotation × radius,
-    translation] in base that no overlap fixes; all six without overlap.
+    translation] in base that no overlap determines; all six without overlap.
     """
 
     motion: Array
@@ -38,7 +38,7 @@ class ViewCorrection:
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """One correction a view, in order; the robust size of the remaining gaps; whether the iterations settled."""
+    """One correction per view, in order, and whether the iterations converged."""
 
     corrections: tuple[ViewCorrection, ...]
     iterations: int
@@ -51,7 +51,7 @@ def refine_poses(
     base_T_flange: Sequence[Array],
     noise: RobotNoise = ABSOLUTE_NOISE,
 ) -> Refinement:
-    """Corrections that bring the views together as far as the robot's noise explains."""
+    """Corrections that align the views as far as the robot's noise allows."""
     motions = [np.eye(4) for _ in surfaces]
     origin = origin_of(surfaces, base_T_camera)
     radius_mm = radius_of(surfaces, base_T_camera, origin)
@@ -80,7 +80,7 @@ def refine_poses(
 
 
 def origin_of(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Array:
-    """The middle of all views in base."""
+    """Centre of all views in base."""
     centres = [
         map_points(pose, surface.points).mean(axis=0)
         for surface, pose in zip(surfaces, poses, strict=True)
@@ -91,7 +91,7 @@ def origin_of(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Array:
 
 
 def radius_of(surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array) -> float:
-    """How far points lie from `origin`, RMS: the length that turns radians into millimetres."""
+    """RMS distance of the points from `origin`: the length that converts radians to millimetres."""
     squares = [
         np.mean(np.sum((map_points(pose, surface.points) - origin) ** 2, axis=1))
         for surface, pose in zip(surfaces, poses, strict=True)
@@ -103,7 +103,7 @@ def radius_of(surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array
 def all_pairs(
     surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array, radius_mm: float, reach_mm: float
 ) -> dict[tuple[int, int], PairEvidence]:
-    """What every ordered pair of overlapping views says."""
+    """Evidence of every ordered pair of overlapping views."""
     pairs = {}
     for source in range(len(surfaces)):
         for target in range(len(surfaces)):
@@ -123,11 +123,11 @@ def normal_equations(
     origin: Array,
     radius_mm: float,
 ) -> tuple[Array, Array, Array, Array]:
-    """What the overlaps say about all twists, information (6n, 6n) and gradient (6n,); then the same of the robot."""
+    """Information (6n, 6n) and gradient (6n,) of all twists from the overlaps, then the same from the robot's prior."""
     count = len(motions)
     seen, seen_gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
     for (source, target), pair in pairs.items():
-        half = pair.information / 2  # a pair is seen from both sides
+        half = pair.information / 2  # a pair occurs twice, once from each side
         seen[source, :, source] += half
         seen[target, :, target] += half
         seen[source, :, target] -= half
@@ -145,7 +145,7 @@ def normal_equations(
 
 
 def at_flange_of(flange_mm: Array, origin: Array, radius_mm: float) -> Array:
-    """(6, 6): a twist [rotation × radius, translation] about `origin` as [rotation rad, translation mm] of a flange."""
+    """(6, 6): a twist [rotation × radius, translation] about `origin` to [rotation rad, translation mm] of a flange."""
     at_flange = np.eye(6)
     at_flange[:3, :3] /= radius_mm
     at_flange[3:, :3] = -skew(flange_mm - origin) / radius_mm
@@ -158,7 +158,7 @@ def correction_of(motion: Array, flange_mm: Array) -> tuple[Array, Array]:
 
 
 def twist_motion(twist: Array, origin: Array, radius_mm: float) -> Array:
-    """The motion (4, 4) of a twist [rotation × radius, translation] about `origin`."""
+    """Motion (4, 4) of a twist [rotation × radius, translation] about `origin`."""
     rotation = rotation_from_vector(twist[:3] / radius_mm)
     return transform(rotation, origin - rotation @ origin + twist[3:])
 

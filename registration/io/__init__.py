@@ -1,1 +1,1 @@
-"""Cloud files and streams: read, moved, converted and written in blocks."""
+"""Reads, moves, converts and writes cloud files and streams in blocks."""

@@ -1,7 +1,7 @@
-"""Columns under common names, so that clouds of different formats become one.
+"""Common column names, so that clouds of different formats can be merged.
 
-The common names are PLY's: x y z, nx ny nz, red green blue, intensity, and whatever else a cloud has.
-PCL's packed `rgb` is taken apart; padding is left out; 64-bit integers become doubles, which PLY has.
+The common names are PLY's: x y z, nx ny nz, red green blue, intensity, and any further column. PCL's packed `rgb` is
+split, padding is dropped, and 64-bit integers become doubles, since PLY has none.
 """
 
 from collections.abc import Callable, Iterable
@@ -35,7 +35,7 @@ def _colour(name: str, colour: str, block: Records) -> NDArray[Any]:
 
 
 def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
-    """Each column under its common name: its native type, and how to take it from a block."""
+    """Each column by its common name: native type, and a function that takes it from a block."""
     columns: dict[str, tuple[np.dtype[Any], Getter]] = {}
     for name in layout.dtype.names or ():
         base, shape = layout.dtype[name].subdtype or (layout.dtype[name], ())
@@ -54,7 +54,7 @@ def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
 
 
 def shared_layout(layouts: Iterable[Layout]) -> tuple[Layout, tuple[str, ...]]:
-    """The columns all layouts have, each of its widest type, and the names of those that only some have."""
+    """Columns common to all layouts, each of its widest type, and the names of those that only some have."""
     tables = [common_columns(layout) for layout in layouts]
     shared = [name for name in tables[0] if all(name in table for table in tables)]
     dtype = np.dtype([(name, np.result_type(*(table[name][0] for table in tables))) for name in shared])
@@ -64,14 +64,14 @@ def shared_layout(layouts: Iterable[Layout]) -> tuple[Layout, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class Conversion:
-    """Blocks of one layout as blocks of another, by common names."""
+    """Converts blocks of one layout to another by common names."""
 
     layout: Layout
     getters: tuple[tuple[str, Getter], ...]
 
     @classmethod
     def between(cls, source: Layout, target: Layout) -> "Conversion":
-        """`target` holds common names that `source` has."""
+        """`target` must hold common names that `source` has."""
         columns = common_columns(source)
         return cls(target, tuple((name, columns[name][1]) for name in target.dtype.names or ()))
 

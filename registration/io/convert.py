@@ -1,4 +1,4 @@
-"""From cloud file to cloud file at the speed of copying, in flat memory."""
+"""Moves or converts one cloud file to another in bounded memory, at the speed of copying."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,17 +22,16 @@ LAS = {".las", ".laz"}
 
 @dataclass(frozen=True)
 class Moved:
-    """What went through: points, and how many of them have a coordinate that is NaN or infinite."""
+    """Result of a move: number of points, and how many of them have a NaN or infinite coordinate."""
 
     points: int
     non_finite: int
 
 
 def move_file(source: Path, target: Path, motion: Motion, *, durable: bool = True) -> Moved:
-    """`source` moved into `target`; a file of the same kind keeps every byte that is not a coordinate or normal.
+    """Move `source` to `target`; the same format keeps every byte that is not a coordinate or normal.
 
-    `durable`: on the disk, whatever happens to the power, when this returns. Raises CloudError's leaves; `target` is
-    then as it was.
+    `durable`: flushed to disk on return. Raises CloudError's leaves; `target` is then unchanged.
     """
     if {source.suffix.lower(), target.suffix.lower()} <= LAS:
         with GuardedFile.reading(source, source.name) as file, new_file(target, durable=durable) as out:
@@ -51,7 +50,7 @@ def move_file(source: Path, target: Path, motion: Motion, *, durable: bool = Tru
 
 
 def moved_blocks(cloud: CloudSource, motion: Motion, layout: Layout) -> Iterator[Records]:
-    """A cloud's blocks, moved, as blocks of common columns."""
+    """A cloud's blocks, moved, with common columns."""
     mover, conversion = BlockMover(motion, cloud.layout), Conversion.between(cloud.layout, layout)
     for block in cloud.blocks():
         yield conversion.convert(mover.move(block))
@@ -77,7 +76,7 @@ def _pass_through(source: Path, target: Path, motion: Motion, durable: bool) -> 
 
 
 def _span(header: CloudHeader, size: int) -> Span | None:
-    """Where the points stand, when they are records of known number and nothing of unknown length is before them."""
+    """Position of the points; None unless they are a known number of fixed-size records at a known offset."""
     item, room = header.layout.itemsize, size - header.length
     count = header.count if header.count is not None or room % item else room // item
     if header.encoding != "binary" or header.lead or count is None:
@@ -86,7 +85,7 @@ def _span(header: CloudHeader, size: int) -> Span | None:
 
 
 def _move_records(file: GuardedFile, out: GuardedFile, header: CloudHeader, span: Span, motion: Motion) -> Moved:
-    """The points by two threads; then what stands behind them, checked."""
+    """Move the points with two threads; then copy what follows them, checked."""
     out.reserve(span.target + span.count * header.layout.itemsize)
     out.write(header.rewritten)
     movers = [BlockMover(motion, header.layout) for _ in range(THREADS)]
@@ -103,7 +102,7 @@ def _move_records(file: GuardedFile, out: GuardedFile, header: CloudHeader, span
 
 
 def _stream_through(file: GuardedFile, out: GuardedFile, stream: CloudStream) -> Moved:
-    """Text, and what has elements of unknown length before its points."""
+    """Move text, and clouds with elements of unknown length before the points."""
     buffer = memoryview(bytearray(BLOCK_BYTES))
     while length := file.readinto(buffer):
         for part in stream.parts(buffer[:length]):

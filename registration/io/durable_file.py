@@ -1,4 +1,4 @@
-"""Files whose trouble is told by name, and new files that are whole or not there."""
+"""Files whose errors are CloudIOError, and new files that appear completely or not at all."""
 
 import errno
 import os
@@ -12,11 +12,11 @@ from typing import BinaryIO, NoReturn, Self
 from registration.errors import CloudIOError
 
 CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENODEV)
-"""A file system, or a length of nothing, that cannot be reserved: writing goes on without."""
+"""Errors of a file system, or of a length of 0, that cannot be reserved; writing continues without reservation."""
 
 
 class GuardedFile:
-    """A binary file whose OSErrors become CloudIOError with the cloud's name and the place."""
+    """A binary file whose OSErrors become CloudIOError with the cloud's name and the position."""
 
     def __init__(self, file: BinaryIO, name: str) -> None:
         self._file = file
@@ -24,7 +24,7 @@ class GuardedFile:
 
     @classmethod
     def reading(cls, path: Path, name: str) -> Self:
-        """Raises CloudIOError when the file cannot be opened."""
+        """Open for reading. Raises CloudIOError."""
         try:
             return cls(path.open("rb", buffering=0), name)
         except OSError as error:
@@ -32,7 +32,7 @@ class GuardedFile:
 
     @property
     def raw(self) -> BinaryIO:
-        """The file itself, for libraries that read it their own way."""
+        """The underlying file, for libraries that read it themselves."""
         return self._file
 
     def __enter__(self) -> Self:
@@ -44,12 +44,12 @@ class GuardedFile:
         self._file.close()
 
     def read(self, size: int) -> bytes:
-        """Exactly `size` bytes, fewer only at the end."""
+        """Read `size` bytes; fewer only at the end."""
         pieces = bytearray(size)
         return bytes(pieces[: self.readinto(memoryview(pieces))])
 
     def readinto(self, buffer: memoryview) -> int:
-        """Fill the buffer; fewer bytes only at the end."""
+        """Fill the buffer; returns the byte count, smaller only at the end."""
         filled = 0
         try:
             while filled < len(buffer) and (more := self._file.readinto(buffer[filled:])):  # type: ignore[attr-defined]
@@ -59,7 +59,7 @@ class GuardedFile:
         return filled
 
     def write(self, data: bytes | memoryview) -> None:
-        """All of `data`."""
+        """Write all of `data`."""
         view = memoryview(data)
         try:
             while len(view):
@@ -68,7 +68,7 @@ class GuardedFile:
             self._fail("written", error)
 
     def read_at(self, buffer: memoryview, position: int) -> int:
-        """As `readinto` from a position, whatever other threads do."""
+        """As `readinto`, from a position; thread-safe."""
         filled = 0
         try:
             while filled < len(buffer) and (
@@ -80,7 +80,7 @@ class GuardedFile:
         return filled
 
     def write_at(self, data: bytes | memoryview, position: int) -> None:
-        """All of `data` to a position, whatever other threads do."""
+        """Write all of `data` at a position; thread-safe."""
         view, done = memoryview(data), 0
         try:
             while done < len(view):
@@ -89,7 +89,7 @@ class GuardedFile:
             raise _error(self.name, f"byte {position}", "written", error) from None
 
     def reserve(self, length: int) -> None:
-        """Room for `length` bytes, so that a full disk is told before the work; half the cost of writing, too."""
+        """Reserve `length` bytes: reports a full disk before the work, and halves the cost of writing."""
         try:
             os.posix_fallocate(self._file.fileno(), 0, length)
         except OSError as error:
@@ -97,7 +97,7 @@ class GuardedFile:
                 self._fail("written", error)
 
     def seek(self, position: int, whence: int = 0) -> int:
-        """To a position; gives it."""
+        """Set the position and return it."""
         try:
             return self._file.seek(position, whence)
         except OSError as error:
@@ -113,9 +113,9 @@ class GuardedFile:
 
 @contextmanager
 def new_file(path: Path, *, durable: bool = True) -> Iterator[GuardedFile]:
-    """A file under a temporary name beside `path`: synced and renamed at the end, removed when anything fails.
+    """A file under a temporary name beside `path`: synced and renamed at the end, removed on any error.
 
-    Not `durable`, it is renamed without waiting for the disk, as `cp` does.
+    Without `durable` it is renamed without waiting for the disk, as `cp` does.
     """
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:

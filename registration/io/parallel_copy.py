@@ -1,7 +1,7 @@
-"""Records from file to file at the speed of copying: two threads, each moving every other block where it lies.
+"""Moves records from file to file at the speed of copying: two threads, each moving every other block.
 
-A file takes one write at a time, so more threads than two would wait: while one writes, the other reads and moves.
-A point comes out with the same bits whichever thread moves it (`registration.points.rigid_motion.move_points`).
+A file takes one write at a time: while one thread writes, the other reads and moves; a third would wait. A point
+gets the same bits whichever thread moves it (`registration.points.rigid_motion.move_points`).
 """
 
 from collections.abc import Sequence
@@ -16,20 +16,20 @@ from registration.io.durable_file import GuardedFile
 from registration.points.layout import Records
 
 SPAN_BYTES = 1 << 19
-"""Of one block: small enough for a core's second-level cache, large enough that the kernel writes in large folios."""
+"""Block size: fits a core's second-level cache, yet large enough for the kernel to write in large folios."""
 
 THREADS = 2
 
 
 class Mover(Protocol):
-    """Moves one block after another; what it gives is valid until its next."""
+    """Moves blocks; each result is valid until the next call."""
 
     def move(self, block: Records) -> Records: ...
 
 
 @dataclass(frozen=True)
 class Span:
-    """`count` records that begin at byte `source` of one file and shall begin at byte `target` of another."""
+    """`count` records from byte `source` of one file to byte `target` of another."""
 
     dtype: np.dtype[Any]
     count: int
@@ -42,7 +42,7 @@ class Span:
 
 
 def move_span(source: GuardedFile, target: GuardedFile, span: Span, movers: Sequence[Mover]) -> None:
-    """Every record, by one thread for each mover. Raises CloudTruncated, CloudIOError."""
+    """Move all records, one thread per mover. Raises CloudTruncated, CloudIOError."""
     if span.count <= span.block_points:
         movers = movers[:1]
 
@@ -70,7 +70,7 @@ def _move_block(
 
 
 def copy_span(source: GuardedFile, target: GuardedFile, begin: int, end: int) -> None:
-    """Bytes `begin` to `end` as they are, to the same place. Raises CloudTruncated, CloudIOError."""
+    """Copy bytes `begin` to `end` to the same position. Raises CloudTruncated, CloudIOError."""
     buffer = memoryview(bytearray(min(SPAN_BYTES, max(0, end - begin))))
     while begin < end:
         length = source.read_at(buffer[: end - begin], begin)

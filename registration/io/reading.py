@@ -1,7 +1,7 @@
-"""Clouds from files, in blocks of bounded size: `open_cloud(path)` whatever the format.
+"""Reads clouds of any format from files, in blocks of bounded size: `open_cloud(path)`.
 
-Every source has a `layout`, a `count` where the file tells, and `blocks()`, which may be asked for once. A block is
-valid until the next one; its owner may overwrite it.
+Every source has a `layout`, a `count` where the file determines it, and `blocks()`, to be called once. A block is
+valid until the next one; the caller may overwrite it.
 """
 
 from collections.abc import Callable, Iterator
@@ -36,7 +36,7 @@ PARSERS: dict[str, HeaderParser] = {
 
 
 class CloudSource(Protocol):
-    """A cloud that is being read."""
+    """An open cloud."""
 
     @property
     def layout(self) -> Layout: ...
@@ -48,7 +48,7 @@ class CloudSource(Protocol):
 
 
 class StreamedSource:
-    """Any format that is a header and records one after another."""
+    """A format that consists of a header and records in sequence."""
 
     def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
         self._file = file
@@ -64,7 +64,7 @@ class StreamedSource:
         return self.header.count
 
     def blocks(self) -> Iterator[Records]:
-        """The points; what stands beside them is checked and left out. Raises CloudError's leaves."""
+        """The points; elements beside them are checked and skipped. Raises CloudError's leaves."""
         header, name = self.header, self._name
         lead, tail = (SectionPassage(elements, header.encoding, name) for elements in (header.lead, header.tail))
         decoder = decoder_of(header, name)
@@ -89,7 +89,7 @@ def _writable(block: Records) -> Records:
 
 
 def _pieces(file: GuardedFile, header: CloudHeader) -> Iterator[memoryview]:
-    """The file from here on, through one buffer that holds whole records."""
+    """The file from the current position, through one buffer of whole records."""
     size = max(1, BLOCK_BYTES // header.layout.itemsize) * header.layout.itemsize
     buffer = memoryview(bytearray(size))
     while length := file.readinto(buffer):
@@ -97,7 +97,7 @@ def _pieces(file: GuardedFile, header: CloudHeader) -> Iterator[memoryview]:
 
 
 def read_header(file: GuardedFile, parser: HeaderParser, name: str) -> CloudHeader:
-    """The header at the file's beginning, compared with the file's size. Raises CloudError's leaves."""
+    """The header at the start of the file, checked against the file's size. Raises CloudError's leaves."""
     prefix = file.read(4096)
     header = parser(prefix, name)
     while header is None:
@@ -120,7 +120,7 @@ def read_header(file: GuardedFile, parser: HeaderParser, name: str) -> CloudHead
 
 @contextmanager
 def open_cloud(path: Path, name: str | None = None) -> Iterator[CloudSource]:
-    """A cloud file of any format known by its suffix. Raises CloudError's leaves, naming `name` (the path's own)."""
+    """Open a cloud file by its suffix. Raises CloudError's leaves, naming `name` (by default the path's name)."""
     name = name or path.name
     with GuardedFile.reading(path, name) as file:
         yield _source(path, file, name)
@@ -132,7 +132,7 @@ def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
         return SPECIAL[suffix](path, file, name)
     if suffix not in PARSERS:
         known = ", ".join(sorted([*PARSERS, *SPECIAL]))
-        raise CloudUnsupported(name, "suffix", f"clouds of type {suffix!r} are not read", f"use one of {known}")
+        raise CloudUnsupported(name, "suffix", f"clouds of type {suffix!r} cannot be read", f"use one of {known}")
     header = read_header(file, PARSERS[suffix], name)
     if header.encoding == "compressed":
         return CompressedSource(file, header, name)
@@ -145,4 +145,4 @@ SPECIAL: dict[str, Callable[[Path, GuardedFile, str], CloudSource]] = {
     ".laz": lambda path, file, name: LasSource(file, name, compressed=True),
     ".e57": lambda path, file, name: E57Source(path, name),
 }
-"""Formats that are not a header and records."""
+"""Formats that are not a header with records."""

@@ -1,14 +1,13 @@
-"""A cloud moved while it passes by: bytes in, bytes out, the same format, flat memory, no input or output of its own.
+"""Moves a cloud while it is transferred: bytes in, bytes out, same format, bounded memory, no I/O of its own.
 
     stream = CloudStream("application/x-ply", base_T_camera, "m")
     for chunk in body:
         send(stream.feed(chunk))
     send(stream.finish())
 
-The header comes out as soon as it has come in; every point follows as soon as it is whole. Output is as long as the
-input for binary clouds, so a Content-Length may be promised. Points with NaN or infinite coordinates are passed
-through (they stay non-finite) and counted in `non_finite`. All other columns, and the faces of a PLY file, come out
-bit for bit; normals are rotated.
+The header is emitted as soon as it is complete, every point likewise. Output is as long as input for binary clouds, so
+Content-Length can be announced. Points with NaN or infinite coordinates are passed through (they stay non-finite)
+and counted in `non_finite`. All other columns, and the faces of a PLY file, are unchanged; normals are rotated.
 """
 
 from collections.abc import Iterator
@@ -25,13 +24,13 @@ from registration.points.layout import Records
 from registration.points.rigid_motion import BlockMover, Motion
 
 BLOCK_BYTES = 1 << 18
-"""Pieces that stay in the second-level cache through read, move and write."""
+"""Block size that stays in the second-level cache through read, move and write."""
 
 
 class CloudStream:
-    """See the module. `file` names the cloud in errors. Raises RegistrationError's leaves, at construction or later.
+    """Stream of one cloud. `file` names it in errors. Every method raises RegistrationError's leaves.
 
-    After an error, or after `finish`, the stream is used up.
+    After an error or `finish` the stream cannot be used further.
     """
 
     def __init__(
@@ -47,7 +46,7 @@ class CloudStream:
 
     @classmethod
     def with_parser(cls, parser: HeaderParser, motion: Motion, file: str) -> "CloudStream":
-        """For formats that have no media type."""
+        """For formats without a media type."""
         stream = cls.__new__(cls)
         stream._start(parser, motion, file)
         return stream
@@ -62,7 +61,7 @@ class CloudStream:
 
     @property
     def header(self) -> CloudHeader | None:
-        """What the header said, once it has come in."""
+        """The parsed header, None until it is complete."""
         return self._header
 
     @property
@@ -76,17 +75,17 @@ class CloudStream:
         return self._mover.non_finite if self._mover else 0
 
     def feed(self, chunk: bytes | bytearray | memoryview) -> bytes:
-        """Everything that is ready after `chunk`."""
+        """Feed a chunk; returns the output that is ready."""
         return b"".join([bytes(part) for part in self.parts(chunk)])
 
     def finish(self) -> bytes:
-        """The bytes have ended: what was still held back. Raises CloudTruncated when something is missing."""
+        """End the input; returns the remaining output. Raises CloudTruncated when something is missing."""
         return b"".join([bytes(part) for part in self.last_parts()])
 
     def parts(self, chunk: bytes | bytearray | memoryview) -> Iterator[bytes | memoryview]:
-        """As `feed`, without joining; a part stays valid as long as nobody else writes into its chunk.
+        """As `feed`, without joining the parts; a part is valid until its chunk is overwritten.
 
-        A writable chunk may be overwritten, which saves a copy.
+        A writable chunk may be overwritten in place, which saves a copy.
         """
         data = memoryview(chunk).cast("B")
         if self._header is None:
@@ -102,7 +101,7 @@ class CloudStream:
             yield from self._body(data[start : start + BLOCK_BYTES])
 
     def last_parts(self) -> Iterator[bytes | memoryview]:
-        """As `finish`, without joining."""
+        """As `finish`, without joining the parts."""
         if self._header is None:
             header = self._parser(b"", self._file) if not self._prefix else None
             if header is None:
@@ -123,7 +122,7 @@ class CloudStream:
             raise CloudUnsupported(
                 self._file,
                 "DATA",
-                "a compressed PCD cannot be moved while it passes by",
+                "a compressed PCD cannot be moved as a stream",
                 "send it as 'DATA binary', or register the file from disk",
             )
         self._header = header
@@ -155,5 +154,5 @@ class CloudStream:
         assert self._mover is not None
         if self._mover.in_place and not block.flags.writeable:
             block = block.copy()
-        moved = self._mover.move(block, into=np.empty_like(block))  # nobody overwrites what waits to be sent
+        moved = self._mover.move(block, into=np.empty_like(block))  # not overwritten while it waits to be sent
         return self._encoder.encode(moved) if self._encoder else moved.view(np.uint8).data

@@ -1,4 +1,4 @@
-"""Writing clouds in blocks; the number of points may be unknown until the end."""
+"""Writes clouds in blocks; the number of points may be unknown until the end."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -48,7 +48,7 @@ FORMS: dict[str, Callable[[Layout, str], Form]] = {
     ".csv": lambda layout, _: _text(layout, ","),
     ".bin": lambda layout, _: Form(XYZ_FLOAT32, lambda count: b"", _raw),
 }
-"""By suffix; `.bin` is raw float32 x, y, z and holds no other column."""
+"""Formats by suffix; `.bin` is raw float32 x, y, z without other columns."""
 
 
 LIBRARIES: dict[str, Callable[[GuardedFile, Layout, str], AbstractContextManager[LasOut | E57Out]]] = {
@@ -60,7 +60,7 @@ LIBRARIES: dict[str, Callable[[GuardedFile, Layout, str], AbstractContextManager
 
 
 def form_of(path: Path, layout: Layout) -> Form:
-    """How a cloud of common columns is written to `path`. Raises CloudUnsupported."""
+    """Format of `path` for a cloud of common columns. Raises CloudUnsupported."""
     suffix = path.suffix.lower()
     if suffix in LIBRARIES:
         return Form(held(layout) if suffix == ".e57" else layout, lambda count: b"", _raw)
@@ -75,7 +75,7 @@ def _naming_the_frame(form: Form, calibration_id: str) -> Form:
 
 
 class Writer(Protocol):
-    """Takes blocks of `form.layout`, and counts."""
+    """Writes blocks of `form.layout` and counts their points."""
 
     form: Form
     points: int
@@ -95,7 +95,7 @@ class LibraryWriter:
 
 
 class CloudWriter:
-    """Takes blocks of `form.layout`."""
+    """Writes blocks of `form.layout`."""
 
     def __init__(self, file: GuardedFile, form: Form) -> None:
         self._file = file

@@ -1,7 +1,7 @@
-"""Numbers for keys in the order they come: a hash table whose every step is an array operation.
+"""A vectorised hash table that numbers keys in order of first appearance.
 
-Linear probing; keys that meet in one slot write it at once, the last one stays, and the others look further. Without a
-sort, a million new cubes cost what a million old ones cost.
+Linear probing by array operations: keys that collide in a slot are written at once, the last one stays, the others
+probe further. There is no sort, so a million new cubes cost as much as a million known ones.
 """
 
 import numpy as np
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 FREE = -1
 FIRST_BITS = 16
 LOAD = 2
-"""Slots for each key: with so many a key is found after one look and a half."""
+"""Slots per key: a key is then found after about 1.5 probes."""
 
 SPREAD = np.uint64(0x9E3779B97F4A7C15)
-"""2^64 over the golden ratio (Knuth, The Art of Computer Programming 3, 6.4): neighbours come to lie far apart."""
+"""2^64 over the golden ratio (Knuth, The Art of Computer Programming 3, 6.4), which spreads neighbouring keys."""
 
 Keys = NDArray[np.int64]
 
 
 class CellIndex:
-    """`keys` are those seen so far, by number; none is negative."""
+    """`keys` are those seen so far, by number; keys must not be negative."""
 
     def __init__(self) -> None:
         self._known = np.empty(0, np.int64)
@@ -34,7 +34,7 @@ class CellIndex:
         return self._known[: self._count]
 
     def numbers(self, keys: Keys) -> NDArray[np.intp]:
-        """The number of each key; new keys get new ones. Neighbours that are equal are looked up once."""
+        """Number of each key; unknown keys get new numbers. Equal neighbours are looked up once."""
         if not len(keys):
             return np.empty(0, np.intp)
         heads = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
@@ -59,11 +59,11 @@ class CellIndex:
         return found
 
     def _settle(self, keys: Keys, slot: NDArray[np.intp], claims: NDArray[np.intp]) -> None:
-        """Each claimed slot goes to one of its claimants."""
+        """Assign each claimed slot to one of its claimants."""
         places = slot[claims]
         self._slots[places] = keys[claims]
         winners = places[self._slots[places] == keys[claims]]
-        self._numbers[winners] = -1 - np.arange(len(winners))  # equal keys overwrite each other: one mark stays
+        self._numbers[winners] = -1 - np.arange(len(winners))  # equal keys overwrite each other, so one mark stays
         winners = winners[self._numbers[winners] == -1 - np.arange(len(winners))]
         numbers = np.arange(self._count, self._count + len(winners))
         self._numbers[winners] = numbers
@@ -76,7 +76,7 @@ class CellIndex:
         return ((keys.view(np.uint64) * SPREAD) >> np.uint64(64 - self._bits)).astype(np.intp)
 
     def _resize(self, bits: int) -> None:
-        """All known keys in a larger table."""
+        """Rehash all keys into a larger table."""
         self._bits = bits
         self._slots, self._numbers = np.full(1 << bits, FREE, np.int64), np.zeros(1 << bits, np.intp)
         keys, numbers = self.keys, np.arange(self._count)

@@ -1,4 +1,4 @@
-"""What a point's record holds: its columns, and which of them are coordinates and normals."""
+"""Layout of point records: columns, and which of them are coordinates and normals."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""As in calibration.transforms, without its imports: a cloud that only passes by needs no scipy (37 MB)."""
+"""Same as calibration.transforms.Array, without importing scipy (37 MB), which streaming does not need."""
 
 Records = NDArray[Any]
-"""A block of points: a one-dimensional structured array. Valid until its producer makes the next one."""
+"""A block of points, a one-dimensional structured array; valid until its producer makes the next one."""
 
 Triple = tuple[str, str, str]
 
@@ -19,7 +19,7 @@ NORMALS: tuple[Triple, ...] = (("nx", "ny", "nz"), ("normal_x", "normal_y", "nor
 
 @dataclass(frozen=True)
 class Layout:
-    """A packed record type. `normals` names the columns that turn with the cloud, when there are any."""
+    """A packed record type. `normals`: columns that rotate with the cloud, None without any."""
 
     dtype: np.dtype[Any]
     xyz: Triple = ("x", "y", "z")
@@ -27,8 +27,8 @@ class Layout:
 
     @classmethod
     def of(cls, dtype: np.dtype[Any]) -> "Layout":
-        """The layout of a record type whose coordinates are named x, y, z. Raises KeyError for one that is missing, or
-        is no single number.
+        """The layout of a record type with coordinates x, y, z. Raises KeyError when one is missing or not a
+        single number.
         """
         numbers = {name for name in dtype.names or () if dtype[name].kind in "iuf"}
         for name in ("x", "y", "z"):
@@ -42,11 +42,11 @@ class Layout:
         return self.dtype.itemsize
 
     def kind(self, names: Triple) -> np.dtype[Any]:
-        """The widest scalar type among three columns."""
+        """Widest scalar type among three columns."""
         return np.result_type(*(self.dtype[name] for name in names))
 
     def is_packed(self, names: Triple) -> bool:
-        """Three equal native floats side by side."""
+        """Whether the three columns are equal native floats side by side."""
         fields = [self.dtype.fields[name] for name in names] if self.dtype.fields else []
         first, size = fields[0][1], fields[0][0].itemsize
         return all(
@@ -61,13 +61,13 @@ class Layout:
         return finite
 
     def offset(self, name: str) -> int:
-        """Where a column begins inside the record, in bytes."""
+        """Byte offset of a column in the record."""
         assert self.dtype.fields is not None
         return int(self.dtype.fields[name][1])
 
 
 def scalar_columns(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """The same bytes with one column for each number: fields of several elements are spread out."""
+    """The same bytes with one column per number: fields of several elements are split."""
     columns: list[tuple[str, np.dtype[Any]]] = []
     for name in dtype.names or ():
         base, shape = dtype[name].subdtype or (dtype[name], ())

@@ -1,7 +1,7 @@
-"""Moving blocks of points: P_base = base_T_camera @ P_camera at memory speed.
+"""Moves blocks of points, P_base = base_T_camera @ P_camera, at memory speed.
 
-A unit's scale lies in the matrix, so metres become millimetres in the same pass. `cv2.transform` runs at the speed
-of memcpy when it is given a destination that exists already and fits the cache; in place it would allocate.
+The matrix includes the scale of units, so metres become millimetres in the same pass. `cv2.transform` is as fast as
+memcpy when its destination exists and fits the cache; in place it would allocate.
 """
 
 from dataclasses import dataclass
@@ -19,21 +19,21 @@ Unit = Literal["m", "mm"]
 MILLIMETRES: dict[str, float] = {"mm": 1.0, "m": 1000.0}
 
 RIGID_TOLERANCE = 1e-5
-"""How far R^T R may be from the identity: quaternions printed with six decimals stay within 4e-6."""
+"""Tolerance of R^T R against the identity: quaternions printed with six decimals stay within 4e-6."""
 
 FLOAT32_REACH_MM = 20_000.0
-"""Within a translation this long, float32 arithmetic loses less than the float32 storage does (1 µm at 16 m)."""
+"""Up to a translation of this length float32 arithmetic loses less than float32 storage (1 µm at 16 m)."""
 
 
 LANES = 16
-"""Points that the widest vector instructions move at once (AVX-512, float32)."""
+"""Points moved at once by the widest vector instructions (AVX-512, float32)."""
 
 
 def scale_to_mm(unit: str | None) -> float:
-    """Millimetres of one `unit`. Raises UnitUnknown when nobody said which it is."""
+    """Millimetres per `unit`. Raises UnitUnknown for a missing or unknown unit."""
     if unit not in MILLIMETRES:
         said = "no unit is stated" if unit is None else f"unit {unit!r} is not known"
-        raise UnitUnknown(f"{said} for the cloud's coordinates", "say 'm' or 'mm'; it is never guessed")
+        raise UnitUnknown(f"{said} for the cloud's coordinates", "state 'm' or 'mm'; it is never guessed")
     return MILLIMETRES[unit]
 
 
@@ -46,7 +46,7 @@ class Motion:
 
     @classmethod
     def of(cls, base_T_camera: ArrayLike, unit: str | None, out_unit: str | None = "mm") -> "Motion":
-        """From a transform in mm, the unit of the cloud, and the unit wanted. Raises MotionError, UnitUnknown."""
+        """From a transform in mm, the cloud's unit and the output unit. Raises MotionError, UnitUnknown."""
         a_T_b = np.asarray(base_T_camera, float)
         _require_rigid(a_T_b)
         scale, out_scale = scale_to_mm(unit), scale_to_mm(out_unit)
@@ -55,7 +55,7 @@ class Motion:
 
     @property
     def fits_float32(self) -> bool:
-        """May float32 coordinates be moved in float32 arithmetic?"""
+        """Whether float32 coordinates may be moved in float32 arithmetic."""
         return bool(np.linalg.norm(self.matrix[:, 3]) <= FLOAT32_REACH_MM)
 
 
@@ -76,10 +76,10 @@ def _require_rigid(a_T_b: Array) -> None:
 
 
 def move_points(matrix: Array, points: NDArray[Any], out: NDArray[Any]) -> None:
-    """`out` (n, 3) = matrix (3, 4 or 3, 3) @ points (n, 3): C-contiguous, the same float type, not the same memory.
+    """`out` (n, 3) = matrix (3, 4 or 3, 3) @ points (n, 3): C-contiguous, of the same float type, in separate memory.
 
-    A point comes out with the same bits wherever it stands in a block of any length: OpenCV rounds the last few
-    points of a call differently, so these are moved again in front of `LANES` idle points.
+    A point gets the same bits wherever it stands in a block of any length: OpenCV rounds the last points of a call
+    differently, so these are moved again, followed by `LANES` dummy points.
     """
     if not len(points):
         return
@@ -91,11 +91,11 @@ def move_points(matrix: Array, points: NDArray[Any], out: NDArray[Any]) -> None:
 
 
 class BlockMover:
-    """Moves blocks of one layout; owns its scratch memory.
+    """Moves blocks of one layout with scratch memory of its own.
 
-    `move` gives back the block itself, changed in place where it must be writable, or else what it was given to move
-    it `into`, or a block of its own that stays valid until the next call. `points` and `non_finite` count what went
-    through: a point with a NaN or infinite coordinate is moved as it is (it comes out non-finite) and counted.
+    `move` returns the block itself, changed in place where it must be writable, otherwise `into` or an internal block
+    valid until the next call. `points` and `non_finite` count what was moved: a point with a NaN or infinite coordinate
+    is moved as it is (it stays non-finite) and counted.
     """
 
     def __init__(self, motion: Motion, layout: Layout) -> None:
@@ -107,7 +107,7 @@ class BlockMover:
 
     @property
     def in_place(self) -> bool:
-        """Does `move` write into the block it is given?"""
+        """Whether `move` writes into the block it is given."""
         return not self._xyz.whole_record
 
     def move(self, block: Records, into: Records | None = None) -> Records:
@@ -123,16 +123,16 @@ class BlockMover:
 
 
 def _count_non_finite(points: NDArray[Any]) -> int:
-    """One cheap sum tells whether there is anything to count; cv2's runs at memory speed and warns of nothing."""
+    """A cheap sum shows whether there is anything to count; cv2's runs at memory speed without warnings."""
     if np.isfinite(sum(cv2.sumElems(points[None]))):
         return 0
     return int(len(points) - np.count_nonzero(np.isfinite(points).all(axis=1)))
 
 
 class IntegerMover:
-    """Moves records whose X, Y, Z are 32-bit integers, in place; what does not fit comes out as one of the ends.
+    """Moves records with 32-bit integer X, Y, Z in place; values that do not fit are clipped.
 
-    `least` and `most` (3,): the integers that were stored.
+    `least` and `most` (3,): range of the integers stored.
     """
 
     def __init__(self, matrix: Array, layout: Layout) -> None:
@@ -140,7 +140,7 @@ class IntegerMover:
         self._mover = _TripleMover(matrix, layout, layout.xyz, fits_float32=False)
 
     def move(self, block: Records) -> Records:
-        """The block itself."""
+        """Move in place and return the block."""
         self._mover.store(self._mover.move(block), block)
         for axis, plane in enumerate(self._mover.planes(len(block))):
             self.least[axis] = min(self.least[axis], plane.min(initial=self.least[axis]))
@@ -149,10 +149,10 @@ class IntegerMover:
 
 
 class _TripleMover:
-    """Moves one triple of columns: side by side they are moved as they lie, else plane by plane through scratch.
+    """Moves one triple of columns: directly where they lie side by side, otherwise plane by plane through scratch.
 
-    Gathering three columns one by one and merging them takes half as long as copying items of 12 bytes: NumPy copies
-    4 bytes with one instruction, and 12 by a call of memmove.
+    Gathering three columns and merging them takes half as long as copying items of 12 bytes: NumPy copies 4 bytes with
+    one instruction, but 12 by a call of memmove.
     """
 
     def __init__(self, matrix: Array, layout: Layout, names: Triple, fits_float32: bool) -> None:
@@ -170,7 +170,7 @@ class _TripleMover:
         self._planes = np.empty((3, 1, 0 if self.whole_record else count), self._kind)
 
     def move(self, block: Records, into: Records | None = None) -> NDArray[Any]:
-        """The triple of every record, moved: (n, 3), of this mover's own or `into` whole records."""
+        """The moved triple of every record, (n, 3): in this mover's scratch or in `into` as whole records."""
         count = len(block)
         if len(self._target) < count:
             self._resize(count)

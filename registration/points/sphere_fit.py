@@ -1,7 +1,7 @@
-"""Finding a sphere in a cloud that also holds its stand, the table and stray points.
+"""Fits a sphere in a cloud that also contains its stand, the table and stray points.
 
-Candidate spheres through four points (RANSAC; Fischler and Bolles 1981), then the distances from the surface are
-made small with Tukey's weights.
+Candidate spheres through four points (RANSAC; Fischler and Bolles 1981), then robust least squares with Tukey's
+weights.
 """
 
 from dataclasses import dataclass
@@ -18,16 +18,16 @@ LEAST_SHARE = 0.15
 ITERATIONS = 50
 SETTLED_MM = 1e-6
 CORRELATED = 12.0
-"""Neighbouring points share their error: so many count as one."""
+"""Neighbouring points share their error: this many count as one."""
 RADIUS_TOLERANCE = 0.05
 SIZE_TOLERANCE = 0.02
 FREE_SIGMA = 0.005
-"""A radius known this well (share of it) from the points need not be forced."""
+"""A radius determined this well by the points (relative sigma) need not be fixed."""
 
 
 @dataclass(frozen=True, eq=False)
 class SphereFit:
-    """`centre` (3,) and `radius_mm`; `covariance` (3, 3) of it; `sigma_mm` of a point's distance; `used` (n,) bool."""
+    """`centre` (3,) with `covariance` (3, 3), `radius_mm`; `sigma_mm` of a point's distance; `used` (n,) bool."""
 
     centre: Array
     radius_mm: float
@@ -38,10 +38,10 @@ class SphereFit:
 
 
 def fit_sphere(points: Array, radius_mm: float | None = None) -> SphereFit:
-    """The sphere most of `points` (n, 3) lie on; its radius may be known. Raises SphereError."""
+    """Sphere on which most of `points` (n, 3) lie; its radius may be known. Raises SphereError."""
     points = points[np.isfinite(points).all(axis=1)]
     if radius_mm is not None and not 0 < radius_mm < np.inf:
-        raise SphereError(f"a radius of {radius_mm} mm is none", "give the artefact's radius in mm")
+        raise SphereError(f"a radius of {radius_mm} mm is not possible", "give the artefact's radius in mm")
     if len(points) < LEAST_POINTS:
         raise SphereError(f"{len(points)} points are too few", f"scan at least {LEAST_POINTS} points of the sphere")
     centre, radius, scale = _candidate(points, radius_mm)
@@ -72,10 +72,10 @@ def fit_sphere(points: Array, radius_mm: float | None = None) -> SphereFit:
 
 
 def find_artefact(points: Array, radius_mm: float) -> SphereFit:
-    """The sphere of a known radius, its centre with the radius left free where the points fix both.
+    """Sphere of a known radius; its centre is fitted with free radius where the points determine both.
 
-    A scanner that sees a sphere a little large (its probing error of size) would push the centre of a forced radius
-    along the line of sight; ISO 10360-8 fits freely for the same reason. Raises SphereError.
+    A scanner that sees a sphere slightly too large (its probing error of size) would shift the centre of a sphere of
+    fixed radius along the line of sight; ISO 10360-8 fits freely for the same reason. Raises SphereError.
     """
     forced = fit_sphere(points, radius_mm)
     free = fit_sphere(points[np.isfinite(points).all(axis=1)][forced.used])
@@ -87,10 +87,10 @@ def find_artefact(points: Array, radius_mm: float) -> SphereFit:
 
 
 def _candidate(points: Array, radius_mm: float | None) -> tuple[Array, float, float]:
-    """The best of many spheres through four points: (centre, radius, scale of the distances)."""
+    """Best of many spheres through four points: (centre, radius, scale of the distances)."""
     random = np.random.default_rng(0)
     four = points[random.integers(0, len(points), (SAMPLES, 4))]
-    # |p - c|^2 = r^2 for four points, each less the first: 2 (p_i - p_0) c = |p_i|^2 - |p_0|^2
+    # |p - c|^2 = r^2 for four points, minus the first: 2 (p_i - p_0) c = |p_i|^2 - |p_0|^2
     matrix = 2 * (four[:, 1:] - four[:, :1])
     squares = np.sum(four**2, axis=2)
     solvable = np.abs(np.linalg.det(matrix)) > 1e-6

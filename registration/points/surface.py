@@ -11,19 +11,19 @@ from calibration.transforms import Array
 from registration.points.layout import Layout, Records
 
 POINT_LIMIT = 30_000
-"""Points of one view that are kept; more say nothing new about six numbers."""
+"""Points kept per view; more would not improve six parameters."""
 
 NEIGHBOURS = 14
-"""Points a normal is fitted to."""
+"""Number of points a normal is fitted to."""
 
 
 LINE_LIKE = 0.02
-"""Share of the longest spread (variances) below which a neighbourhood is a line and has no normal of its own."""
+"""A neighbourhood whose middle variance is below this share of its largest is a line and gets no normal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """`points` (n, 3) in mm and unit `normals` (n, 3), both in the camera's frame; `spacing_mm` between neighbours."""
+    """`points` (n, 3) in mm and unit `normals` (n, 3), both in the camera frame; `spacing_mm` between neighbours."""
 
     points: Array
     normals: Array
@@ -32,10 +32,10 @@ class Surface:
 
     @classmethod
     def of(cls, points: Array) -> "Surface":
-        """Normals by the plane through each point's neighbours, turned towards the camera.
+        """Normals from the plane through each point's neighbours, directed towards the camera.
 
-        Points whose neighbours lie along a line have no normal and are left out. `spacing_mm` is that of a square
-        lattice as dense as the surface, whatever the order of the points.
+        Points whose neighbours lie on a line are dropped. `spacing_mm` is that of a square lattice as dense as the
+        surface, independent of the order of points.
         """
         count = min(NEIGHBOURS, len(points))
         if count < 3:
@@ -49,17 +49,17 @@ class Surface:
 
 
 def planes_of(patches: Array) -> tuple[Array, Array]:
-    """Normals (n, 3) of the planes through patches (n, k, 3), either way round, and the spreads (n, 3), ascending."""
+    """Normals (n, 3), of arbitrary sign, of planes through patches (n, k, 3), and the spreads (n, 3), ascending."""
     patches = patches - patches.mean(axis=1, keepdims=True)
     spreads, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
     return vectors[:, :, 0], spreads
 
 
 class PointSample:
-    """A sample of the finite points that pass by, at most `limit`, in the order they come.
+    """A sample of at most `limit` finite points of a stream, in order.
 
-    Chosen by a hash of their number: every n-th point of a scanner's raster would stand in stripes, and the normals
-    fitted to a stripe are those of anything.
+    Chosen by a hash of their index: every n-th point of a scanner's raster would form stripes, to which no normal can
+    be fitted.
     """
 
     def __init__(self, scale_to_mm: float, limit: int = POINT_LIMIT) -> None:
@@ -71,7 +71,7 @@ class PointSample:
         self._hashes: list[NDArray[np.uint32]] = []
 
     def add(self, block: Records, layout: Layout) -> None:
-        """Take the points with a small hash; the bound halves whenever twice the limit is held."""
+        """Take the points with a small hash; its bound halves whenever twice the limit is held."""
         hashes = _hashes(self._seen, len(block))
         self._seen += len(block)
         chosen = np.flatnonzero(hashes < self._below)
@@ -86,7 +86,7 @@ class PointSample:
             self._kept, self._hashes = [np.concatenate(self._kept)[small]], [hashes[small]]
 
     def points(self) -> Array:
-        """(n, 3) in mm."""
+        """The sample (n, 3) in mm."""
         if not self._kept:
             return np.empty((0, 3))
         points, hashes = np.concatenate(self._kept), np.concatenate(self._hashes)
@@ -94,7 +94,7 @@ class PointSample:
 
 
 def _hashes(start: int, count: int) -> NDArray[np.uint32]:
-    """A number for each index that looks random: the finaliser of MurmurHash3 (Appleby)."""
+    """A pseudo-random number for each index: the finaliser of MurmurHash3 (Appleby)."""
     mixed = np.arange(start, start + count, dtype=np.uint64).astype(np.uint32)
     for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35), (16, 1)):
         mixed ^= mixed >> np.uint32(shift)
@@ -103,7 +103,7 @@ def _hashes(start: int, count: int) -> NDArray[np.uint32]:
 
 
 def sample_points(blocks: Iterable[Records], layout: Layout, scale_to_mm: float, limit: int = POINT_LIMIT) -> Array:
-    """(n, 3) in mm of at most `limit` points, spread over the whole cloud."""
+    """A sample (n, 3) in mm of at most `limit` points, spread over the whole cloud."""
     sample = PointSample(scale_to_mm, limit)
     for block in blocks:
         sample.add(block, layout)

@@ -1,4 +1,4 @@
-"""A voxel grid: all points of a cube become their average, so that what several views saw is there once.
+"""A voxel grid: the points of a cube are replaced by their average, which merges overlapping views.
 
 Memory grows with the occupied cubes, not with the points.
 """
@@ -13,20 +13,22 @@ from registration.points.hash_index import CellIndex
 from registration.points.layout import Array, Layout, Records
 
 CELLS = 1 << 20
-"""Cubes along each axis either side of the origin."""
+"""Cubes along each axis on either side of the origin."""
 
 BLOCK_POINTS = 1 << 15
 
 
 class VoxelGrid:
-    """Averages every column; normals keep unit length. Points that are not finite are left out.
+    """Averages every column; normals keep unit length. Non-finite points are dropped.
 
-    Each cube's points are added in the order they come, so the bits do not depend on the blocks.
+    Each cube's points are added in order of arrival, so the result does not depend on the blocks.
     """
 
     def __init__(self, edge_mm: float, layout: Layout) -> None:
         if not 0 < edge_mm < np.inf:
-            raise ScanError(f"a voxel of {edge_mm} mm is none", "give an edge above 0 mm, such as the points' spacing")
+            raise ScanError(
+                f"a voxel of {edge_mm} mm is too small", "give an edge above 0 mm, such as the points' spacing"
+            )
         self._edge_mm = edge_mm
         self.layout = layout
         self._names = layout.dtype.names or ()
@@ -34,11 +36,11 @@ class VoxelGrid:
         self._sums = np.zeros((len(self._names) + 1, 0))
 
     def __len__(self) -> int:
-        """Occupied cubes."""
+        """Number of occupied cubes."""
         return len(self._cells)
 
     def add(self, block: Records) -> None:
-        """Raises ScanError when points lie too far away for the edge."""
+        """Add a block. Raises ScanError when points are too far away for the edge length."""
         for start in range(0, len(block), BLOCK_POINTS):
             self._add(block[start : start + BLOCK_POINTS])
 
@@ -53,7 +55,7 @@ class VoxelGrid:
             np.add.at(sums, cells, column)
 
     def _keys(self, columns: dict[str, Array]) -> NDArray[np.int64]:
-        """One number for each cube."""
+        """One key per cube."""
         keys: NDArray[np.int64] = np.zeros(len(columns[self.layout.xyz[0]]), np.int64)
         for name in self.layout.xyz:
             index = np.floor(columns[name] / self._edge_mm)
@@ -72,7 +74,7 @@ class VoxelGrid:
             self._sums = grown
 
     def blocks(self) -> Iterator[Records]:
-        """The averages, in the order of their cubes."""
+        """The averages in the order of their cubes."""
         order = np.argsort(self._cells.keys)
         for start in range(0, len(order), BLOCK_POINTS):
             piece = self._sums[:, order[start : start + BLOCK_POINTS]]

@@ -1,1 +1,1 @@
-"""The cloud formats: headers and bodies as bytes to records and back, without files."""
+"""Cloud formats: headers and bodies as bytes to records and back, without file access."""

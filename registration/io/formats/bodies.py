@@ -1,4 +1,4 @@
-"""Bodies: bytes in pieces of any size to blocks of records, and back to bytes."""
+"""Decodes bodies from pieces of bytes of any size to blocks of records, and encodes text bodies."""
 
 from collections.abc import Iterator
 from typing import Any, Protocol
@@ -10,14 +10,14 @@ from registration.io.formats.header import CloudHeader, shorten
 from registration.points.layout import Layout, Records, scalar_columns
 
 LINE_LIMIT = 1 << 16
-"""Bytes of one line of text; more is damage, or another format."""
+"""Longest line of text in bytes; a longer one means damage or another format."""
 
 RECORD_TEXT = {"f4": "%.9g", "f8": "%.17g"}
-"""Digits that bring the same bits back."""
+"""Digits that preserve every bit."""
 
 
 class BodyDecoder(Protocol):
-    """Takes the bytes of the points; `take` makes blocks, `taken` says how many of the bytes given it used."""
+    """Decodes the bytes of the points. `take` yields blocks; `taken` is how many of the given bytes it used."""
 
     taken: int
 
@@ -26,18 +26,18 @@ class BodyDecoder(Protocol):
 
     @property
     def points(self) -> int:
-        """Points given so far."""
+        """Points decoded so far."""
         ...
 
     def take(self, data: memoryview) -> Iterator[Records]: ...
 
     def finish(self) -> Iterator[Records]:
-        """The bytes have ended. Raises CloudTruncated when points are missing."""
+        """Call at the end of the bytes. Raises CloudTruncated when points are missing."""
         ...
 
 
 class BinaryDecoder:
-    """Fixed records. Blocks are views of the bytes given; where a boundary cuts a record, of a copy that joins it."""
+    """Fixed-size records. Blocks are views of the given bytes, or a copy where a boundary cuts a record."""
 
     def __init__(self, header: CloudHeader, file: str) -> None:
         self._file = file
@@ -74,7 +74,7 @@ class BinaryDecoder:
 
 
 def _joined(first: bytes, second: memoryview) -> memoryview:
-    """Both in memory of their own, which nothing has filled before."""
+    """Both parts in newly allocated memory."""
     joined = np.empty(len(first) + len(second), np.uint8)
     joined[: len(first)] = np.frombuffer(first, np.uint8)
     joined[len(first) :] = np.frombuffer(second, np.uint8)
@@ -82,7 +82,7 @@ def _joined(first: bytes, second: memoryview) -> memoryview:
 
 
 class TextDecoder:
-    """One line of numbers for each record; blank lines do not count."""
+    """One line of numbers per record; blank lines are skipped."""
 
     def __init__(self, header: CloudHeader, file: str) -> None:
         self._file = file
@@ -156,7 +156,7 @@ class TextDecoder:
 
 
 def _through_row(lines: list[bytes], rows: int) -> int:
-    """How many lines there are up to and with the last of `rows` lines that are not blank."""
+    """Number of lines up to and including the last of `rows` non-blank lines."""
     for index, line in enumerate(lines):
         rows -= bool(line.strip())
         if not rows:
@@ -176,7 +176,7 @@ def _truncated(file: str, points: int, count: int | None, cut: str = "") -> Clou
 
 
 def require_end(header: CloudHeader, file: str, points: int, extra: bytes | memoryview) -> None:
-    """What follows after everything the header promised says nothing. Raises CloudTooLong."""
+    """Check that only filler follows after everything the header promised. Raises CloudTooLong."""
     if bytes(extra).strip(header.filler):
         what = f"at least {len(extra)} bytes follow after everything the header promises"
         raise CloudTooLong(file, f"after point {points}", what, "check the header's count, or send the cloud again")
@@ -188,7 +188,7 @@ def decoder_of(header: CloudHeader, file: str) -> BodyDecoder:
 
 
 class TextEncoder:
-    """Records to lines of numbers."""
+    """Encodes records as lines of numbers."""
 
     def __init__(self, layout: Layout, separator: str = " ") -> None:
         columns = scalar_columns(layout.dtype)

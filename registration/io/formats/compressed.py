@@ -1,4 +1,4 @@
-"""PCD `binary_compressed`: LZF over whole columns. The columns go to a temporary file, so memory stays bounded."""
+"""Reads PCD `binary_compressed`: LZF over whole columns, unpacked to a temporary file to bound memory."""
 
 import tempfile
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ BLOCK_POINTS = 1 << 14
 
 
 class CompressedSource:
-    """A compressed PCD that is being read."""
+    """An open compressed PCD."""
 
     def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
         self._file = file

@@ -1,4 +1,4 @@
-"""Which format a cloud has: by media type, by the file's suffix."""
+"""Finds a cloud's header parser by its media type."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ HeaderParser = Callable[[bytes, str], CloudHeader | None]
 
 
 def octets(prefix: bytes, file: str) -> CloudHeader | None:
-    """Raw float32 x, y, z, little endian, no header, until the bytes end."""
+    """Raw float32 x, y, z, little endian, no header, up to the end of the bytes."""
     return CloudHeader("octets", "binary", XYZ_FLOAT32, None, 0, b"")
 
 
@@ -26,7 +26,7 @@ MEDIA_TYPES: dict[str, HeaderParser] = {
 
 
 def parser_of(media_type: str, file: str) -> HeaderParser:
-    """The header parser of a media type (parameters after ';' are ignored). Raises CloudUnsupported."""
+    """Header parser of a media type (parameters after ';' are ignored). Raises CloudUnsupported."""
     name = media_type.split(";")[0].strip().lower()
     if name not in MEDIA_TYPES:
         raise CloudUnsupported(

@@ -1,4 +1,4 @@
-"""New E57 files (ASTM E2807) in blocks, through pye57's libE57: one scan, lengths in metres as the standard says."""
+"""Writes new E57 files (ASTM E2807) in blocks through pye57's libE57: one scan, lengths in metres as required."""
 
 import uuid
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ COLOURS = ("red", "green", "blue")
 
 
 def held(layout: Layout) -> Layout:
-    """The columns the standard has a name for: coordinates, colours of a byte, intensity."""
+    """Columns the standard has names for: coordinates, 8-bit colours, intensity."""
     kinds = {name: layout.dtype[name] for name in layout.dtype.names or ()}
     coloured = all(kinds.get(each) == np.uint8 for each in COLOURS)
     names = [*layout.xyz, *(COLOURS if coloured else ()), *(["intensity"] if "intensity" in kinds else [])]
@@ -27,7 +27,7 @@ def held(layout: Layout) -> Layout:
 
 
 class E57Out:
-    """Takes blocks of the columns that are held."""
+    """Writes blocks of the supported columns."""
 
     def __init__(self, file: Any, pye57: Any, layout: Layout, name: str) -> None:
         self._lib, self._image, self._name = pye57.libe57, file.image_file, name
@@ -44,14 +44,14 @@ class E57Out:
         self._writer = points.writer(buffers)
 
     def write(self, block: Records) -> None:
-        """Raises CloudUnsupported for points that are nowhere."""
+        """Write a block. Raises CloudUnsupported for points that are not finite."""
         for start in range(0, len(block), BLOCK_POINTS):
             piece = block[start : start + BLOCK_POINTS]
             for axis, name in enumerate(self._xyz):
                 self._least[axis] = min(self._least[axis], piece[name].min())
                 self._most[axis] = max(self._most[axis], piece[name].max())
             if not np.isfinite([self._least, self._most]).all():
-                raise CloudUnsupported(self._name, "points", "E57 holds no point that is nowhere", "write a PLY")
+                raise CloudUnsupported(self._name, "points", "E57 holds only finite points", "write a PLY")
             for name in self._columns:
                 self._arrays[FIELDS[name]][: len(piece)] = piece[name] * (METRES if name in self._xyz else 1)
             self._writer.write(len(piece))
@@ -80,7 +80,7 @@ class E57Out:
 
 @contextmanager
 def e57_out(file: GuardedFile, layout: Layout) -> Iterator[E57Out]:
-    """libE57 writes to the file's path itself. Raises CloudUnsupported when pye57 is not installed."""
+    """Open a writer; libE57 writes to the file's path itself. Raises CloudUnsupported when pye57 is not installed."""
     pye57 = library("pye57", "e57", file.name)
     image = pye57.E57(str(file.raw.name), mode="w")
     try:

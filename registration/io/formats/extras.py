@@ -1,7 +1,7 @@
-"""LAS, LAZ and E57 through the libraries of the extras `handeyed[las]` and `handeyed[e57]`, in blocks.
+"""Reads LAS, LAZ and E57 in blocks through the libraries of the extras `handeyed[las]` and `handeyed[e57]`.
 
-LAS coordinates are integers with a scale and an offset; read here as float64 metres or millimetres, as the file has
-them. Whatever the libraries raise on damaged files becomes a CloudFormatError.
+LAS coordinates are integers with scale and offset, returned as float64 in the file's own unit, metres or
+millimetres. Whatever the libraries raise on damaged files becomes a CloudFormatError.
 """
 
 import struct
@@ -21,7 +21,7 @@ from registration.points.layout import Layout, Records
 
 BLOCK_POINTS = 1 << 16
 E57_BLOCK_POINTS = 1 << 14
-"""libE57 fills a block column by column: it has to stay in the cache."""
+"""libE57 fills a block column by column, so a block should fit into the cache."""
 
 DAMAGE = (
     ValueError,
@@ -35,14 +35,14 @@ DAMAGE = (
     AttributeError,
     struct.error,
 )
-"""What parsers written in Python and C raise on bytes they do not expect."""
+"""Exceptions that parsers written in Python and C raise on unexpected bytes."""
 
 PANIC = "PanicException"
-"""What parsers written in Rust raise then: no module gives its class."""
+"""Exception of parsers written in Rust, whose class cannot be imported."""
 
 
 def library(name: str, extra: str, file: str) -> Any:
-    """An optional library. Raises CloudUnsupported when it is not installed."""
+    """Import an optional library. Raises CloudUnsupported when it is not installed."""
     try:
         return import_module(name)
     except ImportError:
@@ -52,7 +52,7 @@ def library(name: str, extra: str, file: str) -> Any:
 
 @contextmanager
 def told(file: str, place: str, *further: type[Exception]) -> Iterator[None]:
-    """A library's exceptions as CloudFormatError; what it overflows on is not told on stderr."""
+    """Turn a library's exceptions into CloudFormatError, and silence NumPy's overflow warnings."""
     try:
         with np.errstate(all="ignore"):
             yield
@@ -66,7 +66,7 @@ def told(file: str, place: str, *further: type[Exception]) -> Iterator[None]:
 
 
 class LasSource:
-    """A LAS or LAZ file: x, y, z and its dimensions, extra ones too."""
+    """A LAS or LAZ file: x, y, z and all dimensions, including extra ones."""
 
     def __init__(self, file: GuardedFile, name: str, *, compressed: bool) -> None:
         self._name = name
@@ -105,7 +105,7 @@ class LasSource:
 
 
 class E57Source:
-    """The scans of an E57 file one after another: x, y, z and the columns every scan has."""
+    """Scans of an E57 file in sequence: x, y, z and the columns every scan has."""
 
     count: int | None
 
@@ -139,7 +139,7 @@ class E57Source:
                     count = reader.read()
 
     def _straight_into(self, block: Records) -> Any:
-        """libE57's buffers on the columns of `block`, as numbers of its kind."""
+        """libE57 buffers backed by the columns of `block`."""
         libe57 = library("pye57", "e57", self._name).libe57
         buffers = libe57.VectorSourceDestBuffer()
         for field in self._fields:

@@ -1,4 +1,4 @@
-"""What every format's header comes to, and reading numbers out of header lines."""
+"""The common result of all header parsers, and parsing of numbers in header lines."""
 
 from dataclasses import dataclass
 from typing import Literal, NoReturn
@@ -10,16 +10,16 @@ from registration.points.layout import Layout
 Encoding = Literal["text", "binary", "compressed"]
 
 HEADER_LIMIT = 1 << 16
-"""Bytes within which a header must end; the longest in the wild are a few thousand."""
+"""Largest header in bytes; the longest known ones have a few thousand."""
 
 COUNT_LIMIT = 1 << 63
 
 
 @dataclass(frozen=True)
 class CloudHeader:
-    """`length` bytes of header, then `count` records (None: until the bytes end) and the elements of `tail`.
+    """`length` bytes of header, then `count` records (None: up to the end) and the elements of `tail`.
 
-    `rewritten` is the header to put before the same cloud after it was moved.
+    `rewritten` is the header for the moved cloud.
     """
 
     format: str
@@ -31,18 +31,18 @@ class CloudHeader:
     lead: tuple[Element, ...] = ()
     tail: tuple[Element, ...] = ()
     separator: str | None = None
-    """Between the numbers of a line, where the encoding is text; None: white space."""
+    """Separator of the numbers of a text line; None: white space."""
 
     @property
     def filler(self) -> bytes:
-        """Bytes that may stand behind everything and say nothing: PCL fills a file's last page with zeros."""
+        """Bytes that may follow everything without meaning: PCL fills a file's last page with zeros."""
         if self.encoding == "text":
             return b" \t\r\n\v\f"
         return b"\0" if self.format == "pcd" else b""
 
     @property
     def body_length(self) -> int | None:
-        """Bytes after the header, where the header tells."""
+        """Bytes after the header, as far as the header determines it."""
         if (
             self.count is None
             or self.encoding != "binary"
@@ -54,7 +54,7 @@ class CloudHeader:
 
 
 class HeaderLines:
-    """Header lines with their numbers, for errors that name them."""
+    """Header lines with their numbers, for error messages."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -67,7 +67,7 @@ class HeaderLines:
         raise CloudUnsupported(self.file, f"header line {self.number}", what, fix)
 
     def whole_number(self, word: str, name: str, least: int = 0) -> int:
-        """A count as it stands in a header; no sign, no exponent, below 2^63."""
+        """Parse a count: no sign, no exponent, below 2^63."""
         if not word.isascii() or not word.isdigit() or len(word) > 19 or not least <= int(word) < COUNT_LIMIT:
             self.malformed(f"{name} is {shorten(word)}, not a whole number from {least} to 2^63")
         return int(word)

@@ -1,6 +1,6 @@
-"""The header of an uncompressed LAS file (ASPRS, LAS 1.4-R15): just what moving its integer coordinates needs.
+"""Header of an uncompressed LAS file (ASPRS, LAS 1.4-R15), as far as moving its integer coordinates needs.
 
-All record formats begin with X, Y, Z as 32-bit integers; everything else in the file may pass as it is.
+All record formats begin with X, Y, Z as 32-bit integers; everything else in the file can be copied unchanged.
 """
 
 import struct
@@ -15,25 +15,25 @@ from registration.points.layout import Array
 from registration.points.rigid_motion import Motion
 
 HEADER_BYTES = 375
-"""Of version 1.4, the longest."""
+"""Header length of version 1.4, the longest."""
 LEAST_BYTES = 227
 SIGNATURE, VERSION, SIZES, LEGACY_COUNT, SCALES, BOUNDS, LONG_RECORDS, LONG_COUNT = 0, 24, 94, 107, 131, 179, 235, 247
-"""Where the fields stand."""
+"""Byte offsets of the fields."""
 RECORD_HEAD, LONG_RECORD_HEAD = 54, 60
-"""The least that a variable length record takes, before and behind the points."""
+"""Minimum size of a variable length record, before and after the points."""
 
 COMPRESSED = 0xC0
-"""Bits of the record format that LAZ sets."""
+"""Bits of the record format set by LAZ."""
 LEAST_RECORD = 20
 INT32_LIMIT = 2**31 - 1
 LENGTH_LIMIT = 1e12
-"""No length in a LAS file is larger, no scale smaller than its inverse; NaN is neither."""
+"""Upper bound of any length and of any inverse scale in a LAS file; NaN violates it."""
 FIX = "copy or write the file again"
 
 
 @dataclass(frozen=True, eq=False)
 class LasFrame:
-    """How integers are lengths: `scales` and `offsets` (3,); `least` and `most` (3,) bound the points."""
+    """Maps integers to lengths: `scales` and `offsets` (3,); `least` and `most` (3,) are the points' bounds."""
 
     scales: Array
     offsets: Array
@@ -43,7 +43,7 @@ class LasFrame:
 
 @dataclass(frozen=True, eq=False)
 class LasHeader:
-    """Points begin at byte `begin`, each of `record_bytes`; `compressed` is LAZ under another name."""
+    """Points start at byte `begin`, each of `record_bytes`. `compressed`: LAZ under a .las name."""
 
     frame: LasFrame
     begin: int
@@ -53,23 +53,23 @@ class LasHeader:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """X, Y, Z and the rest unread."""
+        """Record type with X, Y, Z and the rest as bytes."""
         rest = self.record_bytes - 12
         return np.dtype([("X", "<i4"), ("Y", "<i4"), ("Z", "<i4"), ("rest", f"V{rest}")])
 
 
 def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
-    """From a file's first HEADER_BYTES and its size. Raises CloudFormatError, CloudTruncated."""
+    """Parse a file's first HEADER_BYTES, given its size. Raises CloudFormatError, CloudTruncated."""
     if len(prefix) < LEAST_BYTES:
         raise CloudTruncated(file, "header", f"the file ends after {len(prefix)} bytes", FIX)
     if prefix[:4] != b"LASF":
-        raise CloudFormatError(file, "byte 0", "this is no LAS file", "check the file's type")
+        raise CloudFormatError(file, "byte 0", "this is not a LAS file", "check the file's type")
     header_bytes, begin, records, kind, record_bytes, count = struct.unpack_from("<HIIBHI", prefix, SIZES)
     if prefix[VERSION + 1] >= 4 and header_bytes >= LONG_COUNT + 8 <= len(prefix):
         at, long_records, count = struct.unpack_from("<QIQ", prefix, LONG_RECORDS)
         _require_room("extended records", long_records, LONG_RECORD_HEAD, size - at, file)
     if record_bytes < LEAST_RECORD or not LEAST_BYTES <= header_bytes <= begin:
-        what = f"records of {record_bytes} bytes after a header of {header_bytes} at byte {begin} are none"
+        what = f"records of {record_bytes} bytes after a header of {header_bytes} at byte {begin} are not possible"
         raise CloudFormatError(file, "header", what, FIX)
     if begin > size:
         raise CloudTruncated(file, f"byte {size}", f"the points begin at byte {begin}, but the file ends here", FIX)
@@ -85,13 +85,13 @@ def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
 
 
 def _require_room(what: str, number: int, least_bytes: int, room: int, file: str) -> None:
-    """A library that believes the header would make as many records as it promises."""
+    """Refuse more records than fit: a library would allocate as many as the header promises."""
     if number * least_bytes > max(0, room):
         raise CloudFormatError(file, "header", f"it promises {number} {what} in {max(0, room)} bytes", FIX)
 
 
 def read_whole_header(file: GuardedFile) -> LasHeader:
-    """The header at a file's beginning; the file stands there again. Raises CloudFormatError, CloudTruncated."""
+    """Parse the header at the start of a file and rewind it. Raises CloudFormatError, CloudTruncated."""
     size = file.seek(0, 2)
     file.seek(0)
     header = parse_header(file.read(HEADER_BYTES), size, file.name)
@@ -100,13 +100,13 @@ def read_whole_header(file: GuardedFile) -> LasHeader:
 
 
 def moved_frame(frame: LasFrame, motion: Motion, file: str) -> tuple[LasFrame, Array]:
-    """The frame for moved points, its bounds still open, and (3, 4) from old integers to new ones.
+    """The frame for moved points, without bounds, and the matrix (3, 4) from old integers to new ones.
 
     Raises CloudFormatError.
     """
     fields = (frame.scales, frame.offsets, frame.least, frame.most)
     if not all((np.abs(field) < LENGTH_LIMIT).all() for field in fields) or not (frame.scales > 1 / LENGTH_LIMIT).all():
-        raise CloudFormatError(file, "header", "scales, offsets or bounds are no lengths", FIX)
+        raise CloudFormatError(file, "header", "scales, offsets or bounds are not valid lengths", FIX)
     centre = frame.least / 2 + frame.most / 2
     scale = float(frame.scales.max()) * float(np.linalg.norm(motion.matrix[:, 0]))
     offset = np.rint(motion.matrix[:, :3] @ centre + motion.matrix[:, 3])
@@ -117,7 +117,7 @@ def moved_frame(frame: LasFrame, motion: Motion, file: str) -> tuple[LasFrame, A
 
 
 def require_fit(least: Array, most: Array, file: str) -> None:
-    """OpenCV answers an integer that does not fit as one of the ends. Raises CloudUnsupported."""
+    """Check bounds, since OpenCV saturates integers that do not fit. Raises CloudUnsupported."""
     if (least <= -INT32_LIMIT - 1).any() or (most >= INT32_LIMIT).any():
         what = "the moved points do not fit LAS's 32-bit integers at this scale"
         raise CloudUnsupported(file, "points", what, "write a PLY instead")

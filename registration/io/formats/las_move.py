@@ -1,6 +1,6 @@
-"""LAS and LAZ from file to file: the coordinates stay integers, scale and offset are folded into the matrix.
+"""Moves LAS and LAZ files without leaving integers: scale and offset are folded into the matrix.
 
-LAS needs no library: everything but X, Y, Z and seven fields of the header passes as it is.
+LAS needs no library: everything but X, Y, Z and seven fields of the header is copied unchanged.
 """
 
 import copy
@@ -29,11 +29,11 @@ from registration.points.rigid_motion import IntegerMover, Motion
 XYZ = ("X", "Y", "Z")
 
 BLOCK_POINTS = 200_000
-"""Four chunks as writers of LAZ make them: lazrs packs and unpacks each by a thread of its own."""
+"""Four chunks of usual size: lazrs packs and unpacks each in its own thread."""
 
 
 def move_las(source: GuardedFile, target: GuardedFile, motion: Motion, *, compress: bool) -> int:
-    """Every dimension but X, Y, Z as it was. Gives the number of points. Raises CloudError's leaves."""
+    """Move X, Y, Z and copy every other dimension; returns the number of points. Raises CloudError's leaves."""
     header = read_whole_header(source)
     prefix, size = source.read(HEADER_BYTES), source.seek(0, 2)
     frame, matrix = moved_frame(header.frame, motion, source.name)
@@ -70,7 +70,7 @@ def _records(
 def _through_laspy(
     source: GuardedFile, target: GuardedFile, sound: LasHeader, frame: LasFrame, matrix: Array, *, compress: bool
 ) -> int:
-    """LAZ, on one side or on both."""
+    """Move LAZ, as source, target or both."""
     name = source.name
     laspy = library("laspy", "las", name)
     lazrs = library("lazrs", "las", name)

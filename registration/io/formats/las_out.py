@@ -1,4 +1,4 @@
-"""New LAS and LAZ files in blocks, through laspy: any columns, coordinates in mm as integers."""
+"""Writes new LAS and LAZ files in blocks through laspy: any columns, coordinates in mm as integers."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,23 +12,23 @@ from registration.io.formats.extras import library
 from registration.points.layout import Layout, Records
 
 STEP_MM = 0.005
-"""LAS holds integers: this step reaches 10 m and is far below any scanner's noise."""
+"""LAS stores integers: this step reaches ±10 m and is far below any scanner's noise."""
 
 COLOURS = ("red", "green", "blue")
 
 
 class LasOut:
-    """Colours and intensity by LAS's own names, every other column as an extra dimension."""
+    """Writes colours and intensity under LAS's names, every other column as an extra dimension."""
 
     def __init__(self, writer: Any, header: Any, layout: Layout, laspy: Any, file: str) -> None:
         self._writer, self._header, self._laspy, self._file = writer, header, laspy, file
         self._layout = layout
 
     def write(self, block: Records) -> None:
-        """Raises CloudUnsupported for a point that its integers do not reach, or that is none."""
+        """Write a block. Raises CloudUnsupported for a point out of range or not finite."""
         reach = STEP_MM * (2**31 - 1)
         if len(block) and not all(np.abs(block[name]).max() <= reach for name in self._layout.xyz):
-            what = f"a point lies further than {reach:.0f} mm from the base, or nowhere"
+            what = f"a point lies further than {reach:.0f} mm from the base, or is not finite"
             raise CloudUnsupported(self._file, "points", what, "ask for PLY, which has no limit")
         record = self._laspy.ScaleAwarePointRecord.zeros(len(block), header=self._header)
         for name in self._layout.dtype.names or ():
@@ -39,7 +39,7 @@ class LasOut:
 
 @contextmanager
 def las_out(file: GuardedFile, layout: Layout, *, compress: bool, software: str = "handeyed") -> Iterator[LasOut]:
-    """Raises CloudUnsupported when laspy is not installed."""
+    """Open a writer. Raises CloudUnsupported when laspy is not installed."""
     laspy = library("laspy", "las", file.name)
     if compress:
         library("lazrs", "las", file.name)

@@ -1,8 +1,8 @@
-"""What a LAZ file promises about its chunks, looked at before lazrs believes it.
+"""Checks a LAZ file's chunk sizes before lazrs allocates memory for them.
 
-lazrs makes room for whatever a table of chunks or a chunk's head says; what is too much for the machine ends the
-process. So every size is compared with the bytes that are there. (LASzip: Isenburg 2013; chunk heads of record formats
-6 and up as in laszip's `lasreadpoint.cpp`.)
+lazrs allocates whatever a chunk table or a chunk's header promises; too much ends the process. So every size is
+compared with the bytes present. (LASzip: Isenburg 2013; chunk heads of record formats 6 and up as in laszip's
+`lasreadpoint.cpp`.)
 """
 
 import struct
@@ -16,16 +16,16 @@ from registration.io.formats.las import FIX, LEAST_BYTES, RECORD_HEAD, LasHeader
 LASZIP = b"laszip encoded"
 ITEMS_BEGIN, ITEM_BYTES = 32, 6
 LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
-"""Layers of a chunk, by the type of an item of record formats 6 and up; bytes (type 14) have one each."""
+"""Layers of a chunk by item type of record formats 6 and up; extra bytes (type 14) have one layer per byte."""
 EXTRA_BYTES = 14
 CHUNK_LIMIT = 1 << 28
-"""Bytes of one chunk when it is unpacked, for which lazrs makes room; writers put 50,000 points (2 MB) into one."""
+"""Largest unpacked chunk in bytes, which lazrs allocates; writers usually put 50,000 points (2 MB) into one."""
 
 
 def require_sound_chunks(file: GuardedFile, header: LasHeader, lazrs: Any) -> None:
-    """Every chunk lies within the file, and every layer within its chunk. Raises CloudFormatError, CloudTruncated.
+    """Check that every chunk lies within the file and every layer within its chunk.
 
-    What lazrs raises on a damaged table passes.
+    Raises CloudFormatError, CloudTruncated; passes on what lazrs raises on a damaged table.
     """
     if not header.count:
         return
@@ -52,7 +52,7 @@ def require_sound_chunks(file: GuardedFile, header: LasHeader, lazrs: Any) -> No
 
 
 def _laszip_record(file: GuardedFile, header: LasHeader) -> bytes:
-    """The variable length record that says how the points are packed."""
+    """The variable length record that describes the compression."""
     file.seek(94)
     at = int.from_bytes(file.read(2), "little")
     while LEAST_BYTES <= at <= header.begin - RECORD_HEAD:
@@ -67,9 +67,9 @@ def _laszip_record(file: GuardedFile, header: LasHeader) -> bytes:
 
 
 def _require_table(file: GuardedFile, header: LasHeader) -> int:
-    """Bytes between the points' beginning and the table of chunks, which promises no more chunks than fit there."""
+    """Number of bytes from the points to the chunk table, after checking that its chunks fit there."""
     size = file.seek(0, 2)
-    for at in (header.begin, size - 8):  # a writer that could not go back put the place at the end
+    for at in (header.begin, size - 8):  # a writer that cannot seek puts the offset at the end
         file.seek(max(0, at))
         place = int.from_bytes(file.read(8), "little", signed=True)
         if place != -1:
@@ -80,19 +80,19 @@ def _require_table(file: GuardedFile, header: LasHeader) -> int:
     if room < 0 or len(table) < 8:
         raise CloudTruncated(file.name, "chunk table", f"it is not at byte {place} of {size}", FIX)
     chunks = int.from_bytes(table[4:], "little")
-    if chunks * header.record_bytes > room:  # a chunk begins with a whole record
+    if chunks * header.record_bytes > room:  # a chunk begins with one uncompressed record
         raise CloudFormatError(file.name, "chunk table", f"it promises {chunks} chunks in {room} bytes", FIX)
     return room
 
 
 def _layers(record: bytes) -> int:
-    """How many layers a chunk has; 0 for the older record formats, which have none."""
+    """Number of layers of a chunk; 0 for the older record formats, which have none."""
     items = [struct.unpack_from("<HH", record, at) for at in range(ITEMS_BEGIN + 2, len(record) - 3, ITEM_BYTES)]
     return sum(size if kind == EXTRA_BYTES else LAYERS.get(kind, 0) for kind, size in items)
 
 
 def _require_layers(file: GuardedFile, header: LasHeader, layers: int, begin: int, size: int, index: int) -> None:
-    """A chunk: a whole record, the number of points, a size for each layer, the layers."""
+    """Check a chunk: one whole record, the number of points, a size per layer, the layers."""
     file.seek(begin + header.record_bytes + 4)
     sizes = file.read(4 * layers)
     promised = sum(struct.unpack(f"<{len(sizes) // 4}I", sizes[: len(sizes) // 4 * 4]))

@@ -1,15 +1,15 @@
-"""LZF (Lehmann): the compression inside `DATA binary_compressed`, taken apart in bounded memory."""
+"""Decompresses LZF (Lehmann), used by PCD `DATA binary_compressed`, in bounded memory."""
 
 from collections.abc import Callable, Iterator
 
 WINDOW = 1 << 13
-"""A back reference reaches this far."""
+"""Longest distance of a back reference."""
 
 FLUSH = 1 << 18
 
 
 class LzfDamaged(Exception):
-    """`position` in the compressed bytes where a token is cut or points before the beginning."""
+    """`position` in the compressed bytes of a truncated token or of a reference before the start."""
 
     def __init__(self, position: int) -> None:
         self.position = position
@@ -17,7 +17,7 @@ class LzfDamaged(Exception):
 
 
 def decompress(read: Callable[[int], bytes], length: int) -> Iterator[bytes]:
-    """The contents of `length` compressed bytes, in pieces. `read(n)` gives at most n. Raises LzfDamaged."""
+    """Decompress `length` bytes, in pieces. `read(n)` returns at most n bytes. Raises LzfDamaged."""
     pending, window, done = b"", b"", 0
     while done < length:
         more = read(min(FLUSH, length - done - len(pending)))
@@ -31,7 +31,7 @@ def decompress(read: Callable[[int], bytes], length: int) -> Iterator[bytes]:
 
 
 def _expand(data: bytes, window: bytes, last: bool, base: int) -> tuple[int, bytes]:
-    """Whole tokens of `data`: (bytes used, `window` with what they say appended)."""
+    """Expand complete tokens of `data`: (bytes used, `window` with the output appended)."""
     out = bytearray(window)
     position, end = 0, len(data)
     safe = end if last else end - 34

@@ -16,7 +16,7 @@ FIX = "save it with numpy.save as an array (n, 3) of floats"
 
 
 def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
-    """The header `prefix` begins with; None while it has not ended. Raises CloudFormatError, CloudUnsupported."""
+    """Parse the header at the start of `prefix`; None while incomplete. Raises CloudFormatError, CloudUnsupported."""
     if not MAGIC.startswith(prefix[:6]) and not prefix.startswith(MAGIC):
         raise CloudFormatError(file, "byte 0", "this is no NPY file", "check the file's type")
     if len(prefix) < 12:
@@ -35,7 +35,7 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
 
 def _entries(text: bytes, file: str) -> dict[str, Any]:
     try:
-        with warnings.catch_warnings(action="ignore"):  # Python warns of what looks like a mistake in a program
+        with warnings.catch_warnings(action="ignore"):  # Python warns of suspicious literals, which are handled here
             entries = ast.literal_eval(text.decode("latin1").strip())
     except (ValueError, SyntaxError, MemoryError, RecursionError):
         entries = None
@@ -47,7 +47,7 @@ def _entries(text: bytes, file: str) -> dict[str, Any]:
 def _layout(entries: dict[str, Any], file: str) -> tuple[Layout, int]:
     dtype, shape = _dtype(entries["descr"], file), entries["shape"]
     if not isinstance(shape, tuple) or not all(type(size) is int and 0 <= size < COUNT_LIMIT for size in shape):
-        raise CloudFormatError(file, "header", f"shape {shorten(str(shape))} is none", FIX)
+        raise CloudFormatError(file, "header", f"shape {shorten(str(shape))} is not valid", FIX)
     if dtype.names and len(shape) == 1:
         if not {"x", "y", "z"} <= set(dtype.names) or any(dtype[name].kind != "f" for name in ("x", "y", "z")):
             raise CloudUnsupported(file, "header", "the records have no float columns x, y, z", FIX)
@@ -73,7 +73,7 @@ def _dtype(description: Any, file: str) -> np.dtype[Any]:
 
 
 def format_header(layout: Layout, count: int) -> bytes:
-    """An NPY header of a length that does not depend on `count`; three equal columns make an array (n, 3)."""
+    """An NPY header whose length does not depend on `count`; three equal columns make an array (n, 3)."""
     kinds = {layout.dtype[name] for name in layout.dtype.names or ()}
     plain = layout.dtype.names == layout.xyz and len(kinds) == 1
     descr = repr(kinds.pop().str if plain else layout.dtype.descr)

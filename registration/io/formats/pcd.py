@@ -14,11 +14,11 @@ TYPES = {("F", 4), ("F", 8), *((kind, size) for kind in "IU" for size in (1, 2, 
 ENCODINGS: dict[str, Encoding] = {"ascii": "text", "binary": "binary", "binary_compressed": "compressed"}
 RECORD_LIMIT = 1 << 20
 ORIGIN = b"VIEWPOINT 0 0 0 1 0 0 0"
-"""After the move the points stand in the base frame, so no viewer may move them again."""
+"""Viewpoint of a moved cloud: its points are in the base frame, so no viewer may move them again."""
 
 
 def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
-    """The header `prefix` begins with; None while it has not ended. Raises CloudFormatError, CloudUnsupported."""
+    """Parse the header at the start of `prefix`; None while incomplete. Raises CloudFormatError, CloudUnsupported."""
     lines = HeaderLines(file)
     entries: dict[str, list[str]] = {}
     position = 0
@@ -47,7 +47,7 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
 
 
 def _refuse_strangers(prefix: bytes, position: int, lines: HeaderLines) -> None:
-    """Bytes that cannot begin a PCD header are told at once."""
+    """Refuse bytes that cannot begin a PCD header as early as possible."""
     start = prefix[position : position + 10]
     known = any(keyword.encode().startswith(start.split(b" ")[0]) for keyword in KEYWORDS)
     if lines.number == 0 and not (start.startswith(b"#") or not start.strip() or known):
@@ -64,7 +64,7 @@ def _entry(line: bytes, lines: HeaderLines) -> tuple[str, list[str]]:
 
 
 def _record(entries: dict[str, list[str]], lines: HeaderLines) -> np.dtype[Any]:
-    """The record type; padding fields, all named `_`, get names of their own."""
+    """The record type; padding fields, all named `_`, get unique names."""
     names = entries.get("FIELDS", [])
     counts = entries.get("COUNT", ["1"] * len(names))
     for keyword in ("SIZE", "TYPE"):
@@ -106,7 +106,7 @@ def _encoding(entries: dict[str, list[str]], lines: HeaderLines) -> Encoding:
 
 
 def _points(entries: dict[str, list[str]], lines: HeaderLines) -> int:
-    """WIDTH × HEIGHT and POINTS, which must agree where both stand."""
+    """Number of points by WIDTH × HEIGHT and POINTS, which must agree where both exist."""
     numbers: dict[str, int] = {}
     for keyword in ("WIDTH", "HEIGHT", "POINTS"):
         words = entries.get(keyword)
@@ -125,7 +125,7 @@ PADDING = re.compile(r"_\d+")
 
 
 def format_header(layout: Layout, count: int, encoding: str = "binary") -> bytes:
-    """A PCD v0.7 header for records of `layout`; as long for every `count`."""
+    """A PCD v0.7 header for records of `layout`, of the same length for every `count`."""
     fields = [(name, *_field(layout.dtype[name])) for name in layout.dtype.names or ()]
     lines = [
         "# .PCD v0.7 - Point Cloud Data file format",

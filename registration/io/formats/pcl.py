@@ -1,4 +1,4 @@
-"""Columns as the Point Cloud Library names and types them, so that its readers and Open3D find what a PCD holds."""
+"""Columns under the Point Cloud Library's names and types, so that its readers and Open3D find them in a PCD."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,14 +13,14 @@ from registration.points.rigid_motion import FLOAT32_REACH_MM
 NAMES = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}
 
 SHIFTS = {"red": 16, "green": 8, "blue": 0}
-"""Where a colour stands in the packed 0x00RRGGBB, which is stored under the name `rgb` as the bits of a float."""
+"""Bit offset of each colour in the packed 0x00RRGGBB, stored under the name `rgb` as the bits of a float."""
 
 SINGLE = {"x", "y", "z", "nx", "ny", "nz"}
-"""PCL and Open3D find coordinates and normals only where they are single floats."""
+"""Columns that PCL and Open3D read only as single floats."""
 
 
 def _reach(column: NDArray[Any]) -> float:
-    """The largest finite length."""
+    """Largest finite magnitude."""
     return float(np.abs(column, where=np.isfinite(column), out=np.zeros(len(column))).max(initial=0.0))
 
 
@@ -32,7 +32,7 @@ def unpacked(column: NDArray[Any], colour: str) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True)
 class PclRecords:
-    """Blocks of common columns as PCL's: normals renamed, three colours of a byte packed into one field."""
+    """Converts blocks of common columns to PCL's: normals renamed, three 8-bit colours packed into one field."""
 
     layout: Layout
     file: str
@@ -50,7 +50,7 @@ class PclRecords:
         return cls(Layout.of(np.dtype(columns)), file)
 
     def encode(self, block: Records) -> memoryview:
-        """The bytes to write. Raises CloudUnsupported where a single float would lose what a double holds."""
+        """The bytes to write. Raises CloudUnsupported where single floats would lose digits of doubles."""
         if any(block.dtype[name].itemsize > 4 and _reach(block[name]) > FLOAT32_REACH_MM for name in ("x", "y", "z")):
             what = f"coordinates beyond {FLOAT32_REACH_MM:.0f} mm lose digits in a PCD's single floats"
             raise CloudUnsupported(self.file, "points", what, "write a PLY instead")

@@ -29,7 +29,7 @@ ENCODINGS: dict[str, tuple[Encoding, Literal["<", ">"]]] = {
 
 
 def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
-    """The header `prefix` begins with; None while it has not ended. Raises CloudFormatError, CloudUnsupported."""
+    """Parse the header at the start of `prefix`; None while incomplete. Raises CloudFormatError, CloudUnsupported."""
     if not b"ply\n".startswith(prefix[:4]) and not b"ply\r".startswith(prefix[:4]):
         raise CloudFormatError(file, "byte 0", "a PLY file begins with the line 'ply'", "check the file's type")
     lines = HeaderLines(file)
@@ -53,7 +53,7 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
 
 
 class _Reading:
-    """The header so far."""
+    """Parser state."""
 
     def __init__(self, lines: HeaderLines) -> None:
         self._lines = lines
@@ -134,7 +134,7 @@ def with_frame(header: bytes, calibration_id: str) -> bytes:
 
 
 def format_header(layout: Layout, count: int, encoding: str = "binary_little_endian") -> bytes:
-    """A header for records of `layout`, all scalars that PLY has names for; as long for every `count`."""
+    """A header for records of `layout`, all of types that PLY has, of the same length for every `count`."""
     lines = ["ply", f"format {encoding} 1.0", "comment lengths in mm".ljust(41 - len(str(count)))]
     lines.append(f"element vertex {count}")
     for name in layout.dtype.names or ():

@@ -1,4 +1,4 @@
-"""XYZ and CSV: one point a line. A first line of words names the columns; without it they are x, y, z, c3, c4, ..."""
+"""XYZ and CSV: one point per line. A first line of words names the columns; the default is x, y, z, c3, c4, ..."""
 
 import re
 
@@ -14,7 +14,7 @@ SYNONYMS = {"r": "red", "g": "green", "b": "blue", "i": "intensity"}
 
 
 def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
-    """The column names; None while the first line has not ended. Raises CloudFormatError."""
+    """Column names; None while the first line is incomplete. Raises CloudFormatError."""
     end = prefix.find(b"\n")
     if end < 0:
         if len(prefix) > HEADER_LIMIT:

@@ -1,4 +1,4 @@
-"""Passing on what stands before or after the points, and noticing when it is cut."""
+"""Copies the elements before or after the points, and detects truncation."""
 
 from registration.errors import CloudFormatError, CloudTruncated
 from registration.io.formats.header import Encoding
@@ -6,7 +6,7 @@ from registration.io.formats.tail import BinaryWalker, Element, RecordTooLong
 
 
 class SectionPassage:
-    """`take` says how many of the bytes given belong to the elements; they are passed on as they are."""
+    """`take` returns how many of the given bytes belong to the elements; these are copied unchanged."""
 
     def __init__(self, elements: tuple[Element, ...], encoding: Encoding, file: str) -> None:
         self._file = file
@@ -32,7 +32,7 @@ class SectionPassage:
 
 
 class _Bytes:
-    """Binary elements; a record that a boundary cuts is held until it is whole, in bounded memory."""
+    """Binary elements; a record cut by a boundary is buffered until complete, in bounded memory."""
 
     def __init__(self, elements: tuple[Element, ...]) -> None:
         self._walker = BinaryWalker(elements)
@@ -57,11 +57,11 @@ class _Bytes:
         return len(data)
 
     def finish(self) -> None:
-        """Nothing is held back: bytes are passed on before their record is whole."""
+        """Nothing to do: bytes are passed on before their record is complete."""
 
 
 class _Lines:
-    """Text elements: one line each; blank lines do not count."""
+    """Text elements: one line each; blank lines are skipped."""
 
     def __init__(self, elements: tuple[Element, ...]) -> None:
         self._left = self._all = sum(element.count for element in elements)

@@ -1,4 +1,4 @@
-"""STL: the corners of the triangles as points (three for each; neighbours repeat them)."""
+"""STL: the triangles' corners as points, three per triangle; shared corners repeat."""
 
 import re
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ class BinaryStl:
 
 
 class TextStl:
-    """Lines 'vertex x y z' between others."""
+    """Lines 'vertex x y z' among others."""
 
     layout: Layout = XYZ_FLOAT32
     count: int | None = None
@@ -79,7 +79,7 @@ def _block(corners: list[tuple[float, ...]]) -> Records:
 
 
 def open_stl(file: GuardedFile, name: str) -> BinaryStl | TextStl:
-    """Binary when the size fits the number of facets, else text. Raises CloudFormatError, CloudTruncated."""
+    """Binary when the size fits the number of facets, otherwise text. Raises CloudFormatError, CloudTruncated."""
     head = file.read(84)
     size = file.seek(0, 2)
     facets = int.from_bytes(head[80:84], "little")

@@ -1,7 +1,7 @@
-"""What stands beside the points in a PLY file (faces, edges, cameras): passed on unread, but measured.
+"""Measures elements beside the points of a PLY file (faces, edges, cameras), which are copied unread.
 
-Elements with lists have records of different length. Most meshes are all triangles, so the walker measures one
-record and tests at once how many of the following have the same list lengths.
+Elements with lists have records of varying length. Most meshes consist of triangles only, so the walker measures
+one record and then tests, vectorised, how many of the following have the same list lengths.
 """
 
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 LIST_BYTES_LIMIT = 1 << 24
-"""A single record longer than this is taken for damage, so that memory stays bounded."""
+"""A longer record is taken for damage, which bounds memory."""
 
 
 @dataclass(frozen=True)
 class Property:
-    """A number (`length` is None), or a list of `kind` led by its length."""
+    """A number (`length` None), or a list of `kind` preceded by its length."""
 
     kind: np.dtype[Any]
     length: np.dtype[Any] | None = None
@@ -24,7 +24,7 @@ class Property:
 
 @dataclass(frozen=True)
 class Element:
-    """`count` records of some properties."""
+    """`count` records of the same properties."""
 
     name: str
     count: int
@@ -36,12 +36,12 @@ class Element:
 
     @property
     def itemsize(self) -> int:
-        """Of elements without lists."""
+        """Record size of an element without lists."""
         return sum(item.kind.itemsize for item in self.properties)
 
 
 class RecordTooLong(Exception):
-    """A list's length is negative or absurd; `element` names the record's kind, `length` what was read."""
+    """A list's length is negative or absurd; `element` names the record's kind, `length` the value read."""
 
     def __init__(self, element: str, length: int) -> None:
         self.element, self.length = element, length
@@ -49,7 +49,7 @@ class RecordTooLong(Exception):
 
 
 class BinaryWalker:
-    """Measures binary elements: `take` says how many of the bytes given are whole records."""
+    """Measures binary elements: `take` returns how many of the given bytes are complete records."""
 
     def __init__(self, elements: tuple[Element, ...]) -> None:
         self._elements = [element for element in elements if element.count and element.properties]
@@ -61,14 +61,14 @@ class BinaryWalker:
 
     @property
     def place(self) -> str:
-        """The record that comes next."""
+        """The next record, for messages."""
         if self.done:
             return "the end"
         element = self._elements[0]
         return f"{element.name} {element.count - self._left[0]}"
 
     def take(self, data: memoryview) -> int:
-        """Bytes of `data` that belong to whole records. Raises RecordTooLong."""
+        """Bytes of `data` that belong to complete records. Raises RecordTooLong."""
         position = 0
         while self._elements:
             element, left = self._elements[0], self._left[0]
@@ -86,7 +86,7 @@ class BinaryWalker:
 
 
 def _walk(element: Element, left: int, data: memoryview) -> tuple[int, int]:
-    """(records, bytes) that are whole."""
+    """(records, bytes) that are complete."""
     bytes_ = np.frombuffer(data, np.uint8)
     taken = position = 0
     while taken < left:
@@ -104,13 +104,13 @@ def _walk(element: Element, left: int, data: memoryview) -> tuple[int, int]:
 
 
 def _agreeing(rows: NDArray[np.uint8], length: NDArray[np.uint8]) -> int:
-    """How many of the first rows are equal to `length`."""
+    """How many of the first rows equal `length`."""
     same = (rows == length).all(axis=1)
     return len(same) if same.all() else int(np.argmin(same))
 
 
 def _measure(element: Element, data: memoryview, start: int) -> tuple[int, list[tuple[int, NDArray[np.uint8]]]] | None:
-    """Size of the record at `start`, and the bytes of its list lengths with their offsets; None when it is cut."""
+    """Size of the record at `start` and its list lengths' bytes with offsets; None when it is incomplete."""
     position = start
     lengths: list[tuple[int, NDArray[np.uint8]]] = []
     for item in element.properties:
