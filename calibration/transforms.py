@@ -75,7 +75,8 @@ def transform_from_quaternion(translation_mm: ArrayLike, quaternion_wxyz: ArrayL
 
 def rotation_from_vector(rotation_vector_rad: ArrayLike) -> Array:
     """Rotation (..., 3, 3) of a rotation vector (..., 3) in rad: exp."""
-    matrix: Array = Rotation.from_rotvec(rotation_vector_rad).as_matrix()
+    vectors = np.asarray(rotation_vector_rad, float)
+    matrix: Array = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
     return matrix
 
 
@@ -105,6 +106,20 @@ def _turn(rotation: Array) -> tuple[Array, Array, Array]:
 def rotation_angle_rad(rotation: ArrayLike) -> Any:
     """Angle of a rotation (..., 3, 3) in rad, in [0, pi]; a float for one, an array for a stack."""
     return _turn(np.asarray(rotation, float))[2]
+
+
+def transform_from_vector(vector: ArrayLike) -> Array:
+    """a_T_b (..., 4, 4) of vectors (..., 6) [rotation vector rad, translation mm], written exp(.) in this package.
+
+    Rotation and translation do not act on each other: this is the exponential of SO(3) × R³, not of SE(3).
+    """
+    vector = np.asarray(vector, float)
+    return transform(rotation_from_vector(vector[..., :3]), vector[..., 3:])
+
+
+def vector_from_transform(a_T_b: Array) -> Array:
+    """[rotation vector rad, translation mm] (..., 6) of transforms (..., 4, 4), the inverse of the above."""
+    return np.concatenate([vector_from_rotation(a_T_b[..., :3, :3]), a_T_b[..., :3, 3]], axis=-1)
 
 
 def nearest_rotation(matrix: ArrayLike) -> tuple[Array, float]:

@@ -16,7 +16,15 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.kinematics.robot_accuracy import MIN_REPEATABILITY
 from calibration.linear_algebra import inverse_or_pseudo_inverse, scaled_solve
 from calibration.problem import Setup, base_T_flange_of
-from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, transform, vector_from_rotation
+from calibration.transforms import (
+    Array,
+    adjoint,
+    inverse,
+    rotation_from_vector,
+    transform,
+    transform_from_vector,
+    vector_from_transform,
+)
 
 ITERATIONS = 8
 WORST = -1e15
@@ -232,7 +240,6 @@ def _linearised(stack: _Stack, X: Array, Y: Array) -> _Linear:
     rows = np.arange(t)[:, None]
     camera_T_target = inverse(stack.anchor_T_mount @ X[rows, stack.x_labels]) @ Y[rows, stack.y_labels]
     off = camera_T_target @ inverse(stack.camera_T_target)
-    turns = vector_from_rotation(off[..., :3, :3].reshape(-1, 3, 3)).reshape(t, n, 3)
     of_x = (stack.x_labels[..., None] == np.arange(g))[:, :, None, :, None]
     of_y = (stack.y_labels[..., None] == np.arange(h))[:, :, None, :, None]
     by_x = of_x * -np.eye(6)[:, None]
@@ -242,7 +249,7 @@ def _linearised(stack: _Stack, X: Array, Y: Array) -> _Linear:
     else:
         by_robot = adjoint(camera_T_target @ inverse(Y)[rows, stack.y_labels])
     by_shared = np.concatenate([by_x.reshape(t, n, 6, -1), by_y.reshape(t, n, 6, -1)], axis=-1)
-    return _Linear(np.concatenate([turns, off[..., :3, 3]], axis=-1), by_shared, by_robot)
+    return _Linear(vector_from_transform(off), by_shared, by_robot)
 
 
 def _covariance(by_images: Array, by_robot: Array, variances: Array) -> Array:
@@ -303,9 +310,7 @@ def _variances(stack: _Stack, residuals: Array, linear: _Linear, information: Ar
 
 def _moved(a_T_b: Array, step: Array) -> Array:
     """T @ exp(step), for stacks (t, g, 4, 4) and flat steps (t, 6 g)."""
-    steps = step.reshape(*a_T_b.shape[:2], 6)
-    turn = rotation_from_vector(steps[..., :3].reshape(-1, 3)).reshape(*a_T_b.shape[:2], 3, 3)
-    moved: Array = a_T_b @ transform(turn, steps[..., 3:])
+    moved: Array = a_T_b @ transform_from_vector(step.reshape(*a_T_b.shape[:2], 6))
     return moved
 
 

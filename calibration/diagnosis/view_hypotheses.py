@@ -11,7 +11,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.hypothesis import Trial
 from calibration.diagnosis.significance import Background
-from calibration.transforms import Array, inverse, transform, vector_from_rotation
+from calibration.transforms import Array, inverse, transform, vector_from_transform
 
 SUSPECTS = 10
 """Views that fit worst, among which mistyped and swapped ones are sought."""
@@ -199,7 +199,7 @@ def _changed(fitted: Fit, poses: Array, first: int) -> float:
     """`poses` (2, 4, 4) before and after; `first`: where among the shared unknowns theirs begin."""
     before, after = poses
     between = inverse(before) @ after
-    step = np.concatenate([vector_from_rotation(between[None, :3, :3])[0], between[:3, 3]])
+    step = vector_from_transform(between)
     by_unknowns = np.zeros((6, fitted.by_shared.shape[2]))
     by_unknowns[:, first : first + 6], by_unknowns[:, first + 6 : first + 12] = -np.eye(6), np.eye(6)
     return Background.of(fitted).chance_of(step, by_unknowns)

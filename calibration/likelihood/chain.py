@@ -12,7 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.problem import Setup, anchor_T_mount_of, base_T_flange_of
-from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, skew, transform, vector_from_rotation
+from calibration.transforms import (
+    Array,
+    adjoint,
+    inverse,
+    rotation_from_vector,
+    skew,
+    transform_from_vector,
+    vector_from_transform,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +35,7 @@ class Chain:
 
     def corrected_base_T_flange(self) -> Array:
         """(n, 4, 4)"""
-        return self.base_T_flange @ correction_transforms(self.corrections)
+        return self.base_T_flange @ transform_from_vector(self.corrections)
 
     def camera_T_target(self) -> Array:
         """(n, 4, 4)"""
@@ -51,18 +59,15 @@ class Chain:
         """The corrections that make the chain reproduce the given poses exactly."""
         anchor_T_mount = self.anchor_T_target @ inverse(self.mount_T_camera @ camera_T_target)
         base_T_flange = base_T_flange_of(self.setup, anchor_T_mount)
-        correction = inverse(self.base_T_flange) @ base_T_flange
-        vectors = np.concatenate([vector_from_rotation(correction[:, :3, :3]), correction[:, :3, 3]], axis=1)
-        return replace(self, corrections=vectors)
+        return replace(self, corrections=vector_from_transform(inverse(self.base_T_flange) @ base_T_flange))
 
     def moved(self, step: Array, corrections: Array) -> "Chain":
         """X and Y moved by a step (..., 12), with new corrections (n, 6); one step a view gives one X a view."""
-        by_x, by_y = step[..., :6], step[..., 6:]
         return Chain(
             self.setup,
             self.base_T_flange,
-            self.mount_T_camera @ transform(rotation_from_vector(by_x[..., :3]), by_x[..., 3:]),
-            self.anchor_T_target @ transform(rotation_from_vector(by_y[..., :3]), by_y[..., 3:]),
+            self.mount_T_camera @ transform_from_vector(step[..., :6]),
+            self.anchor_T_target @ transform_from_vector(step[..., 6:]),
             corrections,
         )
 
@@ -73,11 +78,6 @@ class Chain:
     def of_views(self, base_T_flange: Array) -> "Chain":
         """The same X and Y for other robot poses (n, 4, 4)."""
         return replace(self, base_T_flange=base_T_flange, corrections=np.zeros((len(base_T_flange), 6)))
-
-
-def correction_transforms(corrections: Array) -> Array:
-    """C (n, 4, 4) of vectors (n, 6)."""
-    return transform(rotation_from_vector(corrections[:, :3]), corrections[:, 3:])
 
 
 def _motion_by_vector(corrections: Array) -> Array:

@@ -14,7 +14,7 @@ from calibration.likelihood.systematic_errors import NO_DOUBT, Doubt
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.observations.observations import Observations, scaled
 from calibration.observations.reprojection import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
-from calibration.transforms import Array, inverse, vector_from_rotation
+from calibration.transforms import Array, inverse, vector_from_transform
 
 MOST_ITERATIONS = 25
 LEVELS_SETTLE_WITHIN = 10
@@ -67,8 +67,7 @@ def frozen(statistics: PixelStatistics, camera_T_target: Array) -> Pixels:
     own = inverse(camera_T_target)
 
     def expand(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
-        off = poses @ own
-        off = np.concatenate([vector_from_rotation(off[:, :3, :3]), off[:, :3, 3]], axis=1)
+        off = vector_from_transform(poses @ own)
         sums = statistics.sums.copy()
         sums[:, :, -1] += (sums[:, :, :-1] @ off[..., None])[..., 0]
         sums[:, -1, :] += (off[:, None] @ sums[:, :-1, :])[:, 0]

@@ -13,7 +13,7 @@ from calibration.likelihood.mixed_model import of_views
 from calibration.linear_algebra import covariance_of, squared_distances
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import pixel_statistics
-from calibration.transforms import Array, inverse, vector_from_rotation
+from calibration.transforms import Array, inverse, vector_from_transform
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +56,9 @@ def outside_disagreement(best: Estimate, seen: Observations, camera_T_target: Ar
     """The same (k,) for views that took no part, from their own poses (k, 4, 4)."""
     chain = best.chain.of_views(seen.base_T_flange)
     expected = chain.camera_T_target()
-    off = camera_T_target @ inverse(expected)
-    vector = np.concatenate([vector_from_rotation(off[:, :3, :3]), off[:, :3, 3]], axis=1)
+    off = vector_from_transform(camera_T_target @ inverse(expected))
     own = covariance_of(pixel_statistics(seen, best.camera, camera_T_target).normal / best.variances.pixel)
     by_robot, by_shared = chain.by_correction(expected) * best.variances.deviations(), chain.by_shared(expected)
     spread = own + by_robot @ np.swapaxes(by_robot, 1, 2)
     spread += by_shared @ best.step.covariance[:12, :12] @ np.swapaxes(by_shared, 1, 2)
-    return squared_distances(vector, spread)
+    return squared_distances(off, spread)

@@ -16,7 +16,7 @@ from calibration.observations.observations import FEWEST_CORNERS, Observations, 
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
-from calibration.transforms import Array, difference, rotation_from_vector, transform
+from calibration.transforms import Array, difference, rotation_from_vector, transform, transform_from_vector
 
 SAME_POSE_RAD = 1e-4
 
@@ -54,7 +54,7 @@ def target_pose(camera: CameraModel, target: Target, detection: Detection) -> tu
 
 def moved(a_T_b: Array, step: Array) -> Array:
     """exp(step) @ a_T_b for steps (n, 6) of [rotation rad, translation mm]."""
-    return transform(rotation_from_vector(step[:, :3]), step[:, 3:]) @ a_T_b
+    return transform_from_vector(step) @ a_T_b
 
 
 def candidate_poses(seen: Observations, camera: CameraModel) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ from calibration.problem import Problem, Setup, View
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
 from calibration.targets import Target
-from calibration.transforms import Array, inverse, rotation_from_vector, transform, vector_from_rotation
+from calibration.transforms import Array, inverse, transform_from_vector, vector_from_transform
 
 PRIOR_SIGMA_RAD, PRIOR_SIGMA_MM = float(np.radians(5.0)), 25.0
 """Default standard deviation per axis of a prior: a guess good to about 50 mm and 10 degrees."""
@@ -104,7 +104,7 @@ def sigma_points(a_T_b: Array, covariance: Array) -> list[Array]:
     floor = np.diag(np.repeat([MIN_SIGMA_RAD**2, MIN_SIGMA_MM**2], 3))
     values, axes = np.linalg.eigh((covariance + floor) * np.outer(scale, scale))
     steps = SIGMA_FACTOR * np.sqrt(values)[:, None] * axes.T / scale
-    return [a_T_b @ transform(rotation_from_vector(step[:3]), step[3:]) for step in np.concatenate([steps, -steps])]
+    return [a_T_b @ transform_from_vector(step) for step in np.concatenate([steps, -steps])]
 
 
 def default_camera(image_size: tuple[int, int]) -> CameraModel:
@@ -224,15 +224,15 @@ def _fit_mount(mount_guess: Array, sigma: Array, anchor_T_mount: Array, camera_T
     agree = np.repeat([np.radians(0.1), 1.0], 3)
 
     def residuals(step: Array) -> Array:
-        mount_T_camera = mount_guess @ transform(rotation_from_vector(step[:3]), step[3:])
+        mount_T_camera = mount_guess @ transform_from_vector(step)
         targets = anchor_T_mount @ mount_T_camera @ camera_T_target
         apart = inverse(targets[:-1]) @ targets[1:]
-        off = np.column_stack([vector_from_rotation(apart[:, :3, :3]).reshape(-1, 3), apart[:, :3, 3]])
+        off = vector_from_transform(apart)
         stacked: Array = np.concatenate([step / sigma, (off / agree).ravel()])
         return stacked
 
     step = least_squares(residuals, np.zeros(6), x_scale=sigma).x
-    return mount_guess @ transform(rotation_from_vector(step[:3]), step[3:])
+    return mount_guess @ transform_from_vector(step)
 
 
 def _target_poses(target: Target, camera: CameraModel, seen: list[View]) -> Array:

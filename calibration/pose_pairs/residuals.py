@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import as_rotation, kronecker
 from calibration.problem import Setup, anchor_T_mount_of
-from calibration.transforms import Array, adjoint, inverse, rotation_from_vector, skew, transform, vector_from_rotation
+from calibration.transforms import Array, adjoint, inverse, skew, transform, transform_from_vector, vector_from_rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,8 @@ class Chain:
 
     def moved(self, step: Array) -> "Chain":
         """By [X 6, Y 6] or [X 6, Y 6, log scale]."""
-        X = self.mount_T_camera @ transform(rotation_from_vector(step[:3]), step[3:6])
-        Y = self.anchor_T_target @ transform(rotation_from_vector(step[6:9]), step[9:12])
+        X = self.mount_T_camera @ transform_from_vector(step[:6])
+        Y = self.anchor_T_target @ transform_from_vector(step[6:12])
         return Chain(X, Y, self.scale * float(np.exp(step[12])) if len(step) > 12 else self.scale)
 
 

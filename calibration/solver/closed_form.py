@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.errors import GeometryError, UndeterminedError
-from calibration.likelihood.chain import Chain, correction_transforms
+from calibration.likelihood.chain import Chain
 from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.estimate import Estimate
 from calibration.linear_algebra import covariance_of
@@ -20,7 +20,7 @@ from calibration.problem import anchor_T_mount_of
 from calibration.solution import HoldOut
 from calibration.solver.initial_guess import closed_form_chain
 from calibration.solver.view_outliers import Selection
-from calibration.transforms import Array, inverse, vector_from_rotation
+from calibration.transforms import Array, inverse, transform_from_vector, vector_from_transform
 
 THREE_POSE = "three-pose"
 DRAWS_TIMES_VIEWS, FEWEST_DRAWS, MOST_DRAWS = 3000, 16, 100
@@ -81,10 +81,10 @@ def _covariance(rows: Prepared, best: Estimate, chain: Chain, method: str) -> Ar
     steps = []
     for _ in range(draws):
         poses = moved(exact, (image @ rng.standard_normal((n, 6, 1)))[..., 0])
-        base_T_flange = rows.seen.base_T_flange @ correction_transforms(robot * rng.standard_normal((n, 6)))
+        base_T_flange = rows.seen.base_T_flange @ transform_from_vector(robot * rng.standard_normal((n, 6)))
         anchor_T_mount = anchor_T_mount_of(rows.setup, base_T_flange)
         step = inverse(chain.mount_T_camera) @ CLOSED_FORMS[method](anchor_T_mount, poses)
-        steps.append(np.concatenate([vector_from_rotation(step[:3, :3]), step[:3, 3]]))
+        steps.append(vector_from_transform(step))
     return np.cov(np.array(steps).T)
 
 

@@ -19,7 +19,7 @@ from calibration.errors import UndeterminedError
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
 from calibration.observability import require_observable
 from calibration.solution import Finding, Noise, Solution, ViewResult
-from calibration.transforms import Array, adjoint, difference, rotation_from_vector, skew, transform
+from calibration.transforms import Array, adjoint, difference, skew, transform_from_vector
 from registration.calibrate.outcome import determined, undetermined
 from registration.fusion.overlap import agreement, reach_of
 from registration.fusion.pair_information import PairEvidence
@@ -119,7 +119,7 @@ def solve_from_surfaces(
             noise = _estimated_noise(system, noise, stated)
         information, step = system.solved(noise)
         covariance = _covariance_of_x(information)
-        x = x @ _exponential(step[-6:])
+        x = x @ transform_from_vector(step[-6:])
         motions = system.moved(step)
         narrow = reach_mm <= least_mm
         settled = narrow and float(np.abs(step[:-6]).max()) < SETTLED_MM and float(np.abs(step[-3:]).max()) < SETTLED_MM
@@ -238,10 +238,6 @@ def _require_fixed(covariance: Array) -> None:
 def _weakest(direction: Array) -> str:
     what = "rotation" if np.linalg.norm(direction[:3]) > np.linalg.norm(direction[3:]) else "translation"
     return f"the overlapping surfaces and the robot's motions do not fix X's {what}"
-
-
-def _exponential(twist: Array) -> Array:
-    return transform(rotation_from_vector(twist[:3]), twist[3:])
 
 
 def _solution(

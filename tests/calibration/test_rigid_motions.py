@@ -17,7 +17,9 @@ from calibration.transforms import (
     rotation_angle_rad,
     rotation_from_vector,
     transform,
+    transform_from_vector,
     vector_from_rotation,
+    vector_from_transform,
 )
 from tests.simulated.sessions import random_cell
 from tests.simulated.spoiled_sessions import ORDINARY, QUIET
@@ -110,3 +112,6 @@ def test_exponential_and_logarithm_are_inverses(a: Array) -> None:
     vector = vector_from_rotation(a[:3, :3])
     assert np.allclose(rotation_from_vector(vector), a[:3, :3], atol=1e-9)
     assert abs(rotation_angle_rad(a[:3, :3]) - np.linalg.norm(vector)) < 1e-9
+    stack = np.array([[a, inverse(a)], [np.eye(4), a]])
+    np.testing.assert_allclose(transform_from_vector(vector_from_transform(stack)), stack, atol=1e-9)
+    np.testing.assert_allclose(vector_from_transform(a), [*vector, *a[:3, 3]], atol=1e-9)
