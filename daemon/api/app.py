@@ -3,7 +3,7 @@
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from fastapi import APIRouter, Depends, FastAPI, Request, Response
+from fastapi import Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
@@ -15,25 +15,12 @@ from daemon.api.dependencies import only_known_queries
 from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.idempotency import Idempotency
 from daemon.api.middleware.request_checks import Guards
-from daemon.api.routes import admin, calibrate, calibrations, cell, drift, events, health, register, runs, scans
+from daemon.api.route_table import ROUTERS
 from daemon.application import Application
 from daemon.errors import DaemonError
 from daemon.runtime.version import VERSION
 from drivers.errors import DeviceError
 from registration.errors import RegistrationError
-
-ROUTERS: tuple[APIRouter, ...] = (
-    health.router,
-    calibrate.router,
-    runs.router,
-    calibrations.router,
-    drift.router,
-    cell.router,
-    events.router,
-    register.router,
-    scans.router,
-    admin.router,
-)
 
 ABOUT = (
     "Eye-in-hand calibration of an ABB robot cell, and point clouds in the robot's base frame. Lengths mm, angles deg,"

@@ -1,8 +1,9 @@
 """How a route reaches the application, its body and its query."""
 
 import json
-from collections.abc import Awaitable, Callable, Iterator
-from typing import Annotated, Any, Protocol, TypeVar
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Generic, Protocol, TypeVar
 
 from fastapi import Depends, Path, Query, Request
 from pydantic import BaseModel
@@ -47,13 +48,15 @@ def page_of(found: list[Record], limit: int, path: str) -> tuple[list[Record], s
     return page, f"{path}?limit={limit}&before={page[-1].id}" if len(found) > limit else None
 
 
-def body_of(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
-    """A dependency: the JSON body as `model`; an empty body is an empty object. See `openapi.described`."""
+@dataclass(frozen=True)
+class JsonBody(Generic[Model]):
+    """A dependency: the JSON body as `model`; an empty body is an empty object. `openapi.described` shows the model."""
 
-    async def read(request: Request) -> Model:
-        return validate_document(model, _json(await request.body()), ORIGIN)
+    model: type[Model]
 
-    return read
+    async def __call__(self, request: Request) -> Model:
+        """Raises DocumentError, BodyMalformed."""
+        return validate_document(self.model, _json(await request.body()), ORIGIN)
 
 
 class _Nothing(Document):
@@ -62,13 +65,7 @@ class _Nothing(Document):
 
 async def no_body(request: Request) -> None:
     """A dependency of a route without a body; an empty object passes. Raises DocumentError, BodyMalformed."""
-    await body_of(_Nothing)(request)
-
-
-def takes(model: type[BaseModel]) -> dict[str, Any]:
-    """For `openapi_extra=` of a route that uses `body_of`."""
-    schema = {"$ref": f"#/components/schemas/{model.__name__}"}
-    return {"requestBody": {"required": False, "content": {"application/json": {"schema": schema}}}}
+    await JsonBody(_Nothing)(request)
 
 
 def _json(content: bytes) -> Any:

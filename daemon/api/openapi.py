@@ -3,25 +3,19 @@
 from typing import Any, Literal
 
 from fastapi import FastAPI
+from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from daemon.access.policy import role_for
 from daemon.access.roles import Role
+from daemon.api.dependencies import JsonBody
 from daemon.api.middleware.idempotency import KEY, KEY_LIMIT
 from daemon.api.openapi_examples import example_of
+from daemon.api.route_table import ROUTERS, TAGS
 from daemon.api.schemas.answer import Answer
 from daemon.http.problem_details import MEDIA_TYPE, Problem, phrase_of
-from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, SetupRequest, VerifyRequest
 
-BODIES: tuple[type[BaseModel], ...] = (
-    CalibrateRequest,
-    VerifyRequest,
-    ScanRequest,
-    ApplyRequest,
-    SetupRequest,
-    Problem,
-)
 MODE: Literal["validation"] = "validation"
 REF = "#/components/schemas/{model}"
 
@@ -47,24 +41,14 @@ KEY_SCHEME: dict[str, Any] = {
     " daemon's own machine nobody is asked until there is a first key.",
 }
 
-TAGS = {
-    "calibrate": "The main job: where the camera sits on the flange, and whether that still holds.",
-    "runs": "What the arm was asked to do: at most one run at a time.",
-    "calibrations": "Results, and which of them is in force.",
-    "cell": "Robot and camera as they are now.",
-    "register": "One cloud into the robot's base frame, while it passes by.",
-    "scans": "Parts larger than one view.",
-    "events": "What happens, as it happens.",
-    "access": "Keys, and who did what.",
-    "health": "Is it alive, could it work, what has it counted.",
-}
-
 
 def described(app: FastAPI) -> dict[str, Any]:
     """The document, complete."""
     if app.openapi_schema is None:
         document = FastAPI.openapi(app)
-        _, schemas = models_json_schema([(model, MODE) for model in BODIES], ref_template=REF)
+        bodies = _bodies()
+        documented: dict[type[BaseModel], None] = dict.fromkeys([*bodies.values(), Problem])
+        _, schemas = models_json_schema([(model, MODE) for model in documented], ref_template=REF)
         components = document.setdefault("components", {})
         models = components.setdefault("schemas", {})
         for unused in ("HTTPValidationError", "ValidationError"):
@@ -77,17 +61,33 @@ def described(app: FastAPI) -> dict[str, Any]:
         components["parameters"] = {"IdempotencyKey": IDEMPOTENCY_KEY}
         document["tags"] = [{"name": name, "description": about} for name, about in TAGS.items()]
         document["servers"] = [{"url": "http://127.0.0.1:8372", "description": "this machine, as it comes"}]
-        problems = _finish(document)
+        problems = _finish(document, bodies)
         components["responses"] = {str(status): _problem(status) for status in sorted(problems)}
         app.openapi_schema = document
     return app.openapi_schema
 
 
-def _finish(document: dict[str, Any]) -> set[int]:
-    """Problems by reference, keys and statuses that every operation shares; answers which statuses there are."""
+def _bodies() -> dict[tuple[str, str], type[BaseModel]]:
+    """By path and method, the model of the body that a route reads with `body_of`."""
+    return {
+        (route.path, method): read.call.model
+        for router in ROUTERS
+        for route in router.routes
+        if isinstance(route, APIRoute)
+        for read in route.dependant.dependencies
+        if isinstance(read.call, JsonBody)
+        for method in route.methods or ()
+    }
+
+
+def _finish(document: dict[str, Any], bodies: dict[tuple[str, str], type[BaseModel]]) -> set[int]:
+    """Bodies and problems by reference, keys and statuses that every operation shares; returns all statuses."""
     used: set[int] = set()
     for path, item in document["paths"].items():
         for method, operation in item.items():
+            if model := bodies.get((path, method.upper())):
+                schema = {"$ref": REF.format(model=model.__name__)}
+                operation["requestBody"] = {"required": False, "content": {"application/json": {"schema": schema}}}
             needed = role_for(method.upper(), path)
             operation["x-role"] = needed.word
             operation["security"] = [] if needed is Role.NOBODY else [{"key": []}]

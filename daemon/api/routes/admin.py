@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request
 
-from daemon.api.dependencies import App, Limit, body_of, takes
+from daemon.api.dependencies import App, JsonBody, Limit
 from daemon.api.problems import documented
 from daemon.api.schemas.access import AuditDocument, AuditList, NewKeyDocument
 from daemon.model.requests import SetupRequest
@@ -18,10 +18,9 @@ router = APIRouter(tags=["access"])
     response_model=NewKeyDocument,
     status_code=201,
     responses=documented(400, 403, 409, 413, 500, 507),
-    openapi_extra=takes(SetupRequest),
 )
 async def setup(
-    request: Request, app: App, body: Annotated[SetupRequest, Depends(body_of(SetupRequest))]
+    request: Request, app: App, body: Annotated[SetupRequest, Depends(JsonBody(SetupRequest))]
 ) -> NewKeyDocument:
     """The first key, an admin's, for the set-up code that the daemon's log shows. It is shown this once."""
     peer = request.client.host if request.client else "unknown"

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from daemon.api.dependencies import App, Wait, body_of, takes
+from daemon.api.dependencies import App, JsonBody, Wait
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import status_in_words
 from daemon.api.problems import documented
@@ -33,9 +33,9 @@ async def calibrate_status(request: Request, app: App) -> Response:
     return negotiated(request, status, lambda: status_in_words(status, str(request.base_url)))
 
 
-@router.post("/calibrate", response_model=RunDocument, responses=STARTED, openapi_extra=takes(CalibrateRequest))
+@router.post("/calibrate", response_model=RunDocument, responses=STARTED)
 async def calibrate(
-    request: Request, app: App, body: Annotated[CalibrateRequest, Depends(body_of(CalibrateRequest))], wait: Wait = 0.0
+    request: Request, app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(CalibrateRequest))], wait: Wait = 0.0
 ) -> Response:
     """Drive the arm through calibration poses, look at the target from each, solve for X, store it."""
     return await started_answer(request, app, await app.operations.calibrate(body), wait)
@@ -45,10 +45,9 @@ async def calibrate(
     "/verify",
     response_model=RunDocument | AcceptanceDocument,
     responses={**STARTED, **documented(404)},
-    openapi_extra=takes(VerifyRequest),
 )
 async def verify(
-    request: Request, app: App, body: Annotated[VerifyRequest, Depends(body_of(VerifyRequest))], wait: Wait = 0.0
+    request: Request, app: App, body: Annotated[VerifyRequest, Depends(JsonBody(VerifyRequest))], wait: Wait = 0.0
 ) -> Response:
     """Look at the target again from three positions: each point in base coordinates, and how far they scatter.
 

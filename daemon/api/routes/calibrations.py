@@ -17,7 +17,7 @@ from daemon.api.conditional_requests import (
     tag_of,
     tags_in,
 )
-from daemon.api.dependencies import App, Before, Identifier, Limit, body_of, page_of, takes
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of
 from daemon.api.middleware.authentication import caller_of
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import current_in_words
@@ -76,14 +76,13 @@ async def calibration(request: Request, app: App, calibration_id: Identifier) ->
     response_model=AppliedDocument,
     responses={200: {"description": "It is in force", "headers": ETAG_HEADER},
                **documented(400, 403, 404, 409, 412, 413, 500, 507)},
-    openapi_extra=takes(ApplyRequest),
 )  # fmt: skip
 async def apply(
     request: Request,
     app: App,
     response: Response,
     calibration_id: Identifier,
-    body: Annotated[ApplyRequest, Depends(body_of(ApplyRequest))],
+    body: Annotated[ApplyRequest, Depends(JsonBody(ApplyRequest))],
     if_match: IfMatch = None,
 ) -> AppliedDocument:
     """Make this calibration the one in force. What was in force before stays in the history.

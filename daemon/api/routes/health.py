@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 from daemon.api.dependencies import App
 from daemon.api.negotiation import negotiated, or_text
 from daemon.api.plain_text import ready_in_words
-from daemon.api.schemas.health import HealthDocument, Readiness, ReadyDocument, Welcome
+from daemon.api.schemas.health import HealthDocument, Readiness, ReadyDocument
 from daemon.application import Application
 from daemon.errors import NoCalibration
 from daemon.model.records import RunKind
@@ -17,28 +17,6 @@ from daemon.runtime.metrics import Labels, Metric, exposition
 from daemon.runtime.version import SOFTWARE
 
 router = APIRouter(tags=["health"])
-
-PAGES = {
-    "how to calibrate": "/calibrate",
-    "runs": "/runs",
-    "calibrations": "/calibrations",
-    "calibration in force": "/calibrations/current",
-    "drift": "/drift",
-    "scans": "/scans",
-    "robot": "/robot",
-    "camera": "/camera/frame.png",
-    "ready": "/ready",
-    "health": "/health",
-    "events": "/events",
-    "metrics": "/metrics",
-    "openapi": "/openapi.json",
-}
-
-
-@router.get("/", response_model=Welcome)
-async def welcome() -> Welcome:
-    """What there is."""
-    return Welcome(software=SOFTWARE, links=PAGES)
 
 
 @router.get("/health", response_model=HealthDocument)

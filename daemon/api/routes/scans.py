@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from calibration.documents.pose import PoseDocument
-from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, body_of, page_of, takes
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of
 from daemon.api.http_errors import CloudTooLarge
 from daemon.api.problems import documented
 from daemon.api.routes.register import Which
@@ -57,9 +57,8 @@ async def scans(app: App, limit: Limit = 50, before: Before = None) -> ScanList:
     status_code=201,
     responses={202: {"description": "The arm is driven to fill it; follow run.links", "model": ScanDocument},
                **documented(*BODY_REFUSALS)},
-    openapi_extra=takes(ScanRequest),
 )  # fmt: skip
-async def create(app: App, body: Annotated[ScanRequest, Depends(body_of(ScanRequest))], wait: Wait = 0.0) -> Response:
+async def create(app: App, body: Annotated[ScanRequest, Depends(JsonBody(ScanRequest))], wait: Wait = 0.0) -> Response:
     """A new scan, for clouds you send; or with `capture` or `poses` one that the daemon's scanner fills."""
     scan, run = await app.operations.scan(body)
     if run is not None and wait > 0:
