@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mock_robot.cabinet.panel import Mode
-from tests.foreign.cells import digits, held_by, move
-from tests.mock_robot.bench import AWAY
+from tests.foreign.client_checks import digits, held_by, move
+from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
 from tests.support.waiting import eventually_blocking
 

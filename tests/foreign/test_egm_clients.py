@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from protocols.egm.messages import RobotSample, decode, encode
-from tests.foreign.cells import held_by
+from tests.foreign.client_checks import held_by
 from tests.mock_robot.rws_cell import rws_cell_apart
 
 ROOT = Path(__file__).parents[2]

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tests.foreign.cells import held_by
-from tests.mock_robot.bench import AWAY, HOME
+from tests.foreign.client_checks import held_by
+from tests.mock_robot.controller_client import AWAY, HOME
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
 from tests.support.waiting import eventually
 

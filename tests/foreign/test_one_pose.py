@@ -9,8 +9,8 @@ import pytest
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.tcp import TcpTransport
 from protocols.egm.messages import decode
-from tests.foreign.cells import held_by
-from tests.mock_robot.bench import AWAY
+from tests.foreign.client_checks import held_by
+from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.rws_cell import ACCEPT_2, RwsCell, rws_cell
 from tests.support.waiting import eventually
 

@@ -7,7 +7,7 @@ import pytest
 
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.memory import Symbol
-from tests.foreign.cells import digits, held_by, quietly
+from tests.foreign.client_checks import digits, held_by, quietly
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
 
 RWS = pytest.importorskip("rwsuis.RWS", reason="rwsuis is not installed").RWS

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.foreign.cells import held_by, quietly, unverified_https
+from tests.foreign.client_checks import held_by, quietly, unverified_https
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
 
 RWS = pytest.importorskip("rwswrap.RWS", reason="rwswrap is not installed").RWS

@@ -17,7 +17,7 @@ from mock_robot.cell import RobotProgram
 from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.start_posture import target_middle_mm
 from protocols.cb.codes import Command
-from tests.mock_robot.bench import AWAY, HOME
+from tests.mock_robot.controller_client import AWAY, HOME
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.support.waiting import eventually
 

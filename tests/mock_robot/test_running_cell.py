@@ -26,8 +26,8 @@ from mock_robot.truth.truth import CellNoise, CellTruth
 from protocols.cb import messages as cb
 from protocols.cb.codes import Command, Flag, Status
 from protocols.cb.events import SessionChanged
-from tests.mock_robot.bench import AWAY, HOME, move_to
 from tests.mock_robot.cb_client import over_serial, over_tcp
+from tests.mock_robot.controller_client import AWAY, HOME, move_to
 from tests.mock_robot.running_cell import RunningCell, cell_process, running_cell
 from tests.support.waiting import eventually
 
@@ -141,22 +141,22 @@ async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str, progra
 async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None:
     async with (
         robot_only() as cell,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as bench,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as client,
     ):
-        state = (await bench.get("/state")).json()
+        state = (await client.get("/state")).json()
         assert state["moves_commanded"] == 0
         assert not state["moving"]
-        assert (await bench.post("/motors", json={"on": False})).json()["motors_on"] is False
-        assert (await bench.post("/motors?on=true")).json()["motors_on"] is True
-        assert (await bench.post("/mode", json={"mode": "MANR"})).json()["mode"] == "MANR"
-        assert (await bench.post("/emergency-stop?pressed=yes")).json()["emergency_stop"] is True
-        assert (await bench.post("/program?running=off")).json()["program_running"] is False
-        assert (await bench.post("/restart")).json()["session"] != state["session"]
-        assert (await bench.post("/faults/link-delay", json={"strikes": 2})).json() == {"on": ["link-delay"]}
-        assert (await bench.get("/state")).json()["faults"] == ["link-delay"]
-        assert (await bench.delete("/faults")).json() == {"on": []}
-        assert len((await bench.get("/faults")).json()) >= 25
-        assert any("restarted" in entry["text"] for entry in (await bench.get("/log")).json())
+        assert (await client.post("/motors", json={"on": False})).json()["motors_on"] is False
+        assert (await client.post("/motors?on=true")).json()["motors_on"] is True
+        assert (await client.post("/mode", json={"mode": "MANR"})).json()["mode"] == "MANR"
+        assert (await client.post("/emergency-stop?pressed=yes")).json()["emergency_stop"] is True
+        assert (await client.post("/program?running=off")).json()["program_running"] is False
+        assert (await client.post("/restart")).json()["session"] != state["session"]
+        assert (await client.post("/faults/link-delay", json={"strikes": 2})).json() == {"on": ["link-delay"]}
+        assert (await client.get("/state")).json()["faults"] == ["link-delay"]
+        assert (await client.delete("/faults")).json() == {"on": []}
+        assert len((await client.get("/faults")).json()) >= 25
+        assert any("restarted" in entry["text"] for entry in (await client.get("/log")).json())
 
 
 @pytest.mark.parametrize(
@@ -175,9 +175,9 @@ async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None
 async def test_the_control_port_says_what_is_wrong(method: str, path: str, status: int, says: str) -> None:
     async with (
         robot_only() as cell,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as bench,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as client,
     ):
-        response = await bench.request(method, path)
+        response = await client.request(method, path)
         assert response.status_code == status
         assert says in response.json()["detail"]
         assert response.headers["content-type"] == "application/problem+json"
@@ -188,7 +188,7 @@ async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switc
     async with (
         running_cell(truth=imprecise) as cell,
         httpx.AsyncClient(base_url=str(cell.announcement.devices_url), trust_env=False) as devices,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as bench,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as client,
     ):
         announced = cell.announcement.document()
         assert (await devices.get(announced["scanner"])).content.startswith(b"ply")
@@ -198,15 +198,15 @@ async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switc
         true, reported = (_projected(cell.truth, base_T_flange)[seen.ids] for base_T_flange in _flange_poses(cell))
         assert np.sqrt(np.mean((seen.corners_px - true) ** 2)) < 0.1
         assert np.sqrt(np.mean((seen.corners_px - reported) ** 2)) > 0.5, "nothing tells the arm's error"
-        assert (await bench.post("/faults/camera-away")).json() == {"on": ["camera-away"]}
+        assert (await client.post("/faults/camera-away")).json() == {"on": ["camera-away"]}
         assert (await devices.get("/camera/snapshot.png")).status_code == 503
         assert (await devices.get("/camera/snapshot.png")).status_code == 200
         cell.inject_fault("scanner-away", strikes=2)
         cell.inject_fault("link-delay")
-        assert (await bench.get("/state")).json()["faults"] == ["link-delay", "scanner-away"]
-        assert (await bench.delete("/faults/scanner-away")).json() == {"on": ["link-delay"]}
+        assert (await client.get("/state")).json()["faults"] == ["link-delay", "scanner-away"]
+        assert (await client.delete("/faults/scanner-away")).json() == {"on": ["link-delay"]}
         assert (await devices.get("/scanner/cloud.ply")).status_code == 200
-        refused = await bench.post("/faults/camera-black?after_moves=2")
+        refused = await client.post("/faults/camera-black?after_moves=2")
         assert refused.status_code == 422
 
 

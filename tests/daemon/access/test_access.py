@@ -22,7 +22,7 @@ from daemon.store.key_service import KeyService
 from daemon.store.store import Store
 from tests.daemon.access_keys import TEST, bearer, with_keys
 from tests.daemon.calibrations import a_calibration
-from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.cell_under_test import Bench, serving, settings_for
 
 OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text())
 
@@ -128,12 +128,11 @@ def files_with(folder: Path, text: str) -> list[Path]:
     return [file for file in folder.rglob("*") if file.is_file() and text.encode() in file.read_bytes()]
 
 
-async def test_the_key_from_the_set_up_is_not_kept_by_an_idempotency_key_either(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        body = {"code": bench.application.key_service.code.text, "name": "Ann"}
-        made = await bench.client.post("/setup", json=body, headers={"idempotency-key": "k"})
-        again = await bench.client.post("/setup", json=body, headers={"idempotency-key": "k"})
-        assert (made.status_code, again.status_code) == (201, 403)
+async def test_the_key_from_the_set_up_is_not_kept_by_an_idempotency_key_either(bench: Bench) -> None:
+    body = {"code": bench.application.key_service.code.text, "name": "Ann"}
+    made = await bench.client.post("/setup", json=body, headers={"idempotency-key": "k"})
+    again = await bench.client.post("/setup", json=body, headers={"idempotency-key": "k"})
+    assert (made.status_code, again.status_code) == (201, 403)
 
 
 def test_a_few_wrong_guesses_end_the_code() -> None:

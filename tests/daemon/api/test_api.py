@@ -108,21 +108,19 @@ BAD_BODIES: list[tuple[bytes, int, str, str]] = [
 ]
 
 
-async def test_a_bad_body_is_told_and_moves_nothing(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        for body, status, code, says in BAD_BODIES:
-            problem = await refused(bench, "POST", "/calibrate", content=body)
-            assert (problem["status"], problem["code"]) == (status, code), body[:80]
-            assert says in problem["detail"], body[:80]
-        assert not bench.robot.goals
+async def test_a_bad_body_is_told_and_moves_nothing(bench: Bench) -> None:
+    for body, status, code, says in BAD_BODIES:
+        problem = await refused(bench, "POST", "/calibrate", content=body)
+        assert (problem["status"], problem["code"]) == (status, code), body[:80]
+        assert says in problem["detail"], body[:80]
+    assert not bench.robot.goals
 
 
-async def test_a_misspelt_key_is_told_with_the_nearest_known_one(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        problem = await refused(bench, "POST", "/calibrate", json={"cuont": 3})
-        assert problem["problems"] == [{"place": "cuont", "what": "unknown key", "fix": "did you mean 'count'?"}]
-        problem = await refused(bench, "POST", "/calibrate?wiat=3")
-        assert problem["problems"][0]["fix"] == "did you mean 'wait'?"
+async def test_a_misspelt_key_is_told_with_the_nearest_known_one(bench: Bench) -> None:
+    problem = await refused(bench, "POST", "/calibrate", json={"cuont": 3})
+    assert problem["problems"] == [{"place": "cuont", "what": "unknown key", "fix": "did you mean 'count'?"}]
+    problem = await refused(bench, "POST", "/calibrate?wiat=3")
+    assert problem["problems"][0]["fix"] == "did you mean 'wait'?"
 
 
 REFUSED = [
@@ -147,19 +145,17 @@ REFUSED = [
 ALLOWED = [("/calibrate", "GET, POST"), ("/scans", "GET, POST"), ("/robot", "GET"), ("/register", "POST")]
 
 
-async def test_what_is_not_there_is_told(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        for method, path, status, code in REFUSED:
-            problem = await refused(bench, method, path)
-            assert (problem["status"], problem["code"]) == (status, code), path
+async def test_what_is_not_there_is_told(bench: Bench) -> None:
+    for method, path, status, code in REFUSED:
+        problem = await refused(bench, method, path)
+        assert (problem["status"], problem["code"]) == (status, code), path
 
 
-async def test_405_names_every_method_of_the_path(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        for path, allow in ALLOWED:
-            answer = await bench.client.put(path)
-            assert (answer.status_code, answer.headers["allow"]) == (405, allow)
-            assert allow in answer.json()["fix"]
+async def test_405_names_every_method_of_the_path(bench: Bench) -> None:
+    for path, allow in ALLOWED:
+        answer = await bench.client.put(path)
+        assert (answer.status_code, answer.headers["allow"]) == (405, allow)
+        assert allow in answer.json()["fix"]
 
 
 @pytest.mark.parametrize("path", ["/calibrate", "/register?pose=1,2,3,1,0,0,0", "/scans/x/views"])
@@ -176,28 +172,26 @@ async def test_a_body_over_the_limit_is_refused_before_it_is_read(tmp_path: Path
         await writer.wait_closed()
 
 
-async def test_a_body_without_a_length_is_cut_off_at_the_limit(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        sent = 0
-        url = urlsplit(bench.url)
-        reader, writer = await asyncio.open_connection(url.hostname, url.port)
-        writer.write(b"POST /calibrate HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n")
-        answer = asyncio.create_task(reader.readuntil(b"\r\n\r\n"))
-        while not answer.done() and sent < 3 * JSON_LIMIT_BYTES:
-            writer.write(b"10000\r\n" + b" " * 0x10000 + b"\r\n")
-            sent += 0x10000
-            await asyncio.sleep(0)
-        assert b" 413 " in (await asyncio.wait_for(answer, 5)).splitlines()[0]
-        writer.close()
+async def test_a_body_without_a_length_is_cut_off_at_the_limit(bench: Bench) -> None:
+    sent = 0
+    url = urlsplit(bench.url)
+    reader, writer = await asyncio.open_connection(url.hostname, url.port)
+    writer.write(b"POST /calibrate HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n")
+    answer = asyncio.create_task(reader.readuntil(b"\r\n\r\n"))
+    while not answer.done() and sent < 3 * JSON_LIMIT_BYTES:
+        writer.write(b"10000\r\n" + b" " * 0x10000 + b"\r\n")
+        sent += 0x10000
+        await asyncio.sleep(0)
+    assert b" 413 " in (await asyncio.wait_for(answer, 5)).splitlines()[0]
+    writer.close()
 
 
-async def test_a_page_from_elsewhere_cannot_move_the_robot(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        problem = await refused(bench, "POST", "/calibrate", headers={"origin": "https://evil.example"})
-        assert (problem["status"], problem["code"]) == (403, "cross-origin")
-        assert not bench.robot.goals
-        own = await bench.client.post("/calibrate", headers={"origin": bench.url})
-        assert own.status_code == 202
+async def test_a_page_from_elsewhere_cannot_move_the_robot(bench: Bench) -> None:
+    problem = await refused(bench, "POST", "/calibrate", headers={"origin": "https://evil.example"})
+    assert (problem["status"], problem["code"]) == (403, "cross-origin")
+    assert not bench.robot.goals
+    own = await bench.client.post("/calibrate", headers={"origin": bench.url})
+    assert own.status_code == 202
 
 
 FOREIGN = ["evil.example", "evil.example:8372", "localhost.evil.example", "127.0.0.1.evil.example", "", "a b", "[::1"]
@@ -214,25 +208,22 @@ async def test_a_name_that_somebody_else_resolves_to_us_is_refused(tmp_path: Pat
             assert (await bench.client.get("/health", headers={"host": host})).status_code == 200, host
 
 
-async def test_a_rejected_calibration_is_applied_only_on_purpose(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        for name, accepted, solved in (("good", True, True), ("bad", False, True), ("none", False, False)):
-            document = a_calibration(name, accepted=accepted, solved=solved)
-            record = CalibrationRecord(name, None, document.created_at, accepted, document)
-            await bench.application.store.save_calibration(record)
-        problem = await refused(bench, "POST", "/calibrations/bad/apply")
-        assert (problem["status"], problem["code"]) == (409, "calibration-unusable")
-        assert "the axes are parallel" in problem["detail"]
-        assert (await bench.client.post("/calibrations/good/apply", json={"applied_by": "Ann"})).status_code == 200
-        assert (await bench.client.get("/calibrations/current")).json()["calibration"]["id"] == "good"
-        forced = await bench.client.post("/calibrations/bad/apply", json={"despite_verdict": True})
-        assert forced.status_code == 200
-        assert (await refused(bench, "POST", "/calibrations/none/apply", json={"despite_verdict": True}))[
-            "status"
-        ] == 409
-        listed = (await bench.client.get("/calibrations")).json()
-        assert [row["calibration_id"] for row in listed["applied"]] == ["bad", "good"]
-        assert [row["id"] for row in listed["calibrations"] if row["current"]] == ["bad"]
+async def test_a_rejected_calibration_is_applied_only_on_purpose(bench: Bench) -> None:
+    for name, accepted, solved in (("good", True, True), ("bad", False, True), ("none", False, False)):
+        document = a_calibration(name, accepted=accepted, solved=solved)
+        record = CalibrationRecord(name, None, document.created_at, accepted, document)
+        await bench.application.store.save_calibration(record)
+    problem = await refused(bench, "POST", "/calibrations/bad/apply")
+    assert (problem["status"], problem["code"]) == (409, "calibration-unusable")
+    assert "the axes are parallel" in problem["detail"]
+    assert (await bench.client.post("/calibrations/good/apply", json={"applied_by": "Ann"})).status_code == 200
+    assert (await bench.client.get("/calibrations/current")).json()["calibration"]["id"] == "good"
+    forced = await bench.client.post("/calibrations/bad/apply", json={"despite_verdict": True})
+    assert forced.status_code == 200
+    assert (await refused(bench, "POST", "/calibrations/none/apply", json={"despite_verdict": True}))["status"] == 409
+    listed = (await bench.client.get("/calibrations")).json()
+    assert [row["calibration_id"] for row in listed["applied"]] == ["bad", "good"]
+    assert [row["id"] for row in listed["calibrations"] if row["current"]] == ["bad"]
 
 
 @pytest.mark.parametrize(
@@ -257,48 +248,42 @@ def test_json_unless_text_is_preferred(accept: str | None, text: bool) -> None:
     assert wants_text(Request({"type": "http", "headers": headers})) is text
 
 
-async def test_metrics_are_prometheus_text(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await bench.client.get("/nowhere")
-        await bench.client.post("/calibrate", params={"wait": 30})
-        page = (await bench.client.get("/metrics")).text
-        lines = page.splitlines()
-        assert 'handeyed_http_requests_total{method="GET",status="404"} 1' in lines
-        assert 'handeyed_device_connected{device="robot"} 1' in lines
-        assert any(
-            line.startswith('handeyed_runs_ended_total{kind="calibration",state="finished"} 1') for line in lines
-        )
-        families = [line.split()[2] for line in lines if line.startswith("# TYPE")]
-        assert len(families) == len(set(families))
-        assert page.endswith("\n")
+async def test_metrics_are_prometheus_text(bench: Bench) -> None:
+    await bench.client.get("/nowhere")
+    await bench.client.post("/calibrate", params={"wait": 30})
+    page = (await bench.client.get("/metrics")).text
+    lines = page.splitlines()
+    assert 'handeyed_http_requests_total{method="GET",status="404"} 1' in lines
+    assert 'handeyed_device_connected{device="robot"} 1' in lines
+    assert any(line.startswith('handeyed_runs_ended_total{kind="calibration",state="finished"} 1') for line in lines)
+    families = [line.split()[2] for line in lines if line.startswith("# TYPE")]
+    assert len(families) == len(set(families))
+    assert page.endswith("\n")
 
 
-async def test_the_camera_shows_what_it_sees_now(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        answer = await bench.client.get("/camera/frame.png")
-        assert answer.headers["content-type"] == "image/png"
-        assert answer.content.startswith(b"\x89PNG")
+async def test_the_camera_shows_what_it_sees_now(bench: Bench) -> None:
+    answer = await bench.client.get("/camera/frame.png")
+    assert answer.headers["content-type"] == "image/png"
+    assert answer.content.startswith(b"\x89PNG")
 
 
-async def test_get_calibrate_moves_nothing_and_says_how_to_start(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        words = (await bench.client.get("/calibrate", headers={"accept": "text/plain"})).text
-        assert "no calibration is in force" in words
-        assert f"curl -X POST -H 'Accept: text/plain' '{bench.url}/calibrate?wait=120'" in words
-        assert (await bench.client.get("/calibrate")).json()["poses"] == "5 taught in the settings"
-        assert not bench.robot.goals
+async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -> None:
+    words = (await bench.client.get("/calibrate", headers={"accept": "text/plain"})).text
+    assert "no calibration is in force" in words
+    assert f"curl -X POST -H 'Accept: text/plain' '{bench.url}/calibrate?wait=120'" in words
+    assert (await bench.client.get("/calibrate")).json()["poses"] == "5 taught in the settings"
+    assert not bench.robot.goals
 
 
-async def test_events_tell_every_step_and_can_be_caught_up(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
-        events = await read_events(bench.client, until="finished", last_event_id="0")
-        states = [json.loads(event["data"])["state"] for event in events]
-        assert states == ["moving", "settling", "capturing"] * 5 + ["detecting", "solving", "finished"]
-        assert [int(event["id"]) for event in events] == list(range(1, len(events) + 1))
-        assert json.loads(events[-1]["data"])["id"] == run["id"]
-        late = await read_events(bench.client, until="finished", last_event_id=str(len(events) - 2))
-        assert [event["id"] for event in late] == [str(len(events) - 1), str(len(events))]
+async def test_events_tell_every_step_and_can_be_caught_up(bench: Bench) -> None:
+    run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+    events = await read_events(bench.client, until="finished", last_event_id="0")
+    states = [json.loads(event["data"])["state"] for event in events]
+    assert states == ["moving", "settling", "capturing"] * 5 + ["detecting", "solving", "finished"]
+    assert [int(event["id"]) for event in events] == list(range(1, len(events) + 1))
+    assert json.loads(events[-1]["data"])["id"] == run["id"]
+    late = await read_events(bench.client, until="finished", last_event_id=str(len(events) - 2))
+    assert [event["id"] for event in late] == [str(len(events) - 1), str(len(events))]
 
 
 async def test_an_event_stream_ends_when_the_daemon_stops(tmp_path: Path) -> None:
@@ -310,16 +295,15 @@ async def test_an_event_stream_ends_when_the_daemon_stops(tmp_path: Path) -> Non
             assert [line async for line in lines] == [""]
 
 
-async def test_a_defect_is_a_problem_too_and_the_daemon_stays_up(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
+async def test_a_defect_is_a_problem_too_and_the_daemon_stays_up(bench: Bench) -> None:
 
-        async def broken() -> None:
-            raise ZeroDivisionError
+    async def broken() -> None:
+        raise ZeroDivisionError
 
-        bench.robot.read_pose = broken  # type: ignore[method-assign, assignment]
-        problem = await refused(bench, "GET", "/robot")
-        assert (problem["status"], problem["code"]) == (500, "internal-error")
-        assert (await bench.client.get("/health")).json()["status"] == "alive"
+    bench.robot.read_pose = broken  # type: ignore[method-assign, assignment]
+    problem = await refused(bench, "GET", "/robot")
+    assert (problem["status"], problem["code"]) == (500, "internal-error")
+    assert (await bench.client.get("/health")).json()["status"] == "alive"
 
 
 def test_a_status_has_one_name_whichever_python_this_is() -> None:

@@ -69,17 +69,16 @@ class _Raw(httpx.URL):
 
 
 @pytest.mark.parametrize("name", ["a\x1b[31mred", "two\nlines", "\x00", "\x7f", "x" * 201, "\r\nHTTP/1.1 200 OK"])
-async def test_names_that_are_kept_hold_no_control_characters_and_have_an_end(tmp_path: Path, name: str) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        for path, body in (
-            ("/scans", {"name": name}),
-            ("/calibrations/x/apply", {"applied_by": name}),
-            ("/setup", {"code": "x", "name": name}),
-        ):
-            answer = await bench.client.post(path, json=body)
-            assert answer.status_code == 422, (path, answer.text)
-            assert "\x1b" not in answer.text
-        assert (await bench.client.get("/scans")).json()["scans"] == []
+async def test_names_that_are_kept_hold_no_control_characters_and_have_an_end(bench: Bench, name: str) -> None:
+    for path, body in (
+        ("/scans", {"name": name}),
+        ("/calibrations/x/apply", {"applied_by": name}),
+        ("/setup", {"code": "x", "name": name}),
+    ):
+        answer = await bench.client.post(path, json=body)
+        assert answer.status_code == 422, (path, answer.text)
+        assert "\x1b" not in answer.text
+    assert (await bench.client.get("/scans")).json()["scans"] == []
 
 
 async def test_what_a_request_says_stays_on_its_line_of_the_log(

@@ -23,30 +23,28 @@ def replayed(answer: httpx.Response) -> bool:
     return answer.headers.get("idempotency-replayed") == "true"
 
 
-async def test_a_retry_is_answered_with_the_same_run(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        first = await bench.client.post("/calibrate", headers=KEY, json={"count": 3})
-        await bench.run_over(first.headers["location"])
-        again = await bench.client.post("/calibrate?wait=5", headers=KEY, json={"count": 3})
-        assert (again.status_code, again.content) == (first.status_code, first.content)
-        assert again.headers["location"] == first.headers["location"]
-        assert (replayed(first), replayed(again)) == (False, True)
-        other = await bench.client.post("/calibrate?wait=20", headers=OTHER, json={"count": 3})
-        assert other.json()["id"] != first.json()["id"]
-        assert len((await bench.client.get("/runs")).json()["runs"]) == 2
+async def test_a_retry_is_answered_with_the_same_run(bench: Bench) -> None:
+    first = await bench.client.post("/calibrate", headers=KEY, json={"count": 3})
+    await bench.run_over(first.headers["location"])
+    again = await bench.client.post("/calibrate?wait=5", headers=KEY, json={"count": 3})
+    assert (again.status_code, again.content) == (first.status_code, first.content)
+    assert again.headers["location"] == first.headers["location"]
+    assert (replayed(first), replayed(again)) == (False, True)
+    other = await bench.client.post("/calibrate?wait=20", headers=OTHER, json={"count": 3})
+    assert other.json()["id"] != first.json()["id"]
+    assert len((await bench.client.get("/runs")).json()["runs"]) == 2
 
 
-async def test_the_key_with_another_request_is_refused(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await bench.client.post("/scans", headers=KEY, json={"name": "door"})
-        others: list[tuple[str, Any]] = [("/scans", {"name": "roof"}), ("/scans", {}), ("/calibrate", {"name": "door"}),
-                                         ("/scans?x=1", {"name": "door"})]  # fmt: skip
-        for path, body in others:
-            answer = await bench.client.post(path, headers=KEY, json=body)
-            assert (answer.status_code, answer.json()["code"]) == (422, "idempotency-key-reused")
-        same = await bench.client.post("/scans?wait=3", headers=KEY, json={"name": "door"})  # how long is not what
-        assert replayed(same)
-        assert len((await bench.client.get("/scans")).json()["scans"]) == 1
+async def test_the_key_with_another_request_is_refused(bench: Bench) -> None:
+    await bench.client.post("/scans", headers=KEY, json={"name": "door"})
+    others: list[tuple[str, Any]] = [("/scans", {"name": "roof"}), ("/scans", {}), ("/calibrate", {"name": "door"}),
+                                     ("/scans?x=1", {"name": "door"})]  # fmt: skip
+    for path, body in others:
+        answer = await bench.client.post(path, headers=KEY, json=body)
+        assert (answer.status_code, answer.json()["code"]) == (422, "idempotency-key-reused")
+    same = await bench.client.post("/scans?wait=3", headers=KEY, json={"name": "door"})  # how long is not what
+    assert replayed(same)
+    assert len((await bench.client.get("/scans")).json()["scans"]) == 1
 
 
 async def test_while_the_first_is_in_flight_the_second_is_told_whose_run_to_follow(tmp_path: Path) -> None:
@@ -66,34 +64,30 @@ async def test_while_the_first_is_in_flight_the_second_is_told_whose_run_to_foll
         assert third.json()["state"] == "finished"
 
 
-async def test_a_refusal_that_did_nothing_is_not_remembered(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        bench.robot.status["motors_on"] = False
-        assert (await bench.client.post("/calibrate", headers=KEY)).json()["code"] == "cell-not-ready"
-        bench.robot.status["motors_on"] = True
-        assert (await bench.client.post("/calibrate", headers=KEY)).status_code == 202
+async def test_a_refusal_that_did_nothing_is_not_remembered(bench: Bench) -> None:
+    bench.robot.status["motors_on"] = False
+    assert (await bench.client.post("/calibrate", headers=KEY)).json()["code"] == "cell-not-ready"
+    bench.robot.status["motors_on"] = True
+    assert (await bench.client.post("/calibrate", headers=KEY)).status_code == 202
 
 
-async def test_a_key_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        for key in ("", '""', '"open', "in the middle", "x" * 256, "käse", "tab\there"):
-            answer = await bench.client.post("/calibrate", headers=httpx.Headers([(b"idempotency-key", key.encode())]))
-            assert (answer.status_code, answer.json()["code"]) == (422, "request-refused")
-            assert answer.json()["problems"][0]["place"] == "header.Idempotency-Key"
-        assert not bench.robot.goals
+async def test_a_key_that_cannot_be_one_is_refused(bench: Bench) -> None:
+    for key in ("", '""', '"open', "in the middle", "x" * 256, "käse", "tab\there"):
+        answer = await bench.client.post("/calibrate", headers=httpx.Headers([(b"idempotency-key", key.encode())]))
+        assert (answer.status_code, answer.json()["code"]) == (422, "request-refused")
+        assert answer.json()["problems"][0]["place"] == "header.Idempotency-Key"
+    assert not bench.robot.goals
 
 
-async def test_quotes_are_not_part_of_a_key(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        plain = await bench.client.post("/scans", headers={"idempotency-key": "k"})
-        quoted = await bench.client.post("/scans", headers={"idempotency-key": '"k"'})
-        assert quoted.json() == plain.json()
+async def test_quotes_are_not_part_of_a_key(bench: Bench) -> None:
+    plain = await bench.client.post("/scans", headers={"idempotency-key": "k"})
+    quoted = await bench.client.post("/scans", headers={"idempotency-key": '"k"'})
+    assert quoted.json() == plain.json()
 
 
-async def test_two_keys_in_one_request_are_refused(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        answer = await bench.client.post("/calibrate", headers=[("idempotency-key", "a"), ("idempotency-key", "b")])
-        assert answer.status_code == 422
+async def test_two_keys_in_one_request_are_refused(bench: Bench) -> None:
+    answer = await bench.client.post("/calibrate", headers=[("idempotency-key", "a"), ("idempotency-key", "b")])
+    assert answer.status_code == 422
 
 
 async def test_a_view_is_stored_once_however_often_it_is_sent(tmp_path: Path) -> None:
@@ -111,21 +105,20 @@ async def test_a_view_is_stored_once_however_often_it_is_sent(tmp_path: Path) ->
 
 
 async def test_a_registered_cloud_is_the_same_again_though_another_calibration_is_in_force_and_the_arm_elsewhere(
-    tmp_path: Path,
+    bench: Bench,
 ) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        content = ply_of(cloud(50_000))
-        first = await bench.client.post("/register?pose=now", content=content, headers={**PLY, **KEY})
-        await _apply_another(bench)
-        bench.robot.base_T_flange[0, 3] += 100.0
-        again = await bench.client.post("/register?pose=now", content=content, headers={**PLY, **KEY})
-        assert replayed(again)
-        assert again.content == first.content
-        other = await bench.client.post("/register?pose=now", content=content, headers=PLY)
-        assert other.content != first.content
-        small = await bench.client.post("/register?pose=now", content=ply_of(cloud(10)), headers={**PLY, **KEY})
-        assert small.json()["code"] == "idempotency-key-reused"
+    await apply_calibration(bench)
+    content = ply_of(cloud(50_000))
+    first = await bench.client.post("/register?pose=now", content=content, headers={**PLY, **KEY})
+    await _apply_another(bench)
+    bench.robot.base_T_flange[0, 3] += 100.0
+    again = await bench.client.post("/register?pose=now", content=content, headers={**PLY, **KEY})
+    assert replayed(again)
+    assert again.content == first.content
+    other = await bench.client.post("/register?pose=now", content=content, headers=PLY)
+    assert other.content != first.content
+    small = await bench.client.post("/register?pose=now", content=ply_of(cloud(10)), headers={**PLY, **KEY})
+    assert small.json()["code"] == "idempotency-key-reused"
 
 
 async def _apply_another(bench: Bench) -> None:

@@ -14,74 +14,69 @@ from calibration.transforms import map_points
 from daemon.api.streaming.spool import MEMORY_BYTES
 from daemon.http.connections import Door, Limits
 from tests.daemon.calibrations import apply_calibration
-from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import LAZ, OCTETS, PLY, POSE, cloud, in_base, laz_of
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.support.waiting import eventually
 
 
-async def test_a_cloud_comes_back_in_the_base_frame(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        points = cloud(1000)
-        answer = await bench.client.post("/register", params={"pose": POSE}, content=ply_of(points), headers=PLY)
-        assert answer.status_code == 200, answer.text
-        assert answer.headers["handeyed-calibration"] == "cal-1"
-        np.testing.assert_allclose(points_of(answer.content), in_base(points), atol=1e-3)
+async def test_a_cloud_comes_back_in_the_base_frame(bench: Bench) -> None:
+    await apply_calibration(bench)
+    points = cloud(1000)
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=ply_of(points), headers=PLY)
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["handeyed-calibration"] == "cal-1"
+    np.testing.assert_allclose(points_of(answer.content), in_base(points), atol=1e-3)
 
 
-async def test_metres_become_millimetres(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        points = cloud(10)
-        answer = await bench.client.post(
-            "/register",
-            params={"pose": POSE, "unit": "m"},
-            content=(points / 1000).astype("<f4").tobytes(),
-            headers=OCTETS,
-        )
-        moved = np.frombuffer(answer.content, "<f4").reshape(-1, 3)
-        np.testing.assert_allclose(moved, in_base(points), atol=1e-3)
+async def test_metres_become_millimetres(bench: Bench) -> None:
+    await apply_calibration(bench)
+    points = cloud(10)
+    answer = await bench.client.post(
+        "/register",
+        params={"pose": POSE, "unit": "m"},
+        content=(points / 1000).astype("<f4").tobytes(),
+        headers=OCTETS,
+    )
+    moved = np.frombuffer(answer.content, "<f4").reshape(-1, 3)
+    np.testing.assert_allclose(moved, in_base(points), atol=1e-3)
 
 
-async def test_pose_now_is_where_the_arm_stands(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        points = cloud(10)
-        answer = await bench.client.post("/register", params={"pose": "now"}, content=ply_of(points), headers=PLY)
-        expected = map_points(bench.robot.base_T_flange @ FLANGE_T_CAMERA, points)
-        np.testing.assert_allclose(points_of(answer.content), expected, atol=1e-3)
+async def test_pose_now_is_where_the_arm_stands(bench: Bench) -> None:
+    await apply_calibration(bench)
+    points = cloud(10)
+    answer = await bench.client.post("/register", params={"pose": "now"}, content=ply_of(points), headers=PLY)
+    expected = map_points(bench.robot.base_T_flange @ FLANGE_T_CAMERA, points)
+    np.testing.assert_allclose(points_of(answer.content), expected, atol=1e-3)
 
 
-async def test_a_client_that_sends_everything_before_it_reads_gets_50_mb_back(tmp_path: Path) -> None:
+async def test_a_client_that_sends_everything_before_it_reads_gets_50_mb_back(bench: Bench) -> None:
     """httpx, requests and most others: without a spool both ends would wait for each other for ever."""
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        points = cloud(4_200_000)
-        content = points.astype("<f4").tobytes()
-        assert len(content) > 50_000_000 > 10 * MEMORY_BYTES
-        answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=OCTETS)
-        assert answer.status_code == 200
-        assert len(answer.content) == len(content)
-        moved = np.frombuffer(answer.content, "<f4").reshape(-1, 3)
-        np.testing.assert_allclose(moved, in_base(points), atol=2e-3)
+    await apply_calibration(bench)
+    points = cloud(4_200_000)
+    content = points.astype("<f4").tobytes()
+    assert len(content) > 50_000_000 > 10 * MEMORY_BYTES
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=OCTETS)
+    assert answer.status_code == 200
+    assert len(answer.content) == len(content)
+    moved = np.frombuffer(answer.content, "<f4").reshape(-1, 3)
+    np.testing.assert_allclose(moved, in_base(points), atol=2e-3)
 
 
-async def test_a_client_that_reads_while_it_sends_gets_the_first_points_before_it_sent_the_last(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        content = cloud(2_000_000).astype("<f4").tobytes()
-        reader, writer = await asyncio.open_connection(urlsplit(bench.url).hostname, urlsplit(bench.url).port)
-        head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
-        writer.write(f"{head}Content-Length: {len(content)}\r\n\r\n".encode() + content[:1_200_000])
-        answer = await reader.readuntil(b"\r\n\r\n")
-        first = await reader.readexactly(12)
-        writer.write(content[1_200_000:])
-        rest = await reader.readexactly(len(content) - 12)
-        writer.close()
-        assert b"200" in answer.split(b"\r\n")[0]
-        moved = np.frombuffer(first + rest, "<f4").reshape(-1, 3)
-        np.testing.assert_allclose(moved, in_base(cloud(2_000_000)), atol=2e-3)
+async def test_a_client_that_reads_while_it_sends_gets_the_first_points_before_it_sent_the_last(bench: Bench) -> None:
+    await apply_calibration(bench)
+    content = cloud(2_000_000).astype("<f4").tobytes()
+    reader, writer = await asyncio.open_connection(urlsplit(bench.url).hostname, urlsplit(bench.url).port)
+    head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
+    writer.write(f"{head}Content-Length: {len(content)}\r\n\r\n".encode() + content[:1_200_000])
+    answer = await reader.readuntil(b"\r\n\r\n")
+    first = await reader.readexactly(12)
+    writer.write(content[1_200_000:])
+    rest = await reader.readexactly(len(content) - 12)
+    writer.close()
+    assert b"200" in answer.split(b"\r\n")[0]
+    moved = np.frombuffer(first + rest, "<f4").reshape(-1, 3)
+    np.testing.assert_allclose(moved, in_base(cloud(2_000_000)), atol=2e-3)
 
 
 async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothing(tmp_path: Path) -> None:
@@ -122,30 +117,27 @@ async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothin
     ],
 )
 async def test_what_is_no_whole_cloud_is_told(
-    tmp_path: Path, content: bytes, headers: dict[str, str], status: int, code: str
+    bench: Bench, content: bytes, headers: dict[str, str], status: int, code: str
 ) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=headers)
-        assert (answer.status_code, answer.json()["code"]) == (status, code)
-        assert answer.json()["fix"]
+    await apply_calibration(bench)
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (status, code)
+    assert answer.json()["fix"]
 
 
 @pytest.mark.parametrize(
     "pose", ["1,2,3", "a,b,c,d,e,f,g", "nan,0,0,1,0,0,0", "inf,0,0,1,0,0,0", "0,0,0,0.9,0,0,0", ""]
 )
-async def test_a_pose_that_is_none_is_refused(tmp_path: Path, pose: str) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        answer = await bench.client.post("/register", params={"pose": pose}, content=ply_of(cloud(1)), headers=PLY)
-        assert answer.status_code == 422
-        assert answer.json()["problems"][0]["place"].startswith("query.pose") or "query.pose" in answer.json()["detail"]
+async def test_a_pose_that_is_none_is_refused(bench: Bench, pose: str) -> None:
+    await apply_calibration(bench)
+    answer = await bench.client.post("/register", params={"pose": pose}, content=ply_of(cloud(1)), headers=PLY)
+    assert answer.status_code == 422
+    assert answer.json()["problems"][0]["place"].startswith("query.pose") or "query.pose" in answer.json()["detail"]
 
 
-async def test_without_a_calibration_nothing_is_registered(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        answer = await bench.client.post("/register", params={"pose": POSE}, content=ply_of(cloud(1)), headers=PLY)
-        assert (answer.status_code, answer.json()["code"]) == (409, "no-calibration")
+async def test_without_a_calibration_nothing_is_registered(bench: Bench) -> None:
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=ply_of(cloud(1)), headers=PLY)
+    assert (answer.status_code, answer.json()["code"]) == (409, "no-calibration")
 
 
 async def test_a_cloud_damaged_in_its_middle_has_an_answer_without_an_end(tmp_path: Path) -> None:
@@ -161,42 +153,39 @@ async def test_a_cloud_damaged_in_its_middle_has_an_answer_without_an_end(tmp_pa
         assert (await bench.client.get("/health")).status_code == 200
 
 
-async def test_a_moved_ply_names_its_frame_after_comments_that_no_longer_hold(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        content = ply_of(cloud(20)).replace(b"element", b"comment scanner frame, mm\nelement", 1)
-        answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=PLY)
-        lines = answer.content[: answer.content.index(b"end_header")].splitlines()
-        assert lines.index(b"comment scanner frame, mm") < lines.index(
-            b"comment handeyed: frame base, lengths mm, calibration cal-1"
-        )
-        np.testing.assert_allclose(points_of(answer.content), in_base(cloud(20)), atol=1e-3)
+async def test_a_moved_ply_names_its_frame_after_comments_that_no_longer_hold(bench: Bench) -> None:
+    await apply_calibration(bench)
+    content = ply_of(cloud(20)).replace(b"element", b"comment scanner frame, mm\nelement", 1)
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=PLY)
+    lines = answer.content[: answer.content.index(b"end_header")].splitlines()
+    assert lines.index(b"comment scanner frame, mm") < lines.index(
+        b"comment handeyed: frame base, lengths mm, calibration cal-1"
+    )
+    np.testing.assert_allclose(points_of(answer.content), in_base(cloud(20)), atol=1e-3)
 
 
-async def test_laz_comes_back_as_laz(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        points = cloud(20_000)
-        answer = await bench.client.post("/register", params={"pose": POSE}, content=laz_of(points), headers=LAZ)
-        assert answer.status_code == 200, answer.text
-        assert answer.headers["content-type"] == LAZ["content-type"]
-        import laspy
+async def test_laz_comes_back_as_laz(bench: Bench, tmp_path: Path) -> None:
+    await apply_calibration(bench)
+    points = cloud(20_000)
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=laz_of(points), headers=LAZ)
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["content-type"] == LAZ["content-type"]
+    import laspy
 
-        theirs = laspy.read(io.BytesIO(answer.content))
-        np.testing.assert_allclose(theirs.xyz, in_base(points), rtol=0, atol=2e-3)
-        assert np.array_equal(np.asarray(theirs.intensity), np.arange(20_000) % 60_000)
-        assert bench.application.metrics.registered_points == 20_000
-        assert not list((tmp_path / "store" / "scans").rglob("*.laz"))
+    theirs = laspy.read(io.BytesIO(answer.content))
+    np.testing.assert_allclose(theirs.xyz, in_base(points), rtol=0, atol=2e-3)
+    assert np.array_equal(np.asarray(theirs.intensity), np.arange(20_000) % 60_000)
+    assert bench.application.metrics.registered_points == 20_000
+    assert not list((tmp_path / "store" / "scans").rglob("*.laz"))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.999])
-async def test_laz_cut_short_is_refused_and_leaves_nothing(tmp_path: Path, share: float) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        content = laz_of(cloud(20_000))
-        part = content[: int(share * len(content))]
-        answer = await bench.client.post("/register", params={"pose": POSE}, content=part, headers=LAZ)
-        assert answer.status_code == 422, answer.text
-        assert answer.json()["code"] == "cloud-truncated", answer.text
-        assert "again" in answer.json()["fix"]
-        assert not list(bench.application.store.folder.rglob("*upload*"))
+async def test_laz_cut_short_is_refused_and_leaves_nothing(bench: Bench, share: float) -> None:
+    await apply_calibration(bench)
+    content = laz_of(cloud(20_000))
+    part = content[: int(share * len(content))]
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=part, headers=LAZ)
+    assert answer.status_code == 422, answer.text
+    assert answer.json()["code"] == "cloud-truncated", answer.text
+    assert "again" in answer.json()["fix"]
+    assert not list(bench.application.store.folder.rglob("*upload*"))

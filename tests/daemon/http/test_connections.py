@@ -63,13 +63,12 @@ MALFORMED = [
 ]
 
 
-async def test_what_is_not_http_is_told_as_a_problem_too(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        for request in MALFORMED:
-            async with connected(bench) as (reader, writer):
-                writer.write(request)
-                assert (await told(reader))["code"] == "request-malformed", request
-        assert (await bench.client.get("/health")).status_code == 200
+async def test_what_is_not_http_is_told_as_a_problem_too(bench: Bench) -> None:
+    for request in MALFORMED:
+        async with connected(bench) as (reader, writer):
+            writer.write(request)
+            assert (await told(reader))["code"] == "request-malformed", request
+    assert (await bench.client.get("/health")).status_code == 200
 
 
 async def test_garbage_behind_a_request_does_not_fall_into_its_answer(tmp_path: Path) -> None:

@@ -187,13 +187,12 @@ async def test_a_body_where_none_is_taken_is_refused(tmp_path: Path, body: bytes
         assert taken.status_code == 200, taken.text
 
 
-async def test_a_run_that_drives_itself_takes_no_views_by_hand(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        run = (await bench.client.post("/calibrate")).json()
-        refused = await bench.client.post(f"/runs/{run['id']}/stations")
-        assert (refused.status_code, refused.json()["code"]) == (409, "not-waiting")
-        assert "stations" not in run["links"]
-        await bench.run_over(run["links"]["self"])
+async def test_a_run_that_drives_itself_takes_no_views_by_hand(bench: Bench) -> None:
+    run = (await bench.client.post("/calibrate")).json()
+    refused = await bench.client.post(f"/runs/{run['id']}/stations")
+    assert (refused.status_code, refused.json()["code"]) == (409, "not-waiting")
+    assert "stations" not in run["links"]
+    await bench.run_over(run["links"]["self"])
 
 
 async def test_two_requests_at_once_take_one_view(tmp_path: Path) -> None:
@@ -275,12 +274,11 @@ async def test_a_daemon_that_stopped_says_so_after_its_restart(tmp_path: Path) -
     ],
 )
 async def test_requests_that_contradict_themselves_are_refused(
-    tmp_path: Path, body: dict[str, Any], status: int, says: str
+    bench: Bench, body: dict[str, Any], status: int, says: str
 ) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        refused = await bench.client.post("/calibrate", json=body)
-        assert refused.status_code == status
-        assert says in refused.text
+    refused = await bench.client.post("/calibrate", json=body)
+    assert refused.status_code == status
+    assert says in refused.text
 
 
 async def test_without_a_robot_to_read_no_manual_run_begins(tmp_path: Path) -> None:

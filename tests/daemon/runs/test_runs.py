@@ -16,42 +16,39 @@ from daemon.runtime.durable_files import write_durably
 from daemon.sessions.session_reader import load_problem, open_session
 from daemon.store.store import Store
 from drivers.errors import DeviceTimeout, GarbledAnswer, LinkLost, MoveRefused
-from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
+from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import Gate, poses_around_the_target
 
 TEXT = {"accept": "text/plain"}
 
 
-async def test_a_calibration_runs_from_the_first_move_to_the_stored_result(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        started = await bench.client.post("/calibrate")
-        assert started.status_code == 202
-        assert started.headers["retry-after"]
-        run = await bench.run_over(started.headers["location"])
-        assert (run["state"], run["station"], run["stations"]) == ("finished", 5, 5)
-        calibration = (await bench.client.get(run["links"]["calibration"])).json()
-        assert calibration["id"] == run["id"]
-        assert len(bench.robot.goals) == 5
-        assert not bench.robot.armed
-        assert all(settled_s <= newer_than_s for settled_s, newer_than_s in bench.camera.asked)
-        frame = await bench.client.get(f"/runs/{run['id']}/frames/4")
-        assert frame.content.startswith(b"\x89PNG")
+async def test_a_calibration_runs_from_the_first_move_to_the_stored_result(bench: Bench) -> None:
+    started = await bench.client.post("/calibrate")
+    assert started.status_code == 202
+    assert started.headers["retry-after"]
+    run = await bench.run_over(started.headers["location"])
+    assert (run["state"], run["station"], run["stations"]) == ("finished", 5, 5)
+    calibration = (await bench.client.get(run["links"]["calibration"])).json()
+    assert calibration["id"] == run["id"]
+    assert len(bench.robot.goals) == 5
+    assert not bench.robot.armed
+    assert all(settled_s <= newer_than_s for settled_s, newer_than_s in bench.camera.asked)
+    frame = await bench.client.get(f"/runs/{run['id']}/frames/4")
+    assert frame.content.startswith(b"\x89PNG")
 
 
-async def test_with_wait_the_answer_is_the_finished_run_and_a_person_can_read_it(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        answer = await bench.client.post("/calibrate", params={"wait": 30})
-        assert (answer.status_code, answer.json()["state"]) == (200, "finished")
-        words = await bench.client.get(answer.headers["location"], headers=TEXT)
-        assert words.headers["content-type"].startswith("text/plain")
-        assert "flange_T_camera" in words.text or "refused" in words.text
+async def test_with_wait_the_answer_is_the_finished_run_and_a_person_can_read_it(bench: Bench) -> None:
+    answer = await bench.client.post("/calibrate", params={"wait": 30})
+    assert (answer.status_code, answer.json()["state"]) == (200, "finished")
+    words = await bench.client.get(answer.headers["location"], headers=TEXT)
+    assert words.headers["content-type"].startswith("text/plain")
+    assert "flange_T_camera" in words.text or "refused" in words.text
 
 
-async def test_the_folder_of_a_run_is_a_session_that_shows_the_target(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
-        problem = load_problem(open_session(tmp_path / "runs" / run["id"]))
-        assert [view.detection is not None for view in problem.views] == [True] * 5
+async def test_the_folder_of_a_run_is_a_session_that_shows_the_target(bench: Bench, tmp_path: Path) -> None:
+    run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+    problem = load_problem(open_session(tmp_path / "runs" / run["id"]))
+    assert [view.detection is not None for view in problem.views] == [True] * 5
 
 
 async def test_a_second_calibrate_is_told_who_holds_the_cell(tmp_path: Path) -> None:
@@ -98,10 +95,9 @@ async def test_a_device_that_never_answers_ends_the_run_though_its_driver_has_no
         assert (await bench.client.post("/calibrate?wait=20")).json()["state"] == "finished"
 
 
-async def test_two_calibrates_in_the_same_moment_start_one_run(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        answers = await asyncio.gather(*(bench.client.post("/calibrate") for _ in range(5)))
-        assert sorted(answer.status_code for answer in answers) == [202, 409, 409, 409, 409]
+async def test_two_calibrates_in_the_same_moment_start_one_run(bench: Bench) -> None:
+    answers = await asyncio.gather(*(bench.client.post("/calibrate") for _ in range(5)))
+    assert sorted(answer.status_code for answer in answers) == [202, 409, 409, 409, 409]
 
 
 async def test_abort_stops_and_disarms_and_nothing_moves_afterwards(tmp_path: Path) -> None:

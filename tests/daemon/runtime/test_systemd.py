@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from daemon.runtime.systemd import Systemd
-from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.cell_under_test import Bench
 from tests.daemon.runtime.service_manager import Manager
 
 
@@ -60,11 +60,10 @@ async def test_the_watchdog_is_fed_while_work_answers_and_starves_when_it_hangs(
     manager.socket.close()
 
 
-async def test_a_hung_worker_starves_the_watchdog(tmp_path: Path) -> None:
+async def test_a_hung_worker_starves_the_watchdog(bench: Bench) -> None:
     """It is the daemon's own work that feeds: its store's thread, and jobs that end."""
-    async with serving(settings_for(tmp_path)) as bench:
-        application = bench.application
-        assert await application.work_is_alive()
-        application.workers._began_s[1] = application.clock.monotonic_s() - 3600
-        assert not await application.work_is_alive()
-        application.workers._began_s.clear()
+    application = bench.application
+    assert await application.work_is_alive()
+    application.workers._began_s[1] = application.clock.monotonic_s() - 3600
+    assert not await application.work_is_alive()
+    application.workers._began_s.clear()

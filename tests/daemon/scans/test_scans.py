@@ -10,69 +10,65 @@ from drivers.errors import DeviceTimeout
 from registration.io.formats.ply import parse_header
 from registration.scan import read_scan
 from tests.daemon.calibrations import apply_calibration
-from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
+from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.clouds import OCTETS, PLY, POSES, cloud, in_base
 from tests.daemon.fakes import Gate, ply_of, points_of, poses_around_the_target
 from tests.daemon.scans.scan_folders import a_scan, names
 
 
-async def test_views_sent_from_several_poses_become_one_cloud(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        first, second = cloud(3000), cloud(500)
-        second[7] = np.nan
-        for pose, content, headers, unit in (
-            (POSES[0], ply_of(first), PLY, "mm"),
-            (POSES[1], (second / 1000).astype("<f4").tobytes(), OCTETS, "m"),
-        ):
-            answer = await bench.client.post(
-                scan["links"]["views"], params={"pose": pose, "unit": unit}, content=content, headers=headers
-            )
-            assert answer.status_code == 201, answer.text
-        merged = await bench.client.get(scan["links"]["cloud"])
-        assert merged.headers["handeyed-calibration"] == "cal-1"
-        header = parse_header(merged.content, "merged")
-        assert header is not None
-        assert header.count == 3499
-        expected = np.concatenate([in_base(first, POSES[0]), in_base(np.delete(second, 7, axis=0), POSES[1])])
-        np.testing.assert_allclose(points_of(merged.content), expected, atol=2e-3)
-        seen = (await bench.client.get(scan["links"]["self"])).json()
-        assert [(view["file"], view["unit"]) for view in seen["views"]] == [
-            ("view_000.ply", "mm"),
-            ("view_001.f32", "m"),
-        ]
-        assert len(read_scan(tmp_path / "scans" / scan["id"])) == 2
-        assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply", "view_001.f32"]
-
-
-async def test_a_damaged_view_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        scan = await a_scan(bench)
+async def test_views_sent_from_several_poses_become_one_cloud(bench: Bench, tmp_path: Path) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    first, second = cloud(3000), cloud(500)
+    second[7] = np.nan
+    for pose, content, headers, unit in (
+        (POSES[0], ply_of(first), PLY, "mm"),
+        (POSES[1], (second / 1000).astype("<f4").tobytes(), OCTETS, "m"),
+    ):
         answer = await bench.client.post(
-            scan["links"]["views"], params={"pose": POSES[0]}, content=ply_of(cloud(100))[:-3], headers=PLY
+            scan["links"]["views"], params={"pose": pose, "unit": unit}, content=content, headers=headers
         )
-        assert (answer.status_code, answer.json()["code"]) == (422, "cloud-truncated")
-        assert (await bench.client.get(scan["links"]["self"])).json()["views"] == []
-        assert names(tmp_path / "scans" / scan["id"]) == []
+        assert answer.status_code == 201, answer.text
+    merged = await bench.client.get(scan["links"]["cloud"])
+    assert merged.headers["handeyed-calibration"] == "cal-1"
+    header = parse_header(merged.content, "merged")
+    assert header is not None
+    assert header.count == 3499
+    expected = np.concatenate([in_base(first, POSES[0]), in_base(np.delete(second, 7, axis=0), POSES[1])])
+    np.testing.assert_allclose(points_of(merged.content), expected, atol=2e-3)
+    seen = (await bench.client.get(scan["links"]["self"])).json()
+    assert [(view["file"], view["unit"]) for view in seen["views"]] == [
+        ("view_000.ply", "mm"),
+        ("view_001.f32", "m"),
+    ]
+    assert len(read_scan(tmp_path / "scans" / scan["id"])) == 2
+    assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply", "view_001.f32"]
 
 
-async def test_without_views_or_calibration_there_is_no_cloud(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        scan = await a_scan(bench)
-        assert (await bench.client.get(scan["links"]["cloud"])).json()["code"] == "no-calibration"
-        await apply_calibration(bench)
-        answer = await bench.client.get(scan["links"]["cloud"])
-        assert (answer.status_code, answer.json()["code"]) == (409, "scan-empty")
-        assert (await bench.client.get("/scans/none/cloud")).status_code == 404
+async def test_a_damaged_view_is_refused_and_leaves_nothing(bench: Bench, tmp_path: Path) -> None:
+    scan = await a_scan(bench)
+    answer = await bench.client.post(
+        scan["links"]["views"], params={"pose": POSES[0]}, content=ply_of(cloud(100))[:-3], headers=PLY
+    )
+    assert (answer.status_code, answer.json()["code"]) == (422, "cloud-truncated")
+    assert (await bench.client.get(scan["links"]["self"])).json()["views"] == []
+    assert names(tmp_path / "scans" / scan["id"]) == []
 
 
-async def test_the_daemons_scanner_fills_a_scan_where_the_arm_stands(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        scan = await a_scan(bench)
-        view = (await bench.client.post(scan["links"]["views"])).json()
-        np.testing.assert_allclose(view["base_T_flange"]["translation_mm"], bench.robot.base_T_flange[:3, 3])
-        assert not bench.robot.goals
+async def test_without_views_or_calibration_there_is_no_cloud(bench: Bench) -> None:
+    scan = await a_scan(bench)
+    assert (await bench.client.get(scan["links"]["cloud"])).json()["code"] == "no-calibration"
+    await apply_calibration(bench)
+    answer = await bench.client.get(scan["links"]["cloud"])
+    assert (answer.status_code, answer.json()["code"]) == (409, "scan-empty")
+    assert (await bench.client.get("/scans/none/cloud")).status_code == 404
+
+
+async def test_the_daemons_scanner_fills_a_scan_where_the_arm_stands(bench: Bench) -> None:
+    scan = await a_scan(bench)
+    view = (await bench.client.post(scan["links"]["views"])).json()
+    np.testing.assert_allclose(view["base_T_flange"]["translation_mm"], bench.robot.base_T_flange[:3, 3])
+    assert not bench.robot.goals
 
 
 async def test_a_capture_run_drives_the_arm_and_fills_the_scan(tmp_path: Path) -> None:

@@ -1,11 +1,9 @@
 """POST /verify for a scanner: spheres and ball bars in several positions."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.cell_under_test import Bench
 from tests.daemon.clouds import PLY, POSES
 from tests.daemon.fakes import ply_of
 from tests.daemon.scans.scan_folders import a_scan
@@ -24,25 +22,23 @@ async def scan_of(bench: Bench, *clouds: np.ndarray) -> str:
     return str(scan["id"])
 
 
-async def test_a_ball_bar_in_three_positions_gives_probing_and_spacing_errors(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        scan_id = await scan_of(bench, bar(1), bar(2, longer_mm=0.15), bar(3, larger_mm=0.05))
-        answer = await bench.client.post("/verify", json={"scan_id": scan_id, "artefact": BAR})
-        assert answer.status_code == 200, answer.text
-        found = answer.json()
-        assert found["based_on"] == "based on VDI/VDE 2634-3 and ISO 10360-13"
-        assert found["probing_size_mm"] == pytest.approx(0.1, abs=0.005)
-        assert found["sphere_spacing_mm"] == pytest.approx(0.15, abs=0.005)
-        assert found["probing_form_mm"] < 0.005
-        assert [len(position["balls"]) for position in found["positions"]] == [2, 2, 2]
+async def test_a_ball_bar_in_three_positions_gives_probing_and_spacing_errors(bench: Bench) -> None:
+    scan_id = await scan_of(bench, bar(1), bar(2, longer_mm=0.15), bar(3, larger_mm=0.05))
+    answer = await bench.client.post("/verify", json={"scan_id": scan_id, "artefact": BAR})
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    assert found["based_on"] == "based on VDI/VDE 2634-3 and ISO 10360-13"
+    assert found["probing_size_mm"] == pytest.approx(0.1, abs=0.005)
+    assert found["sphere_spacing_mm"] == pytest.approx(0.15, abs=0.005)
+    assert found["probing_form_mm"] < 0.005
+    assert [len(position["balls"]) for position in found["positions"]] == [2, 2, 2]
 
 
-async def test_a_position_without_the_artefact_is_named(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        scan_id = await scan_of(bench, bar(1), ball(np.array([0.0, 0, 500]), 1))
-        answer = await bench.client.post("/verify", json={"scan_id": scan_id, "artefact": BAR})
-        assert (answer.status_code, answer.json()["code"]) == (422, "not-the-sphere")
-        assert "position 1" in answer.json()["detail"]
+async def test_a_position_without_the_artefact_is_named(bench: Bench) -> None:
+    scan_id = await scan_of(bench, bar(1), ball(np.array([0.0, 0, 500]), 1))
+    answer = await bench.client.post("/verify", json={"scan_id": scan_id, "artefact": BAR})
+    assert (answer.status_code, answer.json()["code"]) == (422, "not-the-sphere")
+    assert "position 1" in answer.json()["detail"]
 
 
 @pytest.mark.parametrize(
@@ -55,8 +51,7 @@ async def test_a_position_without_the_artefact_is_named(tmp_path: Path) -> None:
         ({"scan_id": "none", "artefact": BAR, "poses": []}, 422),
     ],
 )
-async def test_what_cannot_be_verified_is_told(tmp_path: Path, body: dict[str, object], status: int) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        answer = await bench.client.post("/verify", json=body)
-        assert answer.status_code == status
-        assert answer.json()["fix"]
+async def test_what_cannot_be_verified_is_told(bench: Bench, body: dict[str, object], status: int) -> None:
+    answer = await bench.client.post("/verify", json=body)
+    assert answer.status_code == status
+    assert answer.json()["fix"]

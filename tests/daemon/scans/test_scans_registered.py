@@ -47,21 +47,20 @@ async def report_of(bench: Bench, scan: dict[str, Any], **query: Any) -> dict[st
     return report
 
 
-async def test_a_scan_asked_to_refine_does_so_while_views_come_and_tells_how_far_it_is(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench, refine=True)
-        assert scan["refine"]
-        await send_views(bench, scan["links"]["views"])
-        report = await report_of(bench, scan, refine=True)
-        assert len(report["views"]) == 3
-        assert report["rms_mm"]["after"] < 0.5 * report["rms_mm"]["before"]
-        assert all(view["correction"] for view in report["views"])
-        told = await asyncio.wait_for(registrations_told(bench, views=3), 10)
-        assert {event["scan_id"] for event in told} == {scan["id"]}
-        whole = [event["state"] for event in told if event["views"] == 3]
-        assert whole[:4] == ["reading", "reading", "reading", "registering"]
-        assert whole[-1] == "finished"
+async def test_a_scan_asked_to_refine_does_so_while_views_come_and_tells_how_far_it_is(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench, refine=True)
+    assert scan["refine"]
+    await send_views(bench, scan["links"]["views"])
+    report = await report_of(bench, scan, refine=True)
+    assert len(report["views"]) == 3
+    assert report["rms_mm"]["after"] < 0.5 * report["rms_mm"]["before"]
+    assert all(view["correction"] for view in report["views"])
+    told = await asyncio.wait_for(registrations_told(bench, views=3), 10)
+    assert {event["scan_id"] for event in told} == {scan["id"]}
+    whole = [event["state"] for event in told if event["views"] == 3]
+    assert whole[:4] == ["reading", "reading", "reading", "registering"]
+    assert whole[-1] == "finished"
 
 
 async def registrations_told(bench: Bench, views: int) -> list[dict[str, Any]]:
@@ -75,18 +74,17 @@ async def registrations_told(bench: Bench, views: int) -> list[dict[str, Any]]:
     return told
 
 
-async def test_the_refined_cloud_lies_closer_to_the_surface_than_the_plain_one(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        await send_views(bench, scan["links"]["views"])
-        scatter = []
-        for refine in (False, True):
-            answer = await bench.client.get(scan["links"]["cloud"], params={"refine": refine})
-            assert answer.status_code == 200, answer.text
-            views = points_of(answer.content).reshape(3, -1, 3)
-            scatter.append(float(np.std(views, axis=0).mean()))
-        assert scatter[1] < 0.6 * scatter[0]
+async def test_the_refined_cloud_lies_closer_to_the_surface_than_the_plain_one(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    await send_views(bench, scan["links"]["views"])
+    scatter = []
+    for refine in (False, True):
+        answer = await bench.client.get(scan["links"]["cloud"], params={"refine": refine})
+        assert answer.status_code == 200, answer.text
+        views = points_of(answer.content).reshape(3, -1, 3)
+        scatter.append(float(np.std(views, axis=0).mean()))
+    assert scatter[1] < 0.6 * scatter[0]
 
 
 async def test_a_report_outlives_the_daemon_and_a_new_view_replaces_it(tmp_path: Path) -> None:
@@ -101,25 +99,23 @@ async def test_a_report_outlives_the_daemon_and_a_new_view_replaces_it(tmp_path:
         assert len((await report_of(bench, scan))["views"]) == 3
 
 
-async def test_a_stored_report_that_is_damaged_is_made_anew(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        await send_views(bench, scan["links"]["views"], 2)
-        first = await report_of(bench, scan)
-        (tmp_path / "scans" / scan["id"] / "registered.json").write_text('{"refined": tr')
-        assert (await report_of(bench, scan))["views"] == first["views"]
+async def test_a_stored_report_that_is_damaged_is_made_anew(bench: Bench, tmp_path: Path) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    await send_views(bench, scan["links"]["views"], 2)
+    first = await report_of(bench, scan)
+    (tmp_path / "scans" / scan["id"] / "registered.json").write_text('{"refined": tr')
+    assert (await report_of(bench, scan))["views"] == first["views"]
 
 
-async def test_who_does_not_wait_is_told_where_to_ask_again(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        await send_views(bench, scan["links"]["views"])
-        answer = await bench.client.get(scan["links"]["cloud"], params={"refine": True, "wait": 0})
-        assert (answer.status_code, answer.json()["state"]) == (202, "in progress")
-        later = await bench.client.get(answer.headers["location"])
-        assert later.json()["rms_mm"]["after"] is not None
+async def test_who_does_not_wait_is_told_where_to_ask_again(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    await send_views(bench, scan["links"]["views"])
+    answer = await bench.client.get(scan["links"]["cloud"], params={"refine": True, "wait": 0})
+    assert (answer.status_code, answer.json()["state"]) == (202, "in progress")
+    later = await bench.client.get(answer.headers["location"])
+    assert later.json()["rms_mm"]["after"] is not None
 
 
 @pytest.mark.parametrize(
@@ -165,71 +161,64 @@ def read(content: bytes, media_type: str, folder: Path) -> Array:
             return np.frombuffer(content[-50 * 12 :], "<f4").reshape(-1, 3).astype(float)
 
 
-async def test_what_no_cloud_is_answered_as_is_406_with_what_there_is(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        answer = await bench.client.get(scan["links"]["cloud"], headers={"accept": "image/png"})
-        assert (answer.status_code, answer.json()["code"]) == (406, "not-acceptable")
-        assert "application/x-ply" in answer.json()["fix"]
+async def test_what_no_cloud_is_answered_as_is_406_with_what_there_is(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    answer = await bench.client.get(scan["links"]["cloud"], headers={"accept": "image/png"})
+    assert (answer.status_code, answer.json()["code"]) == (406, "not-acceptable")
+    assert "application/x-ply" in answer.json()["fix"]
 
 
 @pytest.mark.parametrize(("points", "status"), [(10_000, 200), (10_001, 413)])
-async def test_only_small_clouds_travel_as_json(tmp_path: Path, points: int, status: int) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        content = cloud(points).astype("<f4").tobytes()
-        await bench.client.post(scan["links"]["views"], params={"pose": POSES[0]}, content=content, headers=OCTETS)
-        answer = await bench.client.get(scan["links"]["cloud"], headers={"accept": "application/json"})
-        assert answer.status_code == status
-        if status == 413:
-            assert "application/octet-stream" in answer.json()["fix"]
+async def test_only_small_clouds_travel_as_json(bench: Bench, points: int, status: int) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    content = cloud(points).astype("<f4").tobytes()
+    await bench.client.post(scan["links"]["views"], params={"pose": POSES[0]}, content=content, headers=OCTETS)
+    answer = await bench.client.get(scan["links"]["cloud"], headers={"accept": "application/json"})
+    assert answer.status_code == status
+    if status == 413:
+        assert "application/octet-stream" in answer.json()["fix"]
 
 
-async def test_a_merged_ply_names_its_frame_and_calibration(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        await bench.client.post(
-            scan["links"]["views"], params={"pose": POSES[0]}, content=ply_of(cloud(9)), headers=PLY
-        )
-        content = (await bench.client.get(scan["links"]["cloud"])).content
-        header = parse_header(content, "merged")
-        assert header is not None
-        assert b"comment handeyed: frame base, lengths mm, calibration cal-1\n" in content[: header.length]
+async def test_a_merged_ply_names_its_frame_and_calibration(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    await bench.client.post(scan["links"]["views"], params={"pose": POSES[0]}, content=ply_of(cloud(9)), headers=PLY)
+    content = (await bench.client.get(scan["links"]["cloud"])).content
+    header = parse_header(content, "merged")
+    assert header is not None
+    assert b"comment handeyed: frame base, lengths mm, calibration cal-1\n" in content[: header.length]
 
 
-async def test_a_cloud_is_averaged_cleaned_and_given_normals_as_asked(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        await send_views(bench, scan["links"]["views"])
-        link = scan["links"]["cloud"]
-        whole, averaged, view = [
-            parse_header((await bench.client.get(link, params=query)).content, "answer")
-            for query in ({}, {"voxel_mm": 5, "normals": True, "outliers": "statistical"}, {"view": 1})
-        ]
-        assert whole is not None and averaged is not None and view is not None
-        assert whole.count == 3 * len(surface()) == 3 * (view.count or 0)
-        assert 0.2 * (whole.count or 0) < (averaged.count or 0) < 0.6 * (whole.count or 0)
-        assert {"nx", "ny", "nz"} <= set(averaged.layout.dtype.names or ())
-        for query, status in (({"view": 3}, 404), ({"normals": True}, 422), ({"voxel_mm": 0}, 422)):
-            refused = await bench.client.get(link, params=query)
-            assert refused.status_code == status, refused.text
-            assert refused.json()["fix"]
+async def test_a_cloud_is_averaged_cleaned_and_given_normals_as_asked(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    await send_views(bench, scan["links"]["views"])
+    link = scan["links"]["cloud"]
+    whole, averaged, view = [
+        parse_header((await bench.client.get(link, params=query)).content, "answer")
+        for query in ({}, {"voxel_mm": 5, "normals": True, "outliers": "statistical"}, {"view": 1})
+    ]
+    assert whole is not None and averaged is not None and view is not None
+    assert whole.count == 3 * len(surface()) == 3 * (view.count or 0)
+    assert 0.2 * (whole.count or 0) < (averaged.count or 0) < 0.6 * (whole.count or 0)
+    assert {"nx", "ny", "nz"} <= set(averaged.layout.dtype.names or ())
+    for query, status in (({"view": 3}, 404), ({"normals": True}, 422), ({"voxel_mm": 0}, 422)):
+        refused = await bench.client.get(link, params=query)
+        assert refused.status_code == status, refused.text
+        assert refused.json()["fix"]
 
 
-async def test_a_laz_view_is_kept_and_merged_with_others(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        await apply_calibration(bench)
-        scan = await a_scan(bench)
-        await send_views(bench, scan["links"]["views"], 1)
-        flange = FLANGES[1]
-        pose = ",".join(map(str, (*PoseDocument.of(flange).translation_mm, *PoseDocument.of(flange).quaternion_wxyz)))
-        content = laz_of(map_points(inverse(flange @ FLANGE_T_CAMERA), surface()))
-        answer = await bench.client.post(scan["links"]["views"], params={"pose": pose}, content=content, headers=LAZ)
-        assert answer.status_code == 201, answer.text
-        merged = await bench.client.get(scan["links"]["cloud"], headers={"accept": OCTETS["content-type"]})
-        points = np.frombuffer(merged.content, "<f4").reshape(-1, 3)[len(surface()) :]
-        np.testing.assert_allclose(points, surface(), rtol=0, atol=2e-3)
+async def test_a_laz_view_is_kept_and_merged_with_others(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    await send_views(bench, scan["links"]["views"], 1)
+    flange = FLANGES[1]
+    pose = ",".join(map(str, (*PoseDocument.of(flange).translation_mm, *PoseDocument.of(flange).quaternion_wxyz)))
+    content = laz_of(map_points(inverse(flange @ FLANGE_T_CAMERA), surface()))
+    answer = await bench.client.post(scan["links"]["views"], params={"pose": pose}, content=content, headers=LAZ)
+    assert answer.status_code == 201, answer.text
+    merged = await bench.client.get(scan["links"]["cloud"], headers={"accept": OCTETS["content-type"]})
+    points = np.frombuffer(merged.content, "<f4").reshape(-1, 3)[len(surface()) :]
+    np.testing.assert_allclose(points, surface(), rtol=0, atol=2e-3)

@@ -14,7 +14,7 @@ from daemon.store.database import DATABASE_NAME
 from daemon.store.store import Store
 from tests.daemon.access_keys import TEST, bearer, with_keys
 from tests.daemon.calibrations import a_calibration
-from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.cell_under_test import Bench
 
 
 async def a_log(folder: Path, rows: int = 6) -> list[AuditRow]:
@@ -124,14 +124,13 @@ async def test_what_was_done_is_told_with_who_did_it(tmp_path: Path) -> None:
     assert check_audit_log(tmp_path / DATABASE_NAME, [])[1] == []
 
 
-async def test_the_log_is_read_in_pages(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
-        for k in range(5):
-            await bench.application.key_service.add(f"k{k}", Role.ADMIN, TEST)
-        key, _ = await bench.application.key_service.add("Ann", Role.ADMIN, TEST)
-        pages, link = [], "/audit?limit=4"
-        while link:
-            page = (await bench.client.get(link, headers=bearer(key))).json()
-            pages.append([row["sequence"] for row in page["rows"]])
-            link = page["next"]
-        assert pages == [[6, 5, 4, 3], [2, 1]]
+async def test_the_log_is_read_in_pages(bench: Bench) -> None:
+    for k in range(5):
+        await bench.application.key_service.add(f"k{k}", Role.ADMIN, TEST)
+    key, _ = await bench.application.key_service.add("Ann", Role.ADMIN, TEST)
+    pages, link = [], "/audit?limit=4"
+    while link:
+        page = (await bench.client.get(link, headers=bearer(key))).json()
+        pages.append([row["sequence"] for row in page["rows"]])
+        link = page["next"]
+    assert pages == [[6, 5, 4, 3], [2, 1]]

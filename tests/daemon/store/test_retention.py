@@ -16,7 +16,7 @@ from daemon.runtime.workers import Workers
 from daemon.store.retention import Retention, runs_to_prune
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
-from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.records import a_run
 
 NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
@@ -110,21 +110,20 @@ async def test_a_picture_that_was_removed_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("jump_h", [-1, 1])
-async def test_a_clock_that_jumps_an_hour_in_mid_run_changes_nothing(tmp_path: Path, jump_h: int) -> None:
+async def test_a_clock_that_jumps_an_hour_in_mid_run_changes_nothing(bench: Bench, jump_h: int) -> None:
     """Runs end, lists keep their order, keys of requests are remembered, nothing is removed."""
-    async with serving(settings_for(tmp_path)) as bench:
-        jumped = [timedelta()]
-        bench.application.supervisor._clock = Clock(utc_now=lambda: datetime.now(UTC) + jumped[0])
+    jumped = [timedelta()]
+    bench.application.supervisor._clock = Clock(utc_now=lambda: datetime.now(UTC) + jumped[0])
 
-        async def jump(move: int) -> None:
-            jumped[0] = timedelta(hours=jump_h) if move >= 2 else timedelta()
+    async def jump(move: int) -> None:
+        jumped[0] = timedelta(hours=jump_h) if move >= 2 else timedelta()
 
-        bench.robot.before_move = jump
-        runs = [
-            (await bench.client.post("/calibrate?wait=30", json={"count": 3}, headers={"idempotency-key": key})).json()
-            for key in ("a", "b", "a")
-        ]
-        assert [run["state"] for run in runs] == ["finished"] * 3
-        assert runs[0]["id"] == runs[2]["id"]
-        listed = (await bench.client.get("/runs")).json()["runs"]
-        assert [run["id"] for run in listed] == [runs[1]["id"], runs[0]["id"]]
+    bench.robot.before_move = jump
+    runs = [
+        (await bench.client.post("/calibrate?wait=30", json={"count": 3}, headers={"idempotency-key": key})).json()
+        for key in ("a", "b", "a")
+    ]
+    assert [run["state"] for run in runs] == ["finished"] * 3
+    assert runs[0]["id"] == runs[2]["id"]
+    listed = (await bench.client.get("/runs")).json()["runs"]
+    assert [run["id"] for run in listed] == [runs[1]["id"], runs[0]["id"]]

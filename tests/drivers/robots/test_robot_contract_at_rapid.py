@@ -18,7 +18,7 @@ from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.robots.serial_line import SerialTransport
 from drivers.robots.tcp import TcpTransport
 from protocols.cb.codes import Command
-from tests.mock_robot.bench import AWAY
+from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.running_cell import running_cell
 from tests.support.waiting import eventually
 
@@ -29,7 +29,7 @@ TIME_SCALE = 10.0
 
 @pytest_asyncio.fixture(params=["tcp", "pty"], loop_scope="function")
 async def cell(request):
-    """A driver connected to the RAPID: (robot, what the bench sees)."""
+    """A driver connected to the RAPID: (robot, what the client sees)."""
     serial = request.param == "pty"
     async with running_cell(time_scale=TIME_SCALE, serial=serial, devices=False, program="rapid") as running:
         wire = running.announcement

@@ -10,7 +10,7 @@ from calibration.transforms import inverse, vector_from_rotation
 from mock_robot.arm.paths import LinePath
 from mock_robot.arm.simulated_arm import IN_POSITION_S, ArmNoise, SimulatedArm, plan_motion
 from mock_robot.arm.speed_profile import Braked, Trapezoid
-from tests.mock_robot.bench import ARM, AWAY, HOME
+from tests.mock_robot.controller_client import ARM, AWAY, HOME
 
 positive = st.floats(0.01, 100.0)
 

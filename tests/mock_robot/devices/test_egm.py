@@ -16,7 +16,7 @@ from mock_robot.cell import MockCell, Ports
 from mock_robot.devices.egm import PERIOD_S, VIBRATION_MM
 from mock_robot.truth.truth import CellTruth
 from protocols.egm.messages import RobotSample
-from tests.mock_robot.bench import AWAY
+from tests.mock_robot.controller_client import AWAY
 from tests.support.waiting import eventually
 
 WINDOW_S = 0.5

@@ -20,8 +20,8 @@ from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, FrameSelector, MoveKind, Status
 from protocols.cb.events import RepeatWanted, ReplyReceived
 from protocols.cb.frames import Frame
-from tests.mock_robot.bench import ARM, AWAY, HOME, UNUSED, move_to
 from tests.mock_robot.cb_client import CbClient, over_serial, over_tcp
+from tests.mock_robot.controller_client import ARM, AWAY, HOME, UNUSED, move_to
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.support.waiting import eventually
 

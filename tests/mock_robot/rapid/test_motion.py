@@ -13,7 +13,7 @@ from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.rapid.configuration import instances
 from mock_robot.rapid.controller import DEPLOYED, RapidController
 from mock_robot.rapid.errors import RapidProgramError
-from tests.mock_robot.bench import ARM, AWAY, HOME
+from tests.mock_robot.controller_client import ARM, AWAY, HOME
 
 SYS = """SYS:CFG_1.0:5:0::
 CAB_TASKS:

@@ -18,7 +18,7 @@ from drivers.robots.tcp import TcpTransport
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.sessions import MAX_SESSIONS
 from protocols.cb.codes import Command
-from tests.mock_robot.bench import AWAY
+from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.rws_cell import RwsCell, rws_cell
 from tests.support.waiting import eventually, quick_timing
 

@@ -1,4 +1,4 @@
-"""A controller on a bench: a client on a wire without a socket, and time that passes when told to."""
+"""A client on a wire without a socket at the mock controller; time passes when the test says so."""
 
 from dataclasses import dataclass, field
 
@@ -38,8 +38,8 @@ def bare_controller(joints: Array = HOME, noise: ArmNoise | None = None, time_sc
 
 
 @dataclass
-class Bench:
-    """One client at the controller. `now_s` is the clock."""
+class ControllerClient:
+    """One client at the controller; `now_s` is the clock."""
 
     controller: Controller = field(default_factory=bare_controller)
     serial: bool = False
@@ -52,7 +52,7 @@ class Bench:
 
     def connects(self) -> None:
         self.link = ControllerLink(self.controller, self.faults, serial=self.serial, now_s=self.now_s)
-        self.client = ClientSession(resynchronise=self.serial)
+        self.session = ClientSession(resynchronise=self.serial)
         self.closed = False
 
     def passes(self, seconds: float, step_s: float = 0.05) -> list[ClientEvent]:
@@ -69,17 +69,17 @@ class Bench:
 
     def asks(self, request: cb.Request) -> cb.Reply:
         """Send a request; its reply, which must be the only one."""
-        events = self.sends(self.client.request(request))
+        events = self.sends(self.session.request(request))
         replies = [event.reply for event in events if isinstance(event, ReplyReceived)]
         assert len(replies) == 1, events
         return replies[0]
 
-    def is_greeted(self) -> "Bench":
+    def is_greeted(self) -> "ControllerClient":
         welcome = self.asks(cb.Hello(1, 1, 5))
         assert isinstance(welcome, cb.Welcome)
         return self
 
-    def is_armed(self) -> "Bench":
+    def is_armed(self) -> "ControllerClient":
         self.is_greeted()
         assert self.asks(cb.SetArmed(self.controller.session, True)) == cb.ArmingDone()
         return self
@@ -107,12 +107,12 @@ class Bench:
         heard: list[ClientEvent] = []
         for step in steps:
             if isinstance(step, Send):
-                heard += self.client.receive_data(step.data)
+                heard += self.session.receive_data(step.data)
             if isinstance(step, Close):
                 self.closed = True
                 self.controller.disconnect(self.now_s)
         return heard
 
 
-def joints_now(bench: Bench) -> Array:
-    return bench.controller.arm.joints_at(bench.controller.robot_s(bench.now_s))
+def joints_now(client: ControllerClient) -> Array:
+    return client.controller.arm.joints_at(client.controller.robot_s(client.now_s))
