@@ -1,12 +1,12 @@
 """Planar targets: the coordinates of their points in mm, in the target's frame.
 
 x runs along a row (columns count along it), y runs down the columns, z points into the board, away from the
-camera that looks at it. The id of a point is its index, row by row.
+camera that looks at it. The id of a point is its index, row by row. `kind` is the name in documents and settings.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -43,6 +43,7 @@ def _grid(columns: int, rows: int, pitch_mm: float) -> Array:
 class Chessboard:
     """`columns` × `rows` inner corners; the origin is the first of them."""
 
+    kind: ClassVar = "chessboard"
     columns: int
     rows: int
     pitch_mm: float
@@ -57,6 +58,7 @@ class Chessboard:
 class Charuco:
     """`columns` × `rows` squares; its points are the inner corners, its origin the board's outer corner (as OpenCV)."""
 
+    kind: ClassVar = "charuco"
     columns: int
     rows: int
     square_mm: float
@@ -76,6 +78,7 @@ class Charuco:
 class CircleGrid:
     """Circle centres; asymmetric: OpenCV's, `pitch_mm` between neighbours in a row, odd rows shifted by half."""
 
+    kind: ClassVar = "circles"
     layout: Literal["symmetric", "asymmetric"]
     columns: int
     rows: int
@@ -97,6 +100,7 @@ class CircleGrid:
 class AprilTagGrid:
     """`columns` × `rows` tags; four corners a tag, id = 4 tag + corner; origin at tag 0's first."""
 
+    kind: ClassVar = "apriltag-grid"
     columns: int
     rows: int
     tag_mm: float

@@ -15,7 +15,7 @@ from calibration.transforms import Array
 from drivers.timing import Timing
 
 Posture = tuple[int, ...]
-"""Which of the joint solutions of a pose an arm is in, in the numbers of its controller and its kinematics.
+"""Which of the joint solutions of a pose an arm is in: four integers of its controller and its kinematics.
 
 Everything else only hands it on: a pose that was read is gone to again with the posture it was read with.
 """

@@ -136,10 +136,10 @@ def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") 
 
 
 def _summary(out: Path, size: str, target: "TargetDocument") -> str:
-    from daemon.cli.target_file import ambiguity_note, toml_snippet
+    from daemon.cli.target_file import toml_snippet
     from daemon.tools.target_print.layout import PRINT_NOTE
 
-    note = ambiguity_note(target)
+    note = _ambiguity_note(target)
     return "\n".join(
         [
             f"{out}: {size}. {PRINT_NOTE}",
@@ -148,3 +148,15 @@ def _summary(out: Path, size: str, target: "TargetDocument") -> str:
             f'\nIn session.json and plan.json:\n\n"target": {target.model_dump_json()}',
         ]
     )
+
+
+def _ambiguity_note(target: "TargetDocument") -> str | None:
+    """A warning when the target looks the same rotated by 180 degrees; else None."""
+    match target.kind:
+        case "chessboard" if (target.columns + target.rows) % 2 == 0:
+            advice = "make one of columns and rows odd, the other even"
+        case "circles" if target.origin is None and (target.layout == "symmetric" or target.rows % 2 == 1):
+            advice = "use --large-origin, or an asymmetric grid with an even number of rows"
+        case _:
+            return None
+    return f"This target looks the same turned by 180 deg, so a turned picture cannot be recognised: {advice}."

@@ -1,20 +1,19 @@
 """The cell as JSON documents: the full truth, and the sheet with what an integrator knows."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
-from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
+from calibration.targets import Target
 from calibration.transforms import Array
 from mock_robot.truth.part_views import scan_poses
 from mock_robot.truth.truth import CellTruth
 
 BOX_MM = ((-900.0, -700.0, 200.0), (1400.0, 1150.0, 1500.0))
 """Allowed volume of the flange: around the table in front of the robot and the rack at its left."""
-
-KINDS = {Chessboard: "chessboard", Charuco: "charuco", CircleGrid: "circles", AprilTagGrid: "apriltag-grid"}
 
 
 def truth_document(truth: CellTruth) -> dict[str, Any]:
@@ -53,8 +52,7 @@ def cell_sheet(truth: CellTruth) -> dict[str, Any]:
 
 def target_document(target: Target) -> dict[str, Any]:
     """The target as session.json contains it."""
-    fields = {name: getattr(target, name) for name in target.__dataclass_fields__}
-    return {"kind": KINDS[type(target)], **fields}
+    return {"kind": target.kind, **asdict(target)}
 
 
 def _pose(a_T_b: Array) -> dict[str, Any]:
