@@ -14,16 +14,22 @@ from numpy.typing import NDArray
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
 from calibration.kinematics.robot_accuracy import MIN_REPEATABILITY
+from calibration.likelihood.variance_components import nonnegative_variances
 from calibration.linear_algebra import inverse_or_pseudo_inverse, scaled_solve
+from calibration.observations.pose_model import (
+    clip_step,
+    derivative_by_flange,
+    derivative_by_shared,
+    pose_residuals,
+    predicted_camera_T_target,
+)
 from calibration.problem import Setup, base_T_flange_of
 from calibration.transforms import (
     Array,
-    adjoint,
     inverse,
     rotation_from_vector,
     transform,
     transform_from_vector,
-    vector_from_transform,
 )
 
 ITERATIONS = 8
@@ -45,9 +51,6 @@ SMALLEST_INFORMATION = 1e-30
 
 STARTS = 16
 """One in three ends elsewhere among motions without turns."""
-
-LONGEST_STEP = np.repeat([0.5, 2000.0], 3)
-"""rad, mm"""
 
 Labels = NDArray[np.intp]
 
@@ -238,18 +241,15 @@ def _linearised(stack: _Stack, X: Array, Y: Array) -> _Linear:
     t, n = stack.x_labels.shape
     g, h = X.shape[1], Y.shape[1]
     rows = np.arange(t)[:, None]
-    camera_T_target = inverse(stack.anchor_T_mount @ X[rows, stack.x_labels]) @ Y[rows, stack.y_labels]
-    off = camera_T_target @ inverse(stack.camera_T_target)
+    X_of_view, Y_of_view = X[rows, stack.x_labels], Y[rows, stack.y_labels]
+    camera_T_target = predicted_camera_T_target(stack.anchor_T_mount, X_of_view, Y_of_view)
+    by_x_and_y = derivative_by_shared(camera_T_target)[:, :, :, None]
     of_x = (stack.x_labels[..., None] == np.arange(g))[:, :, None, :, None]
     of_y = (stack.y_labels[..., None] == np.arange(h))[:, :, None, :, None]
-    by_x = of_x * -np.eye(6)[:, None]
-    by_y = of_y * adjoint(camera_T_target)[:, :, :, None]
-    if stack.setup == "eye-in-hand":
-        by_robot = -adjoint(inverse(X))[rows, stack.x_labels]
-    else:
-        by_robot = adjoint(camera_T_target @ inverse(Y)[rows, stack.y_labels])
+    by_x, by_y = of_x * by_x_and_y[..., :6], of_y * by_x_and_y[..., 6:]
     by_shared = np.concatenate([by_x.reshape(t, n, 6, -1), by_y.reshape(t, n, 6, -1)], axis=-1)
-    return _Linear(vector_from_transform(off), by_shared, by_robot)
+    by_robot = derivative_by_flange(stack.setup, camera_T_target, X_of_view, Y_of_view)
+    return _Linear(pose_residuals(camera_T_target, stack.camera_T_target), by_shared, by_robot)
 
 
 def _covariance(by_images: Array, by_robot: Array, variances: Array) -> Array:
@@ -277,9 +277,7 @@ def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
     normal = weighted @ linear.by_shared.reshape(t, 6 * n, p)
     gradient = weighted @ linear.residuals.reshape(t, 6 * n, 1)
     step = -scaled_solve(normal, gradient)[..., 0]
-    # A wrong assumption may have no sensible fit: keep the steps within what still is a cell.
-    longest = np.resize(LONGEST_STEP, p)
-    step = np.clip(np.nan_to_num(step), -longest, longest)
+    step = clip_step(np.nan_to_num(step))  # a wrong assumption may have no sensible fit
     left: Array = linear.residuals + (linear.by_shared @ step[:, None, :, None])[..., 0]
     return step, left
 
@@ -297,15 +295,8 @@ def _variances(stack: _Stack, residuals: Array, linear: _Linear, information: Ar
     spent = 6 * n / max(6 * n - shared, 1)
     explained = (seen**2 * spent - by_images).reshape(t, n, 2, 3).sum(axis=(1, 3))
     fisher = np.sum((inner**2).reshape(t, n, 2, 3, 2, 3), axis=(1, 3, 5))
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(fisher, axis1=-2, axis2=-1), SMALLEST_INFORMATION))
-    score = scale * explained
-    correlation = np.minimum(scale[:, 0] * fisher[:, 0, 1] * scale[:, 1], 1 - 1e-9)
-    both = scale * (score - correlation[:, None] * score[:, ::-1]) / (1 - correlation**2)[:, None]
-    larger = score == score.max(axis=-1, keepdims=True)
-    alone = np.where(larger, np.maximum(scale**2 * explained, 0.0), 0.0)
-    accepted = np.where(np.all(both >= 0, axis=-1, keepdims=True), both, alone)
-    limited: Array = np.minimum(accepted, LARGEST_VARIANCE)
-    return limited
+    variances: Array = np.minimum(nonnegative_variances(fisher, explained), LARGEST_VARIANCE)
+    return variances
 
 
 def _moved(a_T_b: Array, step: Array) -> Array:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.observations.pose_model import derivative_by_flange, derivative_by_shared, predicted_camera_T_target
 from calibration.problem import Setup, anchor_T_mount_of, base_T_flange_of
 from calibration.transforms import (
     Array,
-    adjoint,
     inverse,
     rotation_from_vector,
     skew,
@@ -40,19 +40,15 @@ class Chain:
     def camera_T_target(self) -> Array:
         """(n, 4, 4)"""
         anchor_T_mount = anchor_T_mount_of(self.setup, self.corrected_base_T_flange())
-        return inverse(anchor_T_mount @ self.mount_T_camera) @ self.anchor_T_target
+        return predicted_camera_T_target(anchor_T_mount, self.mount_T_camera, self.anchor_T_target)
 
     def by_shared(self, camera_T_target: Array) -> Array:
         """d Z by (X, Y): (n, 6, 12)."""
-        by_x = np.broadcast_to(-np.eye(6), (len(camera_T_target), 6, 6))
-        return np.concatenate([by_x, adjoint(camera_T_target)], axis=-1)
+        return derivative_by_shared(camera_T_target)
 
     def by_correction(self, camera_T_target: Array) -> Array:
         """d Z by the correction of its robot pose: (n, 6, 6)."""
-        if self.setup == "eye-in-hand":
-            by_motion = -adjoint(inverse(self.mount_T_camera))[None]
-        else:
-            by_motion = adjoint(camera_T_target @ inverse(self.anchor_T_target))
+        by_motion = derivative_by_flange(self.setup, camera_T_target, self.mount_T_camera, self.anchor_T_target)
         return by_motion @ _motion_by_vector(self.corrections)
 
     def with_corrections_from(self, camera_T_target: Array) -> "Chain":

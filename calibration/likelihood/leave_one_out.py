@@ -12,8 +12,9 @@ from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.mixed_model import of_views
 from calibration.linear_algebra import covariance_of, squared_distances
 from calibration.observations.observations import Observations
+from calibration.observations.pose_model import pose_residuals
 from calibration.observations.reprojection import pixel_statistics
-from calibration.transforms import Array, inverse, vector_from_transform
+from calibration.transforms import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ def outside_disagreement(best: Estimate, seen: Observations, camera_T_target: Ar
     """The same (k,) for views that took no part, from their own poses (k, 4, 4)."""
     chain = best.chain.of_views(seen.base_T_flange)
     expected = chain.camera_T_target()
-    off = vector_from_transform(camera_T_target @ inverse(expected))
+    off = pose_residuals(camera_T_target, expected)
     own = covariance_of(pixel_statistics(seen, best.camera, camera_T_target).normal / best.variances.pixel)
     by_robot, by_shared = chain.by_correction(expected) * best.variances.deviations(), chain.by_shared(expected)
     spread = own + by_robot @ np.swapaxes(by_robot, 1, 2)

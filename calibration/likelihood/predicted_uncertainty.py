@@ -18,11 +18,12 @@ from calibration.likelihood.chain import Chain
 from calibration.likelihood.mixed_model import Variances, linearised, of_views, solve
 from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import Observations
+from calibration.observations.pose_model import predicted_camera_T_target
 from calibration.observations.reprojection import pixel_statistics
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.solution import Uncertainty
 from calibration.targets import Target
-from calibration.transforms import Array, inverse, map_points, skew
+from calibration.transforms import Array, map_points, skew
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Scene:
     def camera_T_target(self, base_T_flange: Array) -> Array:
         """(n, 4, 4) from robot poses (n, 4, 4)."""
         anchor_T_mount = anchor_T_mount_of(self.setup, base_T_flange)
-        return inverse(anchor_T_mount @ self.mount_T_camera) @ self.anchor_T_target
+        return predicted_camera_T_target(anchor_T_mount, self.mount_T_camera, self.anchor_T_target)
 
 
 def predict(scene: Scene, base_T_flange: Array) -> Uncertainty:

@@ -18,6 +18,9 @@ from calibration.transforms import Array
 SMALLEST_PIXEL_VARIANCE = 1e-6
 """A thousandth of a pixel: no image is better, and beyond it the robot's part is lost in rounding."""
 
+MAX_CORRELATION = 1 - 1e-9
+"""Of the two robot variances: beyond it nothing tells them apart, and one alone is estimated."""
+
 GROUPS = (slice(0, 3), slice(3, 6))
 
 
@@ -102,21 +105,22 @@ def _fisher(W: Array, WA: Array, SS: list[Array], S_inv: Array) -> Array:
 
 def _scored(found: Redundancy, variances: Variances) -> Variances:
     pixel = variances.pixel * found.pixel_quadratic / max(found.pixel_trace, 1e-300) if found.pixel_trace > 0 else 0.0
-    rotation, translation = _nonnegative(found.fisher, found.quadratic)
+    rotation, translation = nonnegative_variances(found.fisher, found.quadratic).tolist()
     return Variances(max(pixel, SMALLEST_PIXEL_VARIANCE), rotation, translation, *found.trend.tolist())
 
 
-def _nonnegative(fisher: Array, quadratic: Array) -> tuple[float, float]:
-    """The non-negative solution of two equations; a component that wants to be negative is zero."""
+def nonnegative_variances(fisher: Array, quadratic: Array) -> Array:
+    """v (..., 2) >= 0 with fisher (..., 2, 2) @ v = quadratic (..., 2), one step of Fisher scoring.
+
+    Where one of the two would be negative it is zero, and the other, of the larger score, explains all it can.
+    """
     scaled, scale = unit_diagonal(fisher)
-    right_hand = scale * quadratic
-    if abs(np.linalg.det(scaled)) > 1e-9:
-        both = scale * np.linalg.solve(scaled, right_hand)
-        if np.all(both >= 0):
-            return float(both[0]), float(both[1])
-    alone = scale * np.maximum(right_hand, 0.0)
-    keep = int(np.argmax(right_hand))
-    return (float(alone[0]), 0.0) if keep == 0 else (0.0, float(alone[1]))
+    score = scale * quadratic
+    correlation = np.clip(scaled[..., :1, 1], -MAX_CORRELATION, MAX_CORRELATION)
+    both = scale * (score - correlation * score[..., ::-1]) / (1 - correlation**2)
+    larger = score == score.max(axis=-1, keepdims=True)
+    alone = np.where(larger, scale * np.maximum(score, 0.0), 0.0)
+    return np.where(np.all(both >= 0, axis=-1, keepdims=True), both, alone)
 
 
 def _settled(before: Variances, after: Variances) -> bool:

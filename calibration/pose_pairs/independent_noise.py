@@ -12,6 +12,7 @@ from scipy.special import gammaln
 from scipy.stats import f as f_distribution
 
 from calibration.linear_algebra import covariance_of
+from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.noise_models import CAMERAS, Sources, robot
 from calibration.pose_pairs.reml_optimizer import (
     Moments,
@@ -19,7 +20,6 @@ from calibration.pose_pairs.reml_optimizer import (
     climbed,
     first_variances,
     floor_variances,
-    limited,
     spent_on,
 )
 from calibration.pose_pairs.residuals import Chain, Linearised, PosePairs, linearise
@@ -86,7 +86,7 @@ def _state(pairs: PosePairs, chain: Chain, variances: Array, camera: str, tails:
     weighted = ((information * weights[:, None, None]) @ at.by_shared).reshape(-1, at.by_shared.shape[2])
     normal = weighted.T @ at.by_shared.reshape(weighted.shape)
     covariance = covariance_of(normal)
-    step = limited(-covariance @ (weighted.T @ at.residuals.reshape(-1)))
+    step = clip_step(-covariance @ (weighted.T @ at.residuals.reshape(-1)))
     left = at.residuals + at.by_shared @ step
     moments = _moments(directions, information, weights, left, at, covariance)
     value = _log_likelihood(information, distances, tails) + spent_on(normal)

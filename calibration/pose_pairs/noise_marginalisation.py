@@ -14,10 +14,11 @@ import numpy as np
 from scipy.special import logsumexp, ndtri
 
 from calibration.linear_algebra import scaled_inverse_and_log_determinant
+from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
 from calibration.pose_pairs.noise_models import CAMERAS, Sources, robot
 from calibration.pose_pairs.noise_priors import WIDELY, prior_of
-from calibration.pose_pairs.reml_optimizer import floor_variances, limited
+from calibration.pose_pairs.reml_optimizer import floor_variances
 from calibration.pose_pairs.residuals import Linearised, PosePairs, linearise
 from calibration.transforms import Array
 
@@ -67,7 +68,7 @@ def averaged(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
     deviations = np.exp(nodes.log_weights - logsumexp(nodes.log_weights)) @ np.exp(nodes.levels)
     return replace(
         fitted,
-        chain=fitted.chain.moved(limited(step)),
+        chain=fitted.chain.moved(clip_step(step)),
         covariance=covariance + (weights[:, None] * off).T @ off,
         variances=dict(zip(cameras[likeliest], (deviations**2).tolist(), strict=True)),
         camera=likeliest,

@@ -13,6 +13,7 @@ from scipy import sparse
 
 from calibration.closed_forms.kronecker import as_rotation
 from calibration.linear_algebra import covariance_of
+from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
 from calibration.pose_pairs.noise_models import DRIFTING
 from calibration.pose_pairs.reml_optimizer import (
@@ -21,7 +22,6 @@ from calibration.pose_pairs.reml_optimizer import (
     climbed,
     first_variances,
     floor_variances,
-    limited,
     spent_on,
 )
 from calibration.pose_pairs.residuals import Chain, PosePairs, linearise
@@ -77,7 +77,7 @@ def _state(pairs: PosePairs, chain: Chain, variances: Array, chosen: NDArray[np.
     weighted = information @ by_shared
     normal = by_shared.T @ weighted
     covariance = covariance_of(normal)
-    step = limited(-covariance @ (weighted.T @ residuals))
+    step = clip_step(-covariance @ (weighted.T @ residuals))
     moments = _moments(shares, information, weighted, residuals + by_shared @ step, covariance, floor)
     square = float(np.linalg.slogdet(total)[1] + residuals @ information @ residuals)
     # The first view, of which no difference is taken, has lengths in the camera's unit too.

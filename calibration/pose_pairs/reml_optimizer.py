@@ -23,7 +23,6 @@ SETTLED = 1e-2
 FLOOR = np.repeat([1e-6, 1e-3], 3) ** 2
 """rad², mm²: below what any controller or camera prints."""
 
-LONGEST_STEP = np.repeat([0.3, 500.0, 0.3, 500.0, 0.2], [3, 3, 3, 3, 1])
 SMALLEST_EIGENVALUE = 1e-9
 
 
@@ -102,9 +101,3 @@ def first_variances(residuals: Array, directions: list[Array]) -> Array:
 def spent_on(normal: Array) -> float:
     """What the unknowns with this normal matrix take from the log-likelihood."""
     return 0.5 * float(len(normal) * np.log(2 * np.pi) - np.linalg.slogdet(normal)[1])
-
-
-def limited(step: Array) -> Array:
-    """A step that stays within what still is a cell."""
-    longest = LONGEST_STEP[: len(step)]
-    return np.clip(step, -longest, longest)

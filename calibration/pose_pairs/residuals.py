@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import as_rotation, kronecker
+from calibration.observations.pose_model import derivative_by_flange, derivative_by_shared, predicted_camera_T_target
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array, adjoint, inverse, skew, transform, transform_from_vector, vector_from_rotation
 
@@ -73,18 +74,14 @@ class Linearised:
 def linearise(pairs: PosePairs, chain: Chain) -> Linearised:
     """At a chain."""
     X, Y = chain.mount_T_camera, chain.anchor_T_target
-    metric = inverse(pairs.anchor_T_mount() @ X) @ Y
+    metric = predicted_camera_T_target(pairs.anchor_T_mount(), X, Y)
     predicted = metric.copy()
     predicted[:, :3, 3] *= chain.scale
     turn = metric[:, :3, :3] @ np.swapaxes(pairs.camera_T_target[:, :3, :3], 1, 2)
     shift = predicted[:, :3, 3] - pairs.camera_T_target[:, :3, 3]
-    if pairs.setup == "eye-in-hand":
-        flange = np.broadcast_to(adjoint(inverse(X)), (len(pairs), 6, 6))
-    else:
-        flange = adjoint(metric @ inverse(Y))
     by_camera = _of_motion(metric, np.broadcast_to(np.eye(6), (len(pairs), 6, 6)), chain.scale)
-    by_flange = by_camera @ flange
-    columns = [-by_camera, by_camera @ adjoint(metric)]
+    by_flange = by_camera @ derivative_by_flange(pairs.setup, metric, X, Y)
+    columns = [by_camera @ derivative_by_shared(metric)]
     if not pairs.metric:
         columns.append(np.concatenate([np.zeros((len(pairs), 3, 1)), predicted[:, :3, 3:]], axis=1))
     return Linearised(
