@@ -4,21 +4,25 @@ Not a safety function: the gate's switch stops the arm through the controller, t
 """
 
 import asyncio
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 from urllib.parse import parse_qsl, urlsplit
 
-from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
-from pymodbus.exceptions import ModbusException
-
-from drivers.errors import AddressNotUnderstood
-from drivers.serial_errors import SERIAL_ERRORS, reason_of
+from drivers.errors import AddressNotUnderstood, DeviceError, DeviceUnreachable, LinkLost
+from drivers.modbus_line import ModbusLine
+from drivers.timing import Timing
+from drivers.transports.serial_line import SerialTransport
+from drivers.transports.tcp import TcpTransport
+from drivers.transports.transport import Transport
+from protocols.modbus.bit_reader import Bit, BitReader
+from protocols.modbus.client_framing import ClientFraming, RtuFraming, TcpFraming
+from protocols.modbus.codes import Function
 
 DEFAULT_PORT = 502
 FORM = "write tcp://host:502, or serial:///dev/ttyUSB0?baud=19200&parity=E"
 
 Kind = Literal["coil", "discrete-input"]
-Client = AsyncModbusTcpClient | AsyncModbusSerialClient
+FUNCTION: dict[Kind, Function] = {"coil": Function.READ_COILS, "discrete-input": Function.READ_DISCRETE_INPUTS}
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,10 @@ class Signal:
     address: int
     allows: bool = True
 
+    @property
+    def bit(self) -> Bit:
+        return FUNCTION[self.kind], self.address
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -40,53 +48,80 @@ class Reading:
     why: str = ""
 
 
-@dataclass(eq=False)
 class Interlocks:
-    """A Modbus client that dials when it is asked, and again when it was cut off."""
+    """Reads the signals when it is asked; opens the line for the first reading, and again when it was lost.
 
-    address: str
-    unit: int
-    signals: tuple[Signal, ...]
-    limit_s: float
-    _client: Client | None = field(default=None, init=False)
-    _turn: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
+    A value is one that the device had between the question and the answer, whatever the line does to its answers:
+    protocols/modbus/bit_reader.py says how. Whatever is uncertain cannot be read.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        unit: int,
+        signals: tuple[Signal, ...],
+        limit_s: float,
+        timing: Timing | None = None,
+        transport: Transport | None = None,
+    ) -> None:
+        """`transport`: what carries the bytes, in place of what `address` names. Raises AddressNotUnderstood."""
+        self.address, self._signals, self._limit_s = address, signals, limit_s
+        self._timing = timing or Timing()
+        numbered = _parts(address)[0] == "tcp"
+        self._reader = BitReader([signal.bit for signal in signals], numbered)
+        framing: ClientFraming = TcpFraming(unit) if numbered else RtuFraming(unit)
+        transport = transport or transport_at(address)
+        self._line = ModbusLine(transport, framing, self._reader, limit_s, self._timing)
+        self._turn = asyncio.Lock()
+        self._next: asyncio.Task[tuple[Reading, ...]] | None = None
 
     async def readings(self) -> tuple[Reading, ...]:
-        """Every interlock as it is now; within `limit_s`, whatever the device does."""
-        async with self._turn:
-            try:
-                async with asyncio.timeout(self.limit_s):
-                    return await self._read()
-            except (TimeoutError, ModbusException, *SERIAL_ERRORS, ValueError) as error:
-                self._hang_up()
-                why = "no answer in time" if isinstance(error, TimeoutError) else _words(error)
-                return tuple(Reading(s.name, False, f"cannot be read ({self.address}: {why})") for s in self.signals)
+        """Every interlock, read after the call; within `limit_s`, or twice that when a reading is in progress.
+
+        Whoever asks while a reading is in progress shares the next one.
+        """
+        if self._next is None:
+            self._next = asyncio.create_task(self._read_next())
+        return await asyncio.shield(self._next)
 
     async def close(self) -> None:
         """Hang up."""
-        self._hang_up()
+        async with self._turn:
+            await self._line.close()
 
-    async def _read(self) -> tuple[Reading, ...]:
-        if self._client is None or not self._client.connected:
-            self._hang_up()
-            self._client = client_at(self.address, self.limit_s)
-            if not await self._client.connect():
-                raise OSError("nobody answers")
-        return tuple([await self._reading(self._client, signal) for signal in self.signals])
+    async def _read_next(self) -> tuple[Reading, ...]:
+        async with self._turn:
+            self._next = None
+            error = await self._error_of_reading()
+            if error is not None:
+                return tuple(self._unread(signal, error) for signal in self._signals)
+            return tuple(self._reading(signal) for signal in self._signals)
 
-    async def _reading(self, client: Client, signal: Signal) -> Reading:
-        read = client.read_coils if signal.kind == "coil" else client.read_discrete_inputs
-        answer = await read(signal.address, count=1, device_id=self.unit)
-        if answer.isError() or not answer.bits:
-            what = f"{signal.kind} {signal.address} is refused with exception {getattr(answer, 'exception_code', '?')}"
-            return Reading(signal.name, False, f"cannot be read ({self.address}: {what})")
-        value = bool(answer.bits[0])
+    async def _error_of_reading(self) -> str | None:
+        """Read; in words why that failed."""
+        reading = asyncio.create_task(self._line.read())
+        done = await self._timing.done_within(reading, self._limit_s)
+        reading.cancel()
+        error = (await asyncio.gather(reading, return_exceptions=True))[0]
+        if error is None:
+            return None
+        if not done:
+            return "no answer in time"
+        if not isinstance(error, DeviceError):
+            raise error
+        if isinstance(error, LinkLost):
+            return "the connection was lost"
+        refused = isinstance(error, DeviceUnreachable) and self._reader.numbered
+        return f"nobody answers, {error.what}" if refused else error.what
+
+    def _reading(self, signal: Signal) -> Reading:
+        if (code := self._reader.exceptions.get(signal.bit)) is not None:
+            return self._unread(signal, f"{signal.kind} {signal.address} is refused with exception {code}")
+        value = self._reader.bits[signal.bit]
         return Reading(signal.name, value is signal.allows, "" if value is signal.allows else f"is {int(value)}")
 
-    def _hang_up(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+    def _unread(self, signal: Signal, why: str) -> Reading:
+        return Reading(signal.name, False, f"cannot be read ({self.address}: {why})")
 
 
 def check_interlock_address(address: str) -> None:
@@ -94,19 +129,12 @@ def check_interlock_address(address: str) -> None:
     _parts(address)
 
 
-def client_at(address: str, limit_s: float) -> Client:
-    """A client that never dials by itself."""
+def transport_at(address: str) -> Transport:
+    """What carries the bytes to a device and back. Raises AddressNotUnderstood."""
     scheme, host, port, options = _parts(address)
     if scheme == "tcp":
-        return AsyncModbusTcpClient(host, port=port, timeout=limit_s, retries=0, reconnect_delay=0)
-    return AsyncModbusSerialClient(
-        host,
-        baudrate=int(options.get("baud", "19200")),
-        parity=options.get("parity", "E"),
-        timeout=limit_s,
-        retries=0,
-        reconnect_delay=0,
-    )
+        return TcpTransport(host, port)
+    return SerialTransport(host, int(options.get("baud", "19200")), parity=options.get("parity", "E"))
 
 
 def _parts(address: str) -> tuple[str, str, int, dict[str, str]]:
@@ -122,7 +150,3 @@ def _parts(address: str) -> tuple[str, str, int, dict[str, str]]:
     if parts.scheme == "serial" and parts.path and known and options.get("parity", "E") in ("N", "E", "O"):
         return "serial", parts.path, 0, options
     raise AddressNotUnderstood(address, "it is not the address of a Modbus device", FORM)
-
-
-def _words(error: Exception) -> str:
-    return getattr(error, "string", "") or reason_of(error) or type(error).__name__

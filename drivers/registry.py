@@ -22,12 +22,12 @@ from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.redundant_stop import TwoWaysToStop
 from drivers.robots.abb.rws.robot import RwsRobot
-from drivers.robots.serial_line import SerialTransport
-from drivers.robots.tcp import TcpTransport
-from drivers.robots.transport import Transport
 from drivers.scanners.folder_scanner import FolderScanner
 from drivers.scanners.http_scanner import HttpScanner
 from drivers.timing import Timing
+from drivers.transports.serial_line import SerialTransport
+from drivers.transports.tcp import TcpTransport
+from drivers.transports.transport import Transport
 
 STREAM_LATENCY_S = 1.0
 """A network stream shows the world of about a second ago: encoder, network and decoder each keep some frames."""

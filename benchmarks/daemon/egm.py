@@ -115,7 +115,7 @@ def measure(duration_s: float, load: Callable[[], Any]) -> tuple[Noted, int, int
     """How late the samples were, how many never came, and of how many it is not known."""
     count, noted = int(duration_s / PERIOD_S), Noted()
     monitor = EgmMonitor(EgmAddress("127.0.0.1", 0))
-    monitor._arrivals = noted
+    monitor._window._arrivals = noted
     monitor.start()
     context = multiprocessing.get_context("spawn")
     with load():

@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.daemon.link_schedules import CELLS, schedules
 from drivers.robots.abb.cb_robot import CbRobot
-from drivers.robots.tcp import TcpTransport
+from drivers.transports.tcp import TcpTransport
 from mock_robot.cell import MockCell, Ports
 from mock_robot.truth.truth import CellTruth
 from registration.io.stream import CloudStream

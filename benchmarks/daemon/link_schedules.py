@@ -19,8 +19,8 @@ from calibration.kinematics.arm import Configuration
 from drivers.errors import DeviceError
 from drivers.interfaces import MoveGoal
 from drivers.robots.abb.cb_robot import CbRobot
-from drivers.robots.tcp import TcpTransport
-from drivers.robots.transport import Connection
+from drivers.transports.tcp import TcpTransport
+from drivers.transports.transport import Connection
 from mock_robot.cell import MockCell, Ports
 from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.rapid.controller import RapidController

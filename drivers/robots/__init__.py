@@ -1,1 +1,1 @@
-"""Robots as the daemon sees them: transports and helpers here, one folder a brand."""
+"""Robots as the daemon sees them: helpers here, one folder a brand."""

@@ -60,13 +60,17 @@ def text_of(words: Sequence[int]) -> str:
 
 
 def crc16(words: Iterable[int]) -> int:
-    """CRC-16/MODBUS (polynomial 8005 reflected, start ffff) over the registers' bytes, high byte first."""
+    """CRC-16/MODBUS over the registers' bytes, high byte first."""
+    return crc16_of_bytes(byte for word in words for byte in (word >> 8, word & 0xFF))
+
+
+def crc16_of_bytes(data: Iterable[int]) -> int:
+    """CRC-16/MODBUS (polynomial 8005 reflected, start ffff); on an RTU line its low byte comes first."""
     crc = 0xFFFF
-    for word in words:
-        for byte in (word >> 8, word & 0xFF):
-            crc ^= byte
-            for _ in range(8):
-                crc = crc >> 1 ^ 0xA001 if crc & 1 else crc >> 1
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ 0xA001 if crc & 1 else crc >> 1
     return crc
 
 

@@ -26,8 +26,8 @@ class Terminal:
         raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, "bits only")
 
     def bits(self, function: Function, address: int, count: int) -> Sequence[bool]:
-        if address + count > 8:
-            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS, "eight")
+        if address + count > len(self.inputs):
+            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS, f"{len(self.inputs)}")
         self.asked += 1
         return (self.coils if function is Function.READ_COILS else self.inputs)[address : address + count]
 

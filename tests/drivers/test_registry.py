@@ -10,10 +10,10 @@ from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood, DeviceError
 from drivers.registry import check_camera_address, check_robot_address, check_scanner_address
-from drivers.robots.serial_line import SerialTransport
-from drivers.robots.tcp import TcpTransport
 from drivers.scanners.folder_scanner import FolderScanner
 from drivers.scanners.http_scanner import HttpScanner
+from drivers.transports.serial_line import SerialTransport
+from drivers.transports.tcp import TcpTransport
 from tests.drivers.robots.fake_controller import FakeController, TcpCell
 from tests.support.waiting import quick_timing
 

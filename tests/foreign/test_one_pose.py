@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drivers.robots.abb.cb_robot import CbRobot
-from drivers.robots.tcp import TcpTransport
+from drivers.transports.tcp import TcpTransport
 from protocols.egm.messages import decode
 from tests.foreign.client_checks import held_by
 from tests.mock_robot.controller_client import AWAY

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.robots.abb.cb_robot import CbRobot
-from drivers.robots.serial_line import SerialTransport
+from drivers.transports.serial_line import SerialTransport
 from tests.mock_robot.running_cell import running_cell as cell_with_a_line
 from tests.support.waiting import eventually
 

@@ -11,8 +11,8 @@ from calibration.transforms import difference, inverse, rotation_from_vector, tr
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost, MoveFailed, MoveRefused
 from drivers.interfaces import MoveGoal
 from drivers.robots.abb.cb_robot import CbRobot
-from drivers.robots.serial_line import SerialTransport
-from drivers.robots.tcp import TcpTransport
+from drivers.transports.serial_line import SerialTransport
+from drivers.transports.tcp import TcpTransport
 from mock_robot.cell import RobotProgram
 from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.start_posture import target_middle_mm

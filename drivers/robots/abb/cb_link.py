@@ -7,8 +7,8 @@ from drivers.errors import DeviceError, DeviceUnreachable, LinkLost
 from drivers.interfaces import LinkHealth
 from drivers.link_status import LinkReport
 from drivers.robots.abb.cb_session import Conversation
-from drivers.robots.transport import Connection, Transport
 from drivers.timing import Timing, take_turns_often
+from drivers.transports.transport import Connection, Transport
 from protocols.cb.client import ClientSession
 from protocols.cb.messages import Bye
 

@@ -12,8 +12,8 @@ from drivers.robots.abb.cb_move_monitor import Arrival
 from drivers.robots.abb.cb_session import Answered, Conversation, Overtaken
 from drivers.robots.abb.cb_status_errors import move_failed, move_refused, request_refused
 from drivers.robots.abb.robtarget import POSE_CONVENTION
-from drivers.robots.transport import Transport
 from drivers.timing import Timing
+from drivers.transports.transport import Transport
 from protocols.cb.codes import Status
 from protocols.cb.messages import (
     GetJoints,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost
 from drivers.robots.priority_lock import Turnstile
-from drivers.robots.transport import Connection
 from drivers.timing import Timing
+from drivers.transports.transport import Connection
 from protocols.cb.client import ClientSession
 from protocols.cb.codes import VERSION, Status
 from protocols.cb.errors import NotAllowedNow

@@ -27,6 +27,7 @@ KEEP = 2500
 LOOK_S = 0.2
 SILENT_AFTER_S = 0.5
 FEWEST = 5
+SEQNO_COUNT = 2**32
 SO_TIMESTAMPNS = 35
 """linux/asm-generic/socket.h: the kernel notes when each packet came, however late this thread is woken."""
 CLOCK_TRIES, CLOCK_STEP_S = 5, 1e-4
@@ -51,6 +52,32 @@ class EgmAddress:
     robot: str | None = None
 
 
+class SampleWindow:
+    """The newest samples in the controller's order. One that is late or came before is not taken."""
+
+    def __init__(self) -> None:
+        self._arrivals: deque[Arrival] = deque(maxlen=KEEP)
+
+    @property
+    def newest(self) -> Arrival | None:
+        return self._arrivals[-1] if self._arrivals else None
+
+    def add(self, arrival: Arrival) -> bool:
+        """Is its number behind the newest? After a silence any number begins a new stream, alone in the window."""
+        if (newest := self.newest) is not None:
+            ahead = (arrival.sample.seqno - newest.sample.seqno) % SEQNO_COUNT
+            if arrival.received_at_s - newest.received_at_s > SILENT_AFTER_S:
+                self._arrivals.clear()
+            elif not 0 < ahead < SEQNO_COUNT // 2:
+                return False
+        self._arrivals.append(arrival)
+        return True
+
+    def since(self, time_s: float) -> list[Arrival]:
+        """Oldest first."""
+        return [arrival for arrival in list(self._arrivals) if arrival.received_at_s >= time_s]
+
+
 class EgmMonitor:
     """Listens in a thread of its own, so that nothing else in the process makes it late."""
 
@@ -58,7 +85,7 @@ class EgmMonitor:
         self._address, self._timing = address, timing or Timing()
         self._device = f"EGM udp://{address.host}:{address.port}"
         self._report = LinkReport(self._timing.clock)
-        self._arrivals: deque[Arrival] = deque(maxlen=KEEP)
+        self._window = SampleWindow()
         self._ending = threading.Event()
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
@@ -67,8 +94,8 @@ class EgmMonitor:
     @property
     def link(self) -> LinkHealth:
         """Do samples come?"""
-        last = self._arrivals[-1].received_at_s if self._arrivals else None
-        if last is not None and self._timing.clock() - last <= SILENT_AFTER_S:
+        newest = self._window.newest
+        if newest is not None and self._timing.clock() - newest.received_at_s <= SILENT_AFTER_S:
             self._report.up("samples come")
         else:
             self._report.down(f"no sample for {SILENT_AFTER_S:g} s: {STREAMS}")
@@ -105,8 +132,7 @@ class EgmMonitor:
 
     def arrivals(self, window_s: float) -> list[Arrival]:
         """The samples of the last `window_s`, oldest first. Raises DeviceTimeout when there are too few."""
-        since_s = self._timing.clock() - window_s
-        recent = [arrival for arrival in list(self._arrivals) if arrival.received_at_s >= since_s]
+        recent = self._window.since(self._timing.clock() - window_s)
         if len(recent) < FEWEST:
             what = f"{len(recent)} samples came within {window_s:g} s"
             raise DeviceTimeout(self._device, what, STREAMS)
@@ -133,7 +159,7 @@ class EgmMonitor:
             except NotEgm:
                 self.strangers += 1
                 continue
-            self._arrivals.append(Arrival(_received_at_s(notes, clock), sample))
+            self._window.add(Arrival(_received_at_s(notes, clock), sample))
 
 
 def vibration_of(samples: list[RobotSample]) -> Vibration:

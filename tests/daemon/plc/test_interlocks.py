@@ -7,6 +7,7 @@ from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.cell_under_test import Parts, serving, settings_for
 from tests.daemon.plcs import MOVING, ladder, value_of
 from tests.drivers.modbus_terminal import Terminal, terminal
+from tests.drivers.rtu_terminal import rtu_terminal
 
 
 def settings_with(folder: Path, device: Terminal) -> Any:
@@ -53,3 +54,30 @@ async def test_a_gate_opened_between_two_moves_ends_the_run_before_the_next(tmp_
         assert "after station 2 of 5" in run["cause"]["what"]
         assert len(bench.robot.goals) == 2
         assert not bench.robot.armed
+
+
+async def test_late_answers_of_a_serial_terminal_never_let_a_move_begin(tmp_path: Path) -> None:
+    """The part goes missing during the first move; a monitor asks for /ready while the terminal's answers are late."""
+    parts = Parts()
+    async with rtu_terminal() as device:
+        device.bank.inputs[1] = True
+        signals = [{"name": "gate closed", "address": 0}, {"name": "part present", "address": 1}]
+        interlocks = {"address": device.address, "limit_s": 0.2, "signals": signals}
+        async with serving(settings_for(tmp_path, interlocks=interlocks), parts) as bench:
+
+            async def part_goes_and_answers_are_late(move: int) -> None:
+                if move == 1:
+                    device.bank.inputs[1] = False
+                    device.holds = True
+                    assert (await bench.client.get("/ready")).json()["calibrate"]["reasons"]
+                    device.holds = False
+                    await device.send(len(device.held))
+
+            parts.robot.before_move = part_goes_and_answers_are_late
+            reasons = []
+            begun = await bench.client.post("/calibrate")
+            while not (run := (await bench.client.get(begun.headers["location"])).json())["cause"]:
+                reasons += (await bench.client.get("/ready")).json()["calibrate"]["reasons"]
+        assert run["cause"]["code"] == "interlock-open"
+        assert len(bench.robot.goals) == 1
+        assert "interlock gate closed: is 0" not in reasons

@@ -13,8 +13,8 @@ from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRef
 from drivers.interfaces import MoveGoal, Robot
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.robtarget import UNUSED_AXIS
-from drivers.robots.serial_line import SerialTransport
-from drivers.robots.tcp import TcpTransport
+from drivers.transports.serial_line import SerialTransport
+from drivers.transports.tcp import TcpTransport
 from protocols.cb.codes import MoveKind, Status
 from protocols.cb.messages import Bye, GetPose, GetStatus, Move, Stop
 from tests.drivers.robots.fake_controller import BASE_T_FLANGE, STANDING, FakeController, PtyCell, TcpCell

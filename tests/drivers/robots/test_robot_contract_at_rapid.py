@@ -15,8 +15,8 @@ from drivers.errors import DeviceUnreachable, GarbledAnswer, MoveFailed, MoveRef
 from drivers.interfaces import MoveGoal, Robot
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.robtarget import UNUSED_AXIS
-from drivers.robots.serial_line import SerialTransport
-from drivers.robots.tcp import TcpTransport
+from drivers.transports.serial_line import SerialTransport
+from drivers.transports.tcp import TcpTransport
 from protocols.cb.codes import Command
 from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.running_cell import running_cell

@@ -12,8 +12,8 @@ from calibration.kinematics.arm import Configuration
 from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost
 from drivers.interfaces import MoveGoal
 from drivers.robots.abb.cb_robot import CbRobot
-from drivers.robots.serial_line import SerialConnection, SerialTransport
-from drivers.robots.tcp import TcpTransport
+from drivers.transports.serial_line import SerialConnection, SerialTransport
+from drivers.transports.tcp import TcpTransport
 from protocols.cb.codes import Status
 from protocols.cb.controller import ControllerSession
 from protocols.cb.frames import Frame

@@ -14,7 +14,7 @@ from drivers.registry import open_robot
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.robot import RwsRobot
-from drivers.robots.tcp import TcpTransport
+from drivers.transports.tcp import TcpTransport
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.sessions import MAX_SESSIONS
 from protocols.cb.codes import Command

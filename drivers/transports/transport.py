@@ -1,10 +1,10 @@
-"""What carries the bytes of a CB link. TCP and serial lines are equal peers."""
+"""What carries bytes to a device and back. TCP and serial lines are equal peers."""
 
 from typing import Protocol
 
 
 class Connection(Protocol):
-    """An open way to the controller. Every method raises LinkLost when it has gone."""
+    """An open way to the device. Every method raises LinkLost when it has gone."""
 
     async def send(self, data: bytes) -> None: ...
 
@@ -18,7 +18,7 @@ class Connection(Protocol):
 
 
 class Transport(Protocol):
-    """How to reach a controller, again and again."""
+    """How to reach a device, again and again."""
 
     @property
     def address(self) -> str: ...

@@ -6,7 +6,7 @@ import socket
 import pytest
 
 from drivers.errors import DeviceUnreachable
-from drivers.robots.tcp import TcpTransport
+from drivers.transports.tcp import TcpTransport
 
 
 async def test_a_dial_that_meets_itself_is_no_connection(monkeypatch):

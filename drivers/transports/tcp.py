@@ -1,4 +1,4 @@
-"""The CB link over TCP."""
+"""A byte stream over TCP."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""The CB link over a serial line, or whatever pyserial opens: /dev/tty*, socket://, rfc2217://, loop://."""
+"""A serial line, or whatever pyserial opens: /dev/tty*, socket://, rfc2217://, loop://."""
 
 import asyncio
 import threading
@@ -82,13 +82,17 @@ class SerialConnection:
 
 @dataclass(frozen=True)
 class SerialTransport:
-    """A controller at the end of `port`: a device path or a pyserial URL. 8N1; never XON/XOFF, frames are binary."""
+    """A controller at the end of `port`: a device path or a pyserial URL. 8 bits, parity N, E or O, 1 stop bit.
+
+    Never XON/XOFF: frames are binary.
+    """
 
     port: str
     baud: int = 115200
     rtscts: bool = False
     resynchronise: bool = True
     half_frame_limit_s: float = 0.2
+    parity: str = "N"
 
     @property
     def address(self) -> str:
@@ -113,12 +117,17 @@ class SerialTransport:
         port = serial.serial_for_url(
             self.port,
             baudrate=self.baud,
+            parity=self.parity,
             rtscts=self.rtscts,
-            timeout=READ_LIMIT_S,
             write_timeout=WRITE_LIMIT_S,
             **exclusive,
         )
-        port.reset_input_buffer()
+        try:
+            port.timeout = READ_LIMIT_S  # configures the port again, which fails for what the adapter did not take
+            port.reset_input_buffer()
+        except BaseException:
+            port.close()
+            raise
         return port
 
 

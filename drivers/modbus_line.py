@@ -1,0 +1,111 @@
+"""One connection to a Modbus device, and what the answers on it are worth."""
+
+import asyncio
+from dataclasses import dataclass, field
+
+from drivers.errors import DeviceError, DeviceTimeout, GarbledAnswer
+from drivers.timing import Timing
+from drivers.transports.transport import Connection, Transport
+from protocols.modbus.bit_reader import Answer, BitReader
+from protocols.modbus.client_framing import ClientFraming
+from protocols.modbus.errors import HeaderBroken
+
+FIX = "check the line, and that the device answers there"
+
+
+@dataclass(eq=False)
+class ModbusLine:
+    """Opens when it is read, and listens while it is open.
+
+    After a time-out, or an answer that fits no question or comes while nothing is asked, the next reading opens the
+    connection anew where answers have a number (`reader.numbered`). Elsewhere the line stays open, and nothing is asked
+    until nothing was received for `silence_s`.
+    """
+
+    transport: Transport
+    framing: ClientFraming
+    reader: BitReader
+    silence_s: float
+    timing: Timing
+    _connection: Connection | None = field(default=None, init=False)
+    _listener: asyncio.Task[None] | None = field(default=None, init=False)
+    _answered: "asyncio.Future[None] | None" = field(default=None, init=False)
+    _doubtful: bool = field(default=False, init=False)
+    _heard_at_s: float = field(default=0.0, init=False)
+
+    async def read(self) -> None:
+        """Fill `reader.bits` and `reader.exceptions`; may be cancelled. Raises DeviceError."""
+        connection = await self._trusted_connection()
+        self.reader.begin()
+        try:
+            while (pdu := self.reader.request()) is not None:
+                self._answered = asyncio.get_running_loop().create_future()
+                await connection.send(self.framing.encode(pdu))
+                await self._answered
+        except BaseException:
+            self._doubt()
+            raise
+        finally:
+            self._answered = None
+
+    async def close(self) -> None:
+        """Hang up."""
+        listener, self._listener = self._listener, None
+        connection, self._connection = self._connection, None
+        if listener is not None:
+            listener.cancel()
+            await asyncio.gather(listener, return_exceptions=True)
+        if connection is not None:
+            await connection.close()
+
+    async def _trusted_connection(self) -> Connection:
+        """Raises DeviceError, also while the line must be silent."""
+        if self._doubtful and self.reader.numbered:
+            await self.close()
+        elif self._doubtful and self.timing.clock() - self._heard_at_s < self.silence_s:
+            what = f"waiting until the line was silent for {self.silence_s:g} s"
+            raise DeviceTimeout(self.transport.address, what, FIX)
+        self._doubtful = False
+        return self._connection or await self._open()
+
+    async def _open(self) -> Connection:
+        await self.close()
+        connection = self._connection = await self.transport.connect()
+        self.framing.connected()
+        self._listener = asyncio.create_task(self._listen(connection), name=f"listens to {self.transport.address}")
+        return connection
+
+    async def _listen(self, connection: Connection) -> None:
+        try:
+            while True:
+                data = await connection.receive()
+                self._heard_at_s = self.timing.clock()
+                for pdu in self.framing.feed(data):
+                    self._hear(self.reader.receive(pdu))
+        except HeaderBroken as error:
+            self._lose(GarbledAnswer(self.transport.address, str(error), FIX))
+        except DeviceError as error:
+            self._lose(error)
+        await connection.close()
+
+    def _hear(self, answer: Answer) -> None:
+        """Answers to older questions are expected within a reading, and a reason for doubt outside of one."""
+        if self._answered is None or answer is Answer.UNFIT:
+            self._doubt()
+        if self._answered is None or self._answered.done():
+            return
+        if answer is Answer.AWAITED:
+            self._answered.set_result(None)
+        elif answer is Answer.UNFIT:
+            what = "an answer came that fits no question"
+            self._answered.set_exception(GarbledAnswer(self.transport.address, what, FIX))
+
+    def _lose(self, error: DeviceError) -> None:
+        """The next reading opens the line anew."""
+        self._connection = None
+        if self._answered is not None and not self._answered.done():
+            self._answered.set_exception(error)
+
+    def _doubt(self) -> None:
+        self._doubtful = True
+        self._heard_at_s = self.timing.clock()

@@ -1,0 +1,1 @@
+"""What carries bytes to a device and back: TCP and serial lines, equal peers."""

@@ -1,0 +1,289 @@
+"""Coils and discrete inputs, read so that no answer is taken for the answer to another question.
+
+Modbus RTU numbers neither questions nor answers. What an answer does show is its shape: the function code and how many
+bytes of values it has, or that it is an exception. So the questions differ in shape instead:
+
+- Every bit of one kind is asked in one question, from the first address to the last.
+- The same span is also asked 8, 16 and 24 bits longer, and a question of the other function lies in between when the
+  device refuses those.
+- A question is asked only when no answer that may still come has the shape of its answer. Until it is answered, it is
+  repeated, and no other is asked.
+
+A serial line is one wire with one device at its end: answers may be late by any time, lost, or come several times, but
+they come in the order of their questions. When the answer to a question has come, nothing older is behind it; so the
+next answer of another shape is the answer to the next question. A value counts only when its question was first asked
+in the reading that wants it: an answer to a question that a former reading gave up shows no more than that the line
+is up to date.
+
+Before the first reading of a process, the line may hold answers to the questions of the process before it. These are of
+two shapes at most, so the first two answers of three different shapes are not used; fewer when the device has no three.
+
+Modbus TCP numbers its answers, and the shapes help against a gateway to a serial line that mistakes them. There a
+question may be asked all the same when the device leaves no other.
+"""
+
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from enum import Enum
+
+from protocols.modbus.codes import ERROR_BIT, MAX_READ_BITS, ExceptionCode, Function
+from protocols.modbus.requests import ReadBits, bits_of
+
+Bit = tuple[Function, int]
+"""READ_COILS or READ_DISCRETE_INPUTS, and an address."""
+
+Shape = tuple[int, int]
+"""Function code and bytes of values; of an exception the code with ERROR_BIT, and 0."""
+
+LONGER_BITS = (8, 16, 24)
+MAX_ADDRESS = 65535
+TO_PROVE = 3
+"""Shapes that are answered before the line is known to hold nothing older; the last of the answers is used."""
+MAX_UNANSWERED = 2
+"""So often a question that the device need not support is asked without an answer; then another one is tried."""
+NO_SUCH_BITS = (ExceptionCode.ILLEGAL_DATA_ADDRESS, ExceptionCode.ILLEGAL_DATA_VALUE)
+OTHER = {
+    Function.READ_COILS: Function.READ_DISCRETE_INPUTS,
+    Function.READ_DISCRETE_INPUTS: Function.READ_COILS,
+}
+
+
+class Answer(Enum):
+    """What an answer is."""
+
+    AWAITED = "it answers the question"
+    REPEATED = "it answers an older question, or the same once more"
+    UNFIT = "it answers no question that was asked"
+
+
+@dataclass(frozen=True)
+class Group:
+    """Bits of one function that one question asks for, in order."""
+
+    function: Function
+    addresses: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Bits from the first address to the last."""
+        return self.addresses[-1] - self.addresses[0] + 1
+
+    @property
+    def question(self) -> ReadBits:
+        return ReadBits(self.function, self.addresses[0], self.count)
+
+    @property
+    def longer_questions(self) -> tuple[ReadBits, ...]:
+        """The same bits and some behind them; a device need not have these."""
+        first = self.addresses[0]
+        counts = (self.count + more for more in LONGER_BITS)
+        return tuple(
+            ReadBits(self.function, first, count)
+            for count in counts
+            if count <= MAX_READ_BITS and first + count <= MAX_ADDRESS + 1
+        )
+
+    @property
+    def other_question(self) -> ReadBits:
+        """As many bits of the other function: its answer, or refusal, has another shape."""
+        return ReadBits(OTHER[self.function], self.addresses[0], self.count)
+
+    def halves(self) -> "tuple[Group, Group]":
+        """Two groups, cut at the widest gap between two addresses."""
+        at = max(range(1, len(self.addresses)), key=lambda i: self.addresses[i] - self.addresses[i - 1])
+        return Group(self.function, self.addresses[:at]), Group(self.function, self.addresses[at:])
+
+
+@dataclass
+class _Asked:
+    """A question on the line, and the shapes of its answers that may still come."""
+
+    question: ReadBits
+    shapes: frozenset[Shape]
+    times: int = 0
+    in_this_reading: bool = True
+
+
+@dataclass(eq=False)
+class BitReader:
+    """Questions out, answers in. `begin`, then send what `request` gives and hand in what comes, until it gives None.
+
+    Call `request` once after `begin`, and after each answer that is AWAITED. `numbered`: the transport matches answers
+    to requests.
+    """
+
+    wanted: Iterable[Bit]
+    numbered: bool = False
+    bits: dict[Bit, bool] = field(default_factory=dict, init=False)
+    exceptions: dict[Bit, int] = field(default_factory=dict, init=False)
+    _groups: tuple[Group, ...] = field(init=False)
+    _open: list[Group] = field(default_factory=list, init=False)
+    _line: list[_Asked] = field(default_factory=list, init=False)
+    _outstanding: bool = field(default=False, init=False)
+    _to_prove: int = field(init=False)
+    _known: dict[ReadBits, Shape] = field(default_factory=dict, init=False)
+    _silent: set[ReadBits] = field(default_factory=set, init=False)
+    _asked_last: dict[ReadBits, int] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        self._to_prove = 0 if self.numbered else TO_PROVE
+        self._groups = tuple(group for function in OTHER for group in _groups(function, self.wanted))
+
+    def begin(self) -> None:
+        """A new reading: `bits` and `exceptions` are empty until questions first asked from now on are answered."""
+        self.bits, self.exceptions = {}, {}
+        self._open = list(self._groups)
+        for asked in self._line:
+            asked.in_this_reading = False
+
+    def request(self) -> bytes | None:
+        """The PDU to send now; None when every bit is in `bits` or in `exceptions`."""
+        question = self._next_question()
+        if question is None:
+            return None
+        if not self._outstanding:
+            self._line.append(_Asked(question, frozenset({_shape_of(question), _refusal_of(question)})))
+            self._outstanding = True
+        self._line[-1].times += 1
+        self._asked_last[question] = max(self._asked_last.values(), default=0) + 1
+        return struct.pack(">BHH", question.function, question.address, question.count)
+
+    def receive(self, pdu: bytes) -> Answer:
+        """Take the PDU of an answer."""
+        shape = _shape_in(pdu)
+        fitting = [i for i, asked in enumerate(self._line) if shape in asked.shapes]
+        if shape is None or not fitting:
+            return Answer.UNFIT
+        if not self._to_prove:
+            del self._line[: fitting[0]]  # answers come in order: nothing older is behind this one
+        newest = self._line[-1]
+        if not self._outstanding or any(shape in asked.shapes for asked in self._line[:-1]):
+            return Answer.REPEATED
+        self._take(newest, shape, pdu)
+        return Answer.AWAITED
+
+    def _take(self, asked: _Asked, shape: Shape, pdu: bytes) -> None:
+        """The answer to the newest question."""
+        self._outstanding = False
+        wanted = asked.in_this_reading and bool(self._open) and asked.question in self._questions_for(self._open[0])
+        if asked.times == 1:
+            asked.shapes = frozenset({shape})
+        if not shape[0] & ERROR_BIT or pdu[1] in (ExceptionCode.ILLEGAL_FUNCTION, *NO_SUCH_BITS):
+            self._known[asked.question] = shape
+        self._to_prove = max(self._to_prove - 1, 0)
+        if self._to_prove:
+            return  # the line keeps its questions, so that the next ones have other shapes
+        self._line = [asked]
+        if wanted:
+            self._note(self._open[0], asked.question, pdu)
+
+    def _note(self, group: Group, question: ReadBits, pdu: bytes) -> None:
+        """Values, or an exception, for the bits of a group."""
+        if not pdu[0] & ERROR_BIT:
+            values = bits_of(pdu[2:], group.count)
+            self.bits |= {(group.function, each): values[each - group.addresses[0]] for each in group.addresses}
+        elif pdu[1] in NO_SUCH_BITS and question != group.question:
+            return  # the device has the bits, but not so many behind them
+        elif pdu[1] in NO_SUCH_BITS and len(group.addresses) > 1:
+            halves = group.halves()
+            self._groups = tuple(part for each in self._groups for part in (halves if each == group else (each,)))
+            self._open[:1] = halves
+            return
+        else:
+            self.exceptions |= {(group.function, each): pdu[1] for each in group.addresses}
+        del self._open[0]
+
+    def _next_question(self) -> ReadBits | None:
+        """The newest question again while it has no answer, or one that surely tells its answer from all others."""
+        if not self._outstanding:
+            return self._new_question() if self._open else None
+        newest = self._line[-1]
+        if newest.times < MAX_UNANSWERED or newest.question in self._needed:
+            return newest.question
+        self._silent.add(newest.question)
+        other = self._conclusive_question() or self._numbered_question()
+        self._outstanding = other is None
+        return other or newest.question
+
+    @property
+    def _needed(self) -> set[ReadBits]:
+        """Questions that the device has answered, or must answer."""
+        return {group.question for group in self._groups} | self._known.keys()
+
+    def _new_question(self) -> ReadBits:
+        """Everything on the line was answered."""
+        if (question := self._conclusive_question()) is not None:
+            return question
+        if self._to_prove:  # the device has no three shapes
+            self._to_prove = 0
+            del self._line[:-1]
+        elif (question := self._numbered_question()) is not None:
+            return question
+        else:
+            self._silent.clear()
+        question = self._conclusive_question()
+        assert question is not None, "there is always one of the other function"
+        return question
+
+    def _numbered_question(self) -> ReadBits | None:
+        """The shortest question for the next group of bits, when its answer is known by its number."""
+        if not self.numbered:
+            return None
+        self._line.clear()
+        return self._open[0].question
+
+    def _conclusive_question(self) -> ReadBits | None:
+        """One for the next group of bits, else any; those that were not asked for longest first."""
+        between = [question for group in self._groups for question in _all_questions(group)]
+        for questions in (self._questions_for(self._open[0]), between):
+            for question in sorted(questions, key=lambda each: self._asked_last.get(each, 0)):
+                if question not in self._silent and self._is_conclusive(question):
+                    return question
+        return None
+
+    def _questions_for(self, group: Group) -> list[ReadBits]:
+        """Which give the values of a group, as far as is known; the longer ones once the shortest was answered."""
+        if self._known.get(group.question) != _shape_of(group.question):
+            return [group.question]
+        longer = (each for each in group.longer_questions if self._known.get(each) != _refusal_of(each))
+        return [group.question, *longer]
+
+    def _is_conclusive(self, question: ReadBits) -> bool:
+        """Can none of its answers be taken for one that may still come?"""
+        known = self._known.get(question)
+        expected = {_shape_of(question), _refusal_of(question)} if known is None else {known}
+        return all(expected.isdisjoint(asked.shapes) for asked in self._line)
+
+
+def _groups(function: Function, wanted: Iterable[Bit]) -> Iterator[Group]:
+    """One, or several when the addresses lie further apart than one question reaches."""
+    addresses = tuple(sorted({address for kind, address in wanted if kind is function}))
+    waiting = [Group(function, addresses)] if addresses else []
+    while waiting:
+        group = waiting.pop(0)
+        if group.count > MAX_READ_BITS:
+            waiting[:0] = group.halves()
+        else:
+            yield group
+
+
+def _all_questions(group: Group) -> tuple[ReadBits, ...]:
+    return (group.question, *group.longer_questions, group.other_question)
+
+
+def _shape_of(question: ReadBits) -> Shape:
+    return question.function, (question.count + 7) // 8
+
+
+def _refusal_of(question: ReadBits) -> Shape:
+    return question.function | ERROR_BIT, 0
+
+
+def _shape_in(pdu: bytes) -> Shape | None:
+    """None when the PDU is not as long as it says."""
+    if len(pdu) < 2:
+        return None
+    if pdu[0] & ERROR_BIT:
+        return (pdu[0], 0) if len(pdu) == 2 else None
+    return (pdu[0], pdu[1]) if len(pdu) == 2 + pdu[1] else None

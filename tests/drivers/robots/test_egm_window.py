@@ -1,0 +1,42 @@
+"""Samples of the settling monitor that are late, lost, doubled or swapped on their way."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.robots.abb.egm_vibration import SILENT_AFTER_S, Arrival, SampleWindow
+from protocols.egm.messages import RobotSample
+from tests.support.cases import cases, long_enough_s
+
+pytestmark = pytest.mark.timeout(long_enough_s())
+
+SAMPLE = RobotSample(0, 0, (0.0,) * 6, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+PERIOD_S = 0.004
+
+
+def arrival(seqno: int, received_at_s: float) -> Arrival:
+    return Arrival(received_at_s, replace(SAMPLE, seqno=seqno % 2**32))
+
+
+@settings(max_examples=cases(300), deadline=None)
+@given(st.integers(0, 2**32 - 1), st.lists(st.integers(0, 40), max_size=100))
+def test_an_old_sample_is_never_the_newest(first: int, order: list[int]) -> None:
+    """`order`: which of the packets sent since `first` arrives, 4 ms after the one before."""
+    window, newest = SampleWindow(), -1
+    for i, sent in enumerate(order):
+        assert window.add(arrival(first + sent, i * PERIOD_S)) == (sent > newest)
+        newest = max(newest, sent)
+        assert window.newest is not None
+        assert window.newest.sample.seqno == (first + newest) % 2**32
+    numbers = [(each.sample.seqno - first) % 2**32 for each in window.since(0.0)]
+    assert numbers == sorted(set(numbers))
+
+
+def test_a_stream_that_begins_anew_after_a_silence_is_taken_alone() -> None:
+    window = SampleWindow()
+    window.add(arrival(500, 0.0))
+    assert not window.add(arrival(1, SILENT_AFTER_S))
+    assert window.add(arrival(1, SILENT_AFTER_S + 0.1))
+    assert [each.sample.seqno for each in window.since(0.0)] == [1]
