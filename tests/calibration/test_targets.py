@@ -1,8 +1,11 @@
-"""What every target is made of: markers that OpenCV has."""
+"""What every target is made of, markers that OpenCV has; and the documents of targets."""
+
+from typing import get_args, get_type_hints
 
 import cv2
 import pytest
 
+from calibration.documents.target import TargetDocument
 from calibration.errors import DetectionError
 from calibration.targets import MARKER_COUNTS, TAG_FAMILIES, AprilTagGrid, Charuco, Chessboard, Target, require_markers
 
@@ -32,3 +35,10 @@ def test_markers_that_do_not_exist_are_refused(target: Target, code: str) -> Non
 
 def test_a_target_without_markers_needs_none() -> None:
     require_markers(Chessboard(9, 6, 20.0))
+
+
+def test_every_target_has_a_document_that_is_selected_by_its_name() -> None:
+    documents = get_args(get_args(TargetDocument)[0])
+    names = {get_type_hints(document.target)["return"]: get_type_hints(document)["kind"] for document in documents}
+    assert names.keys() == set(get_args(Target))
+    assert all(get_args(name) == (target.kind,) for target, name in names.items())
