@@ -9,39 +9,39 @@ from typing import Protocol
 
 from daemon.cell.cell import Cell
 from daemon.config.settings import Settings
-from daemon.drift.monitor import DriftWatch
+from daemon.drift.monitor import DriftMonitor
 from daemon.errors import StorageError
 from daemon.operations import Operations
-from daemon.runs.supervisor import STEP_LIMIT_S, Supervisor
+from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.metrics import Metric, Metrics
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
-from daemon.scans.scan_service import Scans
+from daemon.scans.scan_service import ScanService
 from daemon.store.key_service import KeyService
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
 
-LINKS_LIMIT_S = 2.0
+MAX_LINK_WAIT_S = 2.0
 """Devices that are there answer well within this; one that is not must not keep the daemon from starting."""
 
-LAST_EVENT_LIMIT_S = 0.8
+MAX_LAST_EVENT_S = 0.8
 """Stopping and disarming an arm that answers takes a few milliseconds."""
 
 ANCHOR_S = 10.0
 """How much of the audit log's end is without an anchor at most."""
 
-JOB_LIMIT_S = 600.0
+MAX_JOB_S = 600.0
 """No detection or solution of a run takes ten minutes: a job that does hangs."""
 
 
-STUCK_LIMIT_S = STEP_LIMIT_S + 60.0
+MAX_STUCK_S = MAX_STEP_S + 60.0
 """A run that takes longer over a step is ended; one that does not end then either hangs."""
 
 
-class Companion(Protocol):
+class BackgroundService(Protocol):
     """Something that works beside the REST interface for as long as the daemon runs."""
 
     async def start(self) -> None: ...
@@ -77,12 +77,12 @@ class Application:
     workers: Workers
     supervisor: Supervisor
     operations: Operations
-    scans: Scans
+    scans: ScanService
     metrics: Metrics
-    drift: DriftWatch
+    drift: DriftMonitor
     key_service: KeyService
     systemd: Systemd
-    companions: tuple[Companion, ...] = ()
+    services: tuple[BackgroundService, ...] = ()
     warning_sources: tuple[WarningSource, ...] = ()
     metric_sources: tuple[MetricSource, ...] = ()
     _started_s: float = field(default=0.0, init=False)
@@ -96,11 +96,11 @@ class Application:
         await self.events.recover()
         await self.supervisor.recover()
         await self.scans.recover()
-        await self._tell_of_keys()
-        await self.cell.links_come_up(LINKS_LIMIT_S)
-        for companion in self.companions:
+        await self._log_setup_code()
+        await self.cell.wait_for_links(MAX_LINK_WAIT_S)
+        for companion in self.services:
             await companion.start()
-        self._anchoring = asyncio.create_task(self._anchor_the_audit_log())
+        self._anchoring = asyncio.create_task(self._anchor_audit_log())
         self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
 
     def begin_stop(self, by: str) -> None:
@@ -113,7 +113,7 @@ class Application:
     async def _end_work(self, by: str) -> None:
         """The run's end is told to every listener before their streams end, but they do not wait long for it."""
         ending = asyncio.create_task(self.supervisor.stop(by))
-        await asyncio.wait([ending], timeout=LAST_EVENT_LIMIT_S)
+        await asyncio.wait([ending], timeout=MAX_LAST_EVENT_S)
         self.events.close()
         await ending
 
@@ -122,14 +122,14 @@ class Application:
         self.begin_stop("the end of the daemon")
         assert self._stopping is not None
         await self._stopping
-        for companion in reversed(self.companions):
+        for companion in reversed(self.services):
             await companion.stop()
         for task in (self._watchdog, self._anchoring):
             if task is not None:
                 task.cancel()
                 with suppress(asyncio.CancelledError):
                     await task
-        self.scans.registering.stop()
+        self.scans.registration_jobs.stop()
         self.workers.close()
         await self.cell.close()
         await self.events.flush()
@@ -138,7 +138,7 @@ class Application:
                 log.info("the audit log ends with row %d, %s", anchor.sequence, anchor.hash)
         await self.store.close()
 
-    async def _tell_of_keys(self) -> None:
+    async def _log_setup_code(self) -> None:
         if await self.store.access_keys.any_ever():
             return
         whoever = "whoever is on this machine may do everything" if self.settings.server.loopback else "nobody gets in"
@@ -147,7 +147,7 @@ class Application:
             whoever, self.key_service.code.text,
         )  # fmt: skip
 
-    async def _anchor_the_audit_log(self) -> None:
+    async def _anchor_audit_log(self) -> None:
         """Until cancelled. What is written down beside the log cannot be cut off from its end unnoticed."""
         while True:
             await asyncio.sleep(ANCHOR_S)
@@ -163,4 +163,4 @@ class Application:
         """The event loop, the store's thread, the workers and the run in progress do their work."""
         with suppress(StorageError):  # it answers, if badly: a restart would not mend the disk
             await self.store.ping()
-        return self.workers.oldest_job_s() < JOB_LIMIT_S and self.supervisor.silent_s() < STUCK_LIMIT_S
+        return self.workers.oldest_job_s() < MAX_JOB_S and self.supervisor.silent_s() < MAX_STUCK_S

@@ -13,7 +13,7 @@ from daemon.cell.cell import Cell, Devices
 from daemon.cell.devices import open_devices
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import Settings
-from daemon.drift.monitor import DriftWatch
+from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
 from daemon.operations import Operations
 from daemon.plc.service import PlcService
@@ -25,9 +25,9 @@ from daemon.runtime.logs import log_to_stdout
 from daemon.runtime.metrics import Metrics
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
-from daemon.scans.registration_jobs import Registering
-from daemon.scans.scan_service import Scans
-from daemon.server import Announce, Server, announce_in
+from daemon.scans.registration_jobs import RegistrationJobs
+from daemon.scans.scan_service import ScanService
+from daemon.server import Announce, Server, make_announcer
 from daemon.store.key_service import KeyService
 from daemon.store.retention import Retention
 from daemon.store.store import Store
@@ -55,10 +55,12 @@ def build(
     interlocks = settings.interlocks.open() if settings.interlocks else None
     cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks, at)
     supervisor = Supervisor(store, events, clock, new_id)
-    scans = Scans(store, workers, clock, new_id, settings.scanner, Registering(store, workers, clock, events))
+    scans = ScanService(
+        store, workers, clock, new_id, settings.scanner, RegistrationJobs(store, workers, clock, events)
+    )
     rules = MotionRules.of(settings.robot)
     operations = Operations(settings, cell, store, supervisor, workers, scans, rules, clock)
-    drift = DriftWatch(settings, store, events, workers, clock)
+    drift = DriftMonitor(settings, store, events, workers, clock)
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, workers, clock, settings.storage)
     schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
@@ -77,7 +79,7 @@ def build(
         drift=drift,
         key_service=KeyService(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
-        companions=(webhooks, retention, drift, schedule, *plc),
+        services=(webhooks, retention, drift, schedule, *plc),
         warning_sources=(webhooks, retention, drift),
         metric_sources=(webhooks, retention, drift, *plc),
     )
@@ -89,7 +91,7 @@ def serve(settings: Settings, *, ready_file: Path | None = None) -> None:
     Raises StorageError, DeviceError, PortTaken.
     """
     log_to_stdout()
-    uvloop.run(_serve(settings, announce_in(ready_file)))
+    uvloop.run(_serve(settings, make_announcer(ready_file)))
 
 
 async def _serve(settings: Settings, announce: Announce) -> None:

@@ -97,13 +97,13 @@ class NotStill(DaemonError):
     code = "not-still"
 
 
-class ElsewhereThanSent(DaemonError):
+class PoseMismatch(DaemonError):
     """The arm says it stands where nobody sent it: units, quaternion order, tool or work object are others."""
 
     code = "elsewhere-than-sent"
 
 
-class SameAgain(DaemonError):
+class StaleCaptureError(DaemonError):
     """A device sent what it had sent before, to the last bit, though the arm stands elsewhere."""
 
     code = "same-again"
@@ -195,7 +195,7 @@ class TooFewViews(DaemonError):
     code = "too-few-views"
 
 
-class OperatorGone(DaemonError):
+class OperatorTimeout(DaemonError):
     """A manual run waited too long for its operator."""
 
     code = "operator-gone"

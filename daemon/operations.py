@@ -20,18 +20,23 @@ from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, V
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
 from daemon.runs.calibration_run import CalibrationRun
-from daemon.runs.manual_sequence import ManualRoute, ManualSequence
-from daemon.runs.operator_requests import Desk
-from daemon.runs.operator_requests import Wish as Asked
-from daemon.runs.pose_selection import Known, adaptive_route, expected_mount, planning_limits, taught
+from daemon.runs.manual_sequence import ManualParameters, ManualSequence
+from daemon.runs.operator_requests import OperatorAction, OperatorRequestQueue
+from daemon.runs.pose_selection import (
+    SceneGuess,
+    adaptive_parameters,
+    mount_expectation,
+    planning_limits,
+    select_taught_poses,
+)
 from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
-from daemon.runs.supervisor import Departure, Ending, Supervisor
+from daemon.runs.supervisor import RunPlan, RunResult, Supervisor
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
-from daemon.scans.scan_service import Scans
+from daemon.scans.scan_service import ScanService
 from daemon.sessions.session_writer import SessionWriter
 from daemon.store.store import Store
 
@@ -51,7 +56,7 @@ class Operations:
     store: Store
     supervisor: Supervisor
     workers: Workers
-    scans: Scans
+    scans: ScanService
     rules: MotionRules
     clock: Clock
 
@@ -60,52 +65,52 @@ class Operations:
         settings, target = self.settings.calibration, request.target or self.settings.target
         session = self._session("calibration", target, self.settings.camera.intrinsics)
 
-        async def prepare() -> Departure:
-            await self._require_ready(self.cell.looking_obstacles() if request.manual else await self.cell.obstacles())
-            poses = () if request.manual else request.poses or taught(settings, request.count)
+        async def prepare() -> RunPlan:
+            await self._check_ready(self.cell.capture_obstacles() if request.manual else await self.cell.obstacles())
+            poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
             if poses:
-                sequence = await self._fixed(poses)
-                return _departure(len(poses), sequence, session, self._calibration_run(compared=True).drive)
+                sequence = await self._fixed_sequence(poses)
+                return _run_plan(len(poses), sequence, session, self._calibration_run(compared=True).drive)
             count = request.count or settings.count
             wish = StoppingRule(count, request.uncertainty_mm or settings.uncertainty_mm)
-            route = adaptive_route(settings, self.rules, target, await self._known(), wish)
+            route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish)
             if request.manual:
-                by_hand = ManualRoute(route, desk := Desk(), settings.manual_wait_s)
+                by_hand = ManualParameters(route, requests := OperatorRequestQueue(), settings.manual_wait_s)
                 sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
-                begun = _departure(count, sequence, session, self._calibration_run(compared=True).drive)
-                return replace(begun, first_state=RunState.WAITING, desk=desk)
+                begun = _run_plan(count, sequence, session, self._calibration_run(compared=True).drive)
+                return replace(begun, first_state=RunState.WAITING, requests=requests)
             sequence = partial(AdaptiveSequence, route, self.cell, self.workers)
-            return _departure(count, sequence, session, self._calibration_run(compared=False).drive)
+            return _run_plan(count, sequence, session, self._calibration_run(compared=False).drive)
 
         return await self._start("calibration", request, prepare)
 
-    async def ask(self, run_id: str, wish: Asked) -> RunRecord:
+    async def submit_request(self, run_id: str, action: OperatorAction) -> RunRecord:
         """A view from where the operator has jogged the arm to, or the end of the run; the run as it stands then.
 
         Raises NotFound, RunOver, NotWaiting, CellBusy, NotStill, SamePose, TargetNotSeen, TooFewViews, DeviceError.
         """
-        await (await self.supervisor.desk_of(run_id)).ask(wish)
+        await (await self.supervisor.request_queue(run_id)).submit(action)
         return await self.supervisor.run(run_id)
 
     async def verify(self, request: VerifyRequest) -> RunRecord:
         """Start a verify run. Raises as `calibrate`, and NoCalibration."""
         settings, target = self.settings.calibration, request.target or self.settings.target
 
-        async def prepare() -> Departure:
+        async def prepare() -> RunPlan:
             calibration = await self.current_document()
-            await self._require_ready(await self.cell.obstacles())
+            await self._check_ready(await self.cell.obstacles())
             run = VerificationRun(self.workers, calibration)
             session = self._session("verify", target, calibration.camera)
-            poses = request.poses or taught(settings, VERIFY_POSITIONS)
+            poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
-                return _departure(len(poses), await self._fixed(poses), session, run.drive)
+                return _run_plan(len(poses), await self._fixed_sequence(poses), session, run.drive)
             wish = StoppingRule(VERIFY_POSITIONS)
-            route = adaptive_route(settings, self.rules, target, Known.by(calibration), wish)
+            route = adaptive_parameters(settings, self.rules, target, SceneGuess.from_calibration(calibration), wish)
 
             def planned(session: SessionWriter, log: RunLog) -> PoseSequence:
                 return WithoutFirstView(AdaptiveSequence(route, self.cell, self.workers, session, log))
 
-            return _departure(VERIFY_POSITIONS, planned, session, run.drive)
+            return _run_plan(VERIFY_POSITIONS, planned, session, run.drive)
 
         return await self._start("verify", request, prepare)
 
@@ -115,27 +120,27 @@ class Operations:
             return await self.scans.create(request.name, request.refine), None
         created: list[ScanRecord] = []
 
-        async def prepare() -> Departure:
-            await self._require_ready((*await self.cell.robot_obstacles(), *self.cell.scanner_obstacles()))
+        async def prepare() -> RunPlan:
+            await self._check_ready((*await self.cell.robot_obstacles(), *self.cell.scanner_obstacles()))
             poses = request.poses or (self.settings.scanner.poses if self.settings.scanner else ())
             if not poses:
                 raise NoPoses(
                     "no poses are given, and none are taught in [scanner] poses", "send poses with the request"
                 )
-            await self._require_allowed(poses)
+            await self._check_poses(poses)
             created.append(await self.scans.create(request.name, request.refine))
             run = ScanRun(self.cell, self.scans, self.rules, created[0].id)
-            return Departure(len(poses), lambda log: run.drive(poses, log))
+            return RunPlan(len(poses), lambda log: run.drive(poses, log))
 
         run = await self._start("scan", request, prepare)
         return created[0], run
 
     async def scan_here(self, scan_id: str) -> ScanViewRecord:
         """A cloud of the daemon's scanner from where the arm stands. Raises CellBusy, NoScanner, NotStill…"""
-        async with self.cell.held_by(f"a scan of {scan_id}"):
-            reading = await self.cell.settled_pose()
-            cloud = await self.cell.cloud(reading)
-            return await self.scans.keep_scanned(scan_id, cloud, PoseDocument.of(reading.base_T_flange))
+        async with self.cell.hold(f"a scan of {scan_id}"):
+            reading = await self.cell.read_settled_pose()
+            cloud = await self.cell.capture_cloud(reading)
+            return await self.scans.add_scanned_view(scan_id, cloud, PoseDocument.of(reading.base_T_flange))
 
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
@@ -145,7 +150,7 @@ class Operations:
         `expected`: only if what is in force now has one of these places in the history.
         """
         found = await self.store.calibration(calibration_id)
-        require_usable(found, request)
+        check_usable(found, request)
         return await self.store.apply(
             AppliedCalibration(found.id, self.clock.timestamp(), request.applied_by), expected
         )
@@ -166,39 +171,39 @@ class Operations:
             )
         return document
 
-    async def pose_now(self) -> PoseDocument:
+    async def read_pose(self) -> PoseDocument:
         """Where the flange stands, at rest. Raises NotStill, DeviceError."""
-        return PoseDocument.of((await self.cell.settled_pose()).base_T_flange)
+        return PoseDocument.of((await self.cell.read_settled_pose()).base_T_flange)
 
-    async def _start(self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[Departure]]) -> RunRecord:
+    async def _start(self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[RunPlan]]) -> RunRecord:
         return await self.supervisor.start(kind, request.model_dump(mode="json", exclude_none=True), prepare)
 
-    async def _require_ready(self, reasons: tuple[str, ...]) -> None:
+    async def _check_ready(self, reasons: tuple[str, ...]) -> None:
         if reasons:
             await self.cell.require_interlocks()
             raise CellNotReady(reasons)
 
-    async def _known(self) -> Known:
+    async def _scene_guess(self) -> SceneGuess:
         intrinsics = self.settings.camera.intrinsics
         try:
             current = await self.current_document()
         except NoCalibration:
             current = None
-        return Known.of(self.settings.calibration, intrinsics.camera() if intrinsics else None, current)
+        return SceneGuess.of(self.settings.calibration, intrinsics.camera() if intrinsics else None, current)
 
-    async def _require_allowed(self, poses: tuple[TaughtPose, ...]) -> None:
+    async def _check_poses(self, poses: tuple[TaughtPose, ...]) -> None:
         joints = await self.cell.robot.read_joints() if self.rules.arm else None
-        self.rules.require_allowed(poses, joints)
+        self.rules.check_poses(poses, joints)
 
-    async def _fixed(self, poses: tuple[TaughtPose, ...]) -> MakeSequence:
-        await self._require_allowed(poses)
+    async def _fixed_sequence(self, poses: tuple[TaughtPose, ...]) -> MakeSequence:
+        await self._check_poses(poses)
         return partial(FixedSequence, poses, self.rules, self.cell)
 
     def _calibration_run(self, *, compared: bool) -> CalibrationRun:
         """`compared`: the verdict says what planned poses would have given."""
         settings = self.settings.calibration
         better = PlanComparison(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
-        auto, expected = settings.policy == "auto", expected_mount(settings)
+        auto, expected = settings.policy == "auto", mount_expectation(settings)
         return CalibrationRun(self.store, self.workers, self.clock, auto, better if compared else None, expected)
 
     def _session(self, kind: str, target: TargetDocument, camera: CameraDocument | None) -> OpenSession:
@@ -212,19 +217,19 @@ class Operations:
         return opened
 
 
-def _departure(
+def _run_plan(
     stations: int,
     sequence: MakeSequence,
     session: OpenSession,
-    drive: Callable[[PoseSequence, RunLog], Awaitable[Ending]],
-) -> Departure:
-    async def drive_sequence(log: RunLog) -> Ending:
+    drive: Callable[[PoseSequence, RunLog], Awaitable[RunResult]],
+) -> RunPlan:
+    async def drive_sequence(log: RunLog) -> RunResult:
         return await drive(sequence(session(log), log), log)
 
-    return Departure(stations, drive_sequence)
+    return RunPlan(stations, drive_sequence)
 
 
-def require_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
+def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
     """Raises CalibrationUnusable for one without a transform, or rejected and not overruled."""
     if calibration.document.flange_T_camera is None:
         raise CalibrationUnusable(

@@ -16,9 +16,9 @@ import uvicorn
 from daemon.access.certificates import server_context
 from daemon.api.app import create_api
 from daemon.application import Application
-from daemon.http.connections import Door
-from daemon.http.listen_socket import listener_at
-from daemon.http.tls_handshake import Handshake, SecuredListener
+from daemon.http.connections import ConnectionLimiter
+from daemon.http.listen_socket import open_listener
+from daemon.http.tls_handshake import PendingTlsConnection, TlsListener
 from daemon.runtime.durable_files import write_durably
 
 GRACE_S = 4
@@ -34,12 +34,12 @@ Announce = Callable[[str], None]
 class Server(uvicorn.Server):
     """uvicorn that stops the cell's work the moment a signal comes, and tells where it listens."""
 
-    def __init__(self, application: Application, announce: Announce, door: Door | None = None) -> None:
-        self._door = door or Door()
+    def __init__(self, application: Application, announce: Announce, limiter: ConnectionLimiter | None = None) -> None:
+        self._limiter = limiter or ConnectionLimiter()
         super().__init__(
             uvicorn.Config(
                 create_api(application),
-                http=self._door.protocol,  # type: ignore[arg-type] # it is called, never subclassed
+                http=self._limiter.protocol,  # type: ignore[arg-type] # it is called, never subclassed
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=KEEP_ALIVE_S,
                 log_config=None,
@@ -58,7 +58,7 @@ class Server(uvicorn.Server):
         settings = self._application.settings.server
         if settings.certificate is not None and settings.private_key is not None:
             self._tls = server_context(settings.certificate, settings.private_key)
-        with listener_at(settings.host, settings.port) as self._listener:
+        with open_listener(settings.host, settings.port) as self._listener:
             await self.serve([self._listener])
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -68,16 +68,16 @@ class Server(uvicorn.Server):
             await super().startup(sockets)
         else:
             await super().startup([])
-            secured = SecuredListener(
-                self._listener, self._tls, self._door.limits.head_s, self._door, self._secured_connection
+            secured = TlsListener(
+                self._listener, self._tls, self._limiter.limits.head_s, self._limiter, self._tls_connection
             )
             self.servers.append(secured)  # type: ignore[arg-type] # it is closed, and waited for
         if self.started:
             self._application.systemd.notify("READY=1")
             self._announce(self.url())
 
-    def _secured_connection(self, handshake: Handshake) -> asyncio.BaseProtocol:
-        return self._door.protocol(
+    def _tls_connection(self, handshake: PendingTlsConnection) -> asyncio.BaseProtocol:
+        return self._limiter.protocol(
             handshake, config=self.config, server_state=self.server_state, app_state=self.lifespan.state
         )
 
@@ -90,7 +90,7 @@ class Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """As uvicorn's; who has not even shaken hands is not waited for."""
-        self._door.close()
+        self._limiter.close()
         await super().shutdown(sockets)
 
     @contextmanager
@@ -108,7 +108,7 @@ class Server(uvicorn.Server):
         super().handle_exit(sig, frame)
 
 
-def announce_in(ready_file: Path | None) -> Announce:
+def make_announcer(ready_file: Path | None) -> Announce:
     """Prints the URL; and writes {"url", "pid"} to `ready_file`, whole or not at all."""
 
     def announce(url: str) -> None:

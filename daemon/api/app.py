@@ -11,10 +11,10 @@ from starlette.types import ASGIApp
 
 from calibration.errors import CalibrationError
 from daemon.api import openapi, problems
-from daemon.api.dependencies import only_known_queries
+from daemon.api.dependencies import check_query_names
 from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.idempotency import Idempotency
-from daemon.api.middleware.request_checks import Guards
+from daemon.api.middleware.request_checks import RequestChecks
 from daemon.api.route_table import ROUTERS
 from daemon.application import Application
 from daemon.errors import DaemonError
@@ -32,7 +32,7 @@ def create_api(application: Application) -> ASGIApp:
     """The REST interface of `application`, which it starts and stops."""
     keyed = Idempotency(routes(application), application)
     known = Authentication(keyed, application)
-    return Guards(known, application.settings.server, application.metrics)
+    return RequestChecks(known, application.settings.server, application.metrics)
 
 
 def routes(application: Application | None) -> FastAPI:
@@ -53,8 +53,8 @@ def routes(application: Application | None) -> FastAPI:
         docs_url=None,  # their pages load scripts from elsewhere
         redoc_url=None,
         redirect_slashes=False,  # a path has one spelling; a redirection would not be a problem either
-        dependencies=[Depends(only_known_queries)],
-        responses=problems.documented(422, 500),
+        dependencies=[Depends(check_query_names)],
+        responses=problems.problem_responses(422, 500),
         generate_unique_id_function=lambda route: f"{route.tags[0]}.{route.name}" if route.tags else route.name,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
     )
@@ -65,17 +65,17 @@ def routes(application: Application | None) -> FastAPI:
         app.add_exception_handler(kind, problems.handle)
     app.add_exception_handler(RequestValidationError, problems.handle_validation)
     app.add_exception_handler(HTTPException, _http_error)
-    app.openapi = lambda: openapi.described(app)  # type: ignore[method-assign]
+    app.openapi = lambda: openapi.build_openapi(app)  # type: ignore[method-assign]
     return app
 
 
 async def _http_error(request: Request, error: Exception) -> Response:
     if isinstance(error, HTTPException) and error.status_code == 405:
-        error = HTTPException(405, headers={"Allow": ", ".join(_allowed(request))})
+        error = HTTPException(405, headers={"Allow": ", ".join(_methods_at(request))})
     return await problems.handle_http(request, error)
 
 
-def _allowed(request: Request) -> list[str]:
+def _methods_at(request: Request) -> list[str]:
     """Methods of every route at this path, not only of the first."""
     methods: set[str] = set()
     for router in ROUTERS:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import Header
 
 from calibration.errors import DocumentProblem
-from daemon.api.http_errors import RequestRefused
+from daemon.api.http_errors import InvalidRequest
 
 TAG = re.compile(r'"applied-([0-9]{1,18})"')
 ANY = range(1, 2**62)
@@ -31,12 +31,12 @@ def tag_of(sequence: int) -> str:
     return f'"applied-{sequence}"'
 
 
-def tags_in(header: str) -> list[str]:
+def parse_if_none_match(header: str) -> list[str]:
     """Of If-None-Match, compared weakly."""
     return [part.strip().removeprefix("W/") for part in header.split(",")]
 
 
-def expected_places(if_match: str | None) -> Sequence[int] | None:
+def parse_if_match(if_match: str | None) -> Sequence[int] | None:
     """Which places in the history If-Match allows; None: any. Raises RequestRefused.
 
     A tag that is not ours, or a weak one, matches nothing.
@@ -47,5 +47,5 @@ def expected_places(if_match: str | None) -> Sequence[int] | None:
         return ANY
     if not LIST.match(if_match):
         fix = 'send the ETag as it came, with its quotes: "applied-7"'
-        raise RequestRefused([DocumentProblem("header.If-Match", "not a list of entity tags", fix)])
+        raise InvalidRequest([DocumentProblem("header.If-Match", "not a list of entity tags", fix)])
     return [int(number) for tag in if_match.split(",") for number in TAG.findall(tag) if "W/" not in tag]

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from calibration.documents.validation import Document, nearest_fix, validate_document
 from calibration.errors import DocumentProblem
-from daemon.api.http_errors import BodyMalformed, RequestRefused
+from daemon.api.http_errors import BodyMalformed, InvalidRequest
 from daemon.application import Application
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -82,7 +82,7 @@ def _json(content: bytes) -> Any:
         raise BodyMalformed("the body is JSON that nests too deep or holds an absurd number", "send less") from None
 
 
-def only_known_queries(request: Request) -> None:
+def check_query_names(request: Request) -> None:
     """A misspelt query parameter is refused, with the nearest known one."""
     dependant = getattr(request.scope.get("route"), "dependant", None)
     if dependant is None:
@@ -94,7 +94,7 @@ def only_known_queries(request: Request) -> None:
             fix = nearest_fix(name, known) or "remove it"
             problems.append(DocumentProblem(f"query.{name[:60]}", "unknown query parameter", fix))
     if problems:
-        raise RequestRefused(problems)
+        raise InvalidRequest(problems)
 
 
 def _query_names(dependant: Any) -> Iterator[str]:

@@ -54,7 +54,7 @@ class HostNotAllowed(DaemonError):
         )
 
 
-class RequestRefused(DaemonError):
+class InvalidRequest(DaemonError):
     """The request cannot be understood; `problems` lists every place."""
 
     code = "request-refused"

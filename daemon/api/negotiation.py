@@ -38,7 +38,7 @@ def weight_of(parameters: str) -> float:
     return 1.0
 
 
-def negotiated(
+def respond(
     request: Request,
     document: BaseModel,
     words: Callable[[], str],

@@ -10,11 +10,11 @@ from pydantic.json_schema import models_json_schema
 from daemon.access.policy import role_for
 from daemon.access.roles import Role
 from daemon.api.dependencies import JsonBody
-from daemon.api.middleware.idempotency import KEY, KEY_LIMIT
+from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH
 from daemon.api.openapi_examples import example_of
 from daemon.api.route_table import ROUTERS, TAGS
 from daemon.api.schemas.answer import Answer
-from daemon.http.problem_details import MEDIA_TYPE, Problem, phrase_of
+from daemon.http.problem_details import MEDIA_TYPE, Problem, reason_phrase
 
 MODE: Literal["validation"] = "validation"
 REF = "#/components/schemas/{model}"
@@ -25,7 +25,12 @@ IDEMPOTENCY_KEY: dict[str, Any] = {
     "required": False,
     "description": "A name for this request, such as a UUID. Sent again with the same name and body it is answered as"
     " the first time and nothing is done twice; with another body: 422; while the first is in progress: 409.",
-    "schema": {"type": "string", "minLength": 1, "maxLength": KEY_LIMIT + 2, "pattern": f"^(?:{KEY.pattern})$"},
+    "schema": {
+        "type": "string",
+        "minLength": 1,
+        "maxLength": MAX_KEY_LENGTH + 2,
+        "pattern": f"^(?:{KEY_PATTERN.pattern})$",
+    },
     "example": "8e03978e-40d5-43dd-bc93-6894a57f9324",
 }
 """With or without the quotes of a structured field."""
@@ -42,7 +47,7 @@ KEY_SCHEME: dict[str, Any] = {
 }
 
 
-def described(app: FastAPI) -> dict[str, Any]:
+def build_openapi(app: FastAPI) -> dict[str, Any]:
     """The document, complete."""
     if app.openapi_schema is None:
         document = FastAPI.openapi(app)
@@ -115,6 +120,6 @@ def _examples_of(answer: type[BaseModel]) -> list[Any]:
 def _problem(status: int) -> dict[str, Any]:
     schema = {"$ref": "#/components/schemas/Problem"}
     return {
-        "description": phrase_of(status),
+        "description": reason_phrase(status),
         "content": {MEDIA_TYPE: {"schema": schema, "example": example_of(status)}},
     }

@@ -10,10 +10,10 @@ from daemon.api.schemas.cell import RobotDocument
 from daemon.api.schemas.drift import DriftDocument
 from daemon.api.schemas.health import ReadyDocument
 from daemon.model.records import RunRecord
-from daemon.runs.run_log import predicted_in_words
+from daemon.runs.run_log import prediction_text
 
 
-def run_in_words(run: RunRecord, calibration: CalibrationDocument | None = None) -> str:
+def run_text(run: RunRecord, calibration: CalibrationDocument | None = None) -> str:
     """Where a run stands, what it found, and what to do next."""
     return "\n".join(_run_lines(run, calibration))
 
@@ -21,7 +21,7 @@ def run_in_words(run: RunRecord, calibration: CalibrationDocument | None = None)
 def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Iterable[str]:
     yield f"{run.kind} run {run.id}: {run.state}, station {run.station} of {run.stations}"
     if run.planning is not None:
-        yield from filter(None, (predicted_in_words(run.planning), run.planning.note))
+        yield from filter(None, (prediction_text(run.planning), run.planning.note))
         if not run.over and run.planning.advice:
             yield f"next: {run.planning.advice}"
     if run.cause is not None:
@@ -72,7 +72,7 @@ def _row(name: str, cells: list[str]) -> str:
     return f"  {name:<9}" + "".join(f"{cell:>13}" for cell in cells)
 
 
-def status_in_words(status: CalibrateStatus, base_url: str) -> str:
+def status_text(status: CalibrateStatus, base_url: str) -> str:
     """GET /calibrate."""
     lines = []
     if status.current is not None and status.applied is not None:
@@ -93,7 +93,7 @@ def status_in_words(status: CalibrateStatus, base_url: str) -> str:
     return "\n".join(lines)
 
 
-def current_in_words(current: CurrentCalibration) -> str:
+def current_text(current: CurrentCalibration) -> str:
     """GET /calibrations/current."""
     title = (
         f"calibration {current.calibration.id}, applied {current.applied.applied_at} by {current.applied.applied_by}"
@@ -101,7 +101,7 @@ def current_in_words(current: CurrentCalibration) -> str:
     return summary(title, current.calibration)
 
 
-def ready_in_words(ready: ReadyDocument) -> str:
+def ready_text(ready: ReadyDocument) -> str:
     """GET /ready."""
     lines = []
     for name, what in (("calibrate", ready.calibrate), ("register", ready.register_)):
@@ -110,7 +110,7 @@ def ready_in_words(ready: ReadyDocument) -> str:
     return "\n".join([*lines, *(f"warning: {warning}" for warning in ready.warnings)])
 
 
-def drift_in_words(chart: DriftDocument) -> str:
+def drift_text(chart: DriftDocument) -> str:
     """GET /drift."""
     about = f" of calibration {chart.calibration_id}" if chart.calibration_id else ""
     lines = [f"drift: {chart.standing}{about}, {chart.verifications} verifications"]
@@ -125,7 +125,7 @@ def drift_in_words(chart: DriftDocument) -> str:
     return "\n".join(lines)
 
 
-def robot_in_words(robot: RobotDocument) -> str:
+def robot_text(robot: RobotDocument) -> str:
     """GET /robot."""
     pose = robot.base_T_flange
     x, y, z = pose.translation_mm

@@ -10,7 +10,7 @@ from calibration.errors import CalibrationError, DetectionError, DocumentError, 
 from daemon import errors
 from daemon.access import errors as access
 from daemon.api import http_errors
-from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, phrase_of
+from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, reason_phrase
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
 
@@ -39,11 +39,11 @@ STATUS: dict[type[Exception], int] = {
     errors.CellNotReady: 503,
     errors.Stopping: 503,
     errors.PoseRefused: 422,
-    http_errors.RequestRefused: 422,
+    http_errors.InvalidRequest: 422,
     errors.TargetNotSeen: 422,
     errors.PictureUnusable: 502,
-    errors.ElsewhereThanSent: 502,
-    errors.SameAgain: 502,
+    errors.PoseMismatch: 502,
+    errors.StaleCaptureError: 502,
     errors.NotFound: 404,
     http_errors.CrossOrigin: 403,
     http_errors.BodyTooLarge: 413,
@@ -77,11 +77,11 @@ RETRY_AFTER_S = {503: "2", 504: "2"}
 HTTP_CODES = {404: ("no-such-page", "GET / lists what there is"), 405: ("method-not-allowed", "use one of: {allow}")}
 
 
-def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
+def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """For `responses=` of a route: these statuses answer a Problem."""
     return {
         status: {
-            "description": phrase_of(status),
+            "description": reason_phrase(status),
             "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
         }
         for status in statuses
@@ -153,7 +153,7 @@ async def handle_validation(_request: Request, error: Exception) -> Response:
         DocumentProblem(".".join(str(part) for part in detail["loc"]), detail["msg"], "correct the value")
         for detail in error.errors()
     ]
-    return answer(problem_of(http_errors.RequestRefused(problems)))
+    return answer(problem_of(http_errors.InvalidRequest(problems)))
 
 
 async def handle_http(_request: Request, error: Exception) -> Response:
@@ -161,6 +161,6 @@ async def handle_http(_request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     code, fix = HTTP_CODES.get(error.status_code, ("http-error", "see openapi.json"))
     headers = dict(error.headers or {})
-    detail = str(error.detail or phrase_of(error.status_code))
+    detail = str(error.detail or reason_phrase(error.status_code))
     problem = Problem.of(error.status_code, code, detail, fix.format(allow=headers.get("Allow", "")))
     return answer(problem, headers)

@@ -6,9 +6,9 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from daemon.cell.settling import require_still, settle, standing
-from daemon.cell.stale_capture import Novelty
-from daemon.cell.vibration import Quiet
+from daemon.cell.settling import check_still, read_if_standing, settle
+from daemon.cell.stale_capture import StaleCaptureDetector
+from daemon.cell.vibration import VibrationGate
 from daemon.config.settings import SettlingSettings
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.runtime.clock import Clock
@@ -20,12 +20,12 @@ from drivers.interlocks import Interlocks
 
 log = logging.getLogger(__name__)
 
-STATUS_LIMIT_S = 1.0
+MAX_STATUS_S = 1.0
 """A controller answers a status request in milliseconds; one that needs longer is as good as gone."""
 
-LOOK_S = 0.02
+POLL_S = 0.02
 
-SAFE_LIMIT_S = 3.0
+MAX_STOP_S = 3.0
 """How long leaving the arm stopped and disarmed may take; the robot does both by itself after 2 s of silence."""
 
 
@@ -36,7 +36,7 @@ class Devices:
     robot: Robot
     camera: Camera
     scanner: Scanner | None
-    quiet: Quiet | None = None
+    vibration_gate: VibrationGate | None = None
 
 
 class Cell:
@@ -52,18 +52,21 @@ class Cell:
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
-        self._camera, self._scanner, self._quiet = devices.camera, devices.scanner, devices.quiet
+        self._camera, self._scanner, self._vibration_gate = devices.camera, devices.scanner, devices.vibration_gate
         self._settling, self._clock, self._at = settling, clock, at
         self._holder: str | None = None
         self._camera_turn = asyncio.Lock()
-        self._camera_novelty, self._scanner_novelty = Novelty("camera"), Novelty("scanner")
+        self._camera_staleness, self._scanner_staleness = (
+            StaleCaptureDetector("camera"),
+            StaleCaptureDetector("scanner"),
+        )
 
     @property
     def holder(self) -> str | None:
         return self._holder
 
     @asynccontextmanager
-    async def held_by(self, holder: str) -> AsyncIterator["Cell"]:
+    async def hold(self, holder: str) -> AsyncIterator["Cell"]:
         """The cell for one holder that does not move the arm. Raises CellBusy at once, never waits."""
         if self._holder is not None:
             raise CellBusy(self._holder)
@@ -79,7 +82,7 @@ class Cell:
 
         Raises CellBusy, CellNotReady, DeviceError.
         """
-        async with self.held_by(holder):
+        async with self.hold(holder):
             reasons = motion_obstacles(await self.robot.read_status())
             if reasons:
                 raise CellNotReady(reasons)
@@ -99,39 +102,39 @@ class Cell:
         """Stop and disarm; each is tried though the other failed. The robot does the same when the link is gone."""
         for name, act in (("stop", self.robot.stop), ("disarm", lambda: self.robot.set_armed(False))):
             try:
-                async with asyncio.timeout(SAFE_LIMIT_S):
+                async with asyncio.timeout(MAX_STOP_S):
                     await act()
             except (DeviceError, TimeoutError) as error:
                 log.warning("could not %s the robot (it does so itself when the link is silent): %s", name, error)
 
-    async def settled_pose(self) -> PoseReading:
+    async def read_settled_pose(self) -> PoseReading:
         """The pose of an arm at rest, which has stopped ringing. Raises NotStill, DeviceError."""
-        if self._quiet is not None:
-            await self._quiet.wait(self._settling.limit_s, self._clock)
+        if self._vibration_gate is not None:
+            await self._vibration_gate.wait(self._settling.limit_s, self._clock)
         return await settle(self.robot, self._settling, self._clock)
 
-    async def standing_pose(self) -> PoseReading:
+    async def read_standing_pose(self) -> PoseReading:
         """The pose of an arm that an operator moves, and that stands now. Raises NotStill at once, DeviceError."""
-        if self._quiet is not None:
-            self._quiet.require()
-        return await standing(self.robot, self._settling, self._clock)
+        if self._vibration_gate is not None:
+            self._vibration_gate.check()
+        return await read_if_standing(self.robot, self._settling, self._clock)
 
-    async def look(self) -> tuple[PoseReading, Frame]:
+    async def capture_view(self) -> tuple[PoseReading, Frame]:
         """A picture taken while the arm stood, and the pose it stood at. Raises NotStill, DeviceError."""
-        before = await self.settled_pose()
-        frame = await self.picture(before)
+        before = await self.read_settled_pose()
+        frame = await self.capture_frame(before)
         return before, frame
 
-    async def picture(self, before: PoseReading) -> Frame:
+    async def capture_frame(self, before: PoseReading) -> Frame:
         """A frame newer than `before`, and the arm still there afterwards. Raises NotStill, SameAgain, DeviceError."""
         self._at.reach("before capture")
         frame = await self.grab(before.taken_at_s)
         self._at.reach("after capture")
-        require_still(before, await self.robot.read_pose(), self._settling)
-        self._camera_novelty.require_new_frame(frame, before)
+        check_still(before, await self.robot.read_pose(), self._settling)
+        self._camera_staleness.check_frame(frame, before)
         return frame
 
-    async def cloud(self, before: PoseReading) -> ScannedCloud:
+    async def capture_cloud(self, before: PoseReading) -> ScannedCloud:
         """A cloud newer than `before`, and the arm still there afterwards.
 
         Raises NoScanner, NotStill, SameAgain, DeviceError.
@@ -142,8 +145,8 @@ class Cell:
         with errors_of("scanner"):
             cloud = await self._scanner.scan(before.taken_at_s)
         self._at.reach("after capture")
-        require_still(before, await self.robot.read_pose(), self._settling)
-        self._scanner_novelty.require_new_cloud(cloud, before)
+        check_still(before, await self.robot.read_pose(), self._settling)
+        self._scanner_staleness.check_cloud(cloud, before)
         return cloud
 
     async def grab(self, newer_than_s: float) -> Frame:
@@ -160,7 +163,7 @@ class Cell:
         """Why the arm could not be driven through poses with the camera now; empty when it could."""
         return (*await self.robot_obstacles(), *_link_obstacle("camera", self._camera))
 
-    def looking_obstacles(self) -> tuple[str, ...]:
+    def capture_obstacles(self) -> tuple[str, ...]:
         """Why poses and pictures could not be read now; whether the arm may be moved does not matter."""
         return (*_link_obstacle("robot", self.robot), *_link_obstacle("camera", self._camera))
 
@@ -176,7 +179,7 @@ class Cell:
 
     async def _controller_obstacles(self) -> tuple[str, ...]:
         try:
-            async with asyncio.timeout(STATUS_LIMIT_S):
+            async with asyncio.timeout(MAX_STATUS_S):
                 return motion_obstacles(await self.robot.read_status())
         except TimeoutError:
             return ("robot: it does not answer a status request",)
@@ -199,21 +202,21 @@ class Cell:
         devices: dict[str, Robot | Camera | Scanner] = {"robot": self.robot, "camera": self._camera}
         return devices if self._scanner is None else {**devices, "scanner": self._scanner}
 
-    async def links_come_up(self, limit_s: float) -> None:
+    async def wait_for_links(self, limit_s: float) -> None:
         """Returns when every device answers, at the latest after `limit_s`: they are dialled in the background."""
         ends_s = self._clock.monotonic_s() + limit_s
         while self._clock.monotonic_s() < ends_s:
             if all(device.link.connected for device in self.links().values()):
                 return
-            await self._clock.sleep(LOOK_S)
+            await self._clock.sleep(POLL_S)
         for name, device in self.links().items():
             if not device.link.connected:
                 log.warning("%s: %s", name, device.link.detail)
 
     async def close(self) -> None:
         """Close every device; one that fails does not keep the others open."""
-        if self._quiet is not None:
-            await self._quiet.close()
+        if self._vibration_gate is not None:
+            await self._vibration_gate.close()
         for name, device in self.links().items():
             try:
                 await device.close()

@@ -1,7 +1,7 @@
 """The settings' addresses as devices, dialling in the background."""
 
 from daemon.cell.cell import Devices
-from daemon.cell.vibration import Quiet
+from daemon.cell.vibration import VibrationGate
 from daemon.config.settings import EgmSettings, Settings
 from daemon.runtime.clock import Clock
 from drivers.interfaces import Scanner
@@ -16,16 +16,16 @@ def open_devices(settings: Settings, clock: Clock) -> Devices:
     return Devices(
         robot=open_robot(settings.robot.address, timing, stop_address=settings.robot.stop_address),
         camera=open_camera(settings.camera.address, timing, image_size=intrinsics.image_size if intrinsics else None),
-        scanner=_scanner(settings, timing),
-        quiet=_quiet(settings.robot.egm, timing) if settings.robot.egm else None,
+        scanner=_open_scanner(settings, timing),
+        vibration_gate=_open_vibration_gate(settings.robot.egm, timing) if settings.robot.egm else None,
     )
 
 
-def _quiet(egm: EgmSettings, timing: Timing) -> Quiet:
-    return Quiet(open_vibration_monitor(egm.host, egm.port, egm.robot, timing), egm)
+def _open_vibration_gate(egm: EgmSettings, timing: Timing) -> VibrationGate:
+    return VibrationGate(open_vibration_monitor(egm.host, egm.port, egm.robot, timing), egm)
 
 
-def _scanner(settings: Settings, timing: Timing) -> Scanner | None:
+def _open_scanner(settings: Settings, timing: Timing) -> Scanner | None:
     if settings.scanner is None:
         return None
     return open_scanner(settings.scanner.address, timing, limit_s=settings.scanner.limit_s)

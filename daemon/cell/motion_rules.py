@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.kinematics.abb_arms import find_arm
-from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm import UnreachablePoseError as OutOfJoint
+from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.planning.reachability import reachable_by
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
@@ -14,7 +13,7 @@ from daemon.config.settings import RobotSettings, TaughtPose
 from daemon.errors import PoseRefused
 from drivers.interfaces import MoveGoal, PoseReading, Posture, Robot
 
-PLANNED_TRAVEL_DEG = 120.0
+MAX_PLANNED_TRAVEL_DEG = 120.0
 """No joint turns further in one move that nobody taught: short moves are easy to foresee, and cost no accuracy."""
 
 
@@ -29,14 +28,14 @@ class MotionRules:
     def of(cls, robot: RobotSettings) -> "MotionRules":
         return cls(robot, find_arm(robot.model) if robot.model else None)
 
-    def require_allowed(self, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> None:
+    def check_poses(self, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> None:
         """Every pose lies in the box and, when the arm is known, can be reached. Raises PoseRefused."""
         for station, pose in enumerate(poses, start=1):
-            self.require_inside_box(station, pose)
+            self.check_inside_box(station, pose)
             if self.arm is not None and joints_now_rad is not None:
                 joints_now_rad = self._joints(station, pose, self.arm, joints_now_rad)
 
-    def require_inside_box(self, station: int, pose: TaughtPose) -> None:
+    def check_inside_box(self, station: int, pose: TaughtPose) -> None:
         """Raises PoseRefused."""
         if not self.robot.inside_box(pose.transform()):
             at = ", ".join(f"{x:.1f}" for x in pose.translation_mm)
@@ -49,7 +48,7 @@ class MotionRules:
 
     async def goal(self, station: int, pose: TaughtPose, robot: Robot) -> MoveGoal:
         """The move to `pose` from where the arm stands now. Raises PoseRefused, DeviceError."""
-        self.require_inside_box(station, pose)
+        self.check_inside_box(station, pose)
         here = await robot.read_pose()
         posture = await self._posture(station, pose, robot, here)
         return MoveGoal(
@@ -73,7 +72,7 @@ class MotionRules:
                 joints = arm.matching(pose.transform(), pose.configuration, near_rad)
             else:
                 joints = arm.nearest(pose.transform(), near_rad)
-        except OutOfJoint as error:
+        except UnreachablePoseError as error:
             raise PoseRefused(station, error.what, error.fix) from None
         travel_deg = np.degrees(np.abs(joints - near_rad))
         if travel_deg.max() > self.robot.joint_travel_deg:
@@ -89,4 +88,6 @@ class MotionRules:
         """Which poses the arm can take without a change of posture or a long turn; None: the arm is not known."""
         if self.arm is None or joints_now_rad is None:
             return None
-        return reachable_by(self.arm, joints_now_rad, np.radians(min(self.robot.joint_travel_deg, PLANNED_TRAVEL_DEG)))
+        return reachable_by(
+            self.arm, joints_now_rad, np.radians(min(self.robot.joint_travel_deg, MAX_PLANNED_TRAVEL_DEG))
+        )

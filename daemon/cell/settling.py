@@ -14,23 +14,23 @@ from calibration.transforms import (
     rotation_from_quaternion,
 )
 from daemon.config.settings import SettlingSettings
-from daemon.errors import ElsewhereThanSent, NotStill
+from daemon.errors import NotStill, PoseMismatch
 from daemon.runtime.clock import Clock
 from drivers.interfaces import PoseReading, Robot
 
-SENT_MM, SENT_RAD = 2.0, radians(0.2)
+ARRIVAL_TOLERANCE_MM, ARRIVAL_TOLERANCE_RAD = 2.0, radians(0.2)
 """A controller stops within hundredths of a millimetre of the goal, in its own numbers."""
 
 
 @dataclass(frozen=True)
-class Drift:
+class PoseDelta:
     """How far two readings are apart."""
 
     translation_mm: float
     rotation_rad: float
 
     @classmethod
-    def between(cls, before: PoseReading, after: PoseReading) -> "Drift":
+    def between(cls, before: PoseReading, after: PoseReading) -> "PoseDelta":
         return cls(*difference(before.base_T_flange, after.base_T_flange))
 
     def within(self, settling: SettlingSettings) -> bool:
@@ -47,7 +47,7 @@ async def settle(robot: Robot, settling: SettlingSettings, clock: Clock) -> Pose
     while True:
         await clock.sleep(settling.gap_s)
         after = await robot.read_pose()
-        drift = Drift.between(before, after)
+        drift = PoseDelta.between(before, after)
         if before.still and after.still and drift.within(settling):
             return after
         if clock.monotonic_s() - began_s > settling.limit_s:
@@ -58,12 +58,12 @@ async def settle(robot: Robot, settling: SettlingSettings, clock: Clock) -> Pose
         before = after
 
 
-async def standing(robot: Robot, settling: SettlingSettings, clock: Clock) -> PoseReading:
+async def read_if_standing(robot: Robot, settling: SettlingSettings, clock: Clock) -> PoseReading:
     """The pose of an arm that somebody else moves, and that stands now: two readings. Raises NotStill at once."""
     before = await robot.read_pose()
     await clock.sleep(settling.gap_s)
     after = await robot.read_pose()
-    drift = Drift.between(before, after)
+    drift = PoseDelta.between(before, after)
     if before.still and after.still and drift.within(settling):
         return after
     moved = (
@@ -74,27 +74,27 @@ async def standing(robot: Robot, settling: SettlingSettings, clock: Clock) -> Po
     )
 
 
-def require_still(before: PoseReading, after: PoseReading, settling: SettlingSettings) -> None:
+def check_still(before: PoseReading, after: PoseReading, settling: SettlingSettings) -> None:
     """Raises NotStill when the arm moved between two readings: what was seen in between belongs to no pose."""
-    drift = Drift.between(before, after)
+    drift = PoseDelta.between(before, after)
     if not (after.still and drift.within(settling)):
         raise NotStill(
             f"the arm moved by {drift} while it was looked at", "keep everything else from moving it, and look again"
         )
 
 
-def require_arrived(sent_base_T_flange: Array, reading: PoseReading, pose_convention: str) -> None:
+def check_arrival(sent_base_T_flange: Array, reading: PoseReading, pose_convention: str) -> None:
     """Raises ElsewhereThanSent when the pose that is read is not the one that was commanded.
 
     A wrong unit, quaternion order, tool or work object shows here at the first move, before a picture is taken.
     """
     off_mm, off_rad = difference(sent_base_T_flange, reading.base_T_flange)
-    if off_mm <= SENT_MM and off_rad <= SENT_RAD:
+    if off_mm <= ARRIVAL_TOLERANCE_MM and off_rad <= ARRIVAL_TOLERANCE_RAD:
         return
-    raise ElsewhereThanSent(
+    raise PoseMismatch(
         f"the arm was sent to {_place(sent_base_T_flange)} mm and says it stands at {_place(reading.base_T_flange)} mm,"
         f" {off_mm:.4g} mm and {degrees(off_rad):.3g}° away",
-        _guess(sent_base_T_flange, reading.base_T_flange, pose_convention),
+        _explanation(sent_base_T_flange, reading.base_T_flange, pose_convention),
     )
 
 
@@ -102,12 +102,12 @@ def _place(base_T_flange: Array) -> str:
     return "({:.4g}, {:.4g}, {:.4g})".format(*base_T_flange[:3, 3])
 
 
-def _guess(sent: Array, read: Array, pose_convention: str) -> str:
+def _explanation(sent: Array, read: Array, pose_convention: str) -> str:
     """What would explain it."""
     w, x, y, z = quaternion_from_rotation(sent[:3, :3])
     scalar_last = rotation_from_quaternion([x, y, z, w])
-    if np.linalg.norm(1000.0 * read[:3, 3] - sent[:3, 3]) <= SENT_MM:
+    if np.linalg.norm(1000.0 * read[:3, 3] - sent[:3, 3]) <= ARRIVAL_TOLERANCE_MM:
         return "it tells metres where millimetres belong: correct the controller's program"
-    if rotation_angle_rad(scalar_last.T @ read[:3, :3]) <= SENT_RAD:
+    if rotation_angle_rad(scalar_last.T @ read[:3, :3]) <= ARRIVAL_TOLERANCE_RAD:
         return "its quaternion has the scalar part last where it belongs first: correct the controller's program"
     return f"see that the controller's program gives {pose_convention}"

@@ -9,30 +9,30 @@ from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
 from drivers.interfaces import Vibration, VibrationMonitor
 
-LOOK_S = 0.02
+POLL_S = 0.02
 
 
 @dataclass(frozen=True)
-class Quiet:
+class VibrationGate:
     """The monitor, and how much is allowed."""
 
     monitor: VibrationMonitor
-    allowed: EgmSettings
+    limits: EgmSettings
 
     async def wait(self, limit_s: float, clock: Clock) -> Vibration:
         """What is left once it is little enough. Raises NotStill, DeviceTimeout."""
         ends_s = clock.monotonic_s() + limit_s
-        while not self._within(vibration := self.monitor.vibration(self.allowed.window_s)):
+        while not self._within(vibration := self.monitor.vibration(self.limits.window_s)):
             if clock.monotonic_s() > ends_s:
-                raise self._rings(vibration, f"after {limit_s:g} s the flange")
-            await clock.sleep(LOOK_S)
+                raise self._vibration_error(vibration, f"after {limit_s:g} s the flange")
+            await clock.sleep(POLL_S)
         return vibration
 
-    def require(self) -> Vibration:
+    def check(self) -> Vibration:
         """The same, without waiting. Raises NotStill, DeviceTimeout."""
-        vibration = self.monitor.vibration(self.allowed.window_s)
+        vibration = self.monitor.vibration(self.limits.window_s)
         if not self._within(vibration):
-            raise self._rings(vibration, "the flange")
+            raise self._vibration_error(vibration, "the flange")
         return vibration
 
     async def close(self) -> None:
@@ -41,11 +41,11 @@ class Quiet:
 
     def _within(self, vibration: Vibration) -> bool:
         return (
-            vibration.translation_mm <= self.allowed.translation_mm
-            and degrees(vibration.rotation_rad) <= self.allowed.rotation_deg
+            vibration.translation_mm <= self.limits.translation_mm
+            and degrees(vibration.rotation_rad) <= self.limits.rotation_deg
         )
 
-    def _rings(self, vibration: Vibration, who: str) -> NotStill:
+    def _vibration_error(self, vibration: Vibration, who: str) -> NotStill:
         return NotStill(
             f"{who} still vibrates by {vibration.translation_mm:.3f} mm and {degrees(vibration.rotation_rad):.4f}°",
             "look for what shakes it, or a soft servo; or allow more in [robot.egm]",

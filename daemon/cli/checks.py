@@ -13,7 +13,7 @@ from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from daemon.cell.cell import motion_obstacles
 from daemon.cell.devices import open_devices
-from daemon.cell.vibration import Quiet
+from daemon.cell.vibration import VibrationGate
 from daemon.cli.checks_modbus import check_interlocks, check_plc
 from daemon.cli.errors import CommandError
 from daemon.cli.output import CheckResult
@@ -62,8 +62,8 @@ async def check_devices(settings: Settings) -> list[CheckResult]:
         ]
         if devices.scanner is not None:
             checks.append(_check_device("scanner", devices.scanner, _check_scanner))
-        if devices.quiet is not None:
-            checks.append(_check_device("egm", devices.quiet, _check_vibration))
+        if devices.vibration_gate is not None:
+            checks.append(_check_device("egm", devices.vibration_gate, _check_vibration))
         modbus: list[Awaitable[list[CheckResult]]] = []
         if settings.interlocks is not None:
             modbus.append(check_interlocks(settings.interlocks))
@@ -152,9 +152,9 @@ async def _check_camera(camera: Camera, settings: Settings) -> CheckResult:
     )
 
 
-async def _check_vibration(quiet: Quiet) -> CheckResult:
+async def _check_vibration(gate: VibrationGate) -> CheckResult:
     try:
-        vibration = await quiet.wait(MAX_CONNECT_S, Clock())
+        vibration = await gate.wait(MAX_CONNECT_S, Clock())
     except NotStill as error:
         return CheckResult("egm", False, error.what, error.fix)
     seen = f"{vibration.translation_mm:.3f} mm and {degrees(vibration.rotation_rad):.4f}°"

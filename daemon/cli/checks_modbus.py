@@ -8,7 +8,7 @@ import serial
 from daemon.cli.output import CheckResult
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.errors import PortTaken
-from daemon.http.listen_socket import listener_at
+from daemon.http.listen_socket import open_listener
 from drivers.serial_errors import SERIAL_ERRORS, reason_of
 
 CELL = "put this right at the cell"
@@ -43,7 +43,7 @@ async def check_plc(settings: PlcSettings) -> list[CheckResult]:
 def check_port(settings: PlcSettings) -> CheckResult:
     """Check that the port is free, and that the writers of [plc] can reach it."""
     try:
-        listener_at(settings.host, settings.port, "plc").close()
+        open_listener(settings.host, settings.port, "plc").close()
     except PortTaken as error:
         return CheckResult("plc", False, error.what, error.fix)
     here = f"Modbus TCP can listen on {settings.host} port {settings.port}"

@@ -7,7 +7,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.monitoring.control_chart import ChartPoint, DriftRules, DriftStanding, chart, scatter_limit_mm
 from calibration.transforms import Array
 from daemon.config.settings import DriftSettings, Settings
-from daemon.drift.samples import Verified, robot_noise_mm
+from daemon.drift.samples import ChartEntry, robot_noise_mm
 
 CALIBRATE = "calibrate before parts go wrong, see docs/plc.md; or look whether the target was moved"
 
@@ -30,7 +30,7 @@ class DriftReport:
     scatter_limit_mm: float | None = None
     alarm: str | None = None
 
-    def told(self) -> dict[str, object]:
+    def event_data(self) -> dict[str, object]:
         """For an event."""
         return {**vars(self), "standing": self.standing.value if self.standing else None}
 
@@ -60,14 +60,14 @@ class DriftChart:
     points: tuple[DriftPoint, ...] = ()
 
 
-def chart_of(entries: Sequence[Verified], document: CalibrationDocument, settings: Settings) -> DriftChart:
+def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> DriftChart:
     """The chart of these verifications, the oldest first."""
     if not entries:
         return DriftChart(DriftReport(DriftStanding.LEARNING, document.id))
     rules = rules_of(settings.drift)
     drawn = chart([entry.sample for entry in entries], rules)
     last = drawn[-1]
-    limit_mm = _explained_mm(entries[-1], document, settings, rules)
+    limit_mm = _max_scatter_mm(entries[-1], document, settings, rules)
     scatter_mm = entries[-1].sample.scatter_mm
     points = tuple(_point(entry, drawn_as) for entry, drawn_as in zip(entries, drawn, strict=True))
     report = DriftReport(
@@ -83,21 +83,21 @@ def chart_of(entries: Sequence[Verified], document: CalibrationDocument, setting
     return DriftChart(report, points)
 
 
-def _point(entry: Verified, drawn: ChartPoint) -> DriftPoint:
+def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPoint:
     """To a nanometre, which is below any robot's noise."""
     return DriftPoint(
         entry.run_id,
         entry.at,
         drawn.standing,
-        _rounded(drawn.shift_mm),
-        _rounded(drawn.average_mm),
+        _round(drawn.shift_mm),
+        _round(drawn.average_mm),
         round(drawn.drift_mm, 6),
         None if drawn.standing is DriftStanding.LEARNING else round(drawn.limit_mm, 6),
         round(entry.sample.scatter_mm, 6),
     )
 
 
-def _rounded(vector: Array) -> Vector:
+def _round(vector: Array) -> Vector:
     x, y, z = (round(float(value), 6) for value in vector)
     return x, y, z
 
@@ -107,8 +107,8 @@ def rules_of(settings: DriftSettings) -> DriftRules:
     return DriftRules(settings.weight, settings.learn, settings.allowed_mm, settings.runs_between_false_alarms)
 
 
-def _explained_mm(
-    entry: Verified, document: CalibrationDocument, settings: Settings, rules: DriftRules
+def _max_scatter_mm(
+    entry: ChartEntry, document: CalibrationDocument, settings: Settings, rules: DriftRules
 ) -> float | None:
     """The largest scatter that the calibration's uncertainty and the robot's noise explain; None: not known."""
     if document.uncertainty is None or entry.sample.positions < 2:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from daemon.config.settings import Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
-from daemon.drift.samples import Verifications
+from daemon.drift.samples import VerificationHistory
 from daemon.errors import DaemonError, NoCalibration
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
-class DriftWatch:
+class DriftMonitor:
     """Listens for verifications that end; an owner of nothing but what can be computed from the store again."""
 
     settings: Settings
@@ -30,12 +30,12 @@ class DriftWatch:
     workers: Workers
     clock: Clock
     chart: DriftChart = field(default_factory=DriftChart, init=False)
-    _verifications: Verifications = field(init=False)
+    _verifications: VerificationHistory = field(init=False)
     _task: asyncio.Task[None] | None = field(default=None, init=False)
     _turn: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
 
     def __post_init__(self) -> None:
-        self._verifications = Verifications(self.store, self.workers, self.settings.target.target().points_mm)
+        self._verifications = VerificationHistory(self.store, self.workers, self.settings.target.target().points_mm)
 
     @property
     def report(self) -> DriftReport:
@@ -45,7 +45,7 @@ class DriftWatch:
     async def start(self) -> None:
         """What an earlier daemon has told is not told again."""
         try:
-            self.chart = await self._computed()
+            self.chart = await self._compute()
         except DaemonError as error:
             log.warning("the drift chart could not be read: %s", error)
         self._task = asyncio.create_task(self._listen(self.events.last), name="drift")
@@ -63,7 +63,7 @@ class DriftWatch:
     def families(self) -> Iterator[Metric]:
         """For GET /metrics."""
         report = self.report
-        told = (
+        values = (
             (
                 "alarm",
                 "1 while the verifications say that the calibration no longer holds.",
@@ -74,18 +74,18 @@ class DriftWatch:
             ("limit_meters", "How far it may seem so by chance.", (report.limit_mm or 0.0) / 1e3),
             ("scatter_meters", "Scatter of the target over the positions, one axis.", report.scatter_mm / 1e3),
         )
-        for name, about, value in told:
+        for name, about, value in values:
             yield Metric(f"handeyed_drift_{name}", "gauge", about, {(): value})
 
-    async def renewed(self) -> DriftChart:
+    async def refresh(self) -> DriftChart:
         """The chart with every run that is over in it. Raises StorageError."""
-        await self._renew()
+        await self._refresh()
         return self.chart
 
-    async def entered(self, run: RunRecord) -> DriftReport:
+    async def report_after(self, run: RunRecord) -> DriftReport:
         """The chart with this run in it, whoever noticed its end first."""
         with suppress(DaemonError):
-            await self._renew()
+            await self._refresh()
         return self.report
 
     async def _listen(self, after: int) -> None:
@@ -94,20 +94,20 @@ class DriftWatch:
             if event is None or not (ended or event.kind == "applied"):
                 continue
             try:
-                await self._renew()
+                await self._refresh()
             except DaemonError as error:
                 log.warning("the drift chart could not be renewed: %s", error)
 
-    async def _renew(self) -> None:
+    async def _refresh(self) -> None:
         """From the store; an alarm that is new, or gone, is told once, whoever noticed first."""
         async with self._turn:
-            await self._told_anew()
+            await self._refresh_locked()
 
-    async def _told_anew(self) -> None:
-        before, self.chart = self.report, await self._computed()
+    async def _refresh_locked(self) -> None:
+        before, self.chart = self.report, await self._compute()
         if self.report == before:
             return
-        self.events.publish("drift", self.report.told())
+        self.events.publish("drift", self.report.event_data())
         if (self.report.alarm is None) == (before.alarm is None):
             return
         log.warning("%s", self.report.alarm or "drift: the alarm is over")
@@ -115,7 +115,7 @@ class DriftWatch:
         calibration_id = self.report.calibration_id or before.calibration_id
         await self.store.outbox.post("alarm", self.clock.timestamp(), {**alarm, "calibration_id": calibration_id})
 
-    async def _computed(self) -> DriftChart:
+    async def _compute(self) -> DriftChart:
         try:
             applied, record = await self.store.current()
         except NoCalibration:

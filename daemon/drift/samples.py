@@ -17,15 +17,15 @@ from daemon.model.run_states import RunState
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
-MOST = 1000
+MAX_VERIFICATIONS = 1000
 """How far back a chart reaches: a year of verifications every eight hours."""
 
-PAGE = 20
+PAGE_RUNS = 20
 """Runs are large, verifications above all: a few are read at a time, and none of them kept."""
 
 
 @dataclass(frozen=True, eq=False)
-class Verified:
+class ChartEntry:
     """One verification of the chart."""
 
     run_id: str
@@ -33,7 +33,7 @@ class Verified:
     sample: ChartSample
 
 
-def belongs(run: RunRecord, applied: AppliedCalibration, target_points: int) -> bool:
+def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points: int) -> bool:
     """A finished verification of the calibration in force, of the fixed target, from the settings' poses.
 
     One with poses or a target of its own may look at something else, or from where the errors are others; one from
@@ -50,14 +50,14 @@ def belongs(run: RunRecord, applied: AppliedCalibration, target_points: int) -> 
     )
 
 
-def verified(run: RunRecord, target_points_mm: Array) -> Verified:
+def chart_entry(run: RunRecord, target_points_mm: Array) -> ChartEntry:
     """What a run that `belongs` adds to the chart."""
     assert run.result is not None
     points: list[dict[str, Any]] = run.result["verification"]["points"]
     ids = [point["id"] for point in points]
     base_mm = np.array([point["base_mm"] for point in points]).transpose(1, 0, 2)
     sample = sample_of(base_mm, target_points_mm[ids], target_points_mm.mean(axis=0))
-    return Verified(run.id, run.updated_at, sample)
+    return ChartEntry(run.id, run.updated_at, sample)
 
 
 def robot_noise_mm(document: CalibrationDocument, settings: CalibrationSettings) -> float:
@@ -72,55 +72,57 @@ def robot_noise_mm(document: CalibrationDocument, settings: CalibrationSettings)
 
 
 @dataclass(frozen=True)
-class _Read:
+class _RunEntries:
     """What a run that was read says; nothing, when it does not belong to the chart."""
 
     run_id: str
     over: bool
-    said: tuple[Verified, ...]
+    entries: tuple[ChartEntry, ...]
 
 
 @dataclass(eq=False)
-class Verifications:
+class VerificationHistory:
     """Those of one calibration at a time."""
 
     store: Store
     workers: Workers
     target_points_mm: Array
     _applied: tuple[int, str] = (0, "")
-    _kept: list[Verified] = field(default_factory=list)
+    _kept: list[ChartEntry] = field(default_factory=list)
     _last: str = ""
     """Up to this run everything is over, and kept."""
 
-    async def of(self, applied: AppliedCalibration) -> Sequence[Verified]:
+    async def of(self, applied: AppliedCalibration) -> Sequence[ChartEntry]:
         """The oldest first. Raises StorageError."""
         if self._applied != (applied.sequence, applied.calibration_id):
             self._applied, self._kept, self._last = (applied.sequence, applied.calibration_id), [], ""
-        news = await self._news(applied)
+        news = await self._read_new_runs(applied)
         settled = list(takewhile(lambda read: read.over, news))
         if settled:
             self._last = settled[-1].run_id
-        self._kept = [*self._kept, *(entry for read in settled for entry in read.said)][-MOST:]
-        return [*self._kept, *(entry for read in news[len(settled) :] for entry in read.said)]
+        self._kept = [*self._kept, *(entry for read in settled for entry in read.entries)][-MAX_VERIFICATIONS:]
+        return [*self._kept, *(entry for read in news[len(settled) :] for entry in read.entries)]
 
-    async def _news(self, applied: AppliedCalibration) -> list[_Read]:
+    async def _read_new_runs(self, applied: AppliedCalibration) -> list[_RunEntries]:
         """Runs since the last one kept, the oldest first."""
-        news: list[_Read] = []
+        news: list[_RunEntries] = []
         before: str | None = None
-        while sum(len(read.said) for read in news) < MOST:
-            page = await self.store.runs(PAGE, before)
+        while sum(len(read.entries) for read in news) < MAX_VERIFICATIONS:
+            page = await self.store.runs(PAGE_RUNS, before)
             fresh = list(takewhile(lambda run: run.id != self._last, page))
             news += await self.workers.run(_read_all, fresh, applied, self.target_points_mm)
-            if len(fresh) < PAGE or page[-1].created_at < applied.applied_at:
+            if len(fresh) < PAGE_RUNS or page[-1].created_at < applied.applied_at:
                 break
             before = page[-1].id
         return news[::-1]
 
 
-def _read_all(runs: list[RunRecord], applied: AppliedCalibration, target_points_mm: Array) -> list[_Read]:
+def _read_all(runs: list[RunRecord], applied: AppliedCalibration, target_points_mm: Array) -> list[_RunEntries]:
     return [
-        _Read(
-            run.id, run.over, (verified(run, target_points_mm),) if belongs(run, applied, len(target_points_mm)) else ()
+        _RunEntries(
+            run.id,
+            run.over,
+            (chart_entry(run, target_points_mm),) if belongs_to_chart(run, applied, len(target_points_mm)) else (),
         )
         for run in runs
     ]

@@ -33,7 +33,7 @@ class DriftSchedule:
 
     async def start(self) -> None:
         if self.every_s > 0:
-            self._task = asyncio.create_task(self._verify_now_and_then(), name="drift schedule")
+            self._task = asyncio.create_task(self._run_schedule(), name="drift schedule")
 
     async def stop(self) -> None:
         if self._task is not None:
@@ -41,17 +41,17 @@ class DriftSchedule:
             with suppress(asyncio.CancelledError):
                 await self._task
 
-    async def _verify_now_and_then(self) -> None:
+    async def _run_schedule(self) -> None:
         while True:
             await self.clock.sleep(self.every_s)
             refused = ""
-            while (why := await self._refusal()) is not None:
+            while (why := await self._try_verify()) is not None:
                 if why != refused:
                     log.info("the scheduled verification waits: %s", why)
                 refused = why
                 await self.clock.sleep(RETRY_S)
 
-    async def _refusal(self) -> str | None:
+    async def _try_verify(self) -> str | None:
         """Why it could not begin; None when it has."""
         with acting_as(SCHEDULE), about_request("drift-schedule"):
             try:

@@ -14,8 +14,8 @@ from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from daemon.http.problem_details import MEDIA_TYPE, Problem
-from daemon.http.receive_buffer import Inlet, Room
-from daemon.http.tls_handshake import Handshake
+from daemon.http.receive_buffer import BufferedConnection, SharedBuffer
+from daemon.http.tls_handshake import PendingTlsConnection
 
 MALFORMED = (400, "request-malformed", "this is not an HTTP/1.1 request", "send one; for TLS use https://")
 TOO_SLOW = (408, "request-too-slow", "the request's head did not come in time", "send it in one go")
@@ -29,7 +29,7 @@ SPARE_DESCRIPTORS = 256
 
 
 @dataclass(frozen=True)
-class Limits:
+class HttpLimits:
     """Of one connection. `idle_s`: for a body that stops coming, and an answer that nobody takes.
 
     `linger_s`: how long what still comes is thrown away after the last answer. Closed at once, the system would answer
@@ -44,21 +44,23 @@ class Limits:
 
 
 @dataclass(eq=False)
-class Door:
+class ConnectionLimiter:
     """What all connections of one server share: the limits, and who keeps it waiting, the longest first."""
 
-    limits: Limits = field(default_factory=lambda: Limits(connections=_affordable(Limits.connections)))
-    waiting: "dict[GuardedConnection | Handshake, None]" = field(default_factory=dict)
-    handshakes: set[Handshake] = field(default_factory=set)
-    room: Room = field(default_factory=Room)
+    limits: HttpLimits = field(
+        default_factory=lambda: HttpLimits(connections=_reserve_descriptors(HttpLimits.connections))
+    )
+    waiting: "dict[LimitedConnection | PendingTlsConnection, None]" = field(default_factory=dict)
+    handshakes: set[PendingTlsConnection] = field(default_factory=set)
+    buffer: SharedBuffer = field(default_factory=SharedBuffer)
     _established: set[Any] = field(default_factory=set)
 
-    def protocol(self, handshake: Handshake | None = None, **arguments: Any) -> Inlet:
+    def protocol(self, handshake: PendingTlsConnection | None = None, **arguments: Any) -> BufferedConnection:
         """For `uvicorn.Config(http=...)`. `handshake`: the connection's own, which is done."""
         self._established = arguments["server_state"].connections
-        return Inlet(GuardedConnection(self, handshake, **arguments), self.room)
+        return BufferedConnection(LimitedConnection(self, handshake, **arguments), self.buffer)
 
-    def has_room(self) -> bool:
+    def make_room(self) -> bool:
         """For one more; the connection that has waited longest is closed for it. False when every one is at work."""
         if len(self._established) + len(self.handshakes) < self.limits.connections:
             return True
@@ -68,15 +70,15 @@ class Door:
             return True
         return False
 
-    def enter(self, newcomer: Handshake) -> bool:
+    def admit(self, newcomer: PendingTlsConnection) -> bool:
         """A handshake begins, if there is room for it."""
-        if not self.has_room():
+        if not self.make_room():
             return False
         self.handshakes.add(newcomer)
         self.waiting[newcomer] = None
         return True
 
-    def leave(self, one: Handshake) -> None:
+    def release(self, one: PendingTlsConnection) -> None:
         """It is done, or gone."""
         self.handshakes.discard(one)
         self.waiting.pop(one, None)
@@ -87,7 +89,7 @@ class Door:
             handshake.abort()
 
 
-def _affordable(wanted: int) -> int:
+def _reserve_descriptors(wanted: int) -> int:
     """Descriptors for so many connections, or as many as the system gives."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = wanted + SPARE_DESCRIPTORS
@@ -97,48 +99,48 @@ def _affordable(wanted: int) -> int:
     return max(16, min(wanted, soft - SPARE_DESCRIPTORS))
 
 
-class GuardedConnection(HttpToolsProtocol):
+class LimitedConnection(HttpToolsProtocol):
     """uvicorn's connection, with limits."""
 
-    def __init__(self, door: Door, handshake: Handshake | None, **arguments: Any) -> None:
+    def __init__(self, limiter: ConnectionLimiter, handshake: PendingTlsConnection | None, **arguments: Any) -> None:
         super().__init__(**arguments)
         self._handshake = handshake
-        self._door, self._limits = door, door.limits
+        self._limiter, self._limits = limiter, limiter.limits
         self._head_since_s: float | None = None
         self._head_bytes = 0
-        self._moved_s = 0.0
+        self._last_progress_s = 0.0
         self._unsent = 0
-        self._deaf = False
-        self._check: asyncio.TimerHandle | None = None
+        self._lingering = False
+        self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         if self._handshake is not None:
-            self._door.leave(self._handshake)
-        welcome = self._door.has_room()
+            self._limiter.release(self._handshake)
+        welcome = self._limiter.make_room()
         super().connection_made(transport)
-        self._moved_s = self.loop.time()
+        self._last_progress_s = self.loop.time()
         if not welcome:
             self._refuse(TOO_MANY)
             return
-        self._wait_for_a_head()
-        self._look_again()
+        self._start_head_timer()
+        self._schedule_check()
 
     def abort(self) -> None:
         """It has to go."""
         self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        if self._check is not None:
-            self._check.cancel()
-        self._door.waiting.pop(self, None)
+        if self._timer is not None:
+            self._timer.cancel()
+        self._limiter.waiting.pop(self, None)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes | memoryview) -> None:
-        if self._deaf or self.transport.is_closing():
+        if self._lingering or self.transport.is_closing():
             return
-        self._moved_s = self.loop.time()
+        self._last_progress_s = self.loop.time()
         if self._head_since_s is None and not self._in_progress:
-            self._wait_for_a_head()
+            self._start_head_timer()
         super().data_received(data)  # type: ignore[arg-type] # httptools reads any buffer, and keeps copies
         if self._head_since_s is not None:
             self._head_bytes += len(data)
@@ -157,9 +159,9 @@ class GuardedConnection(HttpToolsProtocol):
 
     def on_headers_complete(self) -> None:
         self._head_since_s = None
-        self._door.waiting.pop(self, None)
+        self._limiter.waiting.pop(self, None)
         super().on_headers_complete()
-        self.cycle.transport = _PoliteTransport(self)  # type: ignore[assignment]
+        self.cycle.transport = _LingeringTransport(self)  # type: ignore[assignment]
 
     def send_400_response(self, msg: str) -> None:
         self._refuse(MALFORMED)
@@ -168,17 +170,17 @@ class GuardedConnection(HttpToolsProtocol):
     def _in_progress(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
 
-    def _wait_for_a_head(self) -> None:
+    def _start_head_timer(self) -> None:
         self._head_since_s, self._head_bytes = self.loop.time(), 0
-        self._door.waiting[self] = None
+        self._limiter.waiting[self] = None
 
-    def _look_again(self) -> None:
+    def _schedule_check(self) -> None:
         period_s = min(self._limits.head_s, self._limits.idle_s) / 4
-        self._check = self.loop.call_later(period_s, self._look)
+        self._timer = self.loop.call_later(period_s, self._check_timeouts)
 
-    def _look(self) -> None:
+    def _check_timeouts(self) -> None:
         """Still moving?"""
-        if self._deaf or self.transport.is_closing():
+        if self._lingering or self.transport.is_closing():
             return
         now_s = self.loop.time()
         if self._head_since_s is not None and now_s - self._head_since_s > self._limits.head_s:
@@ -186,12 +188,12 @@ class GuardedConnection(HttpToolsProtocol):
             return
         unsent = self.transport.get_write_buffer_size()
         if unsent != self._unsent:
-            self._unsent, self._moved_s = unsent, now_s
+            self._unsent, self._last_progress_s = unsent, now_s
         stuck = self.flow.write_paused or (self._in_progress and self.cycle.more_body and not self.flow.read_paused)
-        if stuck and now_s - self._moved_s > self._limits.idle_s:
+        if stuck and now_s - self._last_progress_s > self._limits.idle_s:
             self.transport.abort()
             return
-        self._look_again()
+        self._schedule_check()
 
     def _refuse(self, refusal: Refusal) -> None:
         """A problem, unless it would fall into the middle of an answer; the connection ends."""
@@ -204,19 +206,19 @@ class GuardedConnection(HttpToolsProtocol):
 
     def linger(self) -> None:
         """Everything is said; what still comes is not heard."""
-        if self._deaf or self.transport.is_closing():
+        if self._lingering or self.transport.is_closing():
             return
-        self._deaf = True
+        self._lingering = True
         if self.transport.can_write_eof():
             self.transport.write_eof()
         self.flow.resume_reading()
         self.loop.call_later(self._limits.linger_s, self.transport.close)
 
 
-class _PoliteTransport:
+class _LingeringTransport:
     """What an answer is written to; it is closed only when the client has been heard out."""
 
-    def __init__(self, connection: GuardedConnection) -> None:
+    def __init__(self, connection: LimitedConnection) -> None:
         self._connection, self._transport = connection, connection.transport
         self.write, self.is_closing = self._transport.write, self._transport.is_closing
 

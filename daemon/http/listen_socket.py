@@ -5,22 +5,22 @@ import socket
 
 from daemon.errors import PortTaken
 
-WAITING = 512
+BACKLOG = 512
 """Connections that may wait to be accepted."""
 
 
-TAKEN = "see who listens there already (ss -ltnp)"
-NO_RIGHT = "ports below 1024 need a right that the service does not have: docs/plc.md tells how to give it"
+PORT_TAKEN_FIX = "see who listens there already (ss -ltnp)"
+NO_PERMISSION_FIX = "ports below 1024 need a right that the service does not have: docs/plc.md tells how to give it"
 
 
-def listener_at(host: str, port: int, table: str = "server") -> socket.socket:
+def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
     """A socket that listens there; port 0 lets the system choose. `table` of the settings says so. Raises PortTaken."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
-        listener = socket.create_server((host, port), family=family, backlog=WAITING)
+        listener = socket.create_server((host, port), family=family, backlog=BACKLOG)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        fix = TAKEN if error.errno != errno.EACCES else NO_RIGHT
+        fix = PORT_TAKEN_FIX if error.errno != errno.EACCES else NO_PERMISSION_FIX
         whom = " for PLCs" if table == "plc" else ""
         raise PortTaken(
             f"cannot listen{whom} on {host} port {port} ({reason})",

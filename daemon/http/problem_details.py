@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict
 
 MEDIA_TYPE = "application/problem+json"
 
-_RENAMED = {
+_PHRASES = {
     413: "Content Too Large",
     414: "URI Too Long",
     416: "Range Not Satisfiable",
@@ -15,9 +15,9 @@ _RENAMED = {
 """Python 3.13 changed these names."""
 
 
-def phrase_of(status: int) -> str:
+def reason_phrase(status: int) -> str:
     """Not Found"""
-    return _RENAMED.get(status) or HTTPStatus(status).phrase
+    return _PHRASES.get(status) or HTTPStatus(status).phrase
 
 
 class PlaceProblem(BaseModel):
@@ -62,6 +62,6 @@ class Problem(BaseModel):
     ) -> "Problem":
         """With the `type` and `title` that follow from code and status."""
         return cls(
-            type=f"urn:handeyed:problem:{code}", title=phrase_of(status), status=status, code=code, detail=detail,
+            type=f"urn:handeyed:problem:{code}", title=reason_phrase(status), status=status, code=code, detail=detail,
             fix=fix, holder=holder, reasons=reasons, problems=problems,
         )  # fmt: skip

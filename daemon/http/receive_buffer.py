@@ -7,18 +7,18 @@ memory of its own.
 import asyncio
 from typing import Any, Protocol
 
-ROOM_BYTES = 1 << 20
+BUFFER_BYTES = 1 << 20
 """Larger pieces no longer fit the processor's caches; smaller ones cost more to hand on."""
 
 
-class Room:
+class SharedBuffer:
     """Used by one connection at a time, from the moment it asks for the buffer until it has read what is in it."""
 
-    def __init__(self, size: int = ROOM_BYTES) -> None:
+    def __init__(self, size: int = BUFFER_BYTES) -> None:
         self.buffer = memoryview(bytearray(size))
 
 
-class Guest(Protocol):
+class ConnectionProtocol(Protocol):
     """A connection; like asyncio's Protocol, but it keeps no reference to what it is told."""
 
     def connection_made(self, transport: Any) -> None: ...
@@ -29,29 +29,29 @@ class Guest(Protocol):
     def resume_writing(self) -> None: ...
 
 
-class Inlet(asyncio.BufferedProtocol):
-    """Tells its guest what the system has put into the room, and everything else."""
+class BufferedConnection(asyncio.BufferedProtocol):
+    """Tells its connection what the system has put into the room, and everything else."""
 
-    def __init__(self, guest: Guest, room: Room) -> None:
-        self._guest, self._room = guest, room
+    def __init__(self, connection: ConnectionProtocol, buffer: SharedBuffer) -> None:
+        self._connection, self._shared = connection, buffer
 
     def get_buffer(self, sizehint: int) -> memoryview:
-        return self._room.buffer
+        return self._shared.buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        self._guest.data_received(self._room.buffer[:nbytes])
+        self._connection.data_received(self._shared.buffer[:nbytes])
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._guest.connection_made(transport)
+        self._connection.connection_made(transport)
 
     def eof_received(self) -> bool | None:
-        return self._guest.eof_received()
+        return self._connection.eof_received()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._guest.connection_lost(exc)
+        self._connection.connection_lost(exc)
 
     def pause_writing(self) -> None:
-        self._guest.pause_writing()
+        self._connection.pause_writing()
 
     def resume_writing(self) -> None:
-        self._guest.resume_writing()
+        self._connection.resume_writing()

@@ -19,7 +19,7 @@ PAUSE_S = 0.5
 """After an accept that the system refused, for want of descriptors mostly."""
 
 
-class Handshake:
+class PendingTlsConnection:
     """A connection until its handshake is done."""
 
     def __init__(self, connection: socket.socket) -> None:
@@ -35,22 +35,20 @@ class Handshake:
         over: Callable[[], None],
     ) -> None:
         """`over` is called when it is done, or has failed."""
-        self._task = asyncio.create_task(self._shaken(follows, context, limit_s), name="TLS handshake")
-        self._task.add_done_callback(lambda _: self._ended(over))
+        self._task = asyncio.create_task(self._run(follows, context, limit_s), name="TLS handshake")
+        self._task.add_done_callback(lambda _: self._finish(over))
 
     def abort(self) -> None:
         """It has to go."""
         if self._task is not None:
             self._task.cancel()
 
-    def _ended(self, over: Callable[[], None]) -> None:
+    def _finish(self, over: Callable[[], None]) -> None:
         if not self._begun:
             self._connection.close()  # else its transport does
         over()
 
-    async def _shaken(
-        self, follows: Callable[[], asyncio.BaseProtocol], context: ssl.SSLContext, limit_s: float
-    ) -> None:
+    async def _run(self, follows: Callable[[], asyncio.BaseProtocol], context: ssl.SSLContext, limit_s: float) -> None:
         """One that fails is not told: whoever scans the network would fill the log."""
         self._begun = True
         with suppress(OSError):  # ssl.SSLError is one
@@ -59,19 +57,19 @@ class Handshake:
             )
 
 
-class Crowd(Protocol):
+class HandshakeLimiter(Protocol):
     """Who lets connections in."""
 
-    def enter(self, newcomer: Handshake) -> bool:
+    def admit(self, newcomer: PendingTlsConnection) -> bool:
         """May it stay? Room has been made for it where that was possible."""
         ...
 
-    def leave(self, one: Handshake) -> None:
+    def release(self, one: PendingTlsConnection) -> None:
         """It is done, or gone."""
         ...
 
 
-class SecuredListener:
+class TlsListener:
     """Accepts, and shakes hands; what asyncio's server is to uvicorn."""
 
     def __init__(
@@ -79,11 +77,11 @@ class SecuredListener:
         listener: socket.socket,
         context: ssl.SSLContext,
         limit_s: float,
-        crowd: Crowd,
-        follows: Callable[[Handshake], asyncio.BaseProtocol],
+        crowd: HandshakeLimiter,
+        follows: Callable[[PendingTlsConnection], asyncio.BaseProtocol],
     ) -> None:
         self._listener, self._context, self._limit_s = listener, context, limit_s
-        self._crowd, self._follows = crowd, follows
+        self._limiter, self._make_protocol = crowd, follows
         listener.setblocking(False)
         self._task = asyncio.create_task(self._accept(), name="accepts TLS")
 
@@ -104,13 +102,16 @@ class SecuredListener:
                 log.warning("a connection could not be accepted: %s", error)
                 await asyncio.sleep(PAUSE_S)
                 continue
-            self._welcome(connection)
+            self._start_handshake(connection)
 
-    def _welcome(self, connection: socket.socket) -> None:
-        handshake = Handshake(connection)
-        if not self._crowd.enter(handshake):
+    def _start_handshake(self, connection: socket.socket) -> None:
+        handshake = PendingTlsConnection(connection)
+        if not self._limiter.admit(handshake):
             connection.close()
             return
         handshake.begin(
-            lambda: self._follows(handshake), self._context, self._limit_s, lambda: self._crowd.leave(handshake)
+            lambda: self._make_protocol(handshake),
+            self._context,
+            self._limit_s,
+            lambda: self._limiter.release(handshake),
         )

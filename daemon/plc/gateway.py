@@ -10,7 +10,7 @@ from typing import Any
 from calibration.documents.validation import validate_document
 from calibration.errors import CalibrationError, DocumentError
 from calibration.monitoring.control_chart import DriftStanding
-from daemon.drift.monitor import DriftWatch
+from daemon.drift.monitor import DriftMonitor
 from daemon.errors import DaemonError, NoCalibration, RunOver
 from daemon.model.records import RunRecord
 from daemon.model.requests import CalibrateRequest, ScanRequest, VerifyRequest
@@ -78,7 +78,7 @@ class PlcGateway:
     """Owns the handshake's state. All events go through `_take`, which never awaits: register images are consistent."""
 
     operations: Operations
-    drift: DriftWatch
+    drift: DriftMonitor
     clock: Clock
     rules: Rules
     _state: Handshake = field(init=False)
@@ -191,12 +191,12 @@ class PlcGateway:
         operations, now = self.operations, self.clock.utc_now()
         if command is PlcCommand.REGISTER:
             document = await operations.calibration("current")
-            report = await (await operations.scans.registered(run.result["scan_id"], document, refine=True))
+            report = await (await operations.scans.start_registration(run.result["scan_id"], document, refine=True))
             return registration_result(run, document, now, report)
         document = (await operations.store.calibration(run.result["calibration_id"])).document
         if command is PlcCommand.CALIBRATE:
             return calibration_result(run, document, now)
-        return verification_result(run, document, now, holds=not (await self.drift.entered(run)).alarm)
+        return verification_result(run, document, now, holds=not (await self.drift.report_after(run)).alarm)
 
     async def _abort(self, why: str) -> None:
         """Abort the run in progress, whoever started it."""

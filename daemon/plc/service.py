@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from daemon.config.plc_settings import PlcSettings
-from daemon.drift.monitor import DriftWatch
-from daemon.http.listen_socket import listener_at
+from daemon.drift.monitor import DriftMonitor
+from daemon.http.listen_socket import open_listener
 from daemon.operations import Operations
 from daemon.plc.gateway import PlcGateway
 from daemon.plc.rtu import ModbusRtu
@@ -29,7 +29,7 @@ class PlcService:
     rtu: ModbusRtu | None
 
     @classmethod
-    def of(cls, settings: PlcSettings, operations: Operations, drift: DriftWatch, clock: Clock) -> "PlcService":
+    def of(cls, settings: PlcSettings, operations: Operations, drift: DriftMonitor, clock: Clock) -> "PlcService":
         """Build the service and bind its port; connections are accepted after `start`. Raises PortTaken."""
         rules = Rules(settings.word_order, settings.motion, settings.heartbeat_limit_s or None)
         gateway = PlcGateway(operations, drift, clock, rules)
@@ -39,7 +39,7 @@ class PlcService:
             return lambda pdu: respond(pdu, bank, IDENTIFICATION)
 
         limits = ModbusTcpLimits(settings.connections, settings.idle_limit_s, has_priority=settings.may_write)
-        tcp = ModbusTcp(listener_at(settings.host, settings.port, "plc"), respond_to, limits)
+        tcp = ModbusTcp(open_listener(settings.host, settings.port, "plc"), respond_to, limits)
         line = settings.serial
         rtu = None if line is None else ModbusRtu(line, gateway.bank(line.port, True), IDENTIFICATION, random.random)
         return cls(gateway, tcp, rtu)

@@ -12,7 +12,7 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import Ending
+from daemon.runs.supervisor import RunResult
 from daemon.runtime.clock import Clock
 from daemon.runtime.version import SOFTWARE
 from daemon.runtime.workers import Workers
@@ -37,10 +37,12 @@ class CalibrationRun:
     better: PlanComparison | None = None
     expected: ExpectedMount | None = None
 
-    async def drive(self, sequence: PoseSequence, log: RunLog) -> Ending:
+    async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """From the first move to the stored calibration, whose id is the run's."""
         problem = await sequence.run(MIN_VIEWS)
-        document = await self.workers.run(solved, problem, log.id, self.clock.timestamp(), self.better, self.expected)
+        document = await self.workers.run(
+            solve_calibration, problem, log.id, self.clock.timestamp(), self.better, self.expected
+        )
         log.conclude()
         applied = await self._keep(document, log.id)
         return E.SOLVED, {
@@ -58,7 +60,7 @@ class CalibrationRun:
         return True
 
 
-def solved(
+def solve_calibration(
     problem: Problem,
     calibration_id: str,
     created_at: str,

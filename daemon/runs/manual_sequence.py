@@ -11,12 +11,12 @@ from calibration.planning.jog_advice import Advice, advise
 from calibration.problem import Problem, View
 from calibration.transforms import difference
 from daemon.cell.cell import Cell
-from daemon.errors import DaemonError, OperatorGone, SamePose, StorageError, TargetNotSeen, TooFewViews
+from daemon.errors import DaemonError, OperatorTimeout, SamePose, StorageError, TargetNotSeen, TooFewViews
 from daemon.model.records import Planning
 from daemon.model.run_states import RunEvent as E
 from daemon.model.run_states import RunState
-from daemon.runs.adaptive_sequence import AdaptiveRoute
-from daemon.runs.operator_requests import Asked, Desk
+from daemon.runs.adaptive_sequence import AdaptiveParameters
+from daemon.runs.operator_requests import OperatorRequest, OperatorRequestQueue
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_writer import SessionWriter
@@ -27,11 +27,11 @@ BEGIN = "jog the arm to where the camera sees the whole target, let it stand, an
 
 
 @dataclass(frozen=True)
-class ManualRoute:
+class ManualParameters:
     """What such a run is given: what is known and wished for, where it is asked, how long it waits for the operator."""
 
-    planning: AdaptiveRoute
-    desk: Desk
+    adaptive: AdaptiveParameters
+    requests: OperatorRequestQueue
     wait_s: float
 
 
@@ -41,7 +41,7 @@ class _Progress:
     planning: Planning = field(default_factory=Planning)
 
     @property
-    def seen(self) -> list[View]:
+    def views_with_target(self) -> list[View]:
         return [view for view in self.views if view.detection is not None]
 
 
@@ -49,72 +49,72 @@ class _Progress:
 class ManualSequence:
     """Poses that an operator jogs to. The cell is held, and never armed."""
 
-    route: ManualRoute
+    parameters: ManualParameters
     cell: Cell
     workers: Workers
     session: SessionWriter
     log: RunLog
-    _at: _Progress = field(default_factory=_Progress, init=False)
+    _progress: _Progress = field(default_factory=_Progress, init=False)
 
     async def run(self, min_views: int) -> Problem:
         """As PoseSequence: every view the operator asks for, until the end is asked for. Raises OperatorGone too."""
         try:
-            async with self.cell.held_by(f"run {self.log.id}"):
-                while not await self._served(await self._next(), min_views):
+            async with self.cell.hold(f"run {self.log.id}"):
+                while not await self._serve(await self._next_request(), min_views):
                     pass
         finally:
-            self.route.desk.close()
-        await self.log.took(E.DETECTED)
-        return self.session.problem(self._at.views)
+            self.parameters.requests.close()
+        await self.log.advance(E.DETECTED)
+        return self.session.problem(self._progress.views)
 
-    async def _next(self) -> Asked:
+    async def _next_request(self) -> OperatorRequest:
         try:
-            return await self.route.desk.next(self.route.wait_s)
+            return await self.parameters.requests.next(self.parameters.wait_s)
         except TimeoutError:
-            raise OperatorGone(
-                f"no view was asked for within {self.route.wait_s:g} s",
+            raise OperatorTimeout(
+                f"no view was asked for within {self.parameters.wait_s:g} s",
                 "start again when somebody is at the cell; or allow more in [calibration] manual_wait_s",
             ) from None
 
-    async def _served(self, asked: Asked, min_views: int) -> bool:
+    async def _serve(self, asked: OperatorRequest, min_views: int) -> bool:
         """Whether that was the end. What is refused is told, and leaves the run as it was."""
         try:
-            if asked.wish == "the end":
-                self._require_enough(min_views)
-                await self.log.took(E.ENOUGH, stations=self.log.run.station)
+            if asked.action == "the end":
+                self._check_view_count(min_views)
+                await self.log.advance(E.ENOUGH, stations=self.log.run.station)
             else:
-                await self._take()
+                await self._take_view()
         except StorageError as error:
             asked.refuse(error)
             raise
         except (DaemonError, DeviceError) as error:
             if self.log.run.state is not RunState.WAITING:
-                await self.log.took(E.REFUSED, planning=self._at.planning)
+                await self.log.advance(E.REFUSED, planning=self._progress.planning)
             asked.refuse(error)
             return False
-        asked.grant()
-        return asked.wish == "the end"
+        asked.complete()
+        return asked.action == "the end"
 
-    def _require_enough(self, min_views: int) -> None:
-        if (seen := len(self._at.seen)) < min_views:
+    def _check_view_count(self, min_views: int) -> None:
+        if (seen := len(self._progress.views_with_target)) < min_views:
             raise TooFewViews(
-                f"{seen} views show the target, {min_views} are needed", self._at.planning.advice or BEGIN
+                f"{seen} views show the target, {min_views} are needed", self._progress.planning.advice or BEGIN
             )
 
-    async def _take(self) -> None:
-        await self.log.took(E.ASKED)
-        reading = await self.cell.standing_pose()
-        self._require_elsewhere(reading)
-        await self.log.took(E.SETTLED)
-        index = await self.session.add(await self.cell.picture(reading), reading)
-        self._at.planning = replace(self._at.planning, pictures=index + 1)
-        await self.log.took(E.LOOKED, planning=self._at.planning)
+    async def _take_view(self) -> None:
+        await self.log.advance(E.ASKED)
+        reading = await self.cell.read_standing_pose()
+        self._check_new_pose(reading)
+        await self.log.advance(E.SETTLED)
+        index = await self.session.add(await self.cell.capture_frame(reading), reading)
+        self._progress.planning = replace(self._progress.planning, pictures=index + 1)
+        await self.log.advance(E.LOOKED, planning=self._progress.planning)
         view = await self.session.view(index)
-        self._at.views.append(view)
-        _require_target(view, self.log.id)
+        self._progress.views.append(view)
+        _check_target(view, self.log.id)
         advice = await self._advice(reading)
-        self._at.planning = replace(
-            self._at.planning,
+        self._progress.planning = replace(
+            self._progress.planning,
             now_mm=advice.now_mm,
             planned_mm=advice.planned_mm,
             ahead=int(advice.planned_mm is not None),
@@ -122,28 +122,30 @@ class ManualSequence:
             next_pose=None if advice.base_T_flange is None else PoseDocument.of(advice.base_T_flange).model_dump(),
         )
         stations = max(self.log.run.stations, self.log.run.station + 1)
-        await self.log.took(E.ADVISED, planning=self._at.planning, stations=stations, captured=True)
+        await self.log.advance(E.ADVISED, planning=self._progress.planning, stations=stations, captured=True)
 
-    def _require_elsewhere(self, reading: PoseReading) -> None:
-        for number, view in enumerate(self._at.seen, start=1):
+    def _check_new_pose(self, reading: PoseReading) -> None:
+        for number, view in enumerate(self._progress.views_with_target, start=1):
             off_mm, off_rad = difference(view.base_T_flange, reading.base_T_flange)
             if off_mm < SAME_POSE_MM and off_rad < SAME_POSE_RAD:
                 raise SamePose(
                     f"the arm stands where view {number} was taken ({off_mm:.2f} mm from there)",
-                    self._at.planning.advice or "jog on, and turn the flange",
+                    self._progress.planning.advice or "jog on, and turn the flange",
                 )
 
     async def _advice(self, reading: PoseReading) -> Advice:
-        planning = self.route.planning
+        planning = self.parameters.adaptive
         joints = await self.cell.robot.read_joints() if planning.rules.arm else None
-        wish = replace(planning.wish, views_left=max(planning.wish.views_left - len(self._at.seen), 0))
+        wish = replace(
+            planning.wish, views_left=max(planning.wish.views_left - len(self._progress.views_with_target), 0)
+        )
         return await self.workers.run(
-            advise, planning.guess, self.session.problem(self._at.views), planning.limits, wish,
+            advise, planning.guess, self.session.problem(self._progress.views), planning.limits, wish,
             base_T_flange_now=reading.base_T_flange, reachable=planning.rules.reachable_from(joints),
         )  # fmt: skip
 
 
-def _require_target(view: View, run_id: str) -> None:
+def _check_target(view: View, run_id: str) -> None:
     """Raises TargetNotSeen."""
     if view.detection is None:
         why = view.missing[1] if view.missing else "it was not found"

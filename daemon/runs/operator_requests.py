@@ -7,17 +7,17 @@ from typing import Literal
 from daemon.errors import CellBusy, DaemonError, RunOver
 from drivers.errors import DeviceError
 
-Wish = Literal["a view", "the end"]
+OperatorAction = Literal["a view", "the end"]
 
 
 @dataclass(frozen=True)
-class Asked:
+class OperatorRequest:
     """One request of the operator, who waits for its answer."""
 
-    wish: Wish
+    action: OperatorAction
     _answer: asyncio.Future[None]
 
-    def grant(self) -> None:
+    def complete(self) -> None:
         """It is done."""
         if not self._answer.done():
             self._answer.set_result(None)
@@ -28,34 +28,34 @@ class Asked:
             self._answer.set_exception(why)
 
 
-class Desk:
+class OperatorRequestQueue:
     """Between the interface, which asks, and the run, which answers."""
 
     def __init__(self) -> None:
-        self._asked: Asked | None = None
-        self._came: asyncio.Queue[Asked] = asyncio.Queue(1)
+        self._pending: OperatorRequest | None = None
+        self._queue: asyncio.Queue[OperatorRequest] = asyncio.Queue(1)
         self._closed = False
 
-    async def ask(self, wish: Wish) -> None:
+    async def submit(self, wish: OperatorAction) -> None:
         """Returns when it is done. Raises CellBusy, RunOver, and what the run refuses with."""
         if self._closed:
             raise RunOver("the run is ending, and takes no more views", "look at its result, or start another")
-        if self._asked is not None:
+        if self._pending is not None:
             raise CellBusy("the view that is being taken")
         answer = asyncio.get_running_loop().create_future()
         answer.add_done_callback(lambda done: done.cancelled() or done.exception())  # somebody may have hung up
-        self._asked = Asked(wish, answer)
-        self._came.put_nowait(self._asked)
+        self._pending = OperatorRequest(wish, answer)
+        self._queue.put_nowait(self._pending)
         await asyncio.shield(answer)  # who asked may hang up; what was asked for is done all the same
 
-    async def next(self, limit_s: float) -> Asked:
+    async def next(self, limit_s: float) -> OperatorRequest:
         """What the operator asks for next; the one before counts as answered. Raises TimeoutError."""
-        self._asked = None
+        self._pending = None
         async with asyncio.timeout(limit_s):
-            return await self._came.get()
+            return await self._queue.get()
 
     def close(self) -> None:
         """The run takes no more requests; one that is under way is told so."""
         self._closed = True
-        if self._asked is not None:
-            self._asked.refuse(RunOver("the run ended before it was done", "look at why, with GET /runs/{id}"))
+        if self._pending is not None:
+            self._pending.refuse(RunOver("the run ended before it was done", "look at why, with GET /runs/{id}"))

@@ -14,11 +14,11 @@ from calibration.planning.viewpoints import ViewpointLimits
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import CalibrationSettings, TaughtPose
 from daemon.errors import NoPoses
-from daemon.runs.adaptive_sequence import AdaptiveRoute
+from daemon.runs.adaptive_sequence import AdaptiveParameters
 
 
 @dataclass(frozen=True)
-class Known:
+class SceneGuess:
     """What is roughly known of the scene: from the settings' guesses, else from the calibration in force."""
 
     camera: CameraModel | None
@@ -28,7 +28,7 @@ class Known:
     @classmethod
     def of(
         cls, settings: CalibrationSettings, camera: CameraModel | None, current: CalibrationDocument | None
-    ) -> "Known":
+    ) -> "SceneGuess":
         found = cls(camera, settings.flange_T_camera_guess, settings.base_T_target_guess)
         if current is None:
             return found
@@ -40,13 +40,13 @@ class Known:
         )
 
     @classmethod
-    def by(cls, calibration: CalibrationDocument) -> "Known":
+    def from_calibration(cls, calibration: CalibrationDocument) -> "SceneGuess":
         """What a calibration says, where its own pictures are looked at again."""
         camera = calibration.camera.camera() if calibration.camera else None
         return cls(camera, calibration.flange_T_camera, calibration.base_T_target)
 
 
-def taught(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:
+def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:
     """The taught poses, all or the first `count`; none when none were taught. Raises NoPoses when too few were."""
     if count is None or not settings.poses:
         return settings.poses
@@ -63,9 +63,9 @@ def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> Viewpo
     return settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
 
 
-def adaptive_route(
-    settings: CalibrationSettings, rules: MotionRules, target: TargetDocument, known: Known, wish: StoppingRule
-) -> AdaptiveRoute:
+def adaptive_parameters(
+    settings: CalibrationSettings, rules: MotionRules, target: TargetDocument, known: SceneGuess, wish: StoppingRule
+) -> AdaptiveParameters:
     """A run that plans as it goes, from whatever is known; the first look must show the target, or both guesses be."""
     guess = ScenePrior(
         "eye-in-hand",
@@ -78,16 +78,20 @@ def adaptive_route(
         settings.guess_mm,
     )
     assumed = "" if known.camera else "the intrinsics are unknown: planned from a usual field of view until they are"
-    return AdaptiveRoute(guess, planning_limits(settings, rules), wish, rules, assumed)
+    return AdaptiveParameters(guess, planning_limits(settings, rules), wish, rules, assumed)
 
 
-FAR_OFF = 2.0
+MOUNT_TOLERANCE_SIGMA = 2.0
 """Standard deviations of a guess: a camera found further away is worth a word."""
 
 
-def expected_mount(settings: CalibrationSettings) -> ExpectedMount | None:
+def mount_expectation(settings: CalibrationSettings) -> ExpectedMount | None:
     """Where the camera should sit, when the settings say."""
     guess = settings.flange_T_camera_guess
     if guess is None:
         return None
-    return ExpectedMount(guess.transform(), FAR_OFF * settings.guess_mm, FAR_OFF * radians(settings.guess_deg))
+    return ExpectedMount(
+        guess.transform(),
+        MOUNT_TOLERANCE_SIGMA * settings.guess_mm,
+        MOUNT_TOLERANCE_SIGMA * radians(settings.guess_deg),
+    )

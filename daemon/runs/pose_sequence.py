@@ -8,7 +8,7 @@ from typing import Protocol
 from calibration.problem import Problem, View
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
-from daemon.cell.settling import require_arrived
+from daemon.cell.settling import check_arrival
 from daemon.config.settings import TaughtPose
 from daemon.errors import TargetNotSeen
 from daemon.model.run_states import RunEvent as E
@@ -16,7 +16,7 @@ from daemon.runs.run_log import RunLog
 from daemon.sessions.session_writer import SessionWriter
 from drivers.interfaces import PoseReading
 
-AtStation = Callable[[PoseReading], Awaitable[None]]
+StationCallback = Callable[[PoseReading], Awaitable[None]]
 
 
 class PoseSequence(Protocol):
@@ -45,7 +45,7 @@ class FixedSequence:
         searches: list[asyncio.Task[View]] = []
 
         async def at_station(reading: PoseReading) -> None:
-            index = await self.session.add(await self.cell.picture(reading), reading)
+            index = await self.session.add(await self.cell.capture_frame(reading), reading)
             searches.append(asyncio.create_task(self.session.view(index)))
 
         try:
@@ -55,13 +55,18 @@ class FixedSequence:
             for search in searches:
                 search.cancel()
             await asyncio.gather(*searches, return_exceptions=True)
-        require_seen(views, min_views)
-        await self.log.took(E.DETECTED)
+        check_target_seen(views, min_views)
+        await self.log.advance(E.DETECTED)
         return self.session.problem(views)
 
 
 async def visit_poses(
-    poses: tuple[TaughtPose, ...], cell: Cell, rules: MotionRules, log: RunLog, at_station: AtStation, last: E | None
+    poses: tuple[TaughtPose, ...],
+    cell: Cell,
+    rules: MotionRules,
+    log: RunLog,
+    at_station: StationCallback,
+    last: E | None,
 ) -> None:
     """Move, settle, `at_station`, for each; `last` is the event after the last one, None when the run ends there.
 
@@ -72,17 +77,17 @@ async def visit_poses(
         for station, pose in enumerate(poses, start=1):
             goal = await rules.goal(station, pose, robot)
             await cell.move_to(goal)
-            await log.took(E.ARRIVED)
-            reading = await cell.settled_pose()
-            require_arrived(goal.base_T_flange, reading, robot.capabilities.pose_convention)
-            await log.took(E.SETTLED)
+            await log.advance(E.ARRIVED)
+            reading = await cell.read_settled_pose()
+            check_arrival(goal.base_T_flange, reading, robot.capabilities.pose_convention)
+            await log.advance(E.SETTLED)
             await at_station(reading)
             event = E.CAPTURED if station < len(poses) else last
             if event is not None:
-                await log.took(event)
+                await log.advance(event)
 
 
-def require_seen(views: list[View], min_views: int) -> None:
+def check_target_seen(views: list[View], min_views: int) -> None:
     """Raises TargetNotSeen, naming every station that does not show it."""
     missing = [view for view in views if view.detection is None]
     if len(views) - len(missing) >= min_views:

@@ -18,7 +18,7 @@ SaveRun = Callable[[RunRecord], Awaitable[None]]
 STATION_DONE = frozenset({RunEvent.CAPTURED, RunEvent.ALL_CAPTURED, RunEvent.ALL_STORED})
 
 
-def nothing() -> None:
+def ignore_step() -> None:
     """Nobody counts the steps."""
 
 
@@ -30,7 +30,7 @@ class RunLog:
         self.concluding = False
         self.unsaved = False
         self.since_s = clock.monotonic_s()
-        self.at_each_step: Callable[[], None] = nothing
+        self.at_each_step: Callable[[], None] = ignore_step
         self._save, self._events, self._clock = save, events, clock
 
     @property
@@ -40,9 +40,9 @@ class RunLog:
     async def begin(self) -> None:
         """The first row. Raises StorageError; the run has then not begun."""
         await self._save(self.run)
-        self._tell()
+        self._publish()
 
-    async def took(
+    async def advance(
         self, event: RunEvent, *, planning: Planning | None = None, stations: int | None = None, captured: bool = False
     ) -> None:
         """The run goes on, with what it plans and how many stations it foresees. Raises StorageError.
@@ -57,7 +57,7 @@ class RunLog:
             station=after.station + captured,
         )
         await self._save(self.run)
-        self._tell()
+        self._publish()
 
     async def end(self, event: RunEvent, *, cause: Cause | None = None, result: dict[str, Any] | None = None) -> None:
         """The run is over. A disk that cannot take it leaves the record in memory, and the operator is told."""
@@ -67,7 +67,7 @@ class RunLog:
         except StorageError as error:
             self.unsaved = True
             log.error("the end of the run could not be stored: %s", error)
-        self._tell()
+        self._publish()
 
     def conclude(self) -> None:
         """From here on the run cannot be aborted: what follows is done whole."""
@@ -75,13 +75,13 @@ class RunLog:
         self.at_each_step()
 
     @property
-    def waits_for_somebody(self) -> bool:
+    def waits_for_operator(self) -> bool:
         """An operator may take as long as the run's own limit allows."""
         return self.run.state is RunState.WAITING
 
     def silent_s(self) -> float:
         """How long it has been at the same step, unless that waits for an operator."""
-        return 0.0 if self.run.over or self.waits_for_somebody else self._clock.monotonic_s() - self.since_s
+        return 0.0 if self.run.over or self.waits_for_operator else self._clock.monotonic_s() - self.since_s
 
     def _after(self, event: RunEvent) -> RunRecord:
         return replace(
@@ -91,18 +91,18 @@ class RunLog:
             updated_at=self._clock.timestamp(),
         )
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         run = self.run
         self.since_s = self._clock.monotonic_s()
         self.at_each_step()
         self._events.publish("run", run_event(run))
         ending = f": {run.cause.what}" if run.cause else ""
-        if run.state is RunState.MOVING and (words := predicted_in_words(run.planning)):
+        if run.state is RunState.MOVING and (words := prediction_text(run.planning)):
             ending = f", {words}"
         log.info("%s %s, station %d of %d%s", run.kind, run.state, run.station, run.stations, ending)
 
 
-def predicted_in_words(planning: Planning | None) -> str | None:
+def prediction_text(planning: Planning | None) -> str | None:
     """predicted 0.31 -> 0.22 mm: what the views so far tell of a mapped point, and what those planned next will."""
     if planning is None or (planning.now_mm is None and planning.planned_mm is None):
         return None
@@ -120,6 +120,6 @@ def run_event(run: RunRecord) -> dict[str, Any]:
         "stations": run.stations,
         "cause": run.cause.what if run.cause else None,
         "at": run.updated_at,
-        "predicted": predicted_in_words(run.planning),
+        "predicted": prediction_text(run.planning),
         "advice": run.planning.advice if run.planning else "",
     }

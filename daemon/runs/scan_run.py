@@ -9,8 +9,8 @@ from daemon.config.settings import TaughtPose
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import visit_poses
 from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import Ending
-from daemon.scans.scan_service import Scans
+from daemon.runs.supervisor import RunResult
+from daemon.scans.scan_service import ScanService
 from drivers.interfaces import PoseReading
 
 
@@ -19,16 +19,16 @@ class ScanRun:
     """What the run needs besides its poses."""
 
     cell: Cell
-    scans: Scans
+    scans: ScanService
     rules: MotionRules
     scan_id: str
 
-    async def drive(self, poses: tuple[TaughtPose, ...], log: RunLog) -> Ending:
+    async def drive(self, poses: tuple[TaughtPose, ...], log: RunLog) -> RunResult:
         """From the first move to the last stored cloud; the run ends with the last pose."""
 
         async def at_station(reading: PoseReading) -> None:
-            cloud = await self.cell.cloud(reading)
-            await self.scans.keep_scanned(self.scan_id, cloud, PoseDocument.of(reading.base_T_flange))
+            cloud = await self.cell.capture_cloud(reading)
+            await self.scans.add_scanned_view(self.scan_id, cloud, PoseDocument.of(reading.base_T_flange))
 
         await visit_poses(poses, self.cell, self.rules, log, at_station, last=None)
         return E.ALL_STORED, {"scan_id": self.scan_id, "views": len(poses)}

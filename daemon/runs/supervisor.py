@@ -10,9 +10,9 @@ from typing import Any
 from daemon.errors import CellBusy, NotFound, NotWaiting, RunInProgress, RunOver, RunStalled, Stopping, StorageError
 from daemon.model.records import RunKind, RunRecord
 from daemon.model.run_states import FIRST_STATE, RunEvent, RunState
-from daemon.runs.failure_causes import aborted, cause_of, interrupted
-from daemon.runs.operator_requests import Desk
-from daemon.runs.run_log import RunLog, nothing, run_event
+from daemon.runs.failure_causes import abort_cause, cause_of, interruption_cause
+from daemon.runs.operator_requests import OperatorRequestQueue
+from daemon.runs.run_log import RunLog, ignore_step, run_event
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
@@ -20,30 +20,30 @@ from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
 
-STEP_LIMIT_S = 1800.0
+MAX_STEP_S = 1800.0
 """Every driver has limits of its own, the longest a scanner's ten minutes: a step that takes longer hangs."""
 
-Ending = tuple[RunEvent, dict[str, Any]]
+RunResult = tuple[RunEvent, dict[str, Any]]
 """The event that finishes a run, and what it found."""
 
-Drive = Callable[[RunLog], Awaitable[Ending]]
+Drive = Callable[[RunLog], Awaitable[RunResult]]
 
 
 @dataclass(frozen=True)
-class Departure:
+class RunPlan:
     """How a run begins. `desk`: where an operator's requests reach a run that waits for them."""
 
     stations: int
     drive: Drive
     first_state: RunState = FIRST_STATE
-    desk: Desk | None = None
+    requests: OperatorRequestQueue | None = None
 
 
 @dataclass
 class _InProgress:
     log: RunLog
     task: asyncio.Task[None]
-    desk: Desk | None
+    requests: OperatorRequestQueue | None
     aborted_by: str = ""
 
 
@@ -56,7 +56,7 @@ class Supervisor:
         self._starting = False
         self._stopping = False
         self._unsaved: dict[str, RunRecord] = {}
-        self.ended: Counter[tuple[str, str]] = Counter()
+        self.end_counts: Counter[tuple[str, str]] = Counter()
 
     @property
     def in_progress(self) -> RunRecord | None:
@@ -80,7 +80,7 @@ class Supervisor:
         """Runs that a stopped daemon left behind end as failed, with how to go on."""
         left = await self._store.runs_in_progress()
         for run in left:
-            ended = await self._ended_without_us(run)
+            ended = await self._recover_run(run)
             log.warning("run %s: %s", run.id, ended.cause.what if ended.cause else "had finished before it was told")
             try:
                 await self._store.save_run(ended)
@@ -90,20 +90,20 @@ class Supervisor:
             self._events.publish("run", run_event(ended))
         return left
 
-    async def _ended_without_us(self, run: RunRecord) -> RunRecord:
+    async def _recover_run(self, run: RunRecord) -> RunRecord:
         """What became of a run whose daemon was killed: its calibration is the last thing it stores."""
         now = self._clock.timestamp()
         try:
             found = await self._store.calibration(run.id)
         except NotFound:
-            cause = interrupted(run, str(self._store.run_folder(run.id)))
+            cause = interruption_cause(run, str(self._store.run_folder(run.id)))
             return replace(run, state=RunState.FAILED, cause=cause, updated_at=now)
         applied = any(row.calibration_id == run.id for row in await self._store.history())
         result = {"calibration_id": found.id, "accepted": found.accepted, "applied": applied}
         return replace(run, state=RunState.FINISHED, result=result, updated_at=now)
 
     async def start(
-        self, kind: RunKind, request: dict[str, Any], prepare: Callable[[], Awaitable[Departure]]
+        self, kind: RunKind, request: dict[str, Any], prepare: Callable[[], Awaitable[RunPlan]]
     ) -> RunRecord:
         """`prepare` answers how the run begins; it then goes on by itself.
 
@@ -118,10 +118,10 @@ class Supervisor:
             run_log = RunLog(run, self._save, self._events, self._clock)
             await run_log.begin()
             if self._stopping:
-                await run_log.end(RunEvent.ABORT, cause=aborted("the daemon, which is stopping", run))
+                await run_log.end(RunEvent.ABORT, cause=abort_cause("the daemon, which is stopping", run))
                 raise Stopping
             task = asyncio.create_task(self._supervise(run_log, departure.drive))
-            self._current = _InProgress(run_log, task, departure.desk)
+            self._current = _InProgress(run_log, task, departure.requests)
             await asyncio.sleep(0)  # a task cancelled before its first step would never tell how it ended
         finally:
             self._starting = False
@@ -141,15 +141,15 @@ class Supervisor:
             raise RunOver(f"run {run_id} {current.log.run.state} before it could be stopped", "look at its result")
         return current.log.run
 
-    async def desk_of(self, run_id: str) -> Desk:
+    async def request_queue(self, run_id: str) -> OperatorRequestQueue:
         """Where to ask the run for a view, or for its end. Raises RunOver, NotWaiting, NotFound."""
         current = self._current
         if current is None or current.log.id != run_id or current.log.run.over:
             run = await self.run(run_id)
             raise RunOver(f"run {run.id} has {run.state} already", "start another with POST /calibrate")
-        if current.desk is None:
+        if current.requests is None:
             raise NotWaiting(run_id)
-        return current.desk
+        return current.requests
 
     async def run(self, run_id: str) -> RunRecord:
         """The latest that is known of a run. Raises NotFound."""
@@ -181,11 +181,11 @@ class Supervisor:
     async def _supervise(self, run_log: RunLog, drive: Drive) -> None:
         with about_run(run_log.id):
             try:
-                event, result = await _driven(run_log, drive)
+                event, result = await _drive_with_limit(run_log, drive)
                 await run_log.end(event, result=result)
             except asyncio.CancelledError:
                 by = self._current.aborted_by if self._current else ""
-                await run_log.end(RunEvent.ABORT, cause=aborted(by or "the daemon, which is stopping", run_log.run))
+                await run_log.end(RunEvent.ABORT, cause=abort_cause(by or "the daemon, which is stopping", run_log.run))
             except Exception as error:
                 cause = cause_of(error, run_log.run)
                 if cause.code == "internal-error":
@@ -193,7 +193,7 @@ class Supervisor:
                 else:
                     log.warning("the run failed: %s", error)
                 await run_log.end(RunEvent.FAULT, cause=cause)
-        self.ended[run_log.run.kind, run_log.run.state] += 1
+        self.end_counts[run_log.run.kind, run_log.run.state] += 1
         if run_log.unsaved:
             self._unsaved[run_log.id] = run_log.run
 
@@ -205,16 +205,16 @@ class Supervisor:
         await self._store.save_run(run)
 
 
-async def _driven(run_log: RunLog, drive: Drive) -> Ending:
+async def _drive_with_limit(run_log: RunLog, drive: Drive) -> RunResult:
     """As `drive`, but no step takes for ever. Raises RunStalled, and what `drive` raises."""
     loop = asyncio.get_running_loop()
     try:
         async with asyncio.timeout(None) as limit:
 
             def allow() -> None:
-                endless = run_log.waits_for_somebody or run_log.concluding
+                endless = run_log.waits_for_operator or run_log.concluding
                 if not limit.expired():
-                    limit.reschedule(None if endless else loop.time() + STEP_LIMIT_S)
+                    limit.reschedule(None if endless else loop.time() + MAX_STEP_S)
 
             run_log.at_each_step = allow
             allow()
@@ -223,8 +223,8 @@ async def _driven(run_log: RunLog, drive: Drive) -> Ending:
         if not limit.expired():
             raise
         raise RunStalled(
-            f"the run did not get any further for {STEP_LIMIT_S:g} s while {run_log.run.state}",
+            f"the run did not get any further for {MAX_STEP_S:g} s while {run_log.run.state}",
             "see that robot, camera and scanner answer (handeyed check); report it with the log",
         ) from None
     finally:
-        run_log.at_each_step = nothing
+        run_log.at_each_step = ignore_step

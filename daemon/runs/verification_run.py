@@ -9,7 +9,7 @@ from calibration.problem import Problem
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import Ending
+from daemon.runs.supervisor import RunResult
 from daemon.runtime.workers import Workers
 
 MIN_VIEWS = 2
@@ -36,15 +36,15 @@ class VerificationRun:
     workers: Workers
     calibration: CalibrationDocument
 
-    async def drive(self, sequence: PoseSequence, log: RunLog) -> Ending:
+    async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """From the first move to the table."""
         problem = await sequence.run(MIN_VIEWS)
-        found = await self.workers.run(_verified, problem, self.calibration)
+        found = await self.workers.run(_verify, problem, self.calibration)
         log.conclude()
         return E.SOLVED, {"calibration_id": self.calibration.id, "verification": document_of(found, self.calibration)}
 
 
-def _verified(problem: Problem, calibration: CalibrationDocument) -> Verification:
+def _verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
     camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
     return verify(replace(problem, camera=camera), calibration)
 

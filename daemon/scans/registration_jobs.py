@@ -38,7 +38,7 @@ class StoredRegistration(Document):
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
+class RegistrationRequest:
     """A registration that somebody asked for."""
 
     scan_id: str
@@ -51,7 +51,7 @@ class Wanted:
     def key(self) -> tuple[str, int, str, bool]:
         return self.scan_id, len(self.views), self.calibration.id, self.refine
 
-    def is_met_by(self, stored: StoredRegistration) -> bool:
+    def matches(self, stored: StoredRegistration) -> bool:
         """The same views, calibration and scanner."""
         same_hand = stored.flange_T_scanner == PoseDocument.of(self.flange_T_scanner)
         report = stored.report
@@ -60,7 +60,7 @@ class Wanted:
 
 
 @dataclass(eq=False)
-class Registering:
+class RegistrationJobs:
     """Registrations in progress, each once however many wait for it."""
 
     store: Store
@@ -71,15 +71,15 @@ class Registering:
         default_factory=dict, init=False
     )
 
-    def start(self, wanted: Wanted) -> "asyncio.Task[RegistrationReportDocument]":
+    def start(self, wanted: RegistrationRequest) -> "asyncio.Task[RegistrationReportDocument]":
         """The job for `wanted`, in progress; it goes on when nobody waits for it."""
         job = self._jobs.get(wanted.key)
         if job is None:
-            job = self._jobs[wanted.key] = asyncio.create_task(self._found(wanted))
-            job.add_done_callback(lambda done: self._ended(wanted, done))
+            job = self._jobs[wanted.key] = asyncio.create_task(self._run_job(wanted))
+            job.add_done_callback(lambda done: self._finish_job(wanted, done))
         return job
 
-    async def stored(self, wanted: Wanted) -> RegistrationReportDocument | None:
+    async def find_report(self, wanted: RegistrationRequest) -> RegistrationReportDocument | None:
         """The report of an earlier registration, when it holds for `wanted`."""
         file = self._file(wanted)
         try:
@@ -89,30 +89,30 @@ class Registering:
         except DocumentError as error:
             log.warning("a stored report cannot be used and is made anew: %s", error)
             return None
-        return found.report if wanted.is_met_by(found) else None
+        return found.report if wanted.matches(found) else None
 
     def stop(self) -> None:
         """Nothing is waited for any more."""
         for job in self._jobs.values():
             job.cancel()
 
-    async def _found(self, wanted: Wanted) -> RegistrationReportDocument:
-        earlier = await self.stored(wanted)
+    async def _run_job(self, wanted: RegistrationRequest) -> RegistrationReportDocument:
+        earlier = await self.find_report(wanted)
         if earlier is not None:
             return earlier
         loop = asyncio.get_running_loop()
 
-        def told(state: str, views_read: int) -> None:
+        def on_progress(state: str, views_read: int) -> None:
             loop.call_soon_threadsafe(self._publish, wanted, state, {"views_read": views_read})
 
-        report = await self.workers.run(_register, wanted, self.clock.monotonic_s, told)
+        report = await self.workers.run(_register, wanted, self.clock.monotonic_s, on_progress)
         document = StoredRegistration(
             refined=wanted.refine, flange_T_scanner=PoseDocument.of(wanted.flange_T_scanner), report=report
         )
         await self.store.write_file(self._file(wanted), [document.model_dump_json(indent=1).encode()])
         return report
 
-    def _ended(self, wanted: Wanted, job: "asyncio.Task[RegistrationReportDocument]") -> None:
+    def _finish_job(self, wanted: RegistrationRequest, job: "asyncio.Task[RegistrationReportDocument]") -> None:
         del self._jobs[wanted.key]
         if job.cancelled():
             return
@@ -123,24 +123,24 @@ class Registering:
             log.warning("scan %s could not be registered: %s", wanted.scan_id, error)
             self._publish(wanted, "failed", {"cause": str(error)})
 
-    def _publish(self, wanted: Wanted, state: str, more: dict[str, Any]) -> None:
+    def _publish(self, wanted: RegistrationRequest, state: str, more: dict[str, Any]) -> None:
         about = {"scan_id": wanted.scan_id, "calibration_id": wanted.calibration.id, "refine": wanted.refine}
         self.events.publish("registration", {**about, "state": state, "views": len(wanted.views), **more})
 
-    def _file(self, wanted: Wanted) -> Path:
+    def _file(self, wanted: RegistrationRequest) -> Path:
         name = "refined.json" if wanted.refine else "registered.json"
         return self.store.scan_folder(wanted.scan_id) / name
 
 
 def _register(
-    wanted: Wanted, clock: Callable[[], float], told: Callable[[str, int], None]
+    wanted: RegistrationRequest, clock: Callable[[], float], on_progress: Callable[[str, int], None]
 ) -> RegistrationReportDocument:
     """Read view by view, fit, report; nothing is written. Raises RegistrationError."""
     began, samples = clock(), []
     for count, view in enumerate(wanted.views):
-        told("reading", count)
+        on_progress("reading", count)
         samples += sample_views([view])
-    told("registering", len(samples))
+    on_progress("registering", len(samples))
     read = clock()
     given = hand_of(wanted.calibration)
     hand = Hand(given.calibration_id, wanted.flange_T_scanner, given.noise)

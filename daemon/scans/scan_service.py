@@ -18,9 +18,9 @@ from daemon.model.records import ScanRecord, ScanViewRecord, Unit
 from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
-from daemon.scans.registration_jobs import Registering, Wanted
-from daemon.scans.scanner_acceptance import AcceptanceDocument, accepted
-from daemon.scans.upload import received
+from daemon.scans.registration_jobs import RegistrationJobs, RegistrationRequest
+from daemon.scans.scanner_acceptance import AcceptanceDocument, assess_scanner
+from daemon.scans.upload import receive_upload
 from daemon.store.database import storage_errors
 from daemon.store.store import Store
 from drivers.interfaces import ScannedCloud
@@ -29,22 +29,22 @@ from registration.fusion.concatenation import PlacedCloud, write_merged
 from registration.fusion.merging import EVERY_POINT, Merge
 from registration.io.convert import move_file
 from registration.points.rigid_motion import Motion
-from registration.scan import ScanView as SeenView
+from registration.scan import ScanView
 
-PASSING = "passing"
+TRANSIT_FOLDER = "passing"
 """A folder beside the scans' own, for clouds that are moved and not kept."""
 
 log = logging.getLogger(__name__)
 
-Report = asyncio.Task[RegistrationReportDocument]
+ReportTask = asyncio.Task[RegistrationReportDocument]
 
 
-UPLOADS_AT_ONCE = 10
+MAX_RECENT_SCANS = 10
 """So many scans at most got a view in the moment the daemon was killed."""
 
 
 @dataclass(frozen=True)
-class Scans:
+class ScanService:
     """The scans in the store."""
 
     store: Store
@@ -52,16 +52,16 @@ class Scans:
     clock: Clock
     new_id: Callable[[Clock], str]
     scanner: ScannerSettings | None
-    registering: Registering
+    registration_jobs: RegistrationJobs
 
     async def recover(self) -> None:
         """Remove what a killed daemon left half-written; no view is ever among it. Raises StorageError.
 
         A view that was stored, but not yet told in scan.json, is told there.
         """
-        await self.workers.run(_remove_pieces, self.store.folder / "scans")
-        for scan_id in await self.store.latest_scans_with_views(UPLOADS_AT_ONCE):
-            await self._tell_in_document(scan_id)
+        await self.workers.run(_remove_partial_files, self.store.folder / "scans")
+        for scan_id in await self.store.latest_scans_with_views(MAX_RECENT_SCANS):
+            await self._update_document(scan_id)
 
     async def create(self, name: str, refine: bool = False) -> ScanRecord:
         """An empty scan."""
@@ -69,60 +69,60 @@ class Scans:
         await self.store.save_scan(scan)
         return scan
 
-    async def keep_scanned(self, scan_id: str, cloud: ScannedCloud, base_T_flange: PoseDocument) -> ScanViewRecord:
+    async def add_scanned_view(self, scan_id: str, cloud: ScannedCloud, base_T_flange: PoseDocument) -> ScanViewRecord:
         """A cloud of the daemon's own scanner. Raises RegistrationError when it is damaged, StorageError."""
 
         async def whole() -> AsyncIterator[bytes]:
             yield cloud.content
 
         unit: Unit = self.scanner.unit if self.scanner else "mm"
-        return await self.keep(scan_id, whole(), cloud.media_type, unit, base_T_flange)
+        return await self.add_view(scan_id, whole(), cloud.media_type, unit, base_T_flange)
 
-    async def keep(
+    async def add_view(
         self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_flange: PoseDocument
     ) -> ScanViewRecord:
         """A cloud in pieces; stored only when it is whole. Raises RegistrationError, NotFound, StorageError."""
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
-        async with received(body, folder, self.new_id(self.clock), media_type, unit, self.workers) as upload:
+        async with receive_upload(body, folder, self.new_id(self.clock), media_type, unit, self.workers) as upload:
             view = await self.store.add_scan_view(
                 scan_id, upload, upload.suffix, unit, base_T_flange, self.clock.timestamp()
             )
-        await self._tell_in_document(scan_id)
+        await self._update_document(scan_id)
         if scan.refine:
-            await self._refine_again(scan_id)
+            await self._start_refinement(scan_id)
         return view
 
-    async def moved(
+    async def transform_cloud(
         self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array
     ) -> tuple[Path, int]:
         """A cloud that cannot pass as a stream, in base, in mm, and its points; the file is the caller's.
 
         Raises RegistrationError, StorageError.
         """
-        name, folder = self.new_id(self.clock), self.store.folder / "scans" / PASSING
-        async with received(body, folder, name, media_type, unit, self.workers) as upload:
+        name, folder = self.new_id(self.clock), self.store.folder / "scans" / TRANSIT_FOLDER
+        async with receive_upload(body, folder, name, media_type, unit, self.workers) as upload:
             target = folder / f"merged-{name}{upload.suffix}"
             motion = Motion.of(base_T_scanner, unit)
             moved = await self.workers.run(partial(move_file, upload, target, motion, durable=False))
         return target, moved.points
 
-    async def registered(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Report:
+    async def start_registration(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> ReportTask:
         """The report of a scan's registration, in progress or done. Raises ScanEmpty, NotFound."""
-        return self.registering.start(await self._wanted(scan_id, calibration, refine))
+        return self.registration_jobs.start(await self._registration_request(scan_id, calibration, refine))
 
     async def clouds(
         self, scan_id: str, calibration: CalibrationDocument, report: RegistrationReportDocument | None = None
     ) -> list[PlacedCloud]:
         """Every view with its place in base: by the robot's pose, or by a report. Raises ScanEmpty, NotFound."""
-        wanted = await self._wanted(scan_id, calibration, refine=False)
+        wanted = await self._registration_request(scan_id, calibration, refine=False)
         if report is not None:
             places = [view.base_T_camera.transform() for view in report.views]
         else:
             places = [view.base_T_flange @ wanted.flange_T_scanner for view in wanted.views]
         return [PlacedCloud(view.path, view.unit, place) for view, place in zip(wanted.views, places, strict=False)]
 
-    async def merged(
+    async def merge_views(
         self,
         scan_id: str,
         clouds: list[PlacedCloud],
@@ -135,10 +135,10 @@ class Scans:
         await self.workers.run(write_merged, clouds, target, calibration_id, merge)
         return target
 
-    async def accepted(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
+    async def assess_scanner(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
         """What a scan of an artefact says of the scanner. Raises ScanEmpty, NotFound, RegistrationError."""
         views = await self._views(scan_id)
-        return await self.workers.run(accepted, scan_id, self.store.scan_folder(scan_id), views, artefact)
+        return await self.workers.run(assess_scanner, scan_id, self.store.scan_folder(scan_id), views, artefact)
 
     async def _views(self, scan_id: str) -> list[ScanViewRecord]:
         """At least one. Raises ScanEmpty, NotFound."""
@@ -148,18 +148,20 @@ class Scans:
             raise ScanEmpty(f"scan {scan_id} has no views yet", f"send some to POST /scans/{scan_id}/views")
         return views
 
-    async def _wanted(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> Wanted:
+    async def _registration_request(
+        self, scan_id: str, calibration: CalibrationDocument, refine: bool
+    ) -> RegistrationRequest:
         rows = await self._views(scan_id)
         folder = self.store.scan_folder(scan_id)
-        views = [SeenView(folder / row.file, row.unit, row.base_T_flange.transform()) for row in rows]
-        return Wanted(scan_id, views, calibration, self.flange_T_scanner(calibration), refine)
+        views = [ScanView(folder / row.file, row.unit, row.base_T_flange.transform()) for row in rows]
+        return RegistrationRequest(scan_id, views, calibration, self.flange_T_scanner(calibration), refine)
 
-    async def _refine_again(self, scan_id: str) -> None:
+    async def _start_refinement(self, scan_id: str) -> None:
         """With the calibration in force; without one a scan waits for its first cloud to be asked for."""
         with suppress(NoCalibration):
             _, current = await self.store.current()
             if current.document.flange_T_camera is not None:
-                self.registering.start(await self._wanted(scan_id, current.document, refine=True))
+                self.registration_jobs.start(await self._registration_request(scan_id, current.document, refine=True))
 
     def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
         """(4, 4): the camera's place on the flange, and the scanner's beside it when it is a device of its own."""
@@ -169,7 +171,7 @@ class Scans:
             return flange_T_camera
         return flange_T_camera @ self.scanner.camera_T_scanner.transform()
 
-    async def _tell_in_document(self, scan_id: str) -> None:
+    async def _update_document(self, scan_id: str) -> None:
         """The views are stored; a disk that refuses scan.json must not make the caller send the last one again."""
         try:
             await self._write_document(scan_id)
@@ -189,7 +191,7 @@ class Scans:
         await self.store.write_file(self.store.scan_folder(scan_id) / "scan.json", [content])
 
 
-def _remove_pieces(scans: Path) -> None:
+def _remove_partial_files(scans: Path) -> None:
     with storage_errors(scans):
         for pattern in ("*/.*.upload*", "*/merged-*", "*/.merged-*.part"):
             for file in scans.glob(pattern):

@@ -11,7 +11,7 @@ from registration.points.rigid_motion import scale_to_mm
 from registration.points.surface import sample_points
 from registration.scanner_acceptance import BASED_ON, Acceptance, Position, accept
 
-POINT_LIMIT = 200_000
+MAX_POINTS = 200_000
 """Points of one position: more do not change a 95 % width."""
 
 
@@ -45,12 +45,14 @@ class AcceptanceDocument(Document):
     positions: list[PositionDocument]
 
 
-def accepted(scan_id: str, folder: Path, views: list[ScanViewRecord], artefact: ArtefactRequest) -> AcceptanceDocument:
+def assess_scanner(
+    scan_id: str, folder: Path, views: list[ScanViewRecord], artefact: ArtefactRequest
+) -> AcceptanceDocument:
     """Raises SphereError naming the view, CloudError's leaves."""
     clouds = []
     for view in views:
         with open_cloud(folder / view.file) as source:
-            clouds.append(sample_points(source.blocks(), source.layout, scale_to_mm(view.unit), POINT_LIMIT))
+            clouds.append(sample_points(source.blocks(), source.layout, scale_to_mm(view.unit), MAX_POINTS))
     found: Acceptance = accept(clouds, artefact.radius_mm, artefact.spacing_mm)
     return AcceptanceDocument(
         based_on=BASED_ON,

@@ -22,11 +22,11 @@ SUFFIXES = {
 }
 """By media type; octets are float32 x, y, z."""
 
-SENT = "request body"
+ORIGIN = "request body"
 
 
 @asynccontextmanager
-async def received(
+async def receive_upload(
     body: AsyncIterator[bytes], folder: Path, name: str, media_type: str, unit: str, workers: Workers
 ) -> AsyncIterator[Path]:
     """The whole cloud as a file in `folder`, gone afterwards unless it was renamed. Raises CloudError's leaves,
@@ -34,7 +34,7 @@ async def received(
     """
     file = folder / f".{name}.upload{SUFFIXES[media_type]}"
     try:
-        await workers.run(_make, folder)
+        await workers.run(_make_folder, folder)
         with await workers.run(_open, file) as out:
             stream = None if media_type == LAZ else CloudStream(media_type, np.eye(4), unit)
             async for chunk in body:
@@ -49,7 +49,7 @@ async def received(
             await workers.run(file.unlink, missing_ok=True)
 
 
-def _make(folder: Path) -> None:
+def _make_folder(folder: Path) -> None:
     with storage_errors(folder):
         make_folder(folder)
 
@@ -69,6 +69,6 @@ def _append(out: BinaryIO, file: Path, stream: CloudStream | None, chunk: bytes)
 
 def _read_through(file: Path) -> None:
     """LAZ keeps the index of its pieces at the end."""
-    with open_cloud(file, SENT) as cloud:
+    with open_cloud(file, ORIGIN) as cloud:
         for _ in cloud.blocks():
             pass

@@ -16,7 +16,7 @@ from daemon.application import Application
 from daemon.cell.cell import Devices
 from daemon.composition import build
 from daemon.config.settings import Settings
-from daemon.http.connections import Door
+from daemon.http.connections import ConnectionLimiter
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.server import Server
 from daemon.store.store import Store
@@ -89,7 +89,7 @@ async def serving(
     settings: Settings,
     parts: Parts | None = None,
     store: Store | None = None,
-    door: Door | None = None,
+    door: ConnectionLimiter | None = None,
     at: Failpoints = NO_FAILPOINTS,
 ) -> AsyncIterator[Bench]:
     """The daemon, up; stopped in order afterwards."""

@@ -23,7 +23,7 @@ READERS = {Kind.FLOAT32: float_of, Kind.INT32: integer_of, Kind.UINT32: unsigned
 
 
 def plc_of(bench: Bench) -> PlcService:
-    return next(companion for companion in bench.application.companions if isinstance(companion, PlcService))
+    return next(companion for companion in bench.application.services if isinstance(companion, PlcService))
 
 
 def value_of(image: list[int], name: str, order: WordOrder = WordOrder.HIGH_FIRST) -> Any:

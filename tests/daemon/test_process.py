@@ -11,10 +11,10 @@ import pytest
 
 from daemon.config.settings import Settings
 from daemon.errors import PortTaken
-from daemon.http.listen_socket import listener_at
+from daemon.http.listen_socket import open_listener
 from daemon.runtime.logs import OneLineFormatter, about_run
 from daemon.runtime.workers import Workers
-from daemon.server import announce_in
+from daemon.server import make_announcer
 from tests.daemon.cell_under_test import serving, settings_for
 
 
@@ -23,17 +23,17 @@ def test_a_port_that_is_taken_is_told_with_what_to_do() -> None:
         socket.create_server(("127.0.0.1", 0)) as other,
         pytest.raises(PortTaken, match=r"address already in use.*ss -ltnp"),
     ):
-        listener_at("127.0.0.1", other.getsockname()[1])
+        open_listener("127.0.0.1", other.getsockname()[1])
 
 
 def test_port_0_takes_any_also_on_ipv6() -> None:
     for host in ("127.0.0.1", "::1"):
-        with listener_at(host, 0) as listener:
+        with open_listener(host, 0) as listener:
             assert listener.getsockname()[1] > 0
 
 
 def test_the_announcement_says_where_and_who(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    announce_in(tmp_path / "ready.json")("http://127.0.0.1:1")
+    make_announcer(tmp_path / "ready.json")("http://127.0.0.1:1")
     assert json.loads((tmp_path / "ready.json").read_text()) == {"url": "http://127.0.0.1:1", "pid": os.getpid()}
     assert capsys.readouterr().out == "handeyed listens on http://127.0.0.1:1\n"
 

@@ -44,13 +44,13 @@ class Authentication:
         context = AuditContext(caller.name or _peer(scope), caller.role.word)
         status = 0
 
-        async def seen(message: Message) -> None:
+        async def send_and_note(message: Message) -> None:
             nonlocal status
             status = message.get("status", status)
             await send(message)
 
         with acting_as(context):
-            await self._app(scope, receive, seen)
+            await self._app(scope, receive, send_and_note)
         await self._audit(scope, context, status)
 
     async def _caller(self, scope: Scope) -> Caller:

@@ -15,10 +15,10 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calibration.errors import DocumentProblem
-from daemon.api.http_errors import KeyReused, RequestInFlight, RequestRefused
-from daemon.api.middleware.idempotency_replay import rebuilt
+from daemon.api.http_errors import InvalidRequest, KeyReused, RequestInFlight
+from daemon.api.middleware.idempotency_replay import rebuild_answer
 from daemon.api.problems import answer, problem_of
-from daemon.api.streaming.request_body import pieces
+from daemon.api.streaming.request_body import body_chunks
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
 from daemon.store.actor import AuditContext, IdempotentRequest, acting_as, current_audit_context
@@ -27,8 +27,8 @@ from daemon.store.idempotency_keys import StoredRequest
 log = logging.getLogger(__name__)
 
 HEADER = b"idempotency-key"
-KEY_LIMIT = 255
-KEY = re.compile(rf'([!#-~]{{1,{KEY_LIMIT}}}|"[!#-~]{{1,{KEY_LIMIT}}}")')
+MAX_KEY_LENGTH = 255
+KEY_PATTERN = re.compile(rf'([!#-~]{{1,{MAX_KEY_LENGTH}}}|"[!#-~]{{1,{MAX_KEY_LENGTH}}}")')
 REPLAYED = "Idempotency-Replayed"
 KEPT_HEADERS = frozenset({"content-type", "location", "etag", "link", "vary", "handeyed-calibration", "handeyed-pose"})
 STREAMED_PATHS = ("/register",)
@@ -52,11 +52,11 @@ class Idempotency:
             await self._app(scope, receive, send)
             return
         try:
-            await self._keyed(scope, receive, send, key_of(given))
+            await self._process(scope, receive, send, key_of(given))
         except DaemonError as error:
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
 
-    async def _keyed(self, scope: Scope, receive: Receive, send: Send, key: str) -> None:
+    async def _process(self, scope: Scope, receive: Receive, send: Send, key: str) -> None:
         context = current_audit_context()
         caller, head = context.actor, head_of(scope)
         store = self._application.store.idempotency_keys
@@ -67,29 +67,31 @@ class Idempotency:
         try:
             earlier = await store.begin(caller, key, head, self._application.clock.timestamp())
             if earlier is None:
-                await self._first(scope, receive, send, replace(context, request=IdempotentRequest(caller, key)))
+                await self._process_first(
+                    scope, receive, send, replace(context, request=IdempotentRequest(caller, key))
+                )
             elif earlier.head != head:
                 raise KeyReused
             elif scope["path"] in STREAMED_PATHS:
-                await self._again(scope, receive, send, earlier)
+                await self._process_again(scope, receive, send, earlier)
             else:
                 await self._replay(scope, receive, send, earlier)
         finally:
             self._in_flight.discard((caller, key))
 
-    async def _first(self, scope: Scope, receive: Receive, send: Send, context: AuditContext) -> None:
+    async def _process_first(self, scope: Scope, receive: Receive, send: Send, context: AuditContext) -> None:
         """Carry it out, and hold back the answer's end until it is remembered."""
         assert context.request is not None
         request, reply = context.request, _Reply(send, held=scope["path"] not in STREAMED_PATHS)
 
-        async def received() -> Message:
+        async def receive_and_hash() -> Message:
             message = await receive()
             request.digest.update(message.get("body", b""))
             return message
 
         try:
             with acting_as(context):
-                await self._app(scope, received, reply.send)
+                await self._app(scope, receive_and_hash, reply.send)
         finally:
             await self._remember(request, reply)
         await reply.release()
@@ -109,7 +111,7 @@ class Idempotency:
     async def _replay(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
         digest = hashlib.sha256()
         try:
-            async for chunk in pieces(receive):
+            async for chunk in body_chunks(receive):
                 digest.update(chunk)
         except ClientDisconnect:
             return
@@ -117,7 +119,7 @@ class Idempotency:
             raise KeyReused
         if earlier.status is None:
             assert earlier.effect is not None
-            reply = await rebuilt(self._application, earlier.effect)
+            reply = await rebuild_answer(self._application, earlier.effect)
         else:
             reply = earlier.status, earlier.headers, earlier.content or b""
         status, headers, content = reply
@@ -126,7 +128,7 @@ class Idempotency:
         await send({"type": "http.response.start", "status": status, "headers": pairs})
         await send({"type": "http.response.body", "body": content})
 
-    async def _again(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
+    async def _process_again(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
         """The same cloud through the calibration and the pose of the first time."""
         digest = hashlib.sha256()
         query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
@@ -134,19 +136,19 @@ class Idempotency:
         query["pose"] = earlier.headers["handeyed-pose"]
         scope = {**scope, "query_string": urlencode(query).encode()}
 
-        async def received() -> Message:
+        async def receive_and_hash() -> Message:
             message = await receive()
             digest.update(message.get("body", b""))
             if not message.get("more_body", False) and digest.hexdigest() != earlier.body:
                 raise KeyReused
             return message
 
-        async def marked(message: Message) -> None:
+        async def send_with_mark(message: Message) -> None:
             if message["type"] == "http.response.start":
                 message = {**message, "headers": [*message["headers"], (REPLAYED.lower().encode(), b"true")]}
             await send(message)
 
-        await self._app(scope, received, marked)
+        await self._app(scope, receive_and_hash, send_with_mark)
 
 
 class _Reply:
@@ -181,10 +183,10 @@ class _Reply:
 
 def key_of(given: list[bytes]) -> str:
     """The header's value, with or without the quotes of a structured field. Raises RequestRefused."""
-    key = KEY.fullmatch(given[0].decode("latin-1"))
+    key = KEY_PATTERN.fullmatch(given[0].decode("latin-1"))
     if len(given) != 1 or key is None:
-        fix = f"send one, of 1 to {KEY_LIMIT} visible ASCII characters, such as a UUID"
-        raise RequestRefused([DocumentProblem("header.Idempotency-Key", "not one usable key", fix)])
+        fix = f"send one, of 1 to {MAX_KEY_LENGTH} visible ASCII characters, such as a UUID"
+        raise InvalidRequest([DocumentProblem("header.Idempotency-Key", "not one usable key", fix)])
     return key[1].strip('"')
 
 

@@ -12,10 +12,10 @@ from daemon.application import Application
 Answer = tuple[int, dict[str, str], bytes]
 
 
-async def rebuilt(app: Application, effect: str) -> Answer:
+async def rebuild_answer(app: Application, effect: str) -> Answer:
     """`effect`: what the store noted, "run ID" and the like. Raises NotFound, StorageError."""
     kind, _, subject = effect.partition(" ")
-    return await _REBUILT[kind](app, subject)
+    return await _REBUILDERS[kind](app, subject)
 
 
 def _json(status: int, document: BaseModel, location: str) -> Answer:
@@ -44,7 +44,7 @@ async def _apply(app: Application, sequence: str) -> Answer:
     return _json(200, AppliedDocument.of(applied), "/calibrations/current")
 
 
-_REBUILT: dict[str, Callable[[Application, str], Awaitable[Answer]]] = {
+_REBUILDERS: dict[str, Callable[[Application, str], Awaitable[Answer]]] = {
     "run": _run,
     "scan": _scan,
     "view": _view,

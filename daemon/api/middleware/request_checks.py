@@ -12,7 +12,7 @@ from daemon.config.server_settings import ServerSettings
 from daemon.runtime.logs import about_request
 from daemon.runtime.metrics import Metrics
 
-JSON_LIMIT_BYTES = 1_000_000
+MAX_JSON_BYTES = 1_000_000
 """A hundred poses are 20 kB."""
 
 CLOUD_PATHS = ("/register", "/scans/")
@@ -23,7 +23,7 @@ REQUEST_ID = re.compile(r"[A-Za-z0-9._:-]{1,64}")
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
-class Guards:
+class RequestChecks:
     """Refuses a body over its limit before it is read, a foreign name and a foreign page; counts every answer."""
 
     def __init__(self, app: ASGIApp, server: ServerSettings, metrics: Metrics) -> None:
@@ -43,9 +43,9 @@ class Guards:
 
     async def _pass(self, scope: Scope, exchange: "_Exchange", headers: dict[bytes, str]) -> None:
         try:
-            exchange.require_length(headers.get(b"content-length", ""))
-            self._require_own_name(scope["http_version"], headers)
-            _require_own_origin(scope["method"], headers)
+            exchange.check_length(headers.get(b"content-length", ""))
+            self._check_host(scope["http_version"], headers)
+            _check_origin(scope["method"], headers)
             await self._app(scope, exchange.receive, exchange.send)
         except (BodyTooLarge, CrossOrigin, HostNotAllowed) as error:
             if exchange.status is not None:
@@ -54,7 +54,7 @@ class Guards:
         finally:
             self._metrics.requests[_method(scope["method"]), exchange.status or 500] += 1
 
-    def _require_own_name(self, http_version: str, headers: dict[bytes, str]) -> None:
+    def _check_host(self, http_version: str, headers: dict[bytes, str]) -> None:
         """A name that somebody else resolves to this machine (DNS rebinding) is not ours; an address always is."""
         host = headers.get(b"host")
         if host is None and http_version == "1.0":
@@ -64,7 +64,7 @@ class Guards:
             raise HostNotAllowed(host or "")
 
     def _limit(self, path: str) -> int:
-        return self._cloud_limit if path.startswith(CLOUD_PATHS) else JSON_LIMIT_BYTES
+        return self._cloud_limit if path.startswith(CLOUD_PATHS) else MAX_JSON_BYTES
 
 
 class _Exchange:
@@ -76,7 +76,7 @@ class _Exchange:
         self._received = 0
         self.status: int | None = None
 
-    def require_length(self, content_length: str) -> None:
+    def check_length(self, content_length: str) -> None:
         if content_length.isdigit() and int(content_length) > self._limit:
             raise BodyTooLarge(self._limit)
 
@@ -94,7 +94,7 @@ class _Exchange:
         await self._send(message)
 
 
-def _require_own_origin(method: str, headers: dict[bytes, str]) -> None:
+def _check_origin(method: str, headers: dict[bytes, str]) -> None:
     """A browser names the page that asks; a page from elsewhere must not move the robot."""
     origin, host = headers.get(b"origin"), headers.get(b"host", "")
     if method not in SAFE_METHODS and origin is not None and origin.partition("://")[2] != host:

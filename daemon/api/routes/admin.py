@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Request
 
 from daemon.api.dependencies import App, JsonBody, Limit
-from daemon.api.problems import documented
+from daemon.api.problems import problem_responses
 from daemon.api.schemas.access import AuditDocument, AuditList, NewKeyDocument
 from daemon.model.requests import SetupRequest
 
@@ -17,7 +17,7 @@ router = APIRouter(tags=["access"])
     "/setup",
     response_model=NewKeyDocument,
     status_code=201,
-    responses=documented(400, 403, 409, 413, 500, 507),
+    responses=problem_responses(400, 403, 409, 413, 500, 507),
 )
 async def setup(
     request: Request, app: App, body: Annotated[SetupRequest, Depends(JsonBody(SetupRequest))]

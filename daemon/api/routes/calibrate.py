@@ -5,11 +5,11 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 
 from daemon.api.dependencies import App, JsonBody, Wait
-from daemon.api.negotiation import negotiated, or_text
-from daemon.api.plain_text import status_in_words
-from daemon.api.problems import documented
+from daemon.api.negotiation import or_text, respond
+from daemon.api.plain_text import status_text
+from daemon.api.problems import problem_responses
 from daemon.api.routes.health import readiness
-from daemon.api.routes.runs import STARTED, started_answer
+from daemon.api.routes.runs import STARTED, answer_run_start
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.runs import RunDocument
 from daemon.application import Application
@@ -30,7 +30,7 @@ HOW_TO_START = (
 async def calibrate_status(request: Request, app: App) -> Response:
     """Where calibration stands and how to start. Never moves anything."""
     status = await _status(app)
-    return negotiated(request, status, lambda: status_in_words(status, str(request.base_url)))
+    return respond(request, status, lambda: status_text(status, str(request.base_url)))
 
 
 @router.post("/calibrate", response_model=RunDocument, responses=STARTED)
@@ -38,13 +38,13 @@ async def calibrate(
     request: Request, app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(CalibrateRequest))], wait: Wait = 0.0
 ) -> Response:
     """Drive the arm through calibration poses, look at the target from each, solve for X, store it."""
-    return await started_answer(request, app, await app.operations.calibrate(body), wait)
+    return await answer_run_start(request, app, await app.operations.calibrate(body), wait)
 
 
 @router.post(
     "/verify",
     response_model=RunDocument | AcceptanceDocument,
-    responses={**STARTED, **documented(404)},
+    responses={**STARTED, **problem_responses(404)},
 )
 async def verify(
     request: Request, app: App, body: Annotated[VerifyRequest, Depends(JsonBody(VerifyRequest))], wait: Wait = 0.0
@@ -54,9 +54,9 @@ async def verify(
     With `artefact` and `scan_id`: the scanner's probing and sphere-spacing errors, from a scan of spheres or ball bars.
     """
     if body.artefact is not None and body.scan_id is not None:
-        found = await app.scans.accepted(body.scan_id, body.artefact)
+        found = await app.scans.assess_scanner(body.scan_id, body.artefact)
         return Response(found.model_dump_json(), media_type="application/json")
-    return await started_answer(request, app, await app.operations.verify(body), wait)
+    return await answer_run_start(request, app, await app.operations.verify(body), wait)
 
 
 async def _status(app: Application) -> CalibrateStatus:
@@ -77,12 +77,12 @@ async def _status(app: Application) -> CalibrateStatus:
         ready=ready.ready,
         reasons=ready.reasons,
         policy=app.settings.calibration.policy,
-        poses=_poses_in_words(app.settings.calibration),
+        poses=_poses_text(app.settings.calibration),
         how_to_start=HOW_TO_START,
     )
 
 
-def _poses_in_words(settings: CalibrationSettings) -> str:
+def _poses_text(settings: CalibrationSettings) -> str:
     if settings.poses:
         return f"{len(settings.poses)} taught in the settings"
     enough = f", until a mapped point is known to {settings.uncertainty_mm:g} mm" if settings.uncertainty_mm else ""

@@ -13,15 +13,15 @@ from daemon.api.conditional_requests import (
     UNCHANGED,
     IfMatch,
     IfNoneMatch,
-    expected_places,
+    parse_if_match,
+    parse_if_none_match,
     tag_of,
-    tags_in,
 )
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of
 from daemon.api.middleware.authentication import caller_of
-from daemon.api.negotiation import negotiated, or_text
-from daemon.api.plain_text import current_in_words
-from daemon.api.problems import documented
+from daemon.api.negotiation import or_text, respond
+from daemon.api.plain_text import current_text
+from daemon.api.problems import problem_responses
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.errors import NoCalibration, NotFound
 from daemon.model.requests import ApplyRequest
@@ -45,7 +45,7 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None) -> Ca
 @router.get(
     "/current",
     response_model=CurrentCalibration,
-    responses={200: {**or_text("In words"), "headers": ETAG_HEADER}, 304: UNCHANGED, **documented(404)},
+    responses={200: {**or_text("In words"), "headers": ETAG_HEADER}, 304: UNCHANGED, **problem_responses(404)},
 )
 async def current(request: Request, app: App, if_none_match: IfNoneMatch = None) -> Response:
     """The calibration in force. Its ETag is what `If-Match` of POST /calibrations/{id}/apply expects."""
@@ -55,27 +55,27 @@ async def current(request: Request, app: App, if_none_match: IfNoneMatch = None)
         raise NotFound(error.what, error.fix) from None
     document = CurrentCalibration(applied=AppliedDocument.of(applied), calibration=record.document)
     tag = tag_of(applied.sequence)
-    if if_none_match is not None and tag in tags_in(if_none_match):
+    if if_none_match is not None and tag in parse_if_none_match(if_none_match):
         return Response(status_code=304, headers={"ETag": tag, "Vary": "Accept"})
-    return negotiated(request, document, lambda: current_in_words(document), headers={"ETag": tag})
+    return respond(request, document, lambda: current_text(document), headers={"ETag": tag})
 
 
 @router.get(
     "/{calibration_id}",
     response_model=CalibrationDocument,
-    responses={200: or_text("In words"), **documented(404)},
+    responses={200: or_text("In words"), **problem_responses(404)},
 )
 async def calibration(request: Request, app: App, calibration_id: Identifier) -> Response:
     """calibration.json."""
     document = (await app.store.calibration(calibration_id)).document
-    return negotiated(request, document, lambda: summary(f"calibration {document.id}", document))
+    return respond(request, document, lambda: summary(f"calibration {document.id}", document))
 
 
 @router.post(
     "/{calibration_id}/apply",
     response_model=AppliedDocument,
     responses={200: {"description": "It is in force", "headers": ETAG_HEADER},
-               **documented(400, 403, 404, 409, 412, 413, 500, 507)},
+               **problem_responses(400, 403, 404, 409, 412, 413, 500, 507)},
 )  # fmt: skip
 async def apply(
     request: Request,
@@ -95,7 +95,7 @@ async def apply(
         raise RoleTooLow(caller.name, caller.role.word, Role.ADMIN.word)
     if caller != LOCAL:
         body = body.model_copy(update={"applied_by": _by(body.applied_by, caller)})
-    applied = await app.operations.apply(calibration_id, body, expected_places(if_match))
+    applied = await app.operations.apply(calibration_id, body, parse_if_match(if_match))
     response.headers["ETag"] = tag_of(applied.sequence)
     return AppliedDocument.of(applied)
 

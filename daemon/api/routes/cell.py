@@ -6,16 +6,18 @@ from fastapi import APIRouter, Request, Response
 
 from calibration.documents.pose import PoseDocument
 from daemon.api.dependencies import App
-from daemon.api.negotiation import negotiated, or_text
-from daemon.api.plain_text import robot_in_words
-from daemon.api.problems import documented
+from daemon.api.negotiation import or_text, respond
+from daemon.api.plain_text import robot_text
+from daemon.api.problems import problem_responses
 from daemon.api.schemas.cell import RobotDocument
 from daemon.sessions.session_writer import png_of
 
 router = APIRouter(tags=["cell"])
 
 
-@router.get("/robot", response_model=RobotDocument, responses={200: or_text("The robot"), **documented(502, 503, 504)})
+@router.get(
+    "/robot", response_model=RobotDocument, responses={200: or_text("The robot"), **problem_responses(502, 503, 504)}
+)
 async def robot(request: Request, app: App) -> Response:
     """Where the arm stands, and what the controller says of itself."""
     arm = app.cell.robot
@@ -37,14 +39,14 @@ async def robot(request: Request, app: App) -> Response:
         speed_limited=status.speed_limited,
         held_by=app.cell.holder,
     )
-    return negotiated(request, document, lambda: robot_in_words(document))
+    return respond(request, document, lambda: robot_text(document))
 
 
 @router.get(
     "/camera/frame.png",
     response_class=Response,
     responses={200: {"description": "What the camera sees now", "content": {"image/png": {}}},
-               **documented(502, 503, 504)},
+               **problem_responses(502, 503, 504)},
 )  # fmt: skip
 async def camera_frame(app: App) -> Response:
     """A picture taken after this request came."""

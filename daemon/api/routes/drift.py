@@ -5,21 +5,23 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from daemon.api.dependencies import App
-from daemon.api.negotiation import negotiated, or_text
-from daemon.api.plain_text import drift_in_words
-from daemon.api.problems import documented
+from daemon.api.negotiation import or_text, respond
+from daemon.api.plain_text import drift_text
+from daemon.api.problems import problem_responses
 from daemon.api.schemas.drift import DriftDocument
-from daemon.drift.samples import MOST
+from daemon.drift.samples import MAX_VERIFICATIONS
 
 router = APIRouter(tags=["calibrate"])
 
 
-@router.get("/drift", response_model=DriftDocument, responses={200: or_text("The chart"), **documented(507)})
+@router.get("/drift", response_model=DriftDocument, responses={200: or_text("The chart"), **problem_responses(507)})
 async def drift(
     request: Request,
     app: App,
-    limit: Annotated[int, Query(ge=1, le=MOST, description="how many points at most, the last ones")] = 100,
+    limit: Annotated[
+        int, Query(ge=1, le=MAX_VERIFICATIONS, description="how many points at most, the last ones")
+    ] = 100,
 ) -> Response:
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""
-    document = DriftDocument.of(await app.drift.renewed(), app.settings.drift, limit)
-    return negotiated(request, document, lambda: drift_in_words(document))
+    document = DriftDocument.of(await app.drift.refresh(), app.settings.drift, limit)
+    return respond(request, document, lambda: drift_text(document))

@@ -13,7 +13,7 @@ from daemon.runtime.event_bus import BusEvent, EventBus
 
 router = APIRouter(tags=["events"])
 
-QUIET_S = 15.0
+KEEPALIVE_S = 15.0
 """After so much silence a comment is sent, so that both ends notice a connection that broke."""
 
 
@@ -36,7 +36,7 @@ async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, p
 
 async def _stream(events: EventBus, after: int) -> AsyncIterator[str]:
     yield ": what happens in the cell\n\n"
-    async for event in events.listen(after, QUIET_S):
+    async for event in events.listen(after, KEEPALIVE_S):
         yield ": nothing new\n\n" if event is None else _sse(event)
         await asyncio.sleep(0)  # a listener that went away is noticed between two events
 

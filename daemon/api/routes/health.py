@@ -6,8 +6,8 @@ from typing import get_args
 from fastapi import APIRouter, Request, Response
 
 from daemon.api.dependencies import App
-from daemon.api.negotiation import negotiated, or_text
-from daemon.api.plain_text import ready_in_words
+from daemon.api.negotiation import or_text, respond
+from daemon.api.plain_text import ready_text
 from daemon.api.schemas.health import HealthDocument, Readiness, ReadyDocument
 from daemon.application import Application
 from daemon.errors import NoCalibration
@@ -33,7 +33,7 @@ async def health(app: App) -> HealthDocument:
 async def ready(request: Request, app: App) -> Response:
     """Could it calibrate or register now, else why not. 503 when it could do neither."""
     document = await readiness(app)
-    return negotiated(request, document, lambda: ready_in_words(document), 200 if document.ready else 503)
+    return respond(request, document, lambda: ready_text(document), 200 if document.ready else 503)
 
 
 async def readiness(app: Application) -> ReadyDocument:
@@ -81,7 +81,7 @@ async def _families(app: Application) -> list[Metric]:
         Metric("handeyed_run_in_progress", "gauge", "1 while a run is in progress.",
                {(): float(app.supervisor.in_progress is not None)}),
         Metric("handeyed_runs_ended_total", "counter", "Runs that ended, by kind and state.",
-               {(("kind", kind), ("state", state)): app.supervisor.ended[kind, state]
+               {(("kind", kind), ("state", state)): app.supervisor.end_counts[kind, state]
                 for kind in get_args(RunKind) for state in sorted(FINAL_STATES)}),
         Metric("handeyed_uptime_seconds", "gauge", "Since the daemon started.", {(): app.uptime_s()}),
         Metric("handeyed_disk_free_bytes", "gauge", "Free where the store lies.",

@@ -7,7 +7,7 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from daemon.api.dependencies import App
-from daemon.api.problems import documented
+from daemon.api.problems import problem_responses
 from daemon.api.streaming.cloud_request import (
     CLOUD_CONTENT,
     TAKES_A_CLOUD,
@@ -16,8 +16,8 @@ from daemon.api.streaming.cloud_request import (
     media_type_of,
     parse_pose,
 )
-from daemon.api.streaming.cloud_response import MovedCloud
-from daemon.api.streaming.request_body import pieces
+from daemon.api.streaming.cloud_response import CloudResponse
+from daemon.api.streaming.request_body import body_chunks
 from daemon.scans.upload import LAZ
 from registration.io.stream import CloudStream
 
@@ -31,7 +31,7 @@ Which = Annotated[str, Query(max_length=64, description="'current', or a calibra
     response_class=Response,
     openapi_extra=TAKES_A_CLOUD,
     responses={200: {"description": "The cloud in the base frame, mm", "content": CLOUD_CONTENT},
-               **documented(403, 404, 409, 413, 415, 502, 503, 504, 507)},
+               **problem_responses(403, 404, 409, 413, 415, 502, 503, 504, 507)},
 )  # fmt: skip
 async def register(
     request: Request, app: App, pose: PoseQuery, unit: UnitQuery = "mm", calibration: Which = "current"
@@ -39,15 +39,15 @@ async def register(
     """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in."""
     media_type = media_type_of(request)
     document = await app.operations.calibration(calibration)
-    base_T_flange = await app.operations.pose_now() if pose == "now" else parse_pose(pose)
+    base_T_flange = await app.operations.read_pose() if pose == "now" else parse_pose(pose)
     base_T_scanner = base_T_flange.transform() @ app.scans.flange_T_scanner(document)
     numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers)}
     if media_type == LAZ:  # its index stands at the end: it is moved when it is whole
-        file, points = await app.scans.moved(pieces(request.receive), media_type, unit, base_T_scanner)
+        file, points = await app.scans.transform_cloud(body_chunks(request.receive), media_type, unit, base_T_scanner)
         removed = BackgroundTask(app.workers.run, file.unlink, missing_ok=True)
         app.metrics.registered_points += points
         app.metrics.registered_bytes += file.stat().st_size
         return FileResponse(file, media_type=media_type, headers=headers, background=removed)
     stream = CloudStream(media_type, base_T_scanner, unit)
-    return MovedCloud(stream, media_type, headers, app.store.folder, app.metrics.count_cloud)
+    return CloudResponse(stream, media_type, headers, app.store.folder, app.metrics.count_cloud)

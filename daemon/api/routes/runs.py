@@ -6,9 +6,9 @@ from fastapi import APIRouter, Depends, Path, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
 from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, no_body, page_of
-from daemon.api.negotiation import negotiated, or_text
-from daemon.api.plain_text import run_in_words
-from daemon.api.problems import documented
+from daemon.api.negotiation import or_text, respond
+from daemon.api.plain_text import run_text
+from daemon.api.problems import problem_responses
 from daemon.api.schemas.runs import RunDocument, RunList
 from daemon.application import Application
 from daemon.model.records import RunRecord
@@ -24,7 +24,7 @@ STARTED = {200: or_text("The finished run, when `wait` was long enough"),
            202: {"description": "Started; follow Location", "model": RunDocument,
                  "headers": {"Location": {"schema": {"type": "string"}},
                              "Retry-After": {"schema": {"type": "integer"}}}},
-           **documented(400, 403, 404, 409, 413, 422, 500, 502, 503, 504, 507)}  # fmt: skip
+           **problem_responses(400, 403, 404, 409, 413, 422, 500, 502, 503, 504, 507)}  # fmt: skip
 FINISHING = {status: answer for status, answer in STARTED.items() if status not in (400, 403, 413)}
 
 
@@ -35,25 +35,27 @@ async def runs(app: App, limit: Limit = 50, before: Before = None) -> RunList:
     return RunList(runs=[RunDocument.of(run) for run in page], next=following)
 
 
-@router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **documented(404)})
+@router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **problem_responses(404)})
 async def run(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) -> Response:
     """Where a run stands; with `wait` the answer comes when it is over."""
     found = await app.supervisor.wait(run_id, wait)
-    return await run_answer(request, app, found)
+    return await answer_run(request, app, found)
 
 
-@router.post("/{run_id}/abort", response_model=RunDocument, responses={200: or_text("Stopped"), **documented(404, 409)})
+@router.post(
+    "/{run_id}/abort", response_model=RunDocument, responses={200: or_text("Stopped"), **problem_responses(404, 409)}
+)
 async def abort(request: Request, app: App, run_id: Identifier) -> Response:
     """Stop the run: when this answers the arm has been stopped and disarmed."""
     found = await app.supervisor.abort(run_id, "a request over REST")
-    return await run_answer(request, app, found)
+    return await answer_run(request, app, found)
 
 
 @router.post(
     "/{run_id}/stations",
     response_model=RunDocument,
     dependencies=[Depends(no_body)],
-    responses={200: or_text("The view is taken"), **documented(400, 404, 409, 422, 500, 502, 503, 504, 507)},
+    responses={200: or_text("The view is taken"), **problem_responses(400, 404, 409, 422, 500, 502, 503, 504, 507)},
 )
 async def station(request: Request, app: App, run_id: Identifier) -> Response:
     """Of a manual run: take one view from where the operator has jogged the arm to, and say where to go next.
@@ -61,19 +63,19 @@ async def station(request: Request, app: App, run_id: Identifier) -> Response:
     Nothing moves. Refused, and not counted: an arm that is not at rest, a picture without the target, the same pose
     again.
     """
-    return await run_answer(request, app, await app.operations.ask(run_id, "a view"))
+    return await answer_run(request, app, await app.operations.submit_request(run_id, "a view"))
 
 
 @router.post("/{run_id}/finish", response_model=RunDocument, responses=FINISHING)
 async def finish(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) -> Response:
     """Of a manual run: no more views; solve for X, judge and store it."""
-    return await started_answer(request, app, await app.operations.ask(run_id, "the end"), wait)
+    return await answer_run_start(request, app, await app.operations.submit_request(run_id, "the end"), wait)
 
 
 @router.get(
     "/{run_id}/frames/{k}",
     response_class=Response,
-    responses={200: {"description": "The picture", "content": {"image/png": {}}}, **documented(404)},
+    responses={200: {"description": "The picture", "content": {"image/png": {}}}, **problem_responses(404)},
 )
 async def frame(
     app: App,
@@ -88,7 +90,7 @@ async def frame(
     return Response(content, media_type="image/png")
 
 
-async def run_answer(
+async def answer_run(
     request: Request, app: Application, run: RunRecord, status: int = 200, headers: dict[str, str] | None = None
 ) -> Response:
     """A run as JSON or in words, with the calibration it found."""
@@ -98,11 +100,11 @@ async def run_answer(
     every = dict(headers or {})
     if not run.over:
         every["Retry-After"] = str(POLL_S)
-    return negotiated(request, RunDocument.of(run), lambda: run_in_words(run, calibration), status, every)
+    return respond(request, RunDocument.of(run), lambda: run_text(run, calibration), status, every)
 
 
-async def started_answer(request: Request, app: Application, run: RunRecord, wait: float) -> Response:
+async def answer_run_start(request: Request, app: Application, run: RunRecord, wait: float) -> Response:
     """202 with Location; or, when it is over within `wait` seconds, the finished run."""
     if wait > 0:
         run = await app.supervisor.wait(run.id, wait)
-    return await run_answer(request, app, run, 200 if run.over else 202, {"Location": f"/runs/{run.id}"})
+    return await answer_run(request, app, run, 200 if run.over else 202, {"Location": f"/runs/{run.id}"})

@@ -12,17 +12,17 @@ from starlette.background import BackgroundTask
 from calibration.documents.pose import PoseDocument
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of
 from daemon.api.http_errors import CloudTooLarge
-from daemon.api.problems import documented
+from daemon.api.problems import problem_responses
 from daemon.api.routes.register import Which
 from daemon.api.schemas.scans import CloudDocument, RegistrationState, ScanDocument, ScanList, ScanViewDocument
 from daemon.api.streaming.cloud_request import (
-    ANSWERED,
+    ANSWER_SUFFIXES,
     BINARY,
     JSON,
     TAKES_A_CLOUD,
     PoseQuery,
     UnitQuery,
-    answered_media_type,
+    choose_media_type,
     media_type_of,
     parse_pose,
 )
@@ -30,14 +30,14 @@ from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.model.records import RunRecord, ScanViewRecord
 from daemon.model.requests import ScanRequest
-from daemon.scans.scan_service import Report
+from daemon.scans.scan_service import ReportTask
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud
 from registration.fusion.merging import Merge, Outliers
 
 router = APIRouter(prefix="/scans", tags=["scans"])
 
-JSON_POINT_LIMIT = 10_000
+MAX_JSON_POINTS = 10_000
 """More points take hundreds of times longer as JSON than as octets."""
 
 BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
@@ -56,7 +56,7 @@ async def scans(app: App, limit: Limit = 50, before: Before = None) -> ScanList:
     response_model=ScanDocument,
     status_code=201,
     responses={202: {"description": "The arm is driven to fill it; follow run.links", "model": ScanDocument},
-               **documented(*BODY_REFUSALS)},
+               **problem_responses(*BODY_REFUSALS)},
 )  # fmt: skip
 async def create(app: App, body: Annotated[ScanRequest, Depends(JsonBody(ScanRequest))], wait: Wait = 0.0) -> Response:
     """A new scan, for clouds you send; or with `capture` or `poses` one that the daemon's scanner fills."""
@@ -64,17 +64,17 @@ async def create(app: App, body: Annotated[ScanRequest, Depends(JsonBody(ScanReq
     if run is not None and wait > 0:
         run = await app.supervisor.wait(run.id, wait)
     document = ScanDocument.of(scan, await app.store.scan_views(scan.id), run)
-    status, headers = _started(run)
+    status, headers = _status_and_headers(run)
     return Response(
         document.model_dump_json(), status, {"Location": f"/scans/{scan.id}", **headers}, media_type="application/json"
     )
 
 
-def _started(run: RunRecord | None) -> tuple[int, dict[str, str]]:
+def _status_and_headers(run: RunRecord | None) -> tuple[int, dict[str, str]]:
     return (201, {}) if run is None or run.over else (202, {"Retry-After": "1"})
 
 
-@router.get("/{scan_id}", response_model=ScanDocument, responses=documented(404))
+@router.get("/{scan_id}", response_model=ScanDocument, responses=problem_responses(404))
 async def scan(app: App, scan_id: Identifier) -> ScanDocument:
     """A scan and its views."""
     return ScanDocument.of(await app.store.scan(scan_id), await app.store.scan_views(scan_id))
@@ -85,7 +85,7 @@ async def scan(app: App, scan_id: Identifier) -> ScanDocument:
     response_model=ScanViewDocument,
     status_code=201,
     openapi_extra=TAKES_A_CLOUD,
-    responses=documented(*BODY_REFUSALS),
+    responses=problem_responses(*BODY_REFUSALS),
 )
 async def add_view(
     request: Request, app: App, scan_id: Identifier, pose: PoseQuery = "now", unit: UnitQuery = "mm"
@@ -101,8 +101,8 @@ async def add_view(
 
 async def _upload(request: Request, app: Application, scan_id: str, pose: str, unit: UnitQuery) -> ScanViewRecord:
     media_type = media_type_of(request)
-    base_T_flange: PoseDocument = await app.operations.pose_now() if pose == "now" else parse_pose(pose)
-    return await app.scans.keep(scan_id, request.stream(), media_type, unit, base_T_flange)
+    base_T_flange: PoseDocument = await app.operations.read_pose() if pose == "now" else parse_pose(pose)
+    return await app.scans.add_view(scan_id, request.stream(), media_type, unit, base_T_flange)
 
 
 def _has_no_body(request: Request) -> bool:
@@ -120,20 +120,23 @@ STILL: dict[int | str, dict[str, Any]] = {
     202: {"description": "It is still in progress: ask again", "model": RegistrationState}
 }
 
-CONTENT: dict[str, Any] = {**dict.fromkeys(ANSWERED, BINARY), JSON: {"schema": CloudDocument.model_json_schema()}}
+CONTENT: dict[str, Any] = {
+    **dict.fromkeys(ANSWER_SUFFIXES, BINARY),
+    JSON: {"schema": CloudDocument.model_json_schema()},
+}
 
 
 @router.get(
     "/{scan_id}/report",
     response_model=RegistrationReportDocument,
-    responses={**STILL, **documented(404, 409, 500, 507)},
+    responses={**STILL, **problem_responses(404, 409, 500, 507)},
 )
 async def report(
     app: App, scan_id: Identifier, calibration: Which = "current", refine: Refine = False, wait: Patience = 30.0
 ) -> Response:
     """How the views lie and how well they agree; refined where `refine` asks for it. Progress is told on /events."""
-    job = await app.scans.registered(scan_id, await app.operations.calibration(calibration), refine)
-    found = await _waited(job, wait)
+    job = await app.scans.start_registration(scan_id, await app.operations.calibration(calibration), refine)
+    found = await _wait_for_report(job, wait)
     if found is None:
         return _in_progress(scan_id, refine)
     return Response(found.model_dump_json(), media_type=JSON)
@@ -144,7 +147,7 @@ async def report(
     response_class=Response,
     responses={200: {"description": "Every view in the base frame, mm, as the Accept header prefers",
                      "content": CONTENT},
-               **STILL, **documented(404, 406, 409, 413, 415, 500, 507)},
+               **STILL, **problem_responses(404, 406, 409, 413, 415, 500, 507)},
 )  # fmt: skip
 async def cloud(
     request: Request,
@@ -160,17 +163,17 @@ async def cloud(
 ) -> Response:
     """All views in one cloud, or one of them, in the robot's base frame: by the robot's poses, or refined."""
     merge = Merge(voxel_mm, normals, outliers)
-    media_type = answered_media_type(request)
+    media_type = choose_media_type(request)
     document = await app.operations.calibration(calibration)
     found = None
     if refine:
-        found = await _waited(await app.scans.registered(scan_id, document, refine), wait)
+        found = await _wait_for_report(await app.scans.start_registration(scan_id, document, refine), wait)
         if found is None:
             return _in_progress(scan_id, refine)
     clouds = await app.scans.clouds(scan_id, document, found)
     if view is not None:
         clouds = [_one_of(clouds, view, scan_id)]
-    merged = await app.scans.merged(scan_id, clouds, document.id, ANSWERED[media_type], merge)
+    merged = await app.scans.merge_views(scan_id, clouds, document.id, ANSWER_SUFFIXES[media_type], merge)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
     removed = BackgroundTask(app.workers.run, merged.unlink, missing_ok=True)
     if media_type != JSON:
@@ -188,7 +191,7 @@ def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:
     return clouds[view]
 
 
-async def _waited(job: Report, seconds: float) -> RegistrationReportDocument | None:
+async def _wait_for_report(job: ReportTask, seconds: float) -> RegistrationReportDocument | None:
     """The job's report; None when it is not done in time, and it goes on. Raises what the job raised."""
     done, _ = await asyncio.wait([job], timeout=seconds)
     return job.result() if done else None
@@ -203,9 +206,9 @@ def _in_progress(scan_id: str, refine: bool) -> Response:
 def _small_cloud(octets: Path, calibration_id: str) -> bytes:
     """JSON of float32 x, y, z. Raises CloudTooLarge."""
     count = octets.stat().st_size // 12
-    if count > JSON_POINT_LIMIT:
+    if count > MAX_JSON_POINTS:
         raise CloudTooLarge(
-            f"the cloud has {count} points, more than the {JSON_POINT_LIMIT} that travel as JSON",
+            f"the cloud has {count} points, more than the {MAX_JSON_POINTS} that travel as JSON",
             "set Accept: application/octet-stream for float32 x, y, z, or application/x-ply",
         )
     points = np.fromfile(octets, "<f4").reshape(-1, 3).tolist()

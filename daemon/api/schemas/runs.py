@@ -6,7 +6,7 @@ from calibration.documents.pose import PoseDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.model.records import Planning, RunRecord
 from daemon.model.run_states import RunState
-from daemon.runs.run_log import predicted_in_words
+from daemon.runs.run_log import prediction_text
 
 
 class CauseDocument(Answer):
@@ -36,7 +36,7 @@ class PlanningDocument(Answer):
     def of(cls, planning: Planning) -> "PlanningDocument":
         return cls(
             now_mm=planning.now_mm, planned_mm=planning.planned_mm, ahead=planning.ahead,
-            predicted=predicted_in_words(planning), note=planning.note, advice=planning.advice,
+            predicted=prediction_text(planning), note=planning.note, advice=planning.advice,
             next_pose=None if planning.next_pose is None else PoseDocument.model_validate(planning.next_pose),
         )  # fmt: skip
 

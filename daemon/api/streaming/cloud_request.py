@@ -7,7 +7,7 @@ from fastapi import Query, Request
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
-from daemon.api.http_errors import NotAcceptable, RequestRefused, UnknownMediaType
+from daemon.api.http_errors import InvalidRequest, NotAcceptable, UnknownMediaType
 from daemon.api.negotiation import weight_of
 from daemon.scans.upload import LAZ, SUFFIXES
 
@@ -19,7 +19,7 @@ SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-
             "application/pcd": "application/x-pcd", "application/x-laz": LAZ}  # fmt: skip
 
 JSON = "application/json"
-ANSWERED = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".bin",
+ANSWER_SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".bin",
             LAZ: ".laz", JSON: ".bin"}  # fmt: skip
 """The kinds a merged cloud is answered in, the preferred first, and the suffix of the file it is sent from."""
 
@@ -40,7 +40,7 @@ def media_type_of(request: Request) -> str:
     return media_type
 
 
-def answered_media_type(request: Request) -> str:
+def choose_media_type(request: Request) -> str:
     """What of ANSWERED the request's Accept prefers (RFC 9110, 12.5.1). Raises NotAcceptable."""
     accept = ",".join(request.headers.getlist("accept")) or "*/*"
     weights: dict[str, tuple[float, int]] = {}
@@ -48,14 +48,14 @@ def answered_media_type(request: Request) -> str:
         media, _, parameters = part.strip().lower().partition(";")
         media = SYNONYMS.get(media.strip(), media.strip())
         weight = weight_of(parameters)
-        for kind in ANSWERED:
+        for kind in ANSWER_SUFFIXES:
             narrowness = ["*/*", kind.split("/")[0] + "/*", kind].index(media) if _matches(media, kind) else -1
             if narrowness >= weights.get(kind, (0.0, -1))[1] and narrowness >= 0:
                 weights[kind] = (weight, narrowness)
-    best = max(ANSWERED, key=lambda kind: weights.get(kind, (0.0, -1))[0])
+    best = max(ANSWER_SUFFIXES, key=lambda kind: weights.get(kind, (0.0, -1))[0])
     if weights.get(best, (0.0, -1))[0] <= 0:
         raise NotAcceptable(
-            f"a cloud is not answered as {accept[:80]!r}", f"set Accept to one of {', '.join(ANSWERED)}"
+            f"a cloud is not answered as {accept[:80]!r}", f"set Accept to one of {', '.join(ANSWER_SUFFIXES)}"
         )
     return best
 
@@ -72,6 +72,6 @@ def parse_pose(text: str) -> PoseDocument:
         numbers = []
     if len(numbers) != 7:
         problem = DocumentProblem("query.pose", f"{text[:60]!r} is not seven numbers", f"give {POSE}")
-        raise RequestRefused([problem])
+        raise InvalidRequest([problem])
     data = {"translation_mm": numbers[:3], "quaternion_wxyz": numbers[3:]}
     return validate_document(PoseDocument, data, "query.pose")

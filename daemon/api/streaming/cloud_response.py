@@ -16,7 +16,7 @@ from starlette.types import Receive, Scope, Send
 
 from daemon.api.http_errors import BodyTooLarge
 from daemon.api.problems import answer, problem_of
-from daemon.api.streaming.request_body import pieces
+from daemon.api.streaming.request_body import body_chunks
 from daemon.api.streaming.spool import Spool
 from daemon.errors import StorageError
 from registration.errors import CloudTooLong, CloudTruncated, RegistrationError
@@ -25,33 +25,33 @@ from registration.io.stream import CloudStream
 
 log = logging.getLogger(__name__)
 
-Done = Callable[[CloudStream, int], None]
+OnComplete = Callable[[CloudStream, int], None]
 """Told of a cloud that passed whole, and its answer's bytes."""
 
-CHECKED_WHOLE_BYTES = 1_000_000
+MAX_SMALL_BODY_BYTES = 1_000_000
 """A body up to this is looked at to its end before the answer begins: what is wrong with it is told as a problem."""
 
 REFUSALS = (RegistrationError, StorageError, BodyTooLarge)
 
 
 @dataclass
-class Passage:
+class StreamedCloud:
     """One cloud on its way through."""
 
     stream: CloudStream
     spool: Spool
     content_length: int | None
     calibration_id: str
-    _headed: bool = field(default=False, init=False)
+    _head_sent: bool = field(default=False, init=False)
 
-    async def take(self, receive: Receive, ready: asyncio.Event, done: Done) -> None:
+    async def receive(self, receive: Receive, ready: asyncio.Event, done: OnComplete) -> None:
         """Move what comes in; `ready` is set when the answer may begin. Raises the REFUSALS, ClientDisconnect."""
         size = 0
         try:
-            async for chunk in pieces(receive):
+            async for chunk in body_chunks(receive):
                 size += await self._put(self.stream.parts(chunk))
-                if size and not ready.is_set() and not self._checked_whole:
-                    self._require_length()
+                if size and not ready.is_set() and not self._is_small:
+                    self._check_length()
                     ready.set()
             size += await self._put(self.stream.last_parts())
             done(self.stream, size)
@@ -64,8 +64,8 @@ class Passage:
         size = 0
         for moved in parts:
             part = moved
-            if self.stream.header is not None and not self._headed:
-                part, self._headed = self._head(), True
+            if self.stream.header is not None and not self._head_sent:
+                part, self._head_sent = self._head(), True
             await self.spool.put(part)
             size += len(part)
         return size
@@ -77,8 +77,8 @@ class Passage:
         return with_frame(header.rewritten, self.calibration_id) if header.format == "ply" else header.rewritten
 
     @property
-    def _checked_whole(self) -> bool:
-        return self.content_length is not None and self.content_length <= CHECKED_WHOLE_BYTES
+    def _is_small(self) -> bool:
+        return self.content_length is not None and self.content_length <= MAX_SMALL_BODY_BYTES
 
     def answer_length(self) -> int | None:
         """Bytes of the answer, where the header tells."""
@@ -89,7 +89,7 @@ class Passage:
             return self.content_length
         return None if header.body_length is None else len(self._head()) + header.body_length
 
-    def _require_length(self) -> None:
+    def _check_length(self) -> None:
         """Content-Length and the cloud's own header agree, as far as both tell: better said now than at the end."""
         header = self.stream.header
         if header is None or self.content_length is None:
@@ -104,10 +104,12 @@ class Passage:
             raise kind("request body", "header", what, "send the whole cloud, and nothing after it")
 
 
-class MovedCloud(Response):
+class CloudResponse(Response):
     """Answers the moved cloud. What is wrong before the answer begins is a problem; later the answer is cut off."""
 
-    def __init__(self, stream: CloudStream, media_type: str, headers: dict[str, str], folder: Path, done: Done) -> None:
+    def __init__(
+        self, stream: CloudStream, media_type: str, headers: dict[str, str], folder: Path, done: OnComplete
+    ) -> None:
         """`folder`: where a temporary file may hold the answer of a client that does not read while it sends."""
         super().__init__(media_type=media_type)
         self._stream, self._folder, self._done = stream, folder, done
@@ -116,11 +118,11 @@ class MovedCloud(Response):
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Receives and sends at the same time, each at its own pace."""
         spool = Spool(self._folder)
-        passage = Passage(
+        passage = StreamedCloud(
             self._stream, spool, _content_length(scope), self._every_header.get("Handeyed-Calibration", "")
         )
         ready = asyncio.Event()
-        taking = asyncio.create_task(passage.take(receive, ready, self._done))
+        taking = asyncio.create_task(passage.receive(receive, ready, self._done))
         try:
             await ready.wait()
             error = taking.exception() if taking.done() else None
@@ -137,7 +139,7 @@ class MovedCloud(Response):
             await asyncio.gather(taking, return_exceptions=True)
             spool.close()
 
-    async def _start(self, passage: Passage, send: Send) -> None:
+    async def _start(self, passage: StreamedCloud, send: Send) -> None:
         headers = dict(self._every_header)
         if (length := passage.answer_length()) is not None:
             headers["Content-Length"] = str(length)

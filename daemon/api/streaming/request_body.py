@@ -6,7 +6,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Receive
 
 
-async def pieces(receive: Receive) -> AsyncIterator[bytes]:
+async def body_chunks(receive: Receive) -> AsyncIterator[bytes]:
     """The body's bytes. Raises ClientDisconnect, and BodyTooLarge from the guard."""
     more = True
     while more:

@@ -17,9 +17,9 @@ from daemon.store.database import storage_errors
 MEMORY_BYTES = 4_000_000
 """So far a client that reads while it sends may fall behind."""
 
-PIECE_BYTES = 1 << 18
+CHUNK_BYTES = 1 << 18
 
-PATIENCE_S = 0.05
+MAX_READER_WAIT_S = 0.05
 """So long a reader that fell behind is waited for, before a file is begun for it."""
 
 
@@ -78,7 +78,7 @@ class Spool:
     async def _fits_soon(self, length: int) -> bool:
         """Once the reader has taken something out of memory, if it does."""
         with suppress(TimeoutError):
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(MAX_READER_WAIT_S):
                 while length <= self._memory_bytes and not self._fits(length):
                     self._space.clear()
                     await self._space.wait()
@@ -101,6 +101,6 @@ class Spool:
         """Positions are named in each call: writer and reader use the file at the same time."""
         assert self._file is not None
         with storage_errors(self._folder):
-            content = os.pread(self._file.fileno(), min(PIECE_BYTES, self._written - self._read), self._read)
+            content = os.pread(self._file.fileno(), min(CHUNK_BYTES, self._written - self._read), self._read)
         self._read += len(content)
         return content

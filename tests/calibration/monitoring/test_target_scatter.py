@@ -7,7 +7,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.monitoring.target_scatter import VerificationError, verify
 from calibration.problem import Detection, Problem, View
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
-from daemon.api.plain_text import run_in_words
+from daemon.api.plain_text import run_text
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
 from daemon.runs.verification_run import document_of
@@ -67,7 +67,7 @@ def test_the_table_in_words_is_the_seeds() -> None:
     found = verify(a_problem(), a_calibration("cal-7"))
     result = {"calibration_id": "cal-7", "verification": document_of(found, a_calibration("cal-7"))}
     run = RunRecord("r", "verify", RunState.FINISHED, 3, 3, "", "", result=result)
-    words = run_in_words(run)
+    words = run_text(run)
     for part in ("(a) Position 1", "(b) Position 2", "(c) Position 3", "sigma x", "sigma z", "over all 88 points"):
         assert part in words
     x, y, z = map_points(BASE_T_TARGET, BOARD.points_mm[:1])[0]

@@ -10,9 +10,9 @@ import jsonschema_rs
 import pytest
 
 from daemon.api.app import routes
-from daemon.api.middleware.request_checks import JSON_LIMIT_BYTES
+from daemon.api.middleware.request_checks import MAX_JSON_BYTES
 from daemon.api.negotiation import wants_text
-from daemon.http.problem_details import phrase_of
+from daemon.http.problem_details import reason_phrase
 from daemon.model.records import CalibrationRecord
 from tests.daemon.api.event_stream import read_events
 from tests.daemon.calibrations import a_calibration
@@ -178,7 +178,7 @@ async def test_a_body_without_a_length_is_cut_off_at_the_limit(bench: Bench) -> 
     reader, writer = await asyncio.open_connection(url.hostname, url.port)
     writer.write(b"POST /calibrate HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n")
     answer = asyncio.create_task(reader.readuntil(b"\r\n\r\n"))
-    while not answer.done() and sent < 3 * JSON_LIMIT_BYTES:
+    while not answer.done() and sent < 3 * MAX_JSON_BYTES:
         writer.write(b"10000\r\n" + b" " * 0x10000 + b"\r\n")
         sent += 0x10000
         await asyncio.sleep(0)
@@ -307,7 +307,7 @@ async def test_a_defect_is_a_problem_too_and_the_daemon_stays_up(bench: Bench) -
 
 
 def test_a_status_has_one_name_whichever_python_this_is() -> None:
-    assert [phrase_of(status) for status in (404, 413, 422)] == [
+    assert [reason_phrase(status) for status in (404, 413, 422)] == [
         "Not Found",
         "Content Too Large",
         "Unprocessable Content",

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 import pytest
 
 from calibration.transforms import transform_from_quaternion
-from daemon.cell.settling import require_arrived, require_still, settle
+from daemon.cell.settling import check_arrival, check_still, settle
 from daemon.config.settings import SettlingSettings
-from daemon.errors import ElsewhereThanSent, NotStill
+from daemon.errors import NotStill, PoseMismatch
 from daemon.runtime.clock import Clock
 from drivers.interfaces import PoseReading
 from drivers.robots.abb.robtarget import POSE_CONVENTION
@@ -67,10 +67,10 @@ async def test_an_arm_that_never_rests_is_told_with_how_far_it_moves() -> None:
 
 
 def test_what_was_seen_while_the_arm_moved_belongs_to_no_pose() -> None:
-    require_still(pose_reading(0), pose_reading(0.01), SETTLING)
+    check_still(pose_reading(0), pose_reading(0.01), SETTLING)
     for after in (pose_reading(0.03), pose_reading(turn_deg=0.01), pose_reading(0, still=False)):
         with pytest.raises(NotStill, match="while it was looked at"):
-            require_still(pose_reading(0), after, SETTLING)
+            check_still(pose_reading(0), after, SETTLING)
 
 
 SENT = transform_from_quaternion([515.0, -20.0, 712.0], [0.7, 0.1, 0.7, -0.1])
@@ -90,9 +90,9 @@ def read_as(position_mm: list[float], quaternion_wxyz: list[float]) -> PoseReadi
     ],
 )
 def test_a_pose_that_is_not_where_the_arm_was_sent(told: PoseReading, fix: str) -> None:
-    with pytest.raises(ElsewhereThanSent, match=fix):
-        require_arrived(SENT, told, POSE_CONVENTION)
+    with pytest.raises(PoseMismatch, match=fix):
+        check_arrival(SENT, told, POSE_CONVENTION)
 
 
 def test_a_controller_stops_within_its_own_resolution() -> None:
-    require_arrived(SENT, read_as([515.3, -20.0, 712.2], [0.7, 0.1001, 0.7, -0.1]), POSE_CONVENTION)
+    check_arrival(SENT, read_as([515.3, -20.0, 712.2], [0.7, 0.1001, 0.7, -0.1]), POSE_CONVENTION)

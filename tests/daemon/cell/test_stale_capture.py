@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.cell.stale_capture import Novelty
-from daemon.errors import SameAgain
+from daemon.cell.stale_capture import StaleCaptureDetector
+from daemon.errors import StaleCaptureError
 from drivers.interfaces import Frame, ScannedCloud
 from tests.daemon.fakes import pose_reading
 
@@ -16,35 +16,35 @@ VIEW = Frame(np.arange(12, dtype=np.uint8).reshape(3, 4), 0.0)
 
 @pytest.mark.parametrize("then", [ELSEWHERE, TURNED])
 def test_the_same_picture_from_another_pose_is_told(then) -> None:
-    novelty = Novelty("camera")
-    novelty.require_new_frame(VIEW, HERE)
-    with pytest.raises(SameAgain, match="the camera sent the same picture again"):
-        novelty.require_new_frame(replace(VIEW, taken_at_s=9.0), then)
+    novelty = StaleCaptureDetector("camera")
+    novelty.check_frame(VIEW, HERE)
+    with pytest.raises(StaleCaptureError, match="the camera sent the same picture again"):
+        novelty.check_frame(replace(VIEW, taken_at_s=9.0), then)
 
 
 def test_one_grey_value_makes_a_picture_new() -> None:
-    novelty = Novelty("camera")
-    novelty.require_new_frame(VIEW, HERE)
+    novelty = StaleCaptureDetector("camera")
+    novelty.check_frame(VIEW, HERE)
     other = VIEW.image.copy()
     other[2, 3] += 1
-    novelty.require_new_frame(Frame(other, 1.0), ELSEWHERE)
+    novelty.check_frame(Frame(other, 1.0), ELSEWHERE)
 
 
 def test_from_the_same_place_a_drawn_picture_may_be_the_same() -> None:
-    novelty = Novelty("camera")
-    novelty.require_new_frame(VIEW, HERE)
-    novelty.require_new_frame(VIEW, NEAR)
+    novelty = StaleCaptureDetector("camera")
+    novelty.check_frame(VIEW, HERE)
+    novelty.check_frame(VIEW, NEAR)
 
 
 def test_darkness_looks_alike_from_everywhere() -> None:
-    novelty = Novelty("camera")
+    novelty = StaleCaptureDetector("camera")
     for pose in (HERE, ELSEWHERE):
-        novelty.require_new_frame(Frame(np.zeros((3, 4), np.uint8), 0.0), pose)
+        novelty.check_frame(Frame(np.zeros((3, 4), np.uint8), 0.0), pose)
 
 
 def test_the_same_cloud_from_another_pose_is_told() -> None:
-    novelty = Novelty("scanner")
+    novelty = StaleCaptureDetector("scanner")
     cloud = ScannedCloud(b"ply", "application/x-ply", 0.0)
-    novelty.require_new_cloud(cloud, HERE)
-    with pytest.raises(SameAgain, match="takes a new cloud for each request"):
-        novelty.require_new_cloud(cloud, ELSEWHERE)
+    novelty.check_cloud(cloud, HERE)
+    with pytest.raises(StaleCaptureError, match="takes a new cloud for each request"):
+        novelty.check_cloud(cloud, ELSEWHERE)

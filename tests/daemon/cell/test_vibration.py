@@ -6,7 +6,7 @@ from math import radians
 import pytest
 
 from daemon.cell.cell import Cell, Devices
-from daemon.cell.vibration import Quiet
+from daemon.cell.vibration import VibrationGate
 from daemon.config.settings import EgmSettings, SettlingSettings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
@@ -50,7 +50,7 @@ class Ringing:
 
 async def test_it_waits_until_the_arm_has_stopped_ringing() -> None:
     monitor = Ringing(1.0, 0.1)
-    left = await Quiet(monitor, ALLOWED).wait(10.0, stepped_clock())
+    left = await VibrationGate(monitor, ALLOWED).wait(10.0, stepped_clock())
     assert left.translation_mm <= 0.05
     assert monitor.looks == 6
     assert set(monitor.windows) == {0.25}
@@ -59,10 +59,10 @@ async def test_it_waits_until_the_arm_has_stopped_ringing() -> None:
 @pytest.mark.parametrize("shaken", [Ringing(0.06, 0.0, 1.0), Ringing(0.0, 0.011, 1.0)])
 async def test_an_arm_that_goes_on_is_told_with_its_amplitude(shaken: Ringing) -> None:
     with pytest.raises(NotStill, match="still vibrates by") as rings:
-        await Quiet(shaken, ALLOWED).wait(1.0, stepped_clock())
+        await VibrationGate(shaken, ALLOWED).wait(1.0, stepped_clock())
     assert "[robot.egm]" in rings.value.fix
     with pytest.raises(NotStill):
-        Quiet(shaken, ALLOWED).require()
+        VibrationGate(shaken, ALLOWED).check()
 
 
 async def test_a_silent_controller_is_not_taken_for_a_quiet_arm() -> None:
@@ -71,25 +71,25 @@ async def test_a_silent_controller_is_not_taken_for_a_quiet_arm() -> None:
             raise DeviceTimeout("EGM", "no samples", "start the stream")
 
     with pytest.raises(DeviceTimeout):
-        await Quiet(Silent(0.0), ALLOWED).wait(1.0, stepped_clock())
+        await VibrationGate(Silent(0.0), ALLOWED).wait(1.0, stepped_clock())
 
 
 def looking_through(monitor: Ringing, limit_s: float) -> tuple[Cell, FakeCamera]:
     robot = FakeRobot()
     camera = FakeCamera(robot)
-    devices = Devices(robot, camera, None, Quiet(monitor, ALLOWED))
+    devices = Devices(robot, camera, None, VibrationGate(monitor, ALLOWED))
     return Cell(devices, SettlingSettings(gap_s=0.0, limit_s=limit_s), Clock()), camera
 
 
 async def test_every_picture_waits_until_the_arm_has_stopped_ringing() -> None:
     monitor = Ringing(1.0, 0.1)
     cell, camera = looking_through(monitor, limit_s=10.0)
-    await cell.look()
+    await cell.capture_view()
     assert (monitor.looks, camera.pictures) == (6, 1)
 
 
 async def test_of_an_arm_that_goes_on_ringing_no_picture_is_taken() -> None:
     cell, camera = looking_through(Ringing(0.06, decay=1.0), limit_s=0.05)
     with pytest.raises(NotStill, match="still vibrates"):
-        await cell.look()
+        await cell.capture_view()
     assert camera.pictures == 0

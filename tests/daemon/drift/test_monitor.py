@@ -14,8 +14,8 @@ import pytest
 
 from calibration.monitoring.control_chart import DriftStanding
 from calibration.transforms import Array, transform
-from daemon.drift.monitor import DriftWatch
-from daemon.drift.samples import Verifications, belongs
+from daemon.drift.monitor import DriftMonitor
+from daemon.drift.samples import VerificationHistory, belongs_to_chart
 from daemon.drift.schedule import RETRY_S, DriftSchedule
 from daemon.errors import CellBusy
 from daemon.model.records import AppliedCalibration, RunRecord
@@ -42,8 +42,8 @@ class KnockedCamera(FakeCamera):
         return Frame(picture_of_the_board(self.robot.base_T_flange @ self.knock), frame.taken_at_s)
 
 
-def watch_of(bench: Bench) -> DriftWatch:
-    return next(companion for companion in bench.application.companions if isinstance(companion, DriftWatch))
+def watch_of(bench: Bench) -> DriftMonitor:
+    return next(companion for companion in bench.application.services if isinstance(companion, DriftMonitor))
 
 
 @asynccontextmanager
@@ -147,7 +147,7 @@ async def test_the_chart_is_told_over_rest_with_every_verification_that_is_over(
 
 async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also past a run that is in progress, or whose end could not be stored yet."""
-    monkeypatch.setattr("daemon.drift.samples.PAGE", 2)
+    monkeypatch.setattr("daemon.drift.samples.PAGE_RUNS", 2)
     async with calibrated(tmp_path) as (bench, _):
         for _ in range(5):
             await bench.verify()
@@ -156,7 +156,9 @@ async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch:
         record = await store.run(older[2]["id"])
         await store.save_run(replace(record, state=RunState.MOVING, result=None))
         applied, _ = await store.current()
-        fresh = Verifications(store, bench.application.workers, bench.application.settings.target.target().points_mm)
+        fresh = VerificationHistory(
+            store, bench.application.workers, bench.application.settings.target.target().points_mm
+        )
         expected = [run["id"] for run in reversed([newest, *older]) if run["kind"] == "verify"]
         assert [entry.run_id for entry in await fresh.of(applied)] == [run for run in expected if run != record.id]
         assert [entry.run_id for entry in await fresh.of(applied)] == [run for run in expected if run != record.id]
@@ -212,7 +214,10 @@ def verification(**changes: Any) -> RunRecord:
     ],
 )
 def test_what_belongs_to_a_chart(changes: dict[str, Any], expected: bool) -> None:
-    assert belongs(verification(**changes), AppliedCalibration("c", "2026-11-21T09:00:00.000Z", "x"), 88) is expected
+    assert (
+        belongs_to_chart(verification(**changes), AppliedCalibration("c", "2026-11-21T09:00:00.000Z", "x"), 88)
+        is expected
+    )
 
 
 class Asked:

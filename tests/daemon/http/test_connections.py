@@ -13,11 +13,11 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from daemon.http.connections import Door, Limits
-from daemon.http.listen_socket import listener_at
+from daemon.http.connections import ConnectionLimiter, HttpLimits
+from daemon.http.listen_socket import open_listener
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 
-QUICK = Limits(head_s=0.3, head_bytes=10_000, idle_s=0.4, connections=40)
+QUICK = HttpLimits(head_s=0.3, head_bytes=10_000, idle_s=0.4, connections=40)
 
 Ends = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
@@ -44,7 +44,7 @@ async def told(reader: asyncio.StreamReader, within_s: float = 5.0) -> dict[str,
 
 
 def test_no_answer_waits_for_the_client_to_acknowledge_its_first_half() -> None:
-    with listener_at("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
+    with open_listener("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
         accepted, _ = listener.accept()
         with accepted:
             assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
@@ -81,13 +81,19 @@ async def test_garbage_behind_a_request_does_not_fall_into_its_answer(tmp_path: 
 
 @pytest.mark.parametrize("begun", [b"", b"\r\n", b"GET / HTTP/1.1\r\nHost: loc"])
 async def test_a_head_that_never_ends_is_refused_in_time(tmp_path: Path, begun: bytes) -> None:
-    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+    async with (
+        serving(settings_for(tmp_path), door=ConnectionLimiter(QUICK)) as bench,
+        connected(bench) as (reader, writer),
+    ):
         writer.write(begun)
         assert (await told(reader))["code"] == "request-too-slow"
 
 
 async def test_bytes_that_trickle_do_not_keep_a_head_open(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+    async with (
+        serving(settings_for(tmp_path), door=ConnectionLimiter(QUICK)) as bench,
+        connected(bench) as (reader, writer),
+    ):
         ended = asyncio.create_task(told(reader))
         while not ended.done():
             writer.write(b"x")
@@ -96,7 +102,10 @@ async def test_bytes_that_trickle_do_not_keep_a_head_open(tmp_path: Path) -> Non
 
 
 async def test_a_head_too_large_is_refused_before_it_ends(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+    async with (
+        serving(settings_for(tmp_path), door=ConnectionLimiter(QUICK)) as bench,
+        connected(bench) as (reader, writer),
+    ):
         writer.write(b"GET / HTTP/1.1\r\n")
         for k in range(12):
             writer.write(f"X-{k}: {'x' * 1000}\r\n".encode())
@@ -114,7 +123,10 @@ async def test_a_client_that_sends_on_still_reads_why_it_was_refused(tmp_path: P
 
 
 async def test_a_body_that_stops_coming_is_cut_off(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+    async with (
+        serving(settings_for(tmp_path), door=ConnectionLimiter(QUICK)) as bench,
+        connected(bench) as (reader, writer),
+    ):
         writer.write(b"POST /calibrate HTTP/1.1\r\nHost: localhost\r\nContent-Length: 10\r\n\r\n{")
         with pytest.raises(ConnectionResetError):
             while await asyncio.wait_for(reader.read(), 5):
@@ -124,7 +136,10 @@ async def test_a_body_that_stops_coming_is_cut_off(tmp_path: Path) -> None:
 
 
 async def test_a_request_that_waits_for_its_answer_is_left_alone(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path), door=Door(QUICK)) as bench, connected(bench) as (reader, writer):
+    async with (
+        serving(settings_for(tmp_path), door=ConnectionLimiter(QUICK)) as bench,
+        connected(bench) as (reader, writer),
+    ):
         writer.write(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         await asyncio.wait_for(reader.readuntil(b"what happens in the cell\n\n"), 5)
         await asyncio.sleep(3 * QUICK.idle_s)
@@ -134,8 +149,8 @@ async def test_a_request_that_waits_for_its_answer_is_left_alone(tmp_path: Path)
 
 async def test_half_open_connections_make_room_for_whole_requests(tmp_path: Path) -> None:
     """Twice as many as there may be: the oldest are closed, and health answers all the while."""
-    patient = Limits(head_s=60, connections=QUICK.connections)
-    async with serving(settings_for(tmp_path), door=Door(patient)) as bench:
+    patient = HttpLimits(head_s=60, connections=QUICK.connections)
+    async with serving(settings_for(tmp_path), door=ConnectionLimiter(patient)) as bench:
         url, writers, took_s = urlsplit(bench.url), [], []
         for _ in range(2 * patient.connections):
             _, writer = await asyncio.open_connection(url.hostname, url.port)

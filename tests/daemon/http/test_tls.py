@@ -17,7 +17,7 @@ from calibration.errors import DocumentError
 from daemon.access.certificates import PRIVATE_KEY, server_context
 from daemon.access.errors import CertificateUnusable
 from daemon.access.roles import Role
-from daemon.http.connections import Door, Limits
+from daemon.http.connections import ConnectionLimiter, HttpLimits
 from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.http.tls_files import certificate, trusting
@@ -79,10 +79,10 @@ def test_handshakes_that_never_end_make_room_and_are_cut_off(
     tmp_path: Path, loops: Callable[[], asyncio.AbstractEventLoop], sent: bytes
 ) -> None:
     """Three times as many as there may be connections: health answers all the while."""
-    limits = Limits(head_s=1.0, connections=10)
+    limits = HttpLimits(head_s=1.0, connections=10)
 
     async def scanned() -> None:
-        door = Door(limits)
+        door = ConnectionLimiter(limits)
         async with serving(settings_for(tmp_path / "store", server=certificate(tmp_path / "tls")), door=door) as bench:
             url = bench.url.replace("127.0.0.1", "localhost")
             host = urlsplit(bench.url)

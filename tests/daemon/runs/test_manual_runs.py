@@ -218,7 +218,7 @@ async def test_an_operator_who_does_not_come_back_is_not_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """But for as long as the settings say: waiting is no step that hangs."""
-    monkeypatch.setattr("daemon.runs.supervisor.STEP_LIMIT_S", 0.05)
+    monkeypatch.setattr("daemon.runs.supervisor.MAX_STEP_S", 0.05)
     async with by_hand(tmp_path, manual_wait_s=0.3) as hand:
         run = await hand.bench.run_over(hand.run["links"]["self"])
         assert (run["state"], run["cause"]["code"]) == ("failed", "operator-gone")

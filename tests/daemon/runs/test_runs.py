@@ -73,7 +73,7 @@ async def test_a_second_calibrate_is_told_who_holds_the_cell(tmp_path: Path) -> 
 async def test_a_device_that_never_answers_ends_the_run_though_its_driver_has_no_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hangs: str
 ) -> None:
-    monkeypatch.setattr("daemon.runs.supervisor.STEP_LIMIT_S", 1.0)
+    monkeypatch.setattr("daemon.runs.supervisor.MAX_STEP_S", 1.0)
     parts = Parts()
     never = asyncio.Event()
 

@@ -14,7 +14,7 @@ from daemon.cell.cell import Devices
 from daemon.composition import build
 from daemon.errors import CellNotReady
 from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import Departure, Ending
+from daemon.runs.supervisor import RunPlan, RunResult
 from daemon.runtime.systemd import Systemd
 from tests.daemon.cell_under_test import Parts, settings_for
 from tests.daemon.runtime.service_manager import Manager
@@ -48,7 +48,7 @@ async def starves(manager: Manager) -> None:
 async def test_a_hung_worker_starves_the_watchdog_and_is_told_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("daemon.application.JOB_LIMIT_S", 0.2)
+    monkeypatch.setattr("daemon.application.MAX_JOB_S", 0.2)
     async with watched(tmp_path) as (application, manager):
         assert [await manager.hears() for _ in range(3)] == ["WATCHDOG=1"] * 3
         hangs = threading.Event()
@@ -66,19 +66,19 @@ async def test_a_hung_worker_starves_the_watchdog_and_is_told_once(
 async def test_a_run_that_hangs_and_cannot_even_be_stopped_starves_the_watchdog(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("daemon.runs.supervisor.STEP_LIMIT_S", 0.1)
-    monkeypatch.setattr("daemon.application.STUCK_LIMIT_S", 0.2)
+    monkeypatch.setattr("daemon.runs.supervisor.MAX_STEP_S", 0.1)
+    monkeypatch.setattr("daemon.application.MAX_STUCK_S", 0.2)
     async with watched(tmp_path) as (application, manager):
         released = asyncio.Event()
 
-        async def deaf(_log: RunLog) -> Ending:
+        async def deaf(_log: RunLog) -> RunResult:
             while not released.is_set():
                 with suppress(asyncio.CancelledError):
                     await released.wait()
             raise CellNotReady(("it was let go",))
 
-        async def prepare() -> Departure:
-            return Departure(1, deaf)
+        async def prepare() -> RunPlan:
+            return RunPlan(1, deaf)
 
         run = await application.supervisor.start("calibration", {}, prepare)
         try:

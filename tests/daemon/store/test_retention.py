@@ -102,7 +102,7 @@ async def test_a_picture_that_was_removed_is_told(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, storage={"keep_runs": 1})) as bench:
         first = (await bench.client.post("/calibrate?wait=30", json={"count": 3})).json()
         await bench.client.post("/calibrate?wait=30", json={"count": 3})
-        (keeper,) = (each for each in bench.application.companions if isinstance(each, Retention))
+        (keeper,) = (each for each in bench.application.services if isinstance(each, Retention))
         assert len(await keeper.tidy()) == 3
         gone = await bench.client.get(first["links"]["frame 0"])
         assert (gone.status_code, gone.json()["code"]) == (404, "not-found")
