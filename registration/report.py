@@ -14,12 +14,12 @@ from registration.documents import (
     RegistrationReportDocument,
     Seconds,
 )
-from registration.fusion.concatenation import MergedCloud, PlacedCloud, write_merged
+from registration.fusion.concatenation import MergedCloud, PlacedCloud, merge_clouds
 from registration.fusion.merging import EVERY_POINT, Merge
 from registration.fusion.pose_adjustment import ViewCorrection
 from registration.scan import (
-    Hand,
     Registration,
+    ScannerMount,
     ScanView,
     register_views,
     sample_views,
@@ -29,7 +29,7 @@ from registration.scan import (
 
 def register_scan(
     views: list[ScanView],
-    hand: Hand,
+    hand: ScannerMount,
     out: Path,
     clock: Callable[[], float],
     *,
@@ -47,15 +47,21 @@ def register_scan(
     registration = register_views(views, samples, hand, refine=refine)
     registered = clock()
     clouds = [PlacedCloud(placed.view.path, placed.view.unit, placed.base_T_camera) for placed in registration.views]
-    merged = write_merged(clouds, out, merge=merge)
+    merged = merge_clouds(clouds, out, merge=merge)
     if views_out is not None:
         write_views(registration.views, views_out)
     seconds = Seconds(read=sampled - began, register=registered - sampled, write=clock() - registered)
-    return report_of(registration, hand, merged.points, seconds, [*dropped(merged.columns_lost), *_outliers(merged)])
+    return report_of(
+        registration, hand, merged.points, seconds, [*column_findings(merged.columns_lost), *_outliers(merged)]
+    )
 
 
 def report_of(
-    registration: Registration, hand: Hand, points: int, seconds: Seconds, further: Sequence[FindingDocument] = ()
+    registration: Registration,
+    hand: ScannerMount,
+    points: int,
+    seconds: Seconds,
+    further: Sequence[FindingDocument] = (),
 ) -> RegistrationReportDocument:
     """Report of a registration, with `further` findings of the merge."""
     findings = [*_findings(registration, hand), *further]
@@ -98,7 +104,7 @@ def _words(twist: Array) -> str:
     return f"{kind} ({x:.2f}, {y:.2f}, {z:.2f})"
 
 
-def _findings(registration: Registration, hand: Hand) -> list[FindingDocument]:
+def _findings(registration: Registration, hand: ScannerMount) -> list[FindingDocument]:
     findings: list[FindingDocument] = []
     agreed = registration.after or registration.before
     alone = [index for index, overlap in enumerate(agreed.view_overlap) if not overlap]
@@ -124,7 +130,7 @@ def _findings(registration: Registration, hand: Hand) -> list[FindingDocument]:
                     "correction-unexplained", "warning", what, "check the calibration, and that the part stood still"
                 )
             )
-        if not refinement.settled:
+        if not refinement.converged:
             what = f"the refinement had not settled after {refinement.iterations} iterations"
             findings.append(
                 _finding("not-settled", "warning", what, "check for parts that moved, or too little overlap")
@@ -132,7 +138,7 @@ def _findings(registration: Registration, hand: Hand) -> list[FindingDocument]:
     return findings
 
 
-def dropped(lost: Sequence[str]) -> list[FindingDocument]:
+def column_findings(lost: Sequence[str]) -> list[FindingDocument]:
     """Finding about columns that only some views have; empty without any."""
     if not lost:
         return []

@@ -18,12 +18,12 @@ from registration.documents import ScanDocument
 from registration.errors import ScanError
 from registration.fusion.overlap import Agreement, agreement
 from registration.fusion.pose_adjustment import Refinement, refine_poses
-from registration.io.columns import shared_layout
+from registration.io.columns import common_layout
 from registration.io.convert import move_file
 from registration.io.durable_file import GuardedFile
 from registration.io.reading import open_cloud
 from registration.points.layout import Layout, Records
-from registration.points.rigid_motion import Motion, scale_to_mm
+from registration.points.rigid_motion import RigidMotion, scale_to_mm
 from registration.points.surface import Surface, sample_points
 
 DOCUMENT_LIMIT = 1 << 26
@@ -39,7 +39,7 @@ class ScanView:
 
 
 @dataclass(frozen=True, eq=False)
-class Hand:
+class ScannerMount:
     """X and, where it was estimated, the robot's noise, as a registration needs them from a calibration."""
 
     calibration_id: str
@@ -81,7 +81,7 @@ def read_scan(folder: Path) -> list[ScanView]:
     return [ScanView(folder / view.cloud, view.unit, view.base_T_flange.transform()) for view in document.views]
 
 
-def hand_of(document: CalibrationDocument) -> Hand:
+def scanner_mount_of(document: CalibrationDocument) -> ScannerMount:
     """The scanner's mount from calibration.json. Raises ScanError when it has no flange_T_camera."""
     if document.flange_T_camera is None:
         reason = "its motions could not determine X" if document.setup == "eye-in-hand" else "its camera stands still"
@@ -95,7 +95,7 @@ def hand_of(document: CalibrationDocument) -> Hand:
         if rotation_deg is None
         else max(np.deg2rad(rotation_deg), MIN_POSE_NOISE.rotation_rad),
     )
-    return Hand(document.id, document.flange_T_camera.transform(), noise)
+    return ScannerMount(document.id, document.flange_T_camera.transform(), noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,12 +124,12 @@ def _sample(view: ScanView) -> ViewSample:
 
 
 def register_views(
-    views: Sequence[ScanView], samples: Sequence[ViewSample], hand: Hand, *, refine: bool = False
+    views: Sequence[ScanView], samples: Sequence[ViewSample], hand: ScannerMount, *, refine: bool = False
 ) -> Registration:
     """Poses of the views by the basic formula, or refined. Raises MotionError."""
     poses = [view.base_T_flange @ hand.flange_T_camera for view in views]
     for view, pose in zip(views, poses, strict=True):
-        Motion.of(pose, view.unit)
+        RigidMotion.of(pose, view.unit)
     surfaces = [sample.surface for sample in samples]
     before = agreement(surfaces, poses)
     refinement, after = None, None
@@ -167,10 +167,10 @@ def write_views(views: Sequence[PlacedView], folder: Path) -> list[Path]:
     if any(target.resolve() == placed.view.path.resolve() for target, placed in zip(targets, views, strict=True)):
         raise ScanError(f"{folder} holds the scan itself", "name another folder for the registered views")
     for target, placed in zip(targets, views, strict=True):
-        move_file(placed.view.path, target, Motion.of(placed.base_T_camera, placed.view.unit))
+        move_file(placed.view.path, target, RigidMotion.of(placed.base_T_camera, placed.view.unit))
     return targets
 
 
-def merged_layout(views: Sequence[PlacedView]) -> tuple[Layout, tuple[str, ...]]:
+def layout_of_views(views: Sequence[PlacedView]) -> tuple[Layout, tuple[str, ...]]:
     """Columns of the merged cloud, and the names of those that only some views have."""
-    return shared_layout(view.layout for view in views)
+    return common_layout(view.layout for view in views)

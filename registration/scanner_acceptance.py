@@ -16,12 +16,12 @@ from registration.points.sphere_fit import find_artefact, fit_sphere
 
 BASED_ON = "based on VDI/VDE 2634-3 and ISO 10360-13"
 FORM_SHARE = 0.95
-BELONGS = 1.25
+BALL_RADII = 1.25
 """Points within this many radii of a ball's centre belong to it or its holder."""
 
 
 @dataclass(frozen=True, eq=False)
-class Probed:
+class ProbedBall:
     """One ball in one position: centre (3,) and probing errors."""
 
     centre_mm: Array
@@ -34,7 +34,7 @@ class Probed:
 class Position:
     """Result of one cloud: one ball, or the two of a ball bar with their spacing error."""
 
-    balls: tuple[Probed, ...]
+    balls: tuple[ProbedBall, ...]
     spacing_mm: float | None
 
 
@@ -48,7 +48,7 @@ class Acceptance:
     spacing_mm: float | None
 
 
-def accept(clouds: Sequence[Array], radius_mm: float, spacing_mm: float | None = None) -> Acceptance:
+def evaluate_acceptance(clouds: Sequence[Array], radius_mm: float, spacing_mm: float | None = None) -> Acceptance:
     """Evaluate one cloud (n, 3) in mm per position. Raises SphereError, naming the position."""
     if not clouds:
         raise SphereError("there are no positions", "scan the artefact in at least one")
@@ -75,7 +75,7 @@ def _position(index: int, points: Array, radius_mm: float, spacing_mm: float | N
     return Position((first, second), apart - spacing_mm)
 
 
-def _ball(points: Array, radius_mm: float) -> tuple[Probed, Array]:
+def _ball(points: Array, radius_mm: float) -> tuple[ProbedBall, Array]:
     """A ball of the calibrated radius, and the points that are not its own. Raises SphereError."""
     points = points[np.isfinite(points).all(axis=1)]
     found = find_artefact(points, radius_mm)
@@ -84,5 +84,5 @@ def _ball(points: Array, radius_mm: float) -> tuple[Probed, Array]:
     gaps = np.linalg.norm(points - free.centre, axis=1) - free.radius_mm
     own = gaps[np.abs(gaps) < 0.1 * radius_mm]
     low, high = np.quantile(own, [(1 - FORM_SHARE) / 2, (1 + FORM_SHARE) / 2])
-    probed = Probed(free.centre, float(high - low), 2 * (free.radius_mm - radius_mm), len(own))
-    return probed, points[distance > BELONGS * radius_mm]
+    probed = ProbedBall(free.centre, float(high - low), 2 * (free.radius_mm - radius_mm), len(own))
+    return probed, points[distance > BALL_RADII * radius_mm]

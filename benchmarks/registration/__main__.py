@@ -29,7 +29,7 @@ from registration.points.rigid_motion import move_points
 from registration.points.sphere_fit import find_artefact
 from registration.points.surface import Surface
 from registration.points.voxel_grid import VoxelGrid
-from registration.scan import Hand, read_scan, register_views, sample_views
+from registration.scan import ScannerMount, read_scan, register_views, sample_views
 
 
 def kernel(points: int) -> None:
@@ -100,7 +100,7 @@ def real(data: Path) -> None:
     x = solve_from_sphere([SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, spheres, strict=True)])
     spread, left_out = x.spread_mm.round(3).tolist(), x.left_out_mm
     print(f"\nsphere centre over 9 views, plain formula: {spread} mm; left out: {np.round(left_out, 2)} mm")
-    hand = Hand("sphere", x.flange_T_camera)
+    hand = ScannerMount("sphere", x.flange_T_camera)
     print(f"\n{'nine views of a real object, X from the sphere':<48}{'plain mm':>10}{'refined mm':>12}{'seconds':>9}")
     for folder in sorted(data.glob("reghec_*")):
         views = read_scan(folder)
@@ -113,7 +113,7 @@ def real(data: Path) -> None:
     pairs(data / "reghec_david", hand)
 
 
-def pairs(folder: Path, hand: Hand) -> None:
+def pairs(folder: Path, hand: ScannerMount) -> None:
     """The same 36 pairs, aligned one by one by others, beside our refinement of all."""
     views = read_scan(folder)
     surfaces = [sample.surface for sample in sample_views(views)]

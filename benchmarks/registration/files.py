@@ -16,10 +16,10 @@ from registration.io.convert import move_file
 from registration.io.formats import pcd, ply
 from registration.io.reading import open_cloud
 from registration.points.layout import XYZ_FLOAT32, Layout
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 
 BASE_T_CAMERA = transform(rotation_from_vector([0.1, 0.5, -0.3]), [100.0, -200.0, 300.0])
-MOTION = Motion.of(BASE_T_CAMERA, "mm")
+MOTION = RigidMotion.of(BASE_T_CAMERA, "mm")
 COLOURED = Layout.of(
     np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), *((c, "u1") for c in ("red", "green", "blue"))])
 )
@@ -32,9 +32,9 @@ import sys
 from pathlib import Path
 import numpy as np
 from registration.io.convert import move_file
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 if sys.argv[1]:
-    move_file(Path(sys.argv[1]), Path(sys.argv[2]), Motion.of(np.eye(4), "mm"))
+    move_file(Path(sys.argv[1]), Path(sys.argv[2]), RigidMotion.of(np.eye(4), "mm"))
 peak = Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]
 print(int(peak) // 1024)
 """

@@ -43,14 +43,20 @@ def register(
     from daemon.sessions.session_reader import read_bytes
     from registration.fusion.merging import Merge
     from registration.report import register_scan
-    from registration.scan import hand_of, read_scan
+    from registration.scan import read_scan, scanner_mount_of
 
     document = parse_document(CalibrationDocument, read_bytes(calibration), str(calibration))
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
     if views is not None:
         _make_folder(views)
     report = register_scan(
-        read_scan(folder), hand_of(document), out, time.perf_counter, refine=refine, merge=merge, views_out=views
+        read_scan(folder),
+        scanner_mount_of(document),
+        out,
+        time.perf_counter,
+        refine=refine,
+        merge=merge,
+        views_out=views,
     )
     typer.echo(report.model_dump_json() if json else _summary(report, out))
     if not document.verdict.accepted:

@@ -53,10 +53,10 @@ def _tasks(folder: str, calibration: Path, out: str, refine: bool, voxel_mm: flo
     from daemon.sessions.session_reader import read_bytes
     from daemon.tools.batch_registration.remote_folder import RemoteFolder
     from daemon.tools.batch_registration.tasks import SCAN, RegistrationTask
-    from registration.scan import hand_of
+    from registration.scan import scanner_mount_of
 
     content = read_bytes(calibration)
-    hand_of(parse_document(CalibrationDocument, content, str(calibration)))
+    scanner_mount_of(parse_document(CalibrationDocument, content, str(calibration)))
     source, target = RemoteFolder.of(folder), RemoteFolder.of(out)
     scans = source.folders_with(SCAN)
     if not scans:

@@ -70,6 +70,6 @@ def _rough_x(file: Path) -> "Array":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from daemon.sessions.session_reader import read_bytes
-    from registration.scan import hand_of
+    from registration.scan import scanner_mount_of
 
-    return hand_of(parse_document(CalibrationDocument, read_bytes(file), str(file))).flange_T_camera
+    return scanner_mount_of(parse_document(CalibrationDocument, read_bytes(file), str(file))).flange_T_camera

@@ -22,8 +22,8 @@ from daemon.runtime.event_bus import EventBus
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 from registration.documents import RegistrationReportDocument
-from registration.report import dropped, report_of
-from registration.scan import Hand, ScanView, hand_of, merged_layout, register_views, sample_views
+from registration.report import column_findings, report_of
+from registration.scan import ScannerMount, ScanView, layout_of_views, register_views, sample_views, scanner_mount_of
 
 log = logging.getLogger(__name__)
 
@@ -142,10 +142,10 @@ def _register(
         samples += sample_views([view])
     on_progress("registering", len(samples))
     read = clock()
-    given = hand_of(wanted.calibration)
-    hand = Hand(given.calibration_id, wanted.flange_T_scanner, given.noise)
+    given = scanner_mount_of(wanted.calibration)
+    hand = ScannerMount(given.calibration_id, wanted.flange_T_scanner, given.noise)
     registration = register_views(wanted.views, samples, hand, refine=wanted.refine)
-    _, lost = merged_layout(registration.views)
+    _, lost = layout_of_views(registration.views)
     points = sum(view.points - view.non_finite for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
-    return report_of(registration, hand, points, seconds, dropped(lost))  # type: ignore[arg-type]
+    return report_of(registration, hand, points, seconds, column_findings(lost))  # type: ignore[arg-type]

@@ -25,7 +25,7 @@ from daemon.store.database import storage_errors
 from daemon.store.store import Store
 from drivers.interfaces import ScannedCloud
 from registration.documents import RegistrationReportDocument
-from registration.fusion.concatenation import PlacedCloud, write_merged
+from registration.fusion.concatenation import PlacedCloud, merge_clouds
 from registration.fusion.merging import EVERY_POINT, Merge
 from registration.io.convert import move_file
 from registration.points.rigid_motion import Motion
@@ -103,7 +103,7 @@ class ScanService:
         name, folder = self.new_id(self.clock), self.store.folder / "scans" / TRANSIT_FOLDER
         async with receive_upload(body, folder, name, media_type, unit, self.workers) as upload:
             target = folder / f"merged-{name}{upload.suffix}"
-            motion = Motion.of(base_T_scanner, unit)
+            motion = RigidMotion.of(base_T_scanner, unit)
             moved = await self.workers.run(partial(move_file, upload, target, motion, durable=False))
         return target, moved.points
 
@@ -132,7 +132,7 @@ class ScanService:
     ) -> Path:
         """A scan as one cloud in the base frame; the file is made anew and the caller's. Raises RegistrationError."""
         target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
-        await self.workers.run(write_merged, clouds, target, calibration_id, merge)
+        await self.workers.run(merge_clouds, clouds, target, calibration_id, merge)
         return target
 
     async def assess_scanner(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:

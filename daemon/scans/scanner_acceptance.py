@@ -9,7 +9,7 @@ from daemon.model.requests import ArtefactRequest
 from registration.io.reading import open_cloud
 from registration.points.rigid_motion import scale_to_mm
 from registration.points.surface import sample_points
-from registration.scanner_acceptance import BASED_ON, Acceptance, Position, accept
+from registration.scanner_acceptance import BASED_ON, Acceptance, Position, evaluate_acceptance
 
 MAX_POINTS = 200_000
 """Points of one position: more do not change a 95 % width."""

@@ -23,7 +23,7 @@ from calibration.verdict import (
 FIX = "add views turned by 30 degrees or more about different axes"
 
 
-def determined(
+def solution_with_x(
     method: str,
     flange_T_camera: Array,
     covariance: Array,
@@ -53,7 +53,9 @@ def determined(
     )
 
 
-def undetermined(method: str, views: Sequence[ViewResult], base_T_flange: Array, error: UndeterminedError) -> Solution:
+def solution_without_x(
+    method: str, views: Sequence[ViewResult], base_T_flange: Array, error: UndeterminedError
+) -> Solution:
     """A Solution without X, with the reason."""
     return Solution(
         setup="eye-in-hand",

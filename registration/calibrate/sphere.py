@@ -8,7 +8,7 @@ from calibration.errors import UndeterminedError
 from calibration.observability import require_observable
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, map_points
-from registration.calibrate.outcome import determined, undetermined
+from registration.calibrate.outcome import solution_with_x, solution_without_x
 from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact
@@ -35,8 +35,8 @@ def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
         require_observable(poses)
         answer = solve_from_sphere([SphereView(centres[index], views[index].base_T_flange) for index in found])
     except UndeterminedError as error:
-        results = [_missing(index, reasons.get(index, error.code)) for index in range(len(views))]
-        return undetermined(METHOD, results, poses, error)
+        results = [_view_without_sphere(index, reasons.get(index, error.code)) for index in range(len(views))]
+        return solution_without_x(METHOD, results, poses, error)
     return _solution(views, found, centres, reasons, answer)
 
 
@@ -55,9 +55,9 @@ def _solution(
     }
     left_out = {} if answer.left_out_mm is None else dict(zip(used, answer.left_out_mm.tolist(), strict=True))
     results = [
-        _seen(index, index in used, left_out.get(index, float(np.linalg.norm(off[index]))))
+        _view_with_sphere(index, index in used, left_out.get(index, float(np.linalg.norm(off[index]))))
         if index in centres
-        else _missing(index, reasons[index])
+        else _view_without_sphere(index, reasons[index])
         for index in range(len(views))
     ]
     x_mm, y_mm, z_mm = answer.base_centre_mm
@@ -68,7 +68,7 @@ def _solution(
         f"{', '.join(f'{axis:.2f}' for axis in answer.spread_mm)} mm",
         "touch the sphere with a tool of known length to compare",
     )
-    return determined(
+    return solution_with_x(
         METHOD,
         x,
         answer.covariance,
@@ -80,11 +80,11 @@ def _solution(
     )
 
 
-def _seen(index: int, used: bool, base_error_mm: float) -> ViewResult:
+def _view_with_sphere(index: int, used: bool, base_error_mm: float) -> ViewResult:
     """`base_error_mm`: distance of the sphere's centre from where the other views put it."""
     reason = None if used else "pose-disagrees"
     return ViewResult(index, None, "used" if used else "rejected", reason, None, base_error_mm, None)
 
 
-def _missing(index: int, reason: str) -> ViewResult:
+def _view_without_sphere(index: int, reason: str) -> ViewResult:
     return ViewResult(index, None, "rejected", reason, None, None, None)

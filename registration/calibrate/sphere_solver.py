@@ -15,9 +15,9 @@ import numpy as np
 from calibration.errors import UndeterminedError
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, skew, transform
 
-LEAST_VIEWS = 4
-ITERATIONS = 60
-LEAST_NOISE_MM = 0.05
+MIN_VIEWS = 4
+MAX_ITERATIONS = 60
+MIN_NOISE_MM = 0.05
 ROTATION_LIMIT_RAD = float(np.deg2rad(2.0))
 TRANSLATION_LIMIT_MM = 15.0
 OUTLIER_RATIO = 3.0
@@ -54,11 +54,11 @@ class SphereSolution:
 
 def solve_from_sphere(views: Sequence[SphereView]) -> SphereSolution:
     """Maximum likelihood with robust weights. Raises UndeterminedError when the views do not determine X."""
-    if len(views) < LEAST_VIEWS:
+    if len(views) < MIN_VIEWS:
         raise UndeterminedError(
-            "too-few-views", f"{len(views)} views of the sphere", f"scan it from at least {LEAST_VIEWS}"
+            "too-few-views", f"{len(views)} views of the sphere", f"scan it from at least {MIN_VIEWS}"
         )
-    system = _System.of(views)
+    system = _SphereSystem.of(views)
     kept = list(range(len(views)))
     estimate = _solve(system)
     while (len(views) - len(kept)) < OUTLIER_SHARE * len(views) and (bad := _outlier(system, estimate)) is not None:
@@ -67,7 +67,9 @@ def solve_from_sphere(views: Sequence[SphereView]) -> SphereSolution:
         estimate = _descend(system, estimate)
     covariance = _covariance(system, estimate)
     residuals = system.residuals(estimate)
-    left_out = [_left_out(system, index, estimate) for index in range(len(kept))] if len(kept) > LEAST_VIEWS else None
+    left_out = (
+        [_leave_one_out_mm(system, index, estimate) for index in range(len(kept))] if len(kept) > MIN_VIEWS else None
+    )
     return SphereSolution(
         transform(estimate.rotation, estimate.translation),
         estimate.centre,
@@ -87,7 +89,7 @@ class _Estimate:
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
+class _SphereSystem:
     """The views stacked: base rotations (n, 3, 3), base translations (n, 3), centres (n, 3)."""
 
     rotations: Array
@@ -95,12 +97,12 @@ class _System:
     centres: Array
 
     @classmethod
-    def of(cls, views: Sequence[SphereView]) -> "_System":
+    def of(cls, views: Sequence[SphereView]) -> "_SphereSystem":
         poses = np.array([view.base_T_flange for view in views])
         return cls(poses[:, :3, :3], poses[:, :3, 3], np.array([view.centre_mm for view in views]))
 
-    def without(self, index: int) -> "_System":
-        return _System(
+    def without(self, index: int) -> "_SphereSystem":
+        return _SphereSystem(
             *(np.delete(stack, index, axis=0) for stack in (self.rotations, self.translations, self.centres))
         )
 
@@ -117,24 +119,24 @@ class _System:
         return np.concatenate([turned, self.rotations, np.broadcast_to(-np.eye(3), (count, 3, 3))], axis=2)
 
 
-def _solve(system: _System) -> _Estimate:
+def _solve(system: _SphereSystem) -> _Estimate:
     """Best minimum from 24 starts; raises UndeterminedError when another fits as well."""
     found = [(_sigma(system, estimate), estimate) for estimate in map(partial(_from, system), _cube_rotations())]
     found.sort(key=lambda entry: entry[0])
     best, estimate = found[0]
     for sigma_mm, other in found[1:]:
         apart = float(rotation_angle_rad(other.rotation.T @ estimate.rotation))
-        if apart > 10 * ROTATION_LIMIT_RAD and sigma_mm < 1.5 * best + LEAST_NOISE_MM:
+        if apart > 10 * ROTATION_LIMIT_RAD and sigma_mm < 1.5 * best + MIN_NOISE_MM:
             what = f"two solutions {np.rad2deg(apart):.0f} degrees apart fit equally well"
             raise UndeterminedError("ambiguous", what, FIX)
     return estimate
 
 
-def _from(system: _System, rotation: Array) -> _Estimate:
+def _from(system: _SphereSystem, rotation: Array) -> _Estimate:
     return _descend(system, _linear(system, rotation))
 
 
-def _linear(system: _System, rotation: Array) -> _Estimate:
+def _linear(system: _SphereSystem, rotation: Array) -> _Estimate:
     """Translation and centre that best fit a given rotation."""
     count = len(system.centres)
     matrix = np.concatenate([system.rotations, np.broadcast_to(-np.eye(3), (count, 3, 3))], axis=2).reshape(-1, 6)
@@ -143,11 +145,11 @@ def _linear(system: _System, rotation: Array) -> _Estimate:
     return _Estimate(rotation, solution[:3], solution[3:])
 
 
-def _descend(system: _System, start: _Estimate) -> _Estimate:
+def _descend(system: _SphereSystem, start: _Estimate) -> _Estimate:
     """Levenberg-Marquardt."""
     estimate, damping = start, 1e-3
     residuals = system.residuals(estimate)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         rows = system.jacobian(estimate).reshape(-1, 9)
         information = rows.T @ rows
         scale = np.diag(np.maximum(np.diag(information), 1e-9))
@@ -167,30 +169,30 @@ def _descend(system: _System, start: _Estimate) -> _Estimate:
     return estimate
 
 
-def _outlier(system: _System, estimate: _Estimate) -> int | None:
+def _outlier(system: _SphereSystem, estimate: _Estimate) -> int | None:
     """The view without which the others agree far better; None when there is none."""
     count = len(system.centres)
-    if count <= LEAST_VIEWS + 1:
+    if count <= MIN_VIEWS + 1:
         return None
     sizes = [_sigma(rest := system.without(index), _descend(rest, estimate)) for index in range(count)]
     worst = int(np.argmin(sizes))
-    alone = max(sizes[worst], LEAST_NOISE_MM) < _sigma(system, estimate) / OUTLIER_RATIO
+    alone = max(sizes[worst], MIN_NOISE_MM) < _sigma(system, estimate) / OUTLIER_RATIO
     return worst if alone else None
 
 
-def _sigma(system: _System, estimate: _Estimate) -> float:
+def _sigma(system: _SphereSystem, estimate: _Estimate) -> float:
     """Standard deviation of a coordinate of the centre, with 9 fitted parameters."""
     freedom = max(3 * len(system.centres) - 9, 1)
     return float(np.sqrt(np.sum(system.residuals(estimate) ** 2) / freedom))
 
 
-def _covariance(system: _System, estimate: _Estimate) -> Array:
+def _covariance(system: _SphereSystem, estimate: _Estimate) -> Array:
     """(6, 6) in the camera frame. Raises UndeterminedError."""
     rows = system.jacobian(estimate).reshape(-1, 9)
     values, vectors = np.linalg.eigh(rows.T @ rows)
     if values[0] <= 1e-12 * values[-1]:
         raise UndeterminedError("sphere-unobservable", _weakest(vectors[:, 0]), FIX)
-    covariance = (vectors / values @ vectors.T)[:6, :6] * max(_sigma(system, estimate), LEAST_NOISE_MM) ** 2
+    covariance = (vectors / values @ vectors.T)[:6, :6] * max(_sigma(system, estimate), MIN_NOISE_MM) ** 2
     deviations = np.sqrt(np.diag(covariance))
     if deviations[:3].max() > ROTATION_LIMIT_RAD or deviations[3:].max() > TRANSLATION_LIMIT_MM:
         raise UndeterminedError("sphere-unobservable", _weakest(vectors[:, 0]), FIX)
@@ -210,7 +212,7 @@ def _weakest(direction: Array) -> str:
     return f"the views of the sphere do not fix X's {what}"
 
 
-def _left_out(system: _System, index: int, start: _Estimate) -> float:
+def _leave_one_out_mm(system: _SphereSystem, index: int, start: _Estimate) -> float:
     estimate = _descend(system.without(index), start)
     return float(np.linalg.norm(system.residuals(estimate)[index]))
 

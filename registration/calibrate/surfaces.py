@@ -20,7 +20,7 @@ from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
 from calibration.observability import require_observable
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, adjoint, difference, skew, transform_from_vector
-from registration.calibrate.outcome import determined, undetermined
+from registration.calibrate.outcome import solution_with_x, solution_without_x
 from registration.fusion.overlap import agreement, reach_of
 from registration.fusion.pair_information import PairEvidence
 from registration.fusion.pose_adjustment import (
@@ -39,14 +39,14 @@ METHOD = "overlapping surfaces"
 ROUGH_MM = 40.0
 """Displacement of a surface by a rough X; the first search for counterparts reaches this far."""
 NARROWING = 0.75
-ITERATIONS = 60
-SETTLED_MM = 2e-3
+MAX_ITERATIONS = 60
+STEP_TOLERANCE_MM = 2e-3
 ROTATION_LIMIT_RAD = float(np.deg2rad(2.0))
 TRANSLATION_LIMIT_MM = 15.0
-LEAST_VIEWS = 3
-NOISE_SETTLED = 0.01
+MIN_VIEWS = 3
+NOISE_TOLERANCE = 0.01
 """Relative change of the noise estimate at which it has converged."""
-NOISE_ROUNDS = 30
+MAX_NOISE_ITERATIONS = 30
 SEEN_POINTS = 200
 FIX = "add overlapping views of a part with relief, the flange turned by 30 degrees or more about different axes"
 
@@ -69,7 +69,7 @@ def solve_surface_scan(
         found = solve_from_surfaces([sample.surface for sample in samples], poses, flange_T_camera, noise, rough_mm)
     except UndeterminedError as error:
         results = [ViewResult(index, None, "rejected", error.code, None, None, None) for index in range(len(views))]
-        return undetermined(METHOD, results, poses, error)
+        return solution_without_x(METHOD, results, poses, error)
     return _solution(found, samples, poses, flange_T_camera, noise)
 
 
@@ -86,7 +86,7 @@ class SurfaceSolution:
     noise: RobotNoise
     alone: tuple[int, ...]
     iterations: int
-    settled: bool
+    converged: bool
 
 
 def solve_from_surfaces(
@@ -101,12 +101,12 @@ def solve_from_surfaces(
     Raises UndeterminedError.
     """
     count, stated = len(surfaces), noise
-    if count < LEAST_VIEWS:
-        raise UndeterminedError("too-few-views", f"{count} views of the part", f"scan it from {LEAST_VIEWS} or more")
+    if count < MIN_VIEWS:
+        raise UndeterminedError("too-few-views", f"{count} views of the part", f"scan it from {MIN_VIEWS} or more")
     x, motions = flange_T_camera, [np.eye(4) for _ in surfaces]
     least_mm = reach_of(surfaces)
     reach_mm, iteration, settled = max(rough_mm, least_mm), 0, False
-    while iteration < ITERATIONS and not settled:
+    while iteration < MAX_ITERATIONS and not settled:
         iteration += 1
         poses = [motion @ flange @ x for motion, flange in zip(motions, base_T_flange, strict=True)]
         origin = origin_of(surfaces, poses)
@@ -114,23 +114,27 @@ def solve_from_surfaces(
         pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
         if not pairs:
             raise UndeterminedError("views-alone", "no two views overlap", FIX)
-        system = _System(pairs, poses, motions, base_T_flange, origin, radius_mm)
+        system = _SurfaceSystem(pairs, poses, motions, base_T_flange, origin, radius_mm)
         if reach_mm <= least_mm:
-            noise = _estimated_noise(system, noise, stated)
-        information, step = system.solved(noise)
+            noise = _estimate_noise(system, noise, stated)
+        information, step = system.solve(noise)
         covariance = _covariance_of_x(information)
         x = x @ transform_from_vector(step[-6:])
-        motions = system.moved(step)
+        motions = system.apply_step(step)
         narrow = reach_mm <= least_mm
-        settled = narrow and float(np.abs(step[:-6]).max()) < SETTLED_MM and float(np.abs(step[-3:]).max()) < SETTLED_MM
+        settled = (
+            narrow
+            and float(np.abs(step[:-6]).max()) < STEP_TOLERANCE_MM
+            and float(np.abs(step[-3:]).max()) < STEP_TOLERANCE_MM
+        )
         reach_mm = max(least_mm, reach_mm * NARROWING)
-    _require_fixed(covariance)
-    alone = tuple(index for index in range(count) if index not in system.paired)
+    _require_finite(covariance)
+    alone = tuple(index for index in range(count) if index not in system.overlapping_views)
     return SurfaceSolution(x, covariance, tuple(motions), noise, alone, iteration, settled)
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
+class _SurfaceSystem:
     """All motions and X linearised, so that other noise levels can be tried without a new search."""
 
     pairs: dict[tuple[int, int], PairEvidence]
@@ -141,18 +145,18 @@ class _System:
     radius_mm: float
 
     @property
-    def paired(self) -> set[int]:
+    def overlapping_views(self) -> set[int]:
         """Views that overlap others."""
         return {index for key in self.pairs for index in key}
 
-    def solved(self, noise: RobotNoise) -> tuple[Array, Array]:
+    def solve(self, noise: RobotNoise) -> tuple[Array, Array]:
         """Information (6n + 6, 6n + 6), and the Gauss-Newton step."""
         information, gradient = _with_x(
             self.pairs, self.poses, self.motions, self.base_T_flange, noise, self.origin, self.radius_mm
         )
         return information, -np.asarray(np.linalg.solve(information, gradient), float)
 
-    def moved(self, step: Array) -> list[Array]:
+    def apply_step(self, step: Array) -> list[Array]:
         """The motions after a step."""
         return [
             twist_motion(twist, self.origin, self.radius_mm) @ motion
@@ -160,21 +164,21 @@ class _System:
         ]
 
 
-def _estimated_noise(system: _System, noise: RobotNoise, stated: RobotNoise) -> RobotNoise:
+def _estimate_noise(system: _SurfaceSystem, noise: RobotNoise, stated: RobotNoise) -> RobotNoise:
     """Noise from the motions of overlapping views, and from their remaining covariance."""
-    for _ in range(NOISE_ROUNDS):
+    for _ in range(MAX_NOISE_ITERATIONS):
         before = noise
-        information, step = system.solved(noise)
-        covariance, motions = np.linalg.inv(information), system.moved(step)
+        information, step = system.solve(noise)
+        covariance, motions = np.linalg.inv(information), system.apply_step(step)
         squares = np.array([stated.rotation_rad**2, stated.translation_mm**2])
-        for index in system.paired:
+        for index in system.overlapping_views:
             flange_mm = system.base_T_flange[index][:3, 3]
             translation_mm, rotation_rad = correction_of(motions[index], flange_mm)
             own = slice(6 * index, 6 * index + 6)
             at_flange = at_flange_of(flange_mm, system.origin, system.radius_mm)
             left = np.diagonal(at_flange @ covariance[own, own] @ at_flange.T)
             squares += [np.mean(rotation_rad**2 + left[:3]), np.mean(translation_mm**2 + left[3:])]
-        deviations = np.sqrt(squares / (1 + len(system.paired)))
+        deviations = np.sqrt(squares / (1 + len(system.overlapping_views)))
         noise = RobotNoise(float(deviations[1]), float(deviations[0]))
         if _alike(before, noise):
             break
@@ -183,8 +187,8 @@ def _estimated_noise(system: _System, noise: RobotNoise, stated: RobotNoise) -> 
 
 def _alike(one: RobotNoise, other: RobotNoise) -> bool:
     return (
-        abs(one.translation_mm / other.translation_mm - 1) < NOISE_SETTLED
-        and abs(one.rotation_rad / other.rotation_rad - 1) < NOISE_SETTLED
+        abs(one.translation_mm / other.translation_mm - 1) < NOISE_TOLERANCE
+        and abs(one.rotation_rad / other.rotation_rad - 1) < NOISE_TOLERANCE
     )
 
 
@@ -201,13 +205,13 @@ def _with_x(
     seen, seen_gradient, prior, prior_gradient = normal_equations(
         pairs, motions, list(base_T_flange), noise, origin, radius_mm
     )
-    moved = np.concatenate([_moved_by_x(pose, origin, radius_mm) for pose in poses])
+    moved = np.concatenate([_twist_per_x(pose, origin, radius_mm) for pose in poses])
     information = np.block([[seen + prior, seen @ moved], [moved.T @ seen, moved.T @ seen @ moved]])
     gradient = np.concatenate([seen_gradient + prior_gradient, moved.T @ seen_gradient])
     return information, gradient
 
 
-def _moved_by_x(base_T_camera: Array, origin: Array, radius_mm: float) -> Array:
+def _twist_per_x(base_T_camera: Array, origin: Array, radius_mm: float) -> Array:
     """(6, 6): the twist of a view about `origin` [rotation × radius, translation] per change of X."""
     about_base = adjoint(base_T_camera)
     shift = np.eye(6)
@@ -229,7 +233,7 @@ def _covariance_of_x(information: Array) -> Array:
     return found
 
 
-def _require_fixed(covariance: Array) -> None:
+def _require_finite(covariance: Array) -> None:
     deviations = np.sqrt(np.diagonal(covariance))
     if deviations[:3].max() > ROTATION_LIMIT_RAD or deviations[3:].max() > TRANSLATION_LIMIT_MM:
         raise UndeterminedError("surfaces-unobservable", _weakest(deviations * np.repeat([300.0, 1.0], 3)), FIX)
@@ -255,7 +259,7 @@ def _solution(
     seen = np.concatenate(
         [sample.surface.points[:: len(sample.surface.points) // SEEN_POINTS + 1] for sample in samples]
     )
-    return determined(
+    return solution_with_x(
         METHOD,
         x,
         found.covariance,
@@ -273,7 +277,7 @@ def _findings(found: SurfaceSolution, rms_mm: float | None, rough: Array, noise:
     findings = [
         Finding("surfaces-agree", "info", f"{moved}; views then agree to {rms_mm or 0:.3f} mm RMS", "none needed")
     ]
-    if not found.settled:
+    if not found.converged:
         what = f"X had not settled after {found.iterations} iterations"
         findings.append(Finding("not-settled", "error", what, "start from a better rough X, or add overlap"))
     if found.noise.translation_mm > noise.translation_mm or found.noise.rotation_rad > noise.rotation_rad:

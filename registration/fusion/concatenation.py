@@ -6,12 +6,12 @@ from pathlib import Path
 
 from calibration.transforms import Array
 from registration.fusion.merging import EVERY_POINT, Merge, Merger
-from registration.io.columns import Conversion, shared_layout
-from registration.io.convert import moved_blocks
+from registration.io.columns import Conversion, common_layout
+from registration.io.convert import move_blocks
 from registration.io.reading import open_cloud
 from registration.io.writing import form_of, new_cloud
 from registration.points.layout import Layout, Records
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class MergedCloud:
     columns_lost: tuple[str, ...]
 
 
-def write_merged(
+def merge_clouds(
     clouds: Sequence[PlacedCloud], target: Path, calibration_id: str | None = None, merge: Merge = EVERY_POINT
 ) -> MergedCloud:
     """Every finite point, or their averages, into `target`, by its suffix; whole under its name, or not there.
@@ -46,12 +46,12 @@ def write_merged(
     `calibration_id`: the file says, where its format can, that it is in base, and by which calibration. Raises
     RegistrationError's leaves.
     """
-    layout, lost = shared_layout(_layout(cloud.file) for cloud in clouds)
+    layout, lost = common_layout(_layout(cloud.file) for cloud in clouds)
     merger = Merger(merge, form_of(target, layout).layout)
     finite = _FiniteBlocks(merger.shared)
     with new_cloud(target, merger.layout, calibration_id=calibration_id) as writer:
         held = Conversion.between(merger.layout, writer.form.layout)
-        for block in merger.merged((finite.of(cloud), cloud.base_T_cloud[:3, 3]) for cloud in clouds):
+        for block in merger.merge_views((finite.of(cloud), cloud.base_T_cloud[:3, 3]) for cloud in clouds):
             writer.write(block if held.layout == merger.layout else held.convert(block))
     not_held = set(layout.dtype.names or ()) - set(merger.shared.dtype.names or ())
     return MergedCloud(writer.points, finite.dropped, merger.averaged, merger.left_out, (*lost, *sorted(not_held)))
@@ -65,9 +65,9 @@ class _FiniteBlocks:
         self.dropped = 0
 
     def of(self, cloud: PlacedCloud) -> Iterator[Records]:
-        motion = Motion.of(cloud.base_T_cloud, cloud.unit)
+        motion = RigidMotion.of(cloud.base_T_cloud, cloud.unit)
         with open_cloud(cloud.file) as source:
-            for block in moved_blocks(source, motion, self._layout):
+            for block in move_blocks(source, motion, self._layout):
                 finite = self._layout.finite(block)
                 kept = block if finite.all() else block[finite]
                 self.dropped += len(block) - len(kept)

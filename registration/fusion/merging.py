@@ -19,10 +19,10 @@ from registration.points.voxel_grid import VoxelGrid
 
 Outliers = Literal["keep", "statistical", "radius"]
 
-SPREADS = 2.0
+MAX_DEVIATIONS = 2.0
 """Statistical (Rusu, Semantic 3D Object Maps, 2009, 4.1): limit of the mean neighbour distance, in deviations."""
 
-RADIUS_EDGES, LEAST_COMPANY = 3.0, 4
+RADIUS_EDGES, MIN_NEIGHBOURS = 3.0, 4
 """Radius: minimum number of other points within this many voxel edges; a surface has about 28 there."""
 
 QUERY_POINTS = 1 << 16
@@ -72,7 +72,7 @@ class Merger:
     def layout(self) -> Layout:
         return self.merge.layout(self.shared)
 
-    def merged(self, views: Iterable[tuple[Iterable[Records], Array]]) -> Iterator[Records]:
+    def merge_views(self, views: Iterable[tuple[Iterable[Records], Array]]) -> Iterator[Records]:
         """The merged cloud. `views`: moved blocks, and the camera's position (3,) in mm. Raises ScanError."""
         if self.merge.voxel_mm is None:
             for blocks, _ in views:
@@ -82,19 +82,19 @@ class Merger:
         if self.layout == self.shared and self.merge.outliers == "keep":
             yield from grid.blocks()
             return
-        yield from self._finished(np.concatenate([*grid.blocks(), np.empty(0, grid.layout.dtype)]))
+        yield from self._finish(np.concatenate([*grid.blocks(), np.empty(0, grid.layout.dtype)]))
 
     def _averages(self, views: Iterable[tuple[Iterable[Records], Array]], voxel_mm: float) -> VoxelGrid:
         fitted = self.layout != self.shared
         grid = VoxelGrid(voxel_mm, _with_columns(self.shared, CAMERA, "f8") if fitted else self.shared)
         for blocks, camera_mm in views:
             for block in blocks:
-                grid.add(_seen_from(camera_mm, block, grid.layout) if fitted else block)
+                grid.add(_with_camera_position(camera_mm, block, grid.layout) if fitted else block)
         return grid
 
-    def _finished(self, cloud: Records) -> Iterator[Records]:
+    def _finish(self, cloud: Records) -> Iterator[Records]:
         points = np.stack([cloud[name].astype(float) for name in self.shared.xyz], axis=1)
-        kept = self._company(points)
+        kept = self._has_neighbours(points)
         self.averaged, self.left_out = len(points), int(len(points) - np.count_nonzero(kept))
         cloud, points = cloud[kept], points[kept]
         tree = cKDTree(points)
@@ -109,7 +109,7 @@ class Merger:
                     block[name] = column
             yield block
 
-    def _company(self, points: Array) -> NDArray[np.bool_]:
+    def _has_neighbours(self, points: Array) -> NDArray[np.bool_]:
         """Which points have enough others around them."""
         least = 1 if self.merge.outliers == "radius" else 2
         if self.merge.outliers == "keep" or len(points) < least:
@@ -118,10 +118,10 @@ class Merger:
         if self.merge.outliers == "radius":
             assert self.merge.voxel_mm is not None
             within = RADIUS_EDGES * self.merge.voxel_mm
-            distances = _distances(tree, points, LEAST_COMPANY, within)
+            distances = _distances(tree, points, MIN_NEIGHBOURS, within)
             return np.isfinite(distances[:, -1])
         distances = _distances(tree, points, min(NEIGHBOURS, len(points) - 1)).mean(axis=1)
-        return np.asarray(distances <= distances.mean() + SPREADS * distances.std(), bool)
+        return np.asarray(distances <= distances.mean() + MAX_DEVIATIONS * distances.std(), bool)
 
 
 def _with_columns(layout: Layout, names: Iterable[str], kind: str) -> Layout:
@@ -129,7 +129,7 @@ def _with_columns(layout: Layout, names: Iterable[str], kind: str) -> Layout:
     return Layout.of(np.dtype([*columns, *((name, kind) for name in names)]))
 
 
-def _seen_from(camera_mm: Array, block: Records, layout: Layout) -> Records:
+def _with_camera_position(camera_mm: Array, block: Records, layout: Layout) -> Records:
     seen = np.empty(len(block), layout.dtype)
     for name in block.dtype.names or ():
         seen[name] = block[name]

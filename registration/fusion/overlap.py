@@ -8,16 +8,16 @@ import numpy as np
 from calibration.transforms import Array, inverse, map_points
 from registration.points.surface import Surface
 
-REACH_MM = 4.0
+MAX_GAP_MM = 4.0
 """Largest distance of a counterpart in mm (or four spacings): robots err by up to 2 mm."""
 
 NORMAL_COSINE = 0.7
 """Surfaces that meet at more than 45 degrees are not taken for the same surface."""
 
-OVER_THE_SURFACE = 1.5
+MAX_LATERAL_SPACINGS = 1.5
 """Largest lateral offset of a counterpart in spacings; farther points lie beyond the surface's edge."""
 
-LEAST_PAIRS = 100
+MIN_PAIRS = 100
 PROBE_LIMIT = 3_000
 """Points of one view that are compared with each other view."""
 
@@ -36,7 +36,7 @@ class Correspondences:
 
     @property
     def enough(self) -> bool:
-        return len(self.gaps) >= LEAST_PAIRS
+        return len(self.gaps) >= MIN_PAIRS
 
 
 def correspond(
@@ -54,7 +54,7 @@ def correspond(
     gaps = np.sum(offsets * opposite, axis=1)
     beside = np.linalg.norm(offsets - gaps[:, None] * opposite, axis=1)
     same = np.sum(normals[near] * opposite, axis=1) > NORMAL_COSINE
-    kept = same & (beside <= OVER_THE_SURFACE * target.spacing_mm)
+    kept = same & (beside <= MAX_LATERAL_SPACINGS * target.spacing_mm)
     return Correspondences(
         map_points(base_T_target, points[near][kept]),
         opposite[kept] @ base_T_target[:3, :3].T,
@@ -74,7 +74,7 @@ class Agreement:
 
 def reach_of(surfaces: Sequence[Surface]) -> float:
     """Search radius of counterparts in mm."""
-    return max(REACH_MM, 4 * max((surface.spacing_mm for surface in surfaces), default=1.0))
+    return max(MAX_GAP_MM, 4 * max((surface.spacing_mm for surface in surfaces), default=1.0))
 
 
 def agreement(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Agreement:

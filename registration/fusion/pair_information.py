@@ -15,7 +15,7 @@ from registration.fusion.overlap import Correspondences
 FREE_SHARE = 0.004
 """Mean square of normal motion per unit motion below which a direction is free: normals err by up to 3 degrees."""
 
-CORRELATED = 12.0
+CORRELATED_POINTS = 12.0
 """Neighbouring points share their error: this many count as one."""
 
 
@@ -39,7 +39,7 @@ def evidence(pair: Correspondences, origin: Array, radius_mm: float) -> PairEvid
     arms = pair.points - centre
     rows = np.hstack([np.cross(arms, pair.normals) / radius_mm, pair.normals])
     sigma_mm = max(1.4826 * float(np.median(np.abs(pair.gaps))), 0.01)
-    weights = np.clip(1 - (pair.gaps / (4.685 * sigma_mm)) ** 2, 0, None) ** 2 / (sigma_mm**2 * CORRELATED)
+    weights = np.clip(1 - (pair.gaps / (4.685 * sigma_mm)) ** 2, 0, None) ** 2 / (sigma_mm**2 * CORRELATED_POINTS)
     information = (rows * weights[:, None]).T @ rows
     gradient = rows.T @ (weights * pair.gaps)
     values, vectors = np.linalg.eigh(information)

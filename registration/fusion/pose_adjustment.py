@@ -16,9 +16,9 @@ from registration.fusion.overlap import correspond, reach_of
 from registration.fusion.pair_information import PairEvidence, evidence
 from registration.points.surface import Surface
 
-ITERATIONS = 25
-SETTLED_MM = 2e-3
-LEAST_FRACTION = 0.05
+MAX_ITERATIONS = 25
+STEP_TOLERANCE_MM = 2e-3
+MIN_OVERLAP = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Refinement:
 
     corrections: tuple[ViewCorrection, ...]
     iterations: int
-    settled: bool
+    converged: bool
 
 
 def refine_poses(
@@ -58,7 +58,7 @@ def refine_poses(
     reach_mm = reach_of(surfaces)
     step, iteration, settled = np.inf, 0, False
     pairs: dict[tuple[int, int], PairEvidence] = {}
-    while iteration < ITERATIONS and not settled:
+    while iteration < MAX_ITERATIONS and not settled:
         iteration += 1
         poses = [motion @ pose for motion, pose in zip(motions, base_T_camera, strict=True)]
         pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
@@ -71,7 +71,7 @@ def refine_poses(
             twist_motion(twist, origin, radius_mm) @ motion for twist, motion in zip(twists, motions, strict=True)
         ]
         step = float(np.abs(twists).max()) if len(twists) else 0.0
-        settled = step < SETTLED_MM
+        settled = step < STEP_TOLERANCE_MM
     corrections = tuple(
         _correction(index, motion, flange[:3, 3], noise, pairs, radius_mm)
         for index, (motion, flange) in enumerate(zip(motions, base_T_flange, strict=True))
@@ -110,7 +110,7 @@ def all_pairs(
             if source == target:
                 continue
             pair = correspond(surfaces[source], poses[source], surfaces[target], poses[target], reach_mm)
-            if pair.enough and pair.fraction >= LEAST_FRACTION:
+            if pair.enough and pair.fraction >= MIN_OVERLAP:
                 pairs[source, target] = evidence(pair, origin, radius_mm)
     return pairs
 

@@ -21,7 +21,7 @@ Getter = Callable[[Records], NDArray[Any]]
 RENAMED = {theirs: common for common, theirs in pcl.NAMES.items()}
 
 
-def _plain(name: str, block: Records) -> NDArray[Any]:
+def _column(name: str, block: Records) -> NDArray[Any]:
     return block[name]
 
 
@@ -31,7 +31,7 @@ def _element(name: str, index: int, block: Records) -> NDArray[Any]:
 
 
 def _colour(name: str, colour: str, block: Records) -> NDArray[Any]:
-    return pcl.unpacked(block[name], colour)
+    return pcl.unpack_colour(block[name], colour)
 
 
 def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
@@ -49,11 +49,11 @@ def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
             count = int(np.prod(shape, dtype=int))
             columns |= {f"{name}_{index}": (kind, partial(_element, name, index)) for index in range(count)}
         else:
-            columns[RENAMED.get(name, name)] = (kind, partial(_plain, name))
+            columns[RENAMED.get(name, name)] = (kind, partial(_column, name))
     return columns
 
 
-def shared_layout(layouts: Iterable[Layout]) -> tuple[Layout, tuple[str, ...]]:
+def common_layout(layouts: Iterable[Layout]) -> tuple[Layout, tuple[str, ...]]:
     """Columns common to all layouts, each of its widest type, and the names of those that only some have."""
     tables = [common_columns(layout) for layout in layouts]
     shared = [name for name in tables[0] if all(name in table for table in tables)]

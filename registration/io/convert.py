@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from registration.io.columns import Conversion, shared_layout
+from registration.io.columns import Conversion, common_layout
 from registration.io.durable_file import GuardedFile, new_file
 from registration.io.formats.bodies import require_end
 from registration.io.formats.header import CloudHeader
@@ -15,55 +15,55 @@ from registration.io.reading import PARSERS, CloudSource, open_cloud, read_heade
 from registration.io.stream import BLOCK_BYTES, CloudStream
 from registration.io.writing import form_of, new_cloud
 from registration.points.layout import XYZ_FLOAT32, Layout, Records
-from registration.points.rigid_motion import BlockMover, Motion
+from registration.points.rigid_motion import BlockMover, RigidMotion
 
 LAS = {".las", ".laz"}
 
 
 @dataclass(frozen=True)
-class Moved:
+class MoveResult:
     """Result of a move: number of points, and how many of them have a NaN or infinite coordinate."""
 
     points: int
     non_finite: int
 
 
-def move_file(source: Path, target: Path, motion: Motion, *, durable: bool = True) -> Moved:
+def move_file(source: Path, target: Path, motion: RigidMotion, *, durable: bool = True) -> MoveResult:
     """Move `source` to `target`; the same format keeps every byte that is not a coordinate or normal.
 
     `durable`: flushed to disk on return. Raises CloudError's leaves; `target` is then unchanged.
     """
     if {source.suffix.lower(), target.suffix.lower()} <= LAS:
         with GuardedFile.reading(source, source.name) as file, new_file(target, durable=durable) as out:
-            return Moved(move_las(file, out, motion, compress=target.suffix.lower() == ".laz"), 0)
+            return MoveResult(move_las(file, out, motion, compress=target.suffix.lower() == ".laz"), 0)
     form_of(target, XYZ_FLOAT32)
-    if source.suffix.lower() == target.suffix.lower() and not _compressed(source):
+    if source.suffix.lower() == target.suffix.lower() and not _is_compressed(source):
         return _pass_through(source, target, motion, durable)
     with open_cloud(source) as cloud:
-        layout, _ = shared_layout([cloud.layout])
+        layout, _ = common_layout([cloud.layout])
         mover = BlockMover(motion, cloud.layout)
         with new_cloud(target, layout, durable=durable) as writer:
             conversion = Conversion.between(cloud.layout, writer.form.layout)
             for block in cloud.blocks():
                 writer.write(conversion.convert(mover.move(block)))
-    return Moved(mover.points, mover.non_finite)
+    return MoveResult(mover.points, mover.non_finite)
 
 
-def moved_blocks(cloud: CloudSource, motion: Motion, layout: Layout) -> Iterator[Records]:
+def move_blocks(cloud: CloudSource, motion: RigidMotion, layout: Layout) -> Iterator[Records]:
     """A cloud's blocks, moved, with common columns."""
     mover, conversion = BlockMover(motion, cloud.layout), Conversion.between(cloud.layout, layout)
     for block in cloud.blocks():
         yield conversion.convert(mover.move(block))
 
 
-def _compressed(source: Path) -> bool:
+def _is_compressed(source: Path) -> bool:
     if source.suffix.lower() != ".pcd":
         return False
     with GuardedFile.reading(source, source.name) as file:
         return read_header(file, PARSERS[".pcd"], source.name).encoding == "compressed"
 
 
-def _pass_through(source: Path, target: Path, motion: Motion, durable: bool) -> Moved:
+def _pass_through(source: Path, target: Path, motion: RigidMotion, durable: bool) -> MoveResult:
     parser = PARSERS[source.suffix.lower()]
     with GuardedFile.reading(source, source.name) as file:
         header = read_header(file, parser, source.name)
@@ -84,7 +84,9 @@ def _span(header: CloudHeader, size: int) -> Span | None:
     return Span(header.layout.dtype, count, header.length, len(header.rewritten))
 
 
-def _move_records(file: GuardedFile, out: GuardedFile, header: CloudHeader, span: Span, motion: Motion) -> Moved:
+def _move_records(
+    file: GuardedFile, out: GuardedFile, header: CloudHeader, span: Span, motion: RigidMotion
+) -> MoveResult:
     """Move the points with two threads; then copy what follows them, checked."""
     out.reserve(span.target + span.count * header.layout.itemsize)
     out.write(header.rewritten)
@@ -94,14 +96,14 @@ def _move_records(file: GuardedFile, out: GuardedFile, header: CloudHeader, span
     out.seek(span.target + span.count * header.layout.itemsize)
     tail = SectionPassage(header.tail, header.encoding, file.name)
     while piece := file.read(BLOCK_BYTES):
-        used = tail.take(memoryview(piece)) if not tail.done else 0
+        used = tail.take(memoryview(piece)) if not tail.complete else 0
         require_end(header, file.name, span.count, piece[used:])
         out.write(piece[:used])
     tail.finish()
-    return Moved(sum(mover.points for mover in movers), sum(mover.non_finite for mover in movers))
+    return MoveResult(sum(mover.points for mover in movers), sum(mover.non_finite for mover in movers))
 
 
-def _stream_through(file: GuardedFile, out: GuardedFile, stream: CloudStream) -> Moved:
+def _stream_through(file: GuardedFile, out: GuardedFile, stream: CloudStream) -> MoveResult:
     """Move text, and clouds with elements of unknown length before the points."""
     buffer = memoryview(bytearray(BLOCK_BYTES))
     while length := file.readinto(buffer):
@@ -109,4 +111,4 @@ def _stream_through(file: GuardedFile, out: GuardedFile, stream: CloudStream) ->
             out.write(part)
     for part in stream.last_parts():
         out.write(part)
-    return Moved(stream.points, stream.non_finite)
+    return MoveResult(stream.points, stream.non_finite)

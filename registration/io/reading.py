@@ -71,12 +71,12 @@ class StreamedSource:
         self._file.seek(header.length)
         for piece in _pieces(self._file, header):
             rest = piece
-            if not lead.done:
+            if not lead.complete:
                 rest = rest[lead.take(rest) :]
-            if lead.done and not decoder.done and rest:
+            if lead.complete and not decoder.complete and rest:
                 yield from map(_writable, decoder.take(rest))
                 rest = rest[decoder.taken :]
-            if decoder.done and not tail.done and rest:
+            if decoder.complete and not tail.complete and rest:
                 rest = rest[tail.take(rest) :]
             require_end(header, name, decoder.points, rest)
         lead.finish()

@@ -21,7 +21,7 @@ from registration.io.formats.detect import HeaderParser, parser_of
 from registration.io.formats.header import CloudHeader
 from registration.io.formats.sections import SectionPassage
 from registration.points.layout import Records
-from registration.points.rigid_motion import BlockMover, Motion
+from registration.points.rigid_motion import BlockMover, RigidMotion
 
 BLOCK_BYTES = 1 << 18
 """Block size that stays in the second-level cache through read, move and write."""
@@ -42,16 +42,16 @@ class CloudStream:
         out_unit: str = "mm",
         file: str = "request body",
     ) -> None:
-        self._start(parser_of(media_type, file), Motion.of(base_T_camera, unit, out_unit), file)
+        self._start(parser_of(media_type, file), RigidMotion.of(base_T_camera, unit, out_unit), file)
 
     @classmethod
-    def with_parser(cls, parser: HeaderParser, motion: Motion, file: str) -> "CloudStream":
+    def with_parser(cls, parser: HeaderParser, motion: RigidMotion, file: str) -> "CloudStream":
         """For formats without a media type."""
         stream = cls.__new__(cls)
         stream._start(parser, motion, file)
         return stream
 
-    def _start(self, parser: HeaderParser, motion: Motion, file: str) -> None:
+    def _start(self, parser: HeaderParser, motion: RigidMotion, file: str) -> None:
         self._file = file
         self._parser = parser
         self._motion = motion
@@ -114,7 +114,7 @@ class CloudStream:
             yield self._begin(header)
         self._lead.finish()
         for block in self._points.finish():
-            yield self._moved(block)
+            yield self._move(block)
         self._tail.finish()
 
     def _begin(self, header: CloudHeader) -> bytes:
@@ -134,15 +134,15 @@ class CloudStream:
         return header.rewritten
 
     def _body(self, data: memoryview) -> Iterator[bytes | memoryview]:
-        if not self._lead.done:
+        if not self._lead.complete:
             used = self._lead.take(data)
             yield data[:used]
             data = data[used:]
-        if self._lead.done and not self._points.done and data:
+        if self._lead.complete and not self._points.complete and data:
             for block in self._points.take(data):
-                yield self._moved(block)
+                yield self._move(block)
             data = data[self._points.taken :]
-        if self._points.done and not self._tail.done and data:
+        if self._points.complete and not self._tail.complete and data:
             used = self._tail.take(data)
             yield data[:used]
             data = data[used:]
@@ -150,7 +150,7 @@ class CloudStream:
             assert self._header is not None
             require_end(self._header, self._file, self._points.points, data)
 
-    def _moved(self, block: Records) -> bytes | memoryview:
+    def _move(self, block: Records) -> bytes | memoryview:
         assert self._mover is not None
         if self._mover.in_place and not block.flags.writeable:
             block = block.copy()

@@ -12,7 +12,7 @@ from registration.errors import CloudUnsupported
 from registration.io.durable_file import GuardedFile, new_file
 from registration.io.formats import npy, pcd, ply, rows
 from registration.io.formats.bodies import TextEncoder
-from registration.io.formats.e57_out import E57Out, e57_out, held
+from registration.io.formats.e57_out import E57Out, e57_layout, e57_out
 from registration.io.formats.las_out import LasOut, las_out
 from registration.io.formats.pcl import PclRecords
 from registration.points.layout import XYZ_FLOAT32, Layout, Records
@@ -63,7 +63,7 @@ def form_of(path: Path, layout: Layout) -> Form:
     """Format of `path` for a cloud of common columns. Raises CloudUnsupported."""
     suffix = path.suffix.lower()
     if suffix in LIBRARIES:
-        return Form(held(layout) if suffix == ".e57" else layout, lambda count: b"", _raw)
+        return Form(e57_layout(layout) if suffix == ".e57" else layout, lambda count: b"", _raw)
     if suffix not in FORMS:
         fix = f"use one of {', '.join([*FORMS, *LIBRARIES])}"
         raise CloudUnsupported(path.name, "suffix", f"clouds of type {suffix!r} are not written", fix)

@@ -39,10 +39,10 @@ class CellIndex:
             return np.empty(0, np.intp)
         heads = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
         if 2 * len(heads) > len(keys):
-            return self._looked_up(keys)
-        return np.repeat(self._looked_up(keys[heads]), np.diff(heads, append=len(keys)))
+            return self._look_up(keys)
+        return np.repeat(self._look_up(keys[heads]), np.diff(heads, append=len(keys)))
 
-    def _looked_up(self, keys: Keys) -> NDArray[np.intp]:
+    def _look_up(self, keys: Keys) -> NDArray[np.intp]:
         if LOAD * (self._count + len(keys)) > len(self._slots):
             self._resize(int(LOAD * (self._count + len(keys))).bit_length() + 1)
         slot = self._first_slots(keys)

@@ -45,7 +45,7 @@ class Layout:
         """Widest scalar type among three columns."""
         return np.result_type(*(self.dtype[name] for name in names))
 
-    def is_packed(self, names: Triple) -> bool:
+    def is_contiguous(self, names: Triple) -> bool:
         """Whether the three columns are equal native floats side by side."""
         fields = [self.dtype.fields[name] for name in names] if self.dtype.fields else []
         first, size = fields[0][1], fields[0][0].itemsize

@@ -38,14 +38,14 @@ def scale_to_mm(unit: str | None) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class RigidMotion:
     """A rigid motion with a change of unit: `matrix` (3, 4) maps stored coordinates to coordinates to store."""
 
     matrix: Array
     rotation: Array
 
     @classmethod
-    def of(cls, base_T_camera: ArrayLike, unit: str | None, out_unit: str | None = "mm") -> "Motion":
+    def of(cls, base_T_camera: ArrayLike, unit: str | None, out_unit: str | None = "mm") -> "RigidMotion":
         """From a transform in mm, the cloud's unit and the output unit. Raises MotionError, UnitUnknown."""
         a_T_b = np.asarray(base_T_camera, float)
         _require_rigid(a_T_b)
@@ -98,7 +98,7 @@ class BlockMover:
     is moved as it is (it stays non-finite) and counted.
     """
 
-    def __init__(self, motion: Motion, layout: Layout) -> None:
+    def __init__(self, motion: RigidMotion, layout: Layout) -> None:
         self.points = 0
         self.non_finite = 0
         self._layout = layout
@@ -161,7 +161,7 @@ class _TripleMover:
         kind = layout.kind(names).newbyteorder("=")
         single = kind.itemsize <= 4 and kind.kind == "f" and fits_float32
         self._kind = kind if kind == np.int32 else np.dtype(np.float32 if single else float)
-        packed = layout.is_packed(names) and layout.dtype[names[0]] == self._kind
+        packed = layout.is_contiguous(names) and layout.dtype[names[0]] == self._kind
         self.whole_record = packed and layout.itemsize == 3 * self._kind.itemsize
         self._resize(0)
 

@@ -13,11 +13,11 @@ from registration.errors import SphereError
 
 SAMPLES = 400
 SCORED_POINTS = 3_000
-LEAST_POINTS = 100
-LEAST_SHARE = 0.15
-ITERATIONS = 50
-SETTLED_MM = 1e-6
-CORRELATED = 12.0
+MIN_POINTS = 100
+MIN_SHARE = 0.15
+MAX_ITERATIONS = 50
+STEP_TOLERANCE_MM = 1e-6
+CORRELATED_POINTS = 12.0
 """Neighbouring points share their error: this many count as one."""
 RADIUS_TOLERANCE = 0.05
 SIZE_TOLERANCE = 0.02
@@ -42,11 +42,11 @@ def fit_sphere(points: Array, radius_mm: float | None = None) -> SphereFit:
     points = points[np.isfinite(points).all(axis=1)]
     if radius_mm is not None and not 0 < radius_mm < np.inf:
         raise SphereError(f"a radius of {radius_mm} mm is not possible", "give the artefact's radius in mm")
-    if len(points) < LEAST_POINTS:
-        raise SphereError(f"{len(points)} points are too few", f"scan at least {LEAST_POINTS} points of the sphere")
+    if len(points) < MIN_POINTS:
+        raise SphereError(f"{len(points)} points are too few", f"scan at least {MIN_POINTS} points of the sphere")
     centre, radius, scale = _candidate(points, radius_mm)
     known = radius_mm is not None
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         offsets = points - centre
         distance = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
         gaps = distance - radius
@@ -60,13 +60,13 @@ def fit_sphere(points: Array, radius_mm: float | None = None) -> SphereFit:
         step = -np.linalg.solve(information, rows.T @ (weights * gaps))
         centre = centre + step[:3]
         radius = radius if known else radius + float(step[3])
-        if np.abs(step).max() < SETTLED_MM:
+        if np.abs(step).max() < STEP_TOLERANCE_MM:
             break
     used = weights > 0
-    if used.sum() < max(LEAST_POINTS, LEAST_SHARE * len(points)):
+    if used.sum() < max(MIN_POINTS, MIN_SHARE * len(points)):
         share = f"{int(used.sum())} of {len(points)} points"
         raise SphereError(f"only {share} lie on a common sphere", "check the radius, and cut away what is around it")
-    covariance = np.linalg.inv(information) * scale**2 * CORRELATED
+    covariance = np.linalg.inv(information) * scale**2 * CORRELATED_POINTS
     radius_sigma_mm = 0.0 if known else float(np.sqrt(covariance[3, 3]))
     return SphereFit(centre, radius, radius_sigma_mm, covariance[:3, :3], scale, used)
 

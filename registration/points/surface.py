@@ -17,7 +17,7 @@ NEIGHBOURS = 14
 """Number of points a normal is fitted to."""
 
 
-LINE_LIKE = 0.02
+MAX_LINE_RATIO = 0.02
 """A neighbourhood whose middle variance is below this share of its largest is a line and gets no normal."""
 
 
@@ -43,7 +43,7 @@ class Surface:
         distances, neighbours = cKDTree(points).query(points, k=count)
         normals, spreads = planes_of(points[neighbours])
         normals = np.where(np.sum(normals * points, axis=1, keepdims=True) > 0, -normals, normals)
-        kept = spreads[:, 1] > LINE_LIKE * spreads[:, 2]
+        kept = spreads[:, 1] > MAX_LINE_RATIO * spreads[:, 2]
         spacing_mm = float(np.median(distances[:, -1]) * np.sqrt(np.pi / (count - 1)))
         return cls(points[kept], normals[kept], spacing_mm or 1.0, cKDTree(points[kept]))
 

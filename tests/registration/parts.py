@@ -10,10 +10,10 @@ from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from registration.io.writing import new_cloud
 from registration.points.layout import XYZ_FLOAT32
-from registration.scan import Hand
+from registration.scan import ScannerMount
 
 FLANGE_T_CAMERA = transform(rotation_from_vector([0.02, -0.1, 0.8]), [60.0, -30.0, 60.0])
-HAND = Hand("calibration-1", FLANGE_T_CAMERA)
+HAND = ScannerMount("calibration-1", FLANGE_T_CAMERA)
 
 
 def bumpy(x: Array, y: Array) -> Array:

@@ -19,7 +19,7 @@ from registration.points.layout import XYZ_FLOAT32
 from registration.points.surface import PointSample, Surface, sample_points
 from registration.points.voxel_grid import VoxelGrid
 from registration.report import register_scan
-from registration.scan import Hand, read_scan, register_views, sample_views, write_views
+from registration.scan import ScannerMount, read_scan, register_views, sample_views, write_views
 from tests.registration.clouds import RICH, cloud, xyz
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, flat, poses, ticks, view_of, write_scan, wrong
 
@@ -74,7 +74,7 @@ def test_views_can_be_written_one_by_one(tmp_path: Path) -> None:
 
 def test_refinement_halves_the_deviation_and_beats_the_robot(tmp_path: Path) -> None:
     true, said = bumpy_scan(tmp_path)
-    hand = Hand("calibration-1", FLANGE_T_CAMERA, NOISE)
+    hand = ScannerMount("calibration-1", FLANGE_T_CAMERA, NOISE)
     register_scan(read_scan(tmp_path), hand, tmp_path / "plain.ply", ticks())
     report = register_scan(read_scan(tmp_path), hand, tmp_path / "refined.ply", ticks(), refine=True)
     plain, refined = deviation(read(tmp_path / "plain.ply")), deviation(read(tmp_path / "refined.ply"))
@@ -105,7 +105,7 @@ def test_a_part_that_moved_between_views_and_stray_points_do_not_pull_the_others
         strays = random.uniform([-60, -60, -30], [60, 60, 60], (200, 3))
         clouds.append(map_points(inverse(base_T_camera), np.concatenate([points, strays])))
     write_scan(tmp_path, clouds, said)
-    hand = Hand("calibration-1", FLANGE_T_CAMERA, NOISE)
+    hand = ScannerMount("calibration-1", FLANGE_T_CAMERA, NOISE)
     report = register_scan(read_scan(tmp_path), hand, tmp_path / "refined.ply", ticks(), refine=True)
     camera = [np.array(view.base_T_camera.transform()) for view in report.views]
     errors = [pose_errors(found @ inverse(FLANGE_T_CAMERA), pose) for found, pose in zip(camera, true, strict=True)]
@@ -155,7 +155,7 @@ def test_a_view_far_off_is_told(tmp_path: Path) -> None:
     said[3][:3, 3] += [1.0, -1.0, 2.5]
     clouds = [view_of(bumpy, pose @ FLANGE_T_CAMERA, index) for index, pose in enumerate(true)]
     write_scan(tmp_path, clouds, said)
-    hand = Hand("calibration-1", FLANGE_T_CAMERA, NOISE)
+    hand = ScannerMount("calibration-1", FLANGE_T_CAMERA, NOISE)
     report = register_scan(read_scan(tmp_path), hand, tmp_path / "merged.ply", ticks(), refine=True)
     found = {finding.code: finding.message for finding in report.verdict.findings}
     assert found["correction-unexplained"].startswith("views 3 ")

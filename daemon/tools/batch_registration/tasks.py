@@ -15,7 +15,7 @@ from registration.documents import ScanDocument
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
 from registration.report import register_scan
-from registration.scan import Hand, ScanView, hand_of, read_scan
+from registration.scan import ScannerMount, ScanView, read_scan, scanner_mount_of
 
 SCAN, MERGED, REPORT = "scan.json", "merged.ply", "report.json"
 
@@ -79,7 +79,7 @@ def _register_scan(task: RegistrationTask) -> ScanOutcome:
             return ScanOutcome(task.scan, "unchanged", done.points, done.accepted)
         target.remove(MANIFEST_NAME)  # its files are about to be replaced
         with target.upload_after() as out:
-            manifest = _write_results(task, views, hand_of(calibration), out, inputs)
+            manifest = _write_results(task, views, scanner_mount_of(calibration), out, inputs)
     target.write(MANIFEST_NAME, manifest.model_dump_json(indent=1).encode())
     return ScanOutcome(task.scan, "registered", manifest.points, manifest.accepted)
 
@@ -109,7 +109,7 @@ def _matching_manifest(target: RemoteFolder, inputs: str, calibration_id: str) -
 
 
 def _write_results(
-    task: RegistrationTask, views: list[ScanView], hand: Hand, out: Path, inputs: str
+    task: RegistrationTask, views: list[ScanView], hand: ScannerMount, out: Path, inputs: str
 ) -> ManifestDocument:
     report = register_scan(views, hand, out / MERGED, _no_clock, refine=task.refine, merge=Merge(task.voxel_mm))
     RemoteFolder(str(out)).write(REPORT, report.model_dump_json(indent=1).encode())

@@ -22,7 +22,7 @@ class BodyDecoder(Protocol):
     taken: int
 
     @property
-    def done(self) -> bool: ...
+    def complete(self) -> bool: ...
 
     @property
     def points(self) -> int:
@@ -48,32 +48,32 @@ class BinaryDecoder:
         self.taken = 0
 
     @property
-    def done(self) -> bool:
+    def complete(self) -> bool:
         return self.points == self._count
 
     def take(self, data: memoryview) -> Iterator[Records]:
         cut = len(self._cut)
-        content = _joined(self._cut, data) if cut else data
+        content = _join(self._cut, data) if cut else data
         whole = len(content) // self._dtype.itemsize
         if self._count is not None:
             whole = min(whole, self._count - self.points)
         used = whole * self._dtype.itemsize
         self.points += whole
-        self._cut, self.taken = (b"", used - cut) if self.done else (bytes(content[used:]), len(data))
+        self._cut, self.taken = (b"", used - cut) if self.complete else (bytes(content[used:]), len(data))
         if whole:
             yield np.frombuffer(content[:used], self._dtype)
 
     def finish(self) -> Iterator[Records]:
         if self._cut:
-            raise _truncated(
+            raise _truncation_error(
                 self._file, self.points, self._count, f"{len(self._cut)} bytes of a {self._dtype.itemsize}-byte point"
             )
-        if self._count is not None and not self.done:
-            raise _truncated(self._file, self.points, self._count)
+        if self._count is not None and not self.complete:
+            raise _truncation_error(self._file, self.points, self._count)
         return iter(())
 
 
-def _joined(first: bytes, second: memoryview) -> memoryview:
+def _join(first: bytes, second: memoryview) -> memoryview:
     """Both parts in newly allocated memory."""
     joined = np.empty(len(first) + len(second), np.uint8)
     joined[: len(first)] = np.frombuffer(first, np.uint8)
@@ -96,12 +96,12 @@ class TextDecoder:
         self.taken = 0
 
     @property
-    def done(self) -> bool:
+    def complete(self) -> bool:
         return self.points == self._count
 
     def take(self, data: memoryview) -> Iterator[Records]:
         self.taken = 0
-        if self.done:
+        if self.complete:
             return
         content = self._cut + data
         end = content.rfind(b"\n") + 1
@@ -121,10 +121,10 @@ class TextDecoder:
 
     def finish(self) -> Iterator[Records]:
         rest, self._cut = self._cut, b""
-        if not self.done:
+        if not self.complete:
             yield from self._parse([rest] if rest.strip() else [])
-        if self._count is not None and not self.done:
-            raise _truncated(self._file, self.points, self._count)
+        if self._count is not None and not self.complete:
+            raise _truncation_error(self._file, self.points, self._count)
 
     def _parse(self, rows: list[bytes]) -> Iterator[Records]:
         if not rows:
@@ -164,7 +164,7 @@ def _through_row(lines: list[bytes], rows: int) -> int:
     return len(lines)
 
 
-def _truncated(file: str, points: int, count: int | None, cut: str = "") -> CloudTruncated:
+def _truncation_error(file: str, points: int, count: int | None, cut: str = "") -> CloudTruncated:
     promised = "" if count is None else f" of {count} promised"
     rest = f" and {cut}" if cut else ""
     return CloudTruncated(

@@ -18,7 +18,7 @@ FIELDS = {common: theirs for theirs, common in COLUMNS.items()}
 COLOURS = ("red", "green", "blue")
 
 
-def held(layout: Layout) -> Layout:
+def e57_layout(layout: Layout) -> Layout:
     """Columns the standard has names for: coordinates, 8-bit colours, intensity."""
     kinds = {name: layout.dtype[name] for name in layout.dtype.names or ()}
     coloured = all(kinds.get(each) == np.uint8 for each in COLOURS)
@@ -31,7 +31,7 @@ class E57Out:
 
     def __init__(self, file: Any, pye57: Any, layout: Layout, name: str) -> None:
         self._lib, self._image, self._name = pye57.libe57, file.image_file, name
-        self._columns = list(held(layout).dtype.names or ())
+        self._columns = list(e57_layout(layout).dtype.names or ())
         self._least, self._most = np.full(3, np.inf), np.full(3, -np.inf)
         self._xyz = layout.xyz
         self._scan = self._lib.StructureNode(self._image)

@@ -51,7 +51,7 @@ def library(name: str, extra: str, file: str) -> Any:
 
 
 @contextmanager
-def told(file: str, place: str, *further: type[Exception]) -> Iterator[None]:
+def translate_errors(file: str, place: str, *further: type[Exception]) -> Iterator[None]:
     """Turn a library's exceptions into CloudFormatError, and silence NumPy's overflow warnings."""
     try:
         with np.errstate(all="ignore"):
@@ -75,7 +75,7 @@ class LasSource:
         self._errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
         if compressed or header.compressed:
             self._errors += (library("lazrs", "las", name).LazrsError,)
-        with told(name, "header", *self._errors):
+        with translate_errors(name, "header", *self._errors):
             if header.compressed:
                 require_sound_chunks(file, header, library("lazrs", "las", name))
                 file.seek(0)
@@ -92,7 +92,7 @@ class LasSource:
     def blocks(self) -> Iterator[Records]:
         seen, expected = 0, self.count or 0
         while seen < expected:
-            with told(self._name, f"point {seen}", *self._errors):
+            with translate_errors(self._name, f"point {seen}", *self._errors):
                 chunk = self._reader.read_points(min(BLOCK_POINTS, expected - seen))
                 block = np.zeros(len(chunk), self.layout.dtype)
                 for name in self.layout.dtype.names or ():
@@ -113,7 +113,7 @@ class E57Source:
         pye57 = library("pye57", "e57", name)
         self._name = name
         self._errors: tuple[type[Exception], ...] = (pye57.libe57.E57Exception,)
-        with told(name, "header", *self._errors):
+        with translate_errors(name, "header", *self._errors):
             self._file = pye57.E57(str(path))
             headers = [self._file.get_header(index) for index in range(self._file.scan_count)]
             self.count = sum(int(header.point_count) for header in headers)
@@ -130,12 +130,12 @@ class E57Source:
     def blocks(self) -> Iterator[Records]:
         for index, header in enumerate(self._headers):
             block = np.empty(E57_BLOCK_POINTS, self.layout.dtype)
-            with told(self._name, f"scan {index}", *self._errors):
+            with translate_errors(self._name, f"scan {index}", *self._errors):
                 reader = header.points.reader(self._straight_into(block))
                 count = reader.read()
             while count:
                 yield block[:count]
-                with told(self._name, f"scan {index}", *self._errors):
+                with translate_errors(self._name, f"scan {index}", *self._errors):
                     count = reader.read()
 
     def _straight_into(self, block: Records) -> Any:

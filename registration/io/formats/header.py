@@ -60,16 +60,16 @@ class HeaderLines:
         self.file = file
         self.number = 0
 
-    def malformed(self, what: str, fix: str = "write the file again") -> NoReturn:
+    def raise_format_error(self, what: str, fix: str = "write the file again") -> NoReturn:
         raise CloudFormatError(self.file, f"header line {self.number}", what, fix)
 
-    def unsupported(self, what: str, fix: str) -> NoReturn:
+    def refuse(self, what: str, fix: str) -> NoReturn:
         raise CloudUnsupported(self.file, f"header line {self.number}", what, fix)
 
     def whole_number(self, word: str, name: str, least: int = 0) -> int:
         """Parse a count: no sign, no exponent, below 2^63."""
         if not word.isascii() or not word.isdigit() or len(word) > 19 or not least <= int(word) < COUNT_LIMIT:
-            self.malformed(f"{name} is {shorten(word)}, not a whole number from {least} to 2^63")
+            self.raise_format_error(f"{name} is {shorten(word)}, not a whole number from {least} to 2^63")
         return int(word)
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from registration.errors import CloudFormatError, CloudTruncated, CloudUnsupported
 from registration.io.durable_file import GuardedFile
 from registration.points.layout import Array
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 
 HEADER_BYTES = 375
 """Header length of version 1.4, the longest."""
-LEAST_BYTES = 227
+MIN_HEADER_BYTES = 227
 SIGNATURE, VERSION, SIZES, LEGACY_COUNT, SCALES, BOUNDS, LONG_RECORDS, LONG_COUNT = 0, 24, 94, 107, 131, 179, 235, 247
 """Byte offsets of the fields."""
 RECORD_HEAD, LONG_RECORD_HEAD = 54, 60
@@ -24,7 +24,7 @@ RECORD_HEAD, LONG_RECORD_HEAD = 54, 60
 
 COMPRESSED = 0xC0
 """Bits of the record format set by LAZ."""
-LEAST_RECORD = 20
+MIN_RECORD_BYTES = 20
 INT32_LIMIT = 2**31 - 1
 LENGTH_LIMIT = 1e12
 """Upper bound of any length and of any inverse scale in a LAS file; NaN violates it."""
@@ -37,8 +37,8 @@ class LasFrame:
 
     scales: Array
     offsets: Array
-    least: Array
-    most: Array
+    lower: Array
+    upper: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class LasHeader:
 
 def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
     """Parse a file's first HEADER_BYTES, given its size. Raises CloudFormatError, CloudTruncated."""
-    if len(prefix) < LEAST_BYTES:
+    if len(prefix) < MIN_HEADER_BYTES:
         raise CloudTruncated(file, "header", f"the file ends after {len(prefix)} bytes", FIX)
     if prefix[:4] != b"LASF":
         raise CloudFormatError(file, "byte 0", "this is not a LAS file", "check the file's type")
@@ -68,7 +68,7 @@ def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
     if prefix[VERSION + 1] >= 4 and header_bytes >= LONG_COUNT + 8 <= len(prefix):
         at, long_records, count = struct.unpack_from("<QIQ", prefix, LONG_RECORDS)
         _require_room("extended records", long_records, LONG_RECORD_HEAD, size - at, file)
-    if record_bytes < LEAST_RECORD or not LEAST_BYTES <= header_bytes <= begin:
+    if record_bytes < MIN_RECORD_BYTES or not MIN_HEADER_BYTES <= header_bytes <= begin:
         what = f"records of {record_bytes} bytes after a header of {header_bytes} at byte {begin} are not possible"
         raise CloudFormatError(file, "header", what, FIX)
     if begin > size:
@@ -99,21 +99,21 @@ def read_whole_header(file: GuardedFile) -> LasHeader:
     return header
 
 
-def moved_frame(frame: LasFrame, motion: Motion, file: str) -> tuple[LasFrame, Array]:
+def move_frame(frame: LasFrame, motion: RigidMotion, file: str) -> tuple[LasFrame, Array]:
     """The frame for moved points, without bounds, and the matrix (3, 4) from old integers to new ones.
 
     Raises CloudFormatError.
     """
-    fields = (frame.scales, frame.offsets, frame.least, frame.most)
+    fields = (frame.scales, frame.offsets, frame.lower, frame.upper)
     if not all((np.abs(field) < LENGTH_LIMIT).all() for field in fields) or not (frame.scales > 1 / LENGTH_LIMIT).all():
         raise CloudFormatError(file, "header", "scales, offsets or bounds are not valid lengths", FIX)
-    centre = frame.least / 2 + frame.most / 2
+    centre = frame.lower / 2 + frame.upper / 2
     scale = float(frame.scales.max()) * float(np.linalg.norm(motion.matrix[:, 0]))
     offset = np.rint(motion.matrix[:, :3] @ centre + motion.matrix[:, 3])
     linear = motion.matrix[:, :3] * frame.scales / scale
     shift = (motion.matrix[:, :3] @ frame.offsets + motion.matrix[:, 3] - offset) / scale
     matrix: Array = np.column_stack([linear, shift])
-    return LasFrame(np.full(3, scale), offset, frame.least, frame.most), matrix
+    return LasFrame(np.full(3, scale), offset, frame.lower, frame.upper), matrix
 
 
 def require_fit(least: Array, most: Array, file: str) -> None:
@@ -123,8 +123,8 @@ def require_fit(least: Array, most: Array, file: str) -> None:
         raise CloudUnsupported(file, "points", what, "write a PLY instead")
 
 
-def rewritten(prefix: bytes, frame: LasFrame) -> bytes:
+def rewrite_header(prefix: bytes, frame: LasFrame) -> bytes:
     """The header with another frame."""
-    bounds = np.stack([frame.most, frame.least], axis=1).ravel()
+    bounds = np.stack([frame.upper, frame.lower], axis=1).ravel()
     numbers = np.concatenate([frame.scales, frame.offsets, bounds])
     return prefix[:SCALES] + numbers.astype("<f8").tobytes() + prefix[SCALES + numbers.nbytes :]

@@ -11,20 +11,20 @@ import numpy as np
 
 from registration.errors import CloudIOError, CloudTruncated
 from registration.io.durable_file import GuardedFile
-from registration.io.formats.extras import library, told
+from registration.io.formats.extras import library, translate_errors
 from registration.io.formats.las import (
     HEADER_BYTES,
     LasFrame,
     LasHeader,
-    moved_frame,
+    move_frame,
     read_whole_header,
     require_fit,
-    rewritten,
+    rewrite_header,
 )
 from registration.io.formats.laz import require_sound_chunks
 from registration.io.parallel_copy import THREADS, Span, copy_span, move_span
 from registration.points.layout import Array, Layout
-from registration.points.rigid_motion import IntegerMover, Motion
+from registration.points.rigid_motion import IntegerMover, RigidMotion
 
 XYZ = ("X", "Y", "Z")
 
@@ -32,11 +32,11 @@ BLOCK_POINTS = 200_000
 """Four chunks of usual size: lazrs packs and unpacks each in its own thread."""
 
 
-def move_las(source: GuardedFile, target: GuardedFile, motion: Motion, *, compress: bool) -> int:
+def move_las(source: GuardedFile, target: GuardedFile, motion: RigidMotion, *, compress: bool) -> int:
     """Move X, Y, Z and copy every other dimension; returns the number of points. Raises CloudError's leaves."""
     header = read_whole_header(source)
     prefix, size = source.read(HEADER_BYTES), source.seek(0, 2)
-    frame, matrix = moved_frame(header.frame, motion, source.name)
+    frame, matrix = move_frame(header.frame, motion, source.name)
     if header.compressed or compress:
         return _through_laspy(source, target, header, frame, matrix, compress=compress)
     _records(source, target, prefix, header, frame, matrix, size)
@@ -64,7 +64,7 @@ def _records(
     bounds = (least * frame.scales + frame.offsets, most * frame.scales + frame.offsets)
     if not header.count:
         bounds = (np.zeros(3), np.zeros(3))
-    target.write_at(rewritten(prefix, replace(frame, least=bounds[0], most=bounds[1]))[: header.begin], 0)
+    target.write_at(rewrite_header(prefix, replace(frame, lower=bounds[0], upper=bounds[1]))[: header.begin], 0)
 
 
 def _through_laspy(
@@ -75,7 +75,7 @@ def _through_laspy(
     laspy = library("laspy", "las", name)
     lazrs = library("lazrs", "las", name)
     errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException, lazrs.LazrsError)
-    with told(name, "header", *errors):
+    with translate_errors(name, "header", *errors):
         if sound.compressed:
             require_sound_chunks(source, sound, lazrs)
         source.seek(0)
@@ -91,12 +91,12 @@ def _through_laspy(
 
 
 def _pass(reader: Any, writer: Any, matrix: Array, errors: tuple[type[Exception], ...], name: str) -> int:
-    with told(name, "point 0", *errors):
+    with translate_errors(name, "point 0", *errors):
         empty = reader.read_points(0)
     mover = IntegerMover(matrix, Layout(empty.array.dtype, XYZ))
     seen, expected = 0, int(reader.header.point_count)
     while seen < expected:
-        with told(name, f"point {seen}", *errors):
+        with translate_errors(name, f"point {seen}", *errors):
             chunk = reader.read_points(min(BLOCK_POINTS, expected - seen))
         if not len(chunk):
             what = f"the header promises {expected} points, the file has {seen}"

@@ -11,7 +11,7 @@ from typing import Any
 
 from registration.errors import CloudFormatError, CloudTruncated
 from registration.io.durable_file import GuardedFile
-from registration.io.formats.las import FIX, LEAST_BYTES, RECORD_HEAD, LasHeader
+from registration.io.formats.las import FIX, MIN_HEADER_BYTES, RECORD_HEAD, LasHeader
 
 LASZIP = b"laszip encoded"
 ITEMS_BEGIN, ITEM_BYTES = 32, 6
@@ -55,7 +55,7 @@ def _laszip_record(file: GuardedFile, header: LasHeader) -> bytes:
     """The variable length record that describes the compression."""
     file.seek(94)
     at = int.from_bytes(file.read(2), "little")
-    while LEAST_BYTES <= at <= header.begin - RECORD_HEAD:
+    while MIN_HEADER_BYTES <= at <= header.begin - RECORD_HEAD:
         file.seek(at)
         if len(head := file.read(RECORD_HEAD)) < RECORD_HEAD:
             break

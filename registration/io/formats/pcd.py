@@ -36,7 +36,7 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
             continue
         keyword, words = _entry(line, lines)
         if keyword in entries:
-            lines.malformed(f"{keyword} stands twice")
+            lines.raise_format_error(f"{keyword} stands twice")
         entries[keyword] = words
         if keyword == "VIEWPOINT":
             rewritten[-1] = ORIGIN + line[len(line.rstrip()) :]
@@ -53,13 +53,13 @@ def _refuse_strangers(prefix: bytes, position: int, lines: HeaderLines) -> None:
     if lines.number == 0 and not (start.startswith(b"#") or not start.strip() or known):
         raise CloudFormatError(lines.file, "byte 0", "this is no PCD header", "check the file's type")
     if len(prefix) > HEADER_LIMIT:
-        lines.malformed(f"no 'DATA' line within {HEADER_LIMIT} bytes", "check the file's type")
+        lines.raise_format_error(f"no 'DATA' line within {HEADER_LIMIT} bytes", "check the file's type")
 
 
 def _entry(line: bytes, lines: HeaderLines) -> tuple[str, list[str]]:
     words = line.decode("ascii", "replace").split()
     if words[0] not in KEYWORDS:
-        lines.malformed(f"{shorten(words[0])} is no PCD keyword", "check the file's type")
+        lines.raise_format_error(f"{shorten(words[0])} is no PCD keyword", "check the file's type")
     return ("FIELDS" if words[0] == "COLUMNS" else words[0]), words[1:]
 
 
@@ -69,39 +69,39 @@ def _record(entries: dict[str, list[str]], lines: HeaderLines) -> np.dtype[Any]:
     counts = entries.get("COUNT", ["1"] * len(names))
     for keyword in ("SIZE", "TYPE"):
         if keyword not in entries:
-            lines.malformed(f"there is no {keyword} line")
+            lines.raise_format_error(f"there is no {keyword} line")
     if not names or not len(names) == len(entries["SIZE"]) == len(entries["TYPE"]) == len(counts):
-        lines.malformed("FIELDS, SIZE, TYPE and COUNT have different numbers of entries")
+        lines.raise_format_error("FIELDS, SIZE, TYPE and COUNT have different numbers of entries")
     columns: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     for index, (name, size, kind, times) in enumerate(
         zip(names, entries["SIZE"], entries["TYPE"], counts, strict=True)
     ):
         bytes_ = lines.whole_number(size, f"SIZE of {name}", 1)
         if (kind, bytes_) not in TYPES:
-            lines.malformed(
+            lines.raise_format_error(
                 f"field {shorten(name)} has the type {shorten(kind)} of {bytes_} bytes, which PCD does not have"
             )
         number = lines.whole_number(times, f"COUNT of {name}", 1)
         if number * bytes_ > RECORD_LIMIT:
-            lines.malformed(f"field {shorten(name)} has {number} elements")
+            lines.raise_format_error(f"field {shorten(name)} has {number} elements")
         own = f"_{index}" if name == "_" else name
         if own in (column[0] for column in columns):
-            lines.malformed(f"field {shorten(name)} stands twice")
+            lines.raise_format_error(f"field {shorten(name)} stands twice")
         code = f"<{kind.lower()}{bytes_}"
         columns.append((own, code) if number == 1 else (own, code, (number,)))
     dtype = np.dtype(columns)
     for name in ("x", "y", "z"):
         if name not in names:
-            lines.malformed(f"there is no field {name!r}")
+            lines.raise_format_error(f"there is no field {name!r}")
         if dtype[name].kind != "f":
-            lines.unsupported(f"field {name!r} is no single float", "write x, y, z as floats")
+            lines.refuse(f"field {name!r} is no single float", "write x, y, z as floats")
     return dtype
 
 
 def _encoding(entries: dict[str, list[str]], lines: HeaderLines) -> Encoding:
     words = entries["DATA"]
     if len(words) != 1 or words[0] not in ENCODINGS:
-        lines.malformed(f"DATA is {shorten(' '.join(words))}", f"known: {', '.join(ENCODINGS)}")
+        lines.raise_format_error(f"DATA is {shorten(' '.join(words))}", f"known: {', '.join(ENCODINGS)}")
     return ENCODINGS[words[0]]
 
 
@@ -115,9 +115,9 @@ def _points(entries: dict[str, list[str]], lines: HeaderLines) -> int:
     area = numbers["WIDTH"] * numbers.get("HEIGHT", 1) if "WIDTH" in numbers else None
     points = numbers.get("POINTS", area)
     if points is None:
-        lines.malformed("neither POINTS nor WIDTH says how many points there are")
+        lines.raise_format_error("neither POINTS nor WIDTH says how many points there are")
     if area is not None and area != points:
-        lines.malformed(f"WIDTH x HEIGHT is {area}, but POINTS is {points}")
+        lines.raise_format_error(f"WIDTH x HEIGHT is {area}, but POINTS is {points}")
     return points
 
 

@@ -24,7 +24,7 @@ def _reach(column: NDArray[Any]) -> float:
     return float(np.abs(column, where=np.isfinite(column), out=np.zeros(len(column))).max(initial=0.0))
 
 
-def unpacked(column: NDArray[Any], colour: str) -> NDArray[np.uint8]:
+def unpack_colour(column: NDArray[Any], colour: str) -> NDArray[np.uint8]:
     """One colour of a packed column of four bytes each."""
     bits = np.ascontiguousarray(column).view(np.uint32)
     return (bits >> np.uint32(SHIFTS[colour])).astype(np.uint8)

@@ -39,14 +39,14 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
         end = prefix.find(b"\n", position)
         if end < 0 or end >= HEADER_LIMIT:
             if len(prefix) > HEADER_LIMIT:
-                lines.malformed(f"no 'end_header' within {HEADER_LIMIT} bytes", "check the file's type")
+                lines.raise_format_error(f"no 'end_header' within {HEADER_LIMIT} bytes", "check the file's type")
             return None
         lines.number += 1
         line = prefix[position:end].rstrip(b"\r")
         position = end + 1
         if not line.isascii():
             if not line.startswith((b"comment", b"obj_info")):
-                lines.malformed("the header has bytes that are not ASCII")
+                lines.raise_format_error("the header has bytes that are not ASCII")
             continue
         reading.line(line.decode("ascii").split())
     return reading.header(position, prefix[:position])
@@ -66,7 +66,7 @@ class _Reading:
         match words:
             case _ if self._lines.number == 1:
                 if words != ["ply"]:
-                    self._lines.malformed("a PLY file begins with the line 'ply'", "check the file's type")
+                    self._lines.raise_format_error("a PLY file begins with the line 'ply'", "check the file's type")
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case ["format", encoding, "1.0"] if encoding in ENCODINGS and self._encoding is None:
@@ -80,37 +80,37 @@ class _Reading:
             case ["end_header"]:
                 self.ended = True
             case _:
-                self._lines.malformed(f"{shorten(' '.join(words))} is no PLY header line here")
+                self._lines.raise_format_error(f"{shorten(' '.join(words))} is no PLY header line here")
 
     def _type(self, name: str, kinds: str = "iuf") -> np.dtype[Any]:
         if self._encoding is None:
-            self._lines.malformed("a property stands before the 'format' line")
+            self._lines.raise_format_error("a property stands before the 'format' line")
         if name not in TYPES or TYPES[name][0] not in kinds:
-            self._lines.malformed(f"{shorten(name)} is no PLY type here", f"known: {', '.join(TYPES)}")
+            self._lines.raise_format_error(f"{shorten(name)} is no PLY type here", f"known: {', '.join(TYPES)}")
         return np.dtype(TYPES[name]).newbyteorder(self._encoding[1])
 
     def _property(self, name: str, item: Property) -> None:
         element, _, properties = self._elements[-1]
         if any(name == other for other, _ in properties):
-            self._lines.malformed(f"property {shorten(name)} of {shorten(element)} stands twice")
+            self._lines.raise_format_error(f"property {shorten(name)} of {shorten(element)} stands twice")
         if element == "vertex" and item.length is not None:
-            self._lines.unsupported(f"vertex property {shorten(name)} is a list", "write vertices of numbers only")
+            self._lines.refuse(f"vertex property {shorten(name)} is a list", "write vertices of numbers only")
         properties.append((name, item))
 
     def header(self, length: int, content: bytes) -> CloudHeader:
         if self._encoding is None:
-            self._lines.malformed("there is no 'format' line")
+            self._lines.raise_format_error("there is no 'format' line")
         names = [name for name, _, _ in self._elements]
         if names.count("vertex") != 1:
-            self._lines.malformed(f"{names.count('vertex')} elements 'vertex' where one is needed")
+            self._lines.raise_format_error(f"{names.count('vertex')} elements 'vertex' where one is needed")
         at = names.index("vertex")
         _, count, properties = self._elements[at]
         dtype = np.dtype([(name, item.kind) for name, item in properties])
         missing = [name for name in ("x", "y", "z") if name not in (dtype.names or ())]
         if missing:
-            self._lines.malformed(f"the vertices have no {', '.join(missing)}")
+            self._lines.raise_format_error(f"the vertices have no {', '.join(missing)}")
         if any(dtype[name].kind != "f" for name in ("x", "y", "z")):
-            self._lines.unsupported("x, y, z are integers, which cannot hold a rotated point", "write them as float")
+            self._lines.refuse("x, y, z are integers, which cannot hold a rotated point", "write them as float")
         elements = [Element(name, number, tuple(item for _, item in items)) for name, number, items in self._elements]
         return CloudHeader(
             "ply",

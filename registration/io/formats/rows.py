@@ -27,7 +27,7 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
     separator = next((mark for mark in (",", ";", "\t") if mark in line), None)
     words = line.lstrip("#/ ").split(separator)
     named = not all(NUMBER.fullmatch(word.strip()) for word in words)
-    names = [_column(word) for word in words] if named else _unnamed(len(words))
+    names = [_column(word) for word in words] if named else _default_names(len(words))
     if not {"x", "y", "z"} <= set(names) or len(set(names)) != len(names) or len(names) > COLUMN_LIMIT:
         what = f"{shorten(line)} names no columns x, y, z (once each), nor is it numbers"
         raise CloudFormatError(file, "line 1", what, "write a first line such as 'x,y,z' or numbers only")
@@ -41,7 +41,7 @@ def _column(word: str) -> str:
     return SYNONYMS.get(name, name)
 
 
-def _unnamed(count: int) -> list[str]:
+def _default_names(count: int) -> list[str]:
     return ["x", "y", "z", *(f"c{index}" for index in range(3, count))][:count]
 
 

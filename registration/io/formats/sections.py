@@ -13,8 +13,8 @@ class SectionPassage:
         self._walk = _Lines(elements) if encoding == "text" else _Bytes(elements)
 
     @property
-    def done(self) -> bool:
-        return self._walk.done
+    def complete(self) -> bool:
+        return self._walk.complete
 
     def take(self, data: memoryview) -> int:
         try:
@@ -25,7 +25,7 @@ class SectionPassage:
     def finish(self) -> None:
         """Raises CloudTruncated when records are missing."""
         self._walk.finish()
-        if not self.done:
+        if not self.complete:
             raise CloudTruncated(
                 self._file, self._walk.place, "the data end here", "send or copy the whole cloud again"
             )
@@ -39,8 +39,8 @@ class _Bytes:
         self._cut = b""
 
     @property
-    def done(self) -> bool:
-        return self._walker.done
+    def complete(self) -> bool:
+        return self._walker.complete
 
     @property
     def place(self) -> str:
@@ -49,7 +49,7 @@ class _Bytes:
     def take(self, data: memoryview) -> int:
         content = self._cut + data
         whole = self._walker.take(memoryview(content))
-        if self.done:
+        if self.complete:
             used = whole - len(self._cut)
             self._cut = b""
             return used
@@ -68,7 +68,7 @@ class _Lines:
         self._begun = False
 
     @property
-    def done(self) -> bool:
+    def complete(self) -> bool:
         return self._left == 0
 
     @property

@@ -50,7 +50,7 @@ class TextStl:
         while raw := self._file.read(1 << 16):
             *lines, rest = (rest + raw).split(b"\n")
             if len(rest) > LINE_LIMIT:
-                self._malformed(number + len(lines), rest[:60])
+                self._raise_format_error(number + len(lines), rest[:60])
             for line in lines:
                 number += 1
                 if VERTEX.match(line):
@@ -65,10 +65,10 @@ class TextStl:
         try:
             x, y, z = (float(word) for word in line.split()[1:])
         except ValueError:
-            self._malformed(number, line)
+            self._raise_format_error(number, line)
         return x, y, z
 
-    def _malformed(self, number: int, line: bytes) -> None:
+    def _raise_format_error(self, number: int, line: bytes) -> None:
         what = f"{shorten(line.decode('ascii', 'replace').strip())} is not 'vertex x y z'"
         raise CloudFormatError(self._name, f"line {number}", what, "write the file again")
 

@@ -56,13 +56,13 @@ class BinaryWalker:
         self._left = [element.count for element in self._elements]
 
     @property
-    def done(self) -> bool:
+    def complete(self) -> bool:
         return not self._elements
 
     @property
     def place(self) -> str:
         """The next record, for messages."""
-        if self.done:
+        if self.complete:
             return "the end"
         element = self._elements[0]
         return f"{element.name} {element.count - self._left[0]}"

@@ -12,7 +12,7 @@ from calibration.transforms import Array, difference, inverse, map_points, rotat
 from registration.calibrate.outcome import judge_scan
 from registration.calibrate.sphere import solve_sphere_scan
 from registration.calibrate.surfaces import solve_surface_scan
-from registration.scan import hand_of, read_scan
+from registration.scan import read_scan, scanner_mount_of
 from tests.registration.parts import FLANGE_T_CAMERA, bumpy, flat, poses, view_of, write_scan, wrong
 from tests.registration.spheres import CENTRE_IN_BASE, cap, looks
 
@@ -51,7 +51,7 @@ def test_a_sphere_gives_a_calibration_that_registers(tmp_path: Path) -> None:
     assert document.verdict.accepted
     assert [view.status for view in document.views].count("used") == 7
     assert (document.views[3].reason or "").startswith("sphere-not-found")
-    np.testing.assert_allclose(hand_of(document).flange_T_camera, solution.mount_T_camera, atol=1e-9)
+    np.testing.assert_allclose(scanner_mount_of(document).flange_T_camera, solution.mount_T_camera, atol=1e-9)
 
 
 def test_too_few_spheres_are_refused_in_a_document_without_x(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def sheet(seed: int = 0, strays: bool = False) -> Records:
 
 def merged(merge: Merge, *views: Records, layout: Layout = XYZ_FLOAT32) -> tuple[Records, Merger]:
     merger = Merger(merge, layout)
-    blocks = list(merger.merged(((view[:9000], view[9000:]), CAMERA_MM) for view in views))
+    blocks = list(merger.merge_views(((view[:9000], view[9000:]), CAMERA_MM) for view in views))
     return np.concatenate([*blocks, np.empty(0, merger.layout.dtype)]), merger
 
 

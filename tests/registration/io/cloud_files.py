@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from registration.io.columns import Conversion, shared_layout
+from registration.io.columns import Conversion, common_layout
 from registration.io.reading import open_cloud
 from registration.io.writing import new_cloud
 from registration.points.layout import Layout, Records
@@ -13,7 +13,7 @@ from registration.points.layout import Layout, Records
 def read(path: Path, common: bool = False) -> Records:
     """Every point; `common`: under the common names."""
     with open_cloud(path) as source:
-        conversion = Conversion.between(source.layout, shared_layout([source.layout])[0])
+        conversion = Conversion.between(source.layout, common_layout([source.layout])[0])
         blocks = [conversion.convert(block) if common else block.copy() for block in source.blocks()]
     return np.concatenate(blocks) if blocks else np.empty(0)
 

@@ -17,11 +17,11 @@ from registration.io.formats.las import SCALES
 from registration.io.reading import open_cloud
 from registration.io.writing import new_cloud
 from registration.points.layout import XYZ_FLOAT32, Records
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 from tests.support.cases import cases
 
-MOTION = Motion.of(BASE_T_CAMERA, "mm")
+MOTION = RigidMotion.of(BASE_T_CAMERA, "mm")
 
 
 def read(path: Path) -> Records:
@@ -60,7 +60,7 @@ def test_las_is_read_in_blocks_with_every_dimension(tmp_path: Path, suffix: str)
 def test_las_becomes_las_and_keeps_every_dimension(tmp_path: Path, source: str, target: str, unit: str) -> None:
     laspy = pytest.importorskip("laspy", reason="laspy is not installed: LAS is not tested")
     before = las(tmp_path / f"in{source}", 100_000)
-    counted = move_file(tmp_path / f"in{source}", tmp_path / f"out{target}", Motion.of(BASE_T_CAMERA, unit))
+    counted = move_file(tmp_path / f"in{source}", tmp_path / f"out{target}", RigidMotion.of(BASE_T_CAMERA, unit))
     after = laspy.read(str(tmp_path / f"out{target}"))
     factor = 1000 if unit == "m" else 1
     expected = before.xyz * factor @ BASE_T_CAMERA[:3, :3].T + BASE_T_CAMERA[:3, 3]

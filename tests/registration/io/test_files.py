@@ -22,13 +22,13 @@ from registration.io.convert import move_file
 from registration.io.formats import npy, pcd, ply
 from registration.io.formats.lzf import LzfDamaged, decompress
 from registration.points.layout import XYZ_FLOAT32, Layout, Records
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 from tests.registration.io.cloud_files import read, write
 from tests.registration.packed import compressed, lzf
 from tests.support.cases import cases
 
-MOTION = Motion.of(BASE_T_CAMERA, "mm")
+MOTION = RigidMotion.of(BASE_T_CAMERA, "mm")
 PCL = Layout.of(
     np.dtype(
         [
@@ -328,7 +328,7 @@ def test_headers_are_as_long_for_every_count() -> None:
 @pytest.mark.data
 def test_real_clouds_are_read_and_moved(real_data: Path, tmp_path: Path) -> None:
     source = real_data / "reghec_sphere" / "view_000.pcd"
-    counted = move_file(source, tmp_path / "view.ply", Motion.of(BASE_T_CAMERA, "m"))
+    counted = move_file(source, tmp_path / "view.ply", RigidMotion.of(BASE_T_CAMERA, "m"))
     records = read(source)
     assert counted.points == len(records) == 13716
     np.testing.assert_allclose(xyz(read(tmp_path / "view.ply")), moved(records, scale=1000.0), rtol=0, atol=1e-3)

@@ -24,11 +24,11 @@ import sys
 from pathlib import Path
 import numpy as np
 from registration.io.convert import move_file
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 for name in sys.argv[1:]:
     source = Path(name)
     move_file(source, source.with_name("out" + (".ply" if source.suffix == ".stl" else source.suffix)),
-              Motion.of(np.eye(4), "mm"), durable=False)
+              RigidMotion.of(np.eye(4), "mm"), durable=False)
     print(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
 """
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from registration.io.convert import move_file
 from registration.points.layout import Records
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 from tests.registration.io.cloud_files import read, write
 
-MOTION = Motion.of(BASE_T_CAMERA, "mm")
+MOTION = RigidMotion.of(BASE_T_CAMERA, "mm")
 
 
 def colours(records: Records) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from calibration.transforms import Array, difference, inverse, map_points, trans
 from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact, fit_sphere
-from registration.scan import Hand, read_scan, register_views, sample_views
+from registration.scan import ScannerMount, read_scan, register_views, sample_views
 from tests.registration.parts import FLANGE_T_CAMERA
 from tests.registration.spheres import CENTRE_IN_BASE, cap, looks
 
@@ -137,7 +137,7 @@ def test_a_real_object_of_nine_views_comes_together(real_data: Path) -> None:
     fits = [find_artefact(sample.surface.points, 48.37) for sample in sample_views(spheres)]
     x = solve_from_sphere([SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, spheres, strict=True)])
     views = read_scan(real_data / "reghec_duck")
-    registration = register_views(views, sample_views(views), Hand("sphere", x.flange_T_camera), refine=True)
+    registration = register_views(views, sample_views(views), ScannerMount("sphere", x.flange_T_camera), refine=True)
     assert registration.before.rms_mm is not None
     assert 0.6 < registration.before.rms_mm < 0.9
     assert registration.after is not None
