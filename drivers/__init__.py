@@ -1,1 +1,1 @@
-"""Devices as the daemon sees them: the only owner of sockets, serial ports and cameras."""
+"""Device drivers; the only owner of sockets, serial ports and cameras."""

@@ -1,18 +1,18 @@
-"""Errors of the drivers room. Every one says what happened, where, and what to do.
+"""Errors of drivers. Each says what happened, at which device, and what to do.
 
 DeviceError
-├── DeviceUnreachable      nobody answers at the address
+├── DeviceUnreachable      no answer at the address
 ├── DeviceTimeout          connected, but no answer (or no fresh one) in time
-├── LinkLost               the connection broke while something was under way
-├── GarbledAnswer          bytes came that are not the protocol, or not a picture or cloud
-├── NothingMeasured        a whole cloud came, without a point in it
-├── AnswerTooLarge         more bytes came than the configured limit allows
-├── AddressNotUnderstood   an address whose scheme or parts name no driver (a ValueError, too)
-├── RequestRefused         the controller refused to arm, or to tell something; carries its status name
+├── LinkLost               the connection broke during a request
+├── GarbledAnswer          the bytes are not of the protocol, or not an image or cloud
+├── NothingMeasured        a complete cloud without points
+├── AnswerTooLarge         more bytes than the configured limit
+├── AddressNotUnderstood   an address that no driver can parse (a ValueError, too)
+├── RequestRefused         the controller refused to arm or to answer; carries its status name
 ├── MoveRefused            the controller refused a move before it began; carries its status name
 ├── MoveFailed             a move began and did not reach its goal
-│   └── MoveStalled        it does not go on; whoever sees it stops the arm
-└── InterlockRefused       an interlock of the cell does not allow motion; `interlocks` names which
+│   └── MoveStalled        it makes no progress; the caller stops the arm
+└── InterlockRefused       an interlock of the cell does not allow motion; `interlocks` names it
 """
 
 from collections.abc import Iterator
@@ -23,9 +23,9 @@ DeviceKind = Literal["robot", "camera", "scanner"]
 
 
 class DeviceError(Exception):
-    """Root. `device` is the configured name and address; `code` is stable; `fix` says what to do.
+    """Root of the drivers' errors. `device`: configured name and address; `code` is stable; `fix` says what to do.
 
-    `kind` is the kind of device that was asked; None when the error was raised outside the cell.
+    `kind`: kind of device; None when the error was raised outside the cell.
     """
 
     code = "device-error"
@@ -37,7 +37,7 @@ class DeviceError(Exception):
 
 
 class DeviceUnreachable(DeviceError):
-    """Nobody answers at the address."""
+    """No answer at the address."""
 
     code = "device-unreachable"
 
@@ -49,37 +49,37 @@ class DeviceTimeout(DeviceError):
 
 
 class LinkLost(DeviceError):
-    """The connection broke while something was under way."""
+    """The connection broke during a request."""
 
     code = "link-lost"
 
 
 class GarbledAnswer(DeviceError):
-    """Bytes came that are not the protocol, or not a picture or cloud."""
+    """The bytes are not of the protocol, or not an image or cloud."""
 
     code = "garbled-answer"
 
 
 class NothingMeasured(DeviceError):
-    """A whole cloud came, without a point in it."""
+    """A complete cloud without points."""
 
     code = "nothing-measured"
 
 
 class AnswerTooLarge(DeviceError):
-    """More bytes came than the configured limit allows."""
+    """More bytes than the configured limit."""
 
     code = "answer-too-large"
 
 
 class AddressNotUnderstood(DeviceError, ValueError):
-    """An address whose scheme or parts name no driver. `device` is the address as it was given."""
+    """An address that no driver can parse. `device` is the address as given."""
 
     code = "address-not-understood"
 
 
 class RequestRefused(DeviceError):
-    """The controller refused to arm, or to tell something. `status` is the controller's status name."""
+    """The controller refused to arm or to answer. `status` is the controller's status name."""
 
     code = "request-refused"
 
@@ -109,14 +109,14 @@ class MoveFailed(DeviceError):
 
 
 class MoveStalled(MoveFailed):
-    """A move began and does not go on: it may still be under way, and is stopped."""
+    """A move began and makes no progress: it may still be active, and is stopped."""
 
     def __init__(self, device: str, what: str, fix: str) -> None:
         super().__init__(device, what, fix, "STALLED")
 
 
 class InterlockRefused(DeviceError):
-    """An interlock of the cell does not allow motion; `interlocks` names which."""
+    """An interlock of the cell does not allow motion; `interlocks` names it."""
 
     code = "interlock-open"
 
@@ -127,7 +127,7 @@ class InterlockRefused(DeviceError):
 
 @contextmanager
 def errors_of(kind: DeviceKind) -> Iterator[None]:
-    """Every DeviceError raised inside carries this `kind`, whatever the driver calls its device."""
+    """Set `kind` on every DeviceError raised inside."""
     try:
         yield
     except DeviceError as error:

@@ -1,4 +1,4 @@
-"""Content from a URL: bounded, aged by what the server says of it, asked again until it is fresh enough."""
+"""Content from a URL: limited in size, dated by the response, requested again until it is recent enough."""
 
 import asyncio
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ LOOK_EVERY_S = 5.0
 CONNECT_LIMIT_S = 3.0
 ASK_AGAIN_S = 0.05
 HTTP_DATE_STEP_S = 1.0
-"""HTTP dates and Age count whole seconds: content may be that much older than they say."""
+"""HTTP dates and Age have a resolution of one second: content may be older by that much."""
 EXACT_AGE = "x-taken-at-age-s"
 
 
 @dataclass(frozen=True)
 class Fetched:
-    """An answer's body, its media type without parameters, and the earliest moment the body can stem from."""
+    """A response body, its media type without parameters, and the earliest moment the body can stem from."""
 
     content: bytes
     media_type: str
@@ -29,7 +29,7 @@ class Fetched:
 
 
 def age_s(headers: httpx.Headers) -> float:
-    """How old the server says its content is; 0 when it says nothing. Raises ValueError for a header that is none."""
+    """Age of the content by its headers; 0 without any. Raises ValueError for a malformed header."""
     if EXACT_AGE in headers:
         return max(0.0, float(headers[EXACT_AGE]))
     ages = [0.0]
@@ -42,7 +42,7 @@ def age_s(headers: httpx.Headers) -> float:
 
 
 class HttpSource(PolledDevice):
-    """One URL. Between requests a look every 5 s tells whether somebody listens there."""
+    """One URL. Between requests a connection attempt every 5 s checks whether the server listens."""
 
     def __init__(self, url: str, timing: Timing, *, name: str, limit_s: float, max_bytes: int) -> None:
         self._url = httpx.URL(url)
@@ -51,12 +51,12 @@ class HttpSource(PolledDevice):
         self._client = httpx.AsyncClient(timeout=httpx.Timeout(limit_s, connect=CONNECT_LIMIT_S), follow_redirects=True)
 
     async def close(self) -> None:
-        """End all connections."""
+        """Close all connections."""
         await super().close()
         await self._client.aclose()
 
     async def fetch(self, newer_than_s: float) -> Fetched:
-        """Content from after `newer_than_s`; a server that is not there is tried again until the limit is over."""
+        """Content from after `newer_than_s`; an unreachable server is tried again until the limit."""
         deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
         backoff = Backoff(self._timing.chance)
         error: DeviceError | None = None
@@ -76,7 +76,7 @@ class HttpSource(PolledDevice):
             await self._timing.sleep(wait_s)
 
     async def _within_limit(self, deadline_s: float, otherwise: DeviceError) -> Fetched:
-        """One answer; when the time is over first, `otherwise` is raised: what was wrong with the answer before."""
+        """One response; on timeout raises `otherwise`, the error of the response before."""
         asking = asyncio.ensure_future(self._ask())
         try:
             in_time = await self._timing.done_within(asking, max(0.0, deadline_s - self._timing.clock()))

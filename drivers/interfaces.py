@@ -1,8 +1,8 @@
-"""Devices as the daemon sees them: what a driver offers, and how it is constructed.
+"""Interfaces of devices: what a driver offers, and how it is constructed.
 
-Hardware, replay and mock implement these in files of like size; drivers/registry.py names them by address. Times are
-seconds of the monotonic clock handed to each driver at construction; a reading's `taken_at_s` is the earliest moment
-its content can stem from, so that a stale picture can be told from a fresh one.
+Hardware, replay and mock drivers implement these; drivers/registry.py finds them by address. Times are seconds of the
+monotonic clock given to each driver at construction; a reading's `taken_at_s` is the earliest moment its content can
+stem from, which separates stale data from fresh.
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from drivers.timing import Timing
 Posture = tuple[int, ...]
 """Which of the joint solutions of a pose an arm is in: four integers of its controller and its kinematics.
 
-Everything else only hands it on: a pose that was read is gone to again with the posture it was read with.
+Opaque elsewhere: a pose that was read is approached again with the posture it was read with.
 """
 
 
 @dataclass(frozen=True)
 class LinkHealth:
-    """Is the device there? `detail` is a sentence for people; `since_s` when this state began."""
+    """Whether the device is connected. `detail` is a sentence for people; `since_s`: start of this state."""
 
     connected: bool
     detail: str
@@ -31,28 +31,28 @@ class LinkHealth:
 
 
 class Device(Protocol):
-    """What every device offers. Constructing it opens nothing."""
+    """Interface of every device. The constructor opens nothing."""
 
     @property
     def link(self) -> LinkHealth: ...
 
     def start(self) -> None:
-        """Begin to look for the device in the background, for ever; needs a running loop.
+        """Start connecting in the background, permanently; needs a running loop.
 
-        Until it is found, and whenever it is lost, requests raise DeviceUnreachable.
+        While disconnected, requests raise DeviceUnreachable.
         """
         ...
 
     async def close(self) -> None:
-        """Let the device go; returns when nothing of it is open any more."""
+        """Close the device; returns when nothing of it is open any more."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class PoseReading:
-    """Where the flange stands in the robot's base frame. `still`: the controller reports standstill.
+    """Flange pose in the robot's base frame. `still`: the controller reports standstill.
 
-    `external_axes` are the values of the axes beside the arm, as the controller numbers them.
+    `external_axes`: values of axes other than the arm's, in the controller's order.
     """
 
     base_T_flange: Array
@@ -64,7 +64,7 @@ class PoseReading:
 
 @dataclass(frozen=True)
 class RobotStatus:
-    """What the controller says of itself. `speed_limited`: a speed override or manual mode holds the arm back."""
+    """State of the controller. `speed_limited`: a speed override or manual mode slows the arm."""
 
     motors_on: bool
     automatic: bool
@@ -79,9 +79,9 @@ class RobotStatus:
 
 @dataclass(frozen=True, eq=False)
 class MoveGoal:
-    """Where to go. Joint interpolation to a stop point unless `path` says linear.
+    """Target of a move: joint interpolation to a stop point unless `path` is linear.
 
-    `external_axes` are those of a PoseReading; empty: there are none.
+    `external_axes` as in PoseReading; empty when there are none.
     """
 
     base_T_flange: Array
@@ -94,7 +94,7 @@ class MoveGoal:
 class RobotCapabilities(NamedTuple):
     """What a robot can do, and how its controller gives poses.
 
-    `moves`: False for one that is only read; arming it raises RequestRefused, and moving it MoveRefused.
+    `moves` False for a robot that is only read: arming raises RequestRefused, moving MoveRefused.
     `pose_convention`: frames, unit and quaternion order at the controller, for messages.
     """
 
@@ -103,7 +103,7 @@ class RobotCapabilities(NamedTuple):
 
 
 class Robot(Device, Protocol):
-    """An arm on a controller: disarmed after every (re)connection, and a move that was cut off is never repeated."""
+    """An arm with its controller, disarmed after every (re)connection; an interrupted move is never repeated."""
 
     @property
     def capabilities(self) -> RobotCapabilities: ...
@@ -119,17 +119,17 @@ class Robot(Device, Protocol):
     async def set_armed(self, armed: bool) -> None: ...
 
     async def move_to(self, goal: MoveGoal) -> None:
-        """Returns when the arm stands at the goal; raises a DeviceError otherwise. Cancelling it stops the arm."""
+        """Move; returns when the arm stands at the goal, otherwise raises a DeviceError. Cancelling stops the arm."""
         ...
 
     async def stop(self) -> None:
-        """Stop now, whatever else runs."""
+        """Stop now, whatever else is in progress."""
         ...
 
 
 @dataclass(frozen=True)
 class Vibration:
-    """How far the flange was from its mean within a window. `lost`: samples that were sent and did not come."""
+    """Deviation of the flange from its mean within a window. `lost`: samples sent but not received."""
 
     translation_mm: float
     rotation_rad: float
@@ -138,10 +138,10 @@ class Vibration:
 
 
 class VibrationMonitor(Protocol):
-    """A stream of the flange's poses beside the robot, quick enough to see it ring."""
+    """A stream of flange poses beside the robot, fast enough to show vibration."""
 
     def vibration(self, window_s: float) -> Vibration:
-        """Within the last `window_s`. Raises DeviceTimeout when the controller sends nothing."""
+        """Vibration within the last `window_s`. Raises DeviceTimeout when the controller sends nothing."""
         ...
 
     def close(self) -> None: ...
@@ -149,7 +149,7 @@ class VibrationMonitor(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """An image: uint8 (h, w) grey or (h, w, 3) BGR. `encoded` is the file it came as, when it came as one."""
+    """An image: uint8 (h, w) grey or (h, w, 3) BGR. `encoded`: the file it was decoded from, if any."""
 
     image: NDArray[np.uint8]
     taken_at_s: float
@@ -160,13 +160,13 @@ class Camera(Device, Protocol):
     """A camera on the flange."""
 
     async def grab(self, newer_than_s: float) -> Frame:
-        """A frame exposed after `newer_than_s`; raises a DeviceError when none comes in time."""
+        """A frame exposed after `newer_than_s`; raises a DeviceError on timeout."""
         ...
 
 
 @dataclass(frozen=True)
 class ScannedCloud:
-    """A cloud in the scanner's frame as the file it came as."""
+    """A cloud in the scanner frame, as the file received."""
 
     content: bytes
     media_type: Literal["application/x-ply", "application/x-pcd"]
@@ -177,21 +177,21 @@ class Scanner(Device, Protocol):
     """A 3D scanner on the flange."""
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
-        """A cloud captured after `newer_than_s`; raises a DeviceError when none comes in time."""
+        """A cloud captured after `newer_than_s`; raises a DeviceError on timeout."""
         ...
 
 
 class MakeRobot(Protocol):
-    """The constructor of a robot driver. `source` is what its scheme's parser in the registry made of the address."""
+    """Constructor of a robot driver. `source`: the address as parsed by its scheme's entry in the registry."""
 
     def __call__(self, source: Any, timing: Timing, /) -> Robot: ...
 
 
 class MakeCamera(Protocol):
-    """The constructor of a camera driver; `source` as for a robot.
+    """Constructor of a camera driver; `source` as for a robot.
 
     A frame of another size than `image_size` (width, height) is refused with GarbledAnswer; None allows any.
-    `limit_s` is how long `grab` waits after `newer_than_s`.
+    `limit_s`: how long `grab` waits after `newer_than_s`.
     """
 
     def __call__(
@@ -200,7 +200,7 @@ class MakeCamera(Protocol):
 
 
 class MakeScanner(Protocol):
-    """The constructor of a scanner driver; `source` as for a robot, `limit_s` as for a camera.
+    """Constructor of a scanner driver; `source` as for a robot, `limit_s` as for a camera.
 
     A cloud of more than `max_bytes` is refused with AnswerTooLarge.
     """

@@ -1,4 +1,4 @@
-"""A robot that asks the cell's interlocks before each thing that could move it."""
+"""A robot that checks the cell's interlocks before arming and before each move."""
 
 from dataclasses import dataclass
 

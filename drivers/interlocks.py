@@ -1,6 +1,6 @@
-"""Interlocks of the cell over Modbus: read afresh whenever motion is asked for; one that is not read does not allow it.
+"""Interlocks of the cell over Modbus, read before each motion; one that cannot be read does not allow it.
 
-Not a safety function: the gate's switch stops the arm through the controller, this keeps a run from being begun.
+Not a safety function: the gate's switch stops the arm through the controller; this prevents a run from starting.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ FUNCTION: dict[Kind, Function] = {"coil": Function.READ_COILS, "discrete-input":
 
 @dataclass(frozen=True)
 class Signal:
-    """Where an interlock is read, and which value allows motion."""
+    """Address of an interlock's input, and the value that allows motion."""
 
     name: str
     kind: Kind
@@ -41,7 +41,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Reading:
-    """Does this interlock allow motion now, and if not, why."""
+    """Whether an interlock allows motion now, with the reason if not."""
 
     name: str
     allows: bool

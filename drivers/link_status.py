@@ -1,4 +1,4 @@
-"""Is a device there, since when, and in which words: kept by each driver, read by everybody."""
+"""Connection status of a device, kept by its driver."""
 
 from collections.abc import Callable
 
@@ -6,18 +6,18 @@ from drivers.interfaces import LinkHealth
 
 
 class LinkReport:
-    """The newest LinkHealth. `since_s` moves only when the device comes or goes, not with each new sentence."""
+    """The newest LinkHealth. `since_s` changes only with `connected`, not with each new sentence."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self.health = LinkHealth(False, "not connected yet", clock())
 
     def up(self, detail: str) -> None:
-        """The device is there."""
+        """Note that the device is connected."""
         self._set(True, detail)
 
     def down(self, detail: str) -> None:
-        """The device is not there, and why."""
+        """Note that the device is not connected, with the reason."""
         self._set(False, detail)
 
     def _set(self, connected: bool, detail: str) -> None:

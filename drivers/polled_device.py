@@ -1,4 +1,4 @@
-"""A device that is looked for in the background, and whose link is what the last look found."""
+"""A device that is polled in the background to know its link status."""
 
 import asyncio
 from abc import ABC, abstractmethod
@@ -9,7 +9,7 @@ from drivers.timing import Timing
 
 
 class PolledDevice(ABC):
-    """Looks for `device` from `start` to `close`; a subclass says how."""
+    """Polls `device` from `start` to `close`; a subclass implements the poll."""
 
     def __init__(self, device: str, timing: Timing) -> None:
         self.device, self._timing = device, timing
@@ -18,16 +18,16 @@ class PolledDevice(ABC):
 
     @property
     def link(self) -> LinkHealth:
-        """What the last look found."""
+        """Result of the last poll."""
         return self._report.health
 
     def start(self) -> None:
-        """Begin to look; needs a running loop."""
+        """Start polling; needs a running loop."""
         if self._task is None:
             self._task = asyncio.create_task(self._look(), name=f"looks for {self.device}")
 
     async def close(self) -> None:
-        """Stop looking."""
+        """Stop polling."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -36,4 +36,4 @@ class PolledDevice(ABC):
 
     @abstractmethod
     async def _look(self) -> None:
-        """Look again and again, and report what each look found."""
+        """Poll repeatedly and report each result."""

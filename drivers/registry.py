@@ -1,4 +1,4 @@
-"""From an address in the settings to a driver: the schemes of each device in one table.
+"""Finds the driver of an address in the settings: one table of schemes per kind of device.
 
 robot:   rws://host, rws://user:password@host:port?version=2&frame=base (read only: drivers.robots.abb.rws.address),
          tcp://host:port, serial:///dev/ttyUSB0?baud=115200&rtscts=0, socket://host:port, rfc2217://host:port, loop://
@@ -30,15 +30,15 @@ from drivers.transports.tcp import TcpTransport
 from drivers.transports.transport import Transport
 
 STREAM_LATENCY_S = 1.0
-"""A network stream shows the world of about a second ago: encoder, network and decoder each keep some frames."""
+"""Delay of a network stream of about a second: encoder, network and decoder buffer frames."""
 
 Parse = Callable[[str], Any]
-"""From an address to what the driver's constructor takes. Opens nothing; raises AddressNotUnderstood."""
+"""Parses an address to the argument of the driver's constructor. Opens nothing; raises AddressNotUnderstood."""
 Entry = TypeVar("Entry")
 
 
 def open_robot(address: str, timing: Timing | None = None, *, stop_address: str | None = None) -> Robot:
-    """The robot at an address, dialling in the background; `stop_address`: a second way to stop it, over RWS.
+    """The robot at an address, connecting in the background; `stop_address`: a second way to stop it, over RWS.
 
     Raises AddressNotUnderstood; needs a running loop.
     """
@@ -55,7 +55,7 @@ def open_robot(address: str, timing: Timing | None = None, *, stop_address: str 
 def open_camera(
     address: str, timing: Timing | None = None, *, image_size: tuple[int, int] | None = None, limit_s: float = 5.0
 ) -> Camera:
-    """The camera at an address, looked for in the background; `image_size` is (width, height).
+    """The camera at an address, connecting in the background; `image_size` is (width, height).
 
     Raises AddressNotUnderstood; needs a running loop.
     """
@@ -68,7 +68,7 @@ def open_camera(
 def open_scanner(
     address: str, timing: Timing | None = None, *, limit_s: float = 60.0, max_bytes: int = 2**30
 ) -> Scanner:
-    """The scanner at an address, looked for in the background. Raises AddressNotUnderstood; needs a running loop."""
+    """The scanner at an address, connecting in the background. Raises AddressNotUnderstood; needs a running loop."""
     parse, make = _look_up(SCANNERS, "scanner", address)
     scanner = make(parse(address), timing or Timing(), limit_s=limit_s, max_bytes=max_bytes)
     scanner.start()
@@ -76,7 +76,7 @@ def open_scanner(
 
 
 def open_vibration_monitor(host: str, port: int, robot: str | None, timing: Timing) -> VibrationMonitor:
-    """EGM, which the controller sends to `host` and `port`; `robot` is the only sender that is listened to.
+    """EGM sent by the controller to `host` and `port`; packets of senders other than `robot` are ignored.
 
     Raises DeviceUnreachable for a port that is taken.
     """
@@ -121,7 +121,7 @@ def _look_up(table: dict[str, Entry], device: str, address: str) -> Entry:
 
 
 def _split(address: str) -> tuple[SplitResult, str, int]:
-    """Parts, host and port (0 when not given)."""
+    """Parts, host and port (0 when absent)."""
     try:
         parts = urlsplit(address)
         return parts, parts.hostname or "", parts.port or 0

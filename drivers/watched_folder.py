@@ -1,4 +1,4 @@
-"""The newest whole file in a folder that somebody else writes into."""
+"""The newest complete file in a folder that another program writes to."""
 
 import asyncio
 import math
@@ -14,7 +14,7 @@ from drivers.timing import Timing
 
 LOOK_EVERY_S = 0.1
 LAG_S = 0.2
-"""A file's time is when its writing ended; its content is older by the exposure and the writing."""
+"""A file's time is the end of its writing; its content is older by the exposure and the writing."""
 TEMPORARY_ENDINGS = (".tmp", ".part", ".partial", ".crdownload", ".swp", "~")
 
 Content = TypeVar("Content")
@@ -22,7 +22,7 @@ Content = TypeVar("Content")
 
 @dataclass(frozen=True)
 class Sighting:
-    """A file as it was seen; it is complete when the next look sees the same."""
+    """State of a file; it is complete when two polls agree."""
 
     path: Path
     size: int
@@ -31,14 +31,14 @@ class Sighting:
 
 @dataclass(frozen=True)
 class NewestFile:
-    """A file that stood still between two looks, and the earliest moment its content can stem from."""
+    """A file unchanged between two polls, and the earliest moment its content can stem from."""
 
     sighting: Sighting
     taken_at_s: float
 
 
 def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Sighting]:
-    """Every file of these kinds; hidden and temporary names do not count. Raises OSError."""
+    """All files with these suffixes; hidden and temporary names are skipped. Raises OSError."""
     sightings = []
     for path in folder.iterdir():
         name = path.name.lower()
@@ -47,13 +47,13 @@ def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Sighting]:
         try:
             seen = path.stat()
         except FileNotFoundError:
-            continue  # renamed or removed between the listing and the look
+            continue  # renamed or removed between listing and stat
         sightings.append(Sighting(path, seen.st_size, seen.st_mtime_ns))
     return sightings
 
 
 class WatchedFolder(PolledDevice):
-    """Looks every 0.1 s. A file's age is its modification time, but never younger than when it was seen first."""
+    """Polls every 0.1 s. A file's age is its modification time, but at least the time since it was first seen."""
 
     def __init__(
         self,
@@ -77,9 +77,9 @@ class WatchedFolder(PolledDevice):
     async def newest(
         self, newer_than_s: float, understand: Callable[[str, bytes], Content]
     ) -> tuple[Content, bytes, float]:
-        """What `understand(device, content)` makes of the newest file from after `newer_than_s`, with content and time.
+        """`understand(device, content)` of the newest file from after `newer_than_s`, with content and time.
 
-        A file that is not whole yet (GarbledAnswer) is looked at again when it changed, until the limit is over.
+        An incomplete file (GarbledAnswer) is read again when it changed, until the limit.
         """
         deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
         refused: NewestFile | None = None
@@ -120,11 +120,11 @@ class WatchedFolder(PolledDevice):
             await self._timing.sleep(LOOK_EVERY_S)
 
     def _note(self, sightings: list[Sighting]) -> None:
-        """The newest file that is the same as at the look before; others may be newer and still grow."""
+        """Note the newest file unchanged since the last poll; newer ones may still grow."""
         now_s, wall_ns = self._timing.clock(), self._wall_clock() * 1e9
         stood_still = [sighting for sighting in sightings if sighting in self._first_seen_s]
         for sighting in sightings:
-            # A time in the future says nothing; what lay here before the first look may be of any age.
+            # A time in the future is ignored; files from before the first poll may be of any age.
             unknown = not self._looked and sighting.modified_ns > wall_ns
             self._first_seen_s.setdefault(sighting, -math.inf if unknown else now_s)
         self._first_seen_s = {sighting: self._first_seen_s[sighting] for sighting in sightings}

@@ -28,7 +28,7 @@ from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud, merge_clouds
 from registration.fusion.merging import EVERY_POINT, Merge
 from registration.io.convert import move_file
-from registration.points.rigid_motion import Motion
+from registration.points.rigid_motion import RigidMotion
 from registration.scan import ScanView
 
 TRANSIT_FOLDER = "passing"

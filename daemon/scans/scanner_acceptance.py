@@ -53,7 +53,7 @@ def assess_scanner(
     for view in views:
         with open_cloud(folder / view.file) as source:
             clouds.append(sample_points(source.blocks(), source.layout, scale_to_mm(view.unit), MAX_POINTS))
-    found: Acceptance = accept(clouds, artefact.radius_mm, artefact.spacing_mm)
+    found: Acceptance = evaluate_acceptance(clouds, artefact.radius_mm, artefact.spacing_mm)
     return AcceptanceDocument(
         based_on=BASED_ON,
         scan_id=scan_id,

@@ -1,1 +1,1 @@
-"""Cameras as the daemon sees them."""
+"""Camera drivers."""

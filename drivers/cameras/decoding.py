@@ -1,4 +1,4 @@
-"""PNG and JPEG files to pixels, and a clear word when they are none. OpenCV is asked only about whole files."""
+"""Decodes PNG and JPEG files and refuses incomplete ones. OpenCV is given only complete files."""
 
 import struct
 import zlib
@@ -13,18 +13,18 @@ PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 JPEG_MAGIC = b"\xff\xd8\xff"
 JPEG_END = b"\xff\xd9"
 JPEG_SIZES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
-"""The markers whose segment holds a JPEG's height and width (ITU T.81, table B.1)."""
+"""Markers whose segment holds a JPEG's height and width (ITU T.81, table B.1)."""
 PIXELS_MAX = 200_000_000
 FIX = "check that the device writes whole PNG or JPEG pictures"
 
-# Grey stays grey, alpha and 16 bit go; a calibration must see the sensor's rows, so EXIF turns nothing.
+# Keeps grey images grey, drops alpha and 16 bit; EXIF rotation is ignored, since calibration needs the sensor's rows.
 FLAGS = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """The picture in a file: uint8 (h, w) grey or (h, w, 3) BGR. `image_size` is the (width, height) it must have.
+    """Decode a file to uint8 (h, w) grey or (h, w, 3) BGR. `image_size`: required (width, height), None for any.
 
-    Raises GarbledAnswer for an empty, torn or foreign file, and for another size.
+    Raises GarbledAnswer for an empty, truncated or foreign file, and for another size.
     """
     try:
         width, height = _whole_picture_size(encoded)
@@ -57,7 +57,7 @@ def is_truncated(encoded: bytes) -> bool:
 
 
 def _whole_picture_size(encoded: bytes) -> tuple[int, int]:
-    """(width, height) of a complete PNG or JPEG; raises ValueError, or IndexError when it ends early."""
+    """(width, height) of a complete PNG or JPEG; raises ValueError, or IndexError when it is truncated."""
     if not encoded:
         raise ValueError("it is empty")
     if encoded.startswith(PNG_MAGIC):
@@ -70,7 +70,7 @@ def _whole_picture_size(encoded: bytes) -> tuple[int, int]:
 
 
 def _png_size(encoded: bytes) -> tuple[int, int]:
-    """Every chunk's sum must hold (PNG specification, 5.3), up to IEND."""
+    """Size of a PNG with valid chunk checksums (PNG specification, 5.3) up to IEND."""
     at = len(PNG_MAGIC)
     size = (0, 0)
     while True:
@@ -90,7 +90,7 @@ def _png_size(encoded: bytes) -> tuple[int, int]:
 
 
 def _jpeg_size(encoded: bytes) -> tuple[int, int]:
-    """A JPEG has no sums: its end must be there, and its size among its segments."""
+    """Size of a JPEG with an end marker; JPEG has no checksums."""
     if JPEG_END not in encoded[-64:]:
         raise ValueError("the JPEG ends early")
     at = 2

@@ -1,4 +1,4 @@
-"""A camera that leaves its pictures in a folder."""
+"""A camera that writes its images to a folder."""
 
 import time
 from collections.abc import Callable
@@ -15,7 +15,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 class FolderCamera(WatchedFolder):
-    """drivers.interfaces.Camera. A picture is as old as its file, and `lag_s` more for exposure and writing."""
+    """drivers.interfaces.Camera. An image is as old as its file plus `lag_s` for exposure and writing."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class FolderCamera(WatchedFolder):
         )
 
     async def grab(self, newer_than_s: float) -> Frame:
-        """The newest whole picture from after `newer_than_s`; raises a DeviceError."""
+        """The newest complete image from after `newer_than_s`; raises a DeviceError."""
         image, encoded, taken_at_s = await self.newest(
             newer_than_s, lambda device, content: decode(device, content, self._image_size)
         )

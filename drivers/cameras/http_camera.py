@@ -1,4 +1,4 @@
-"""A camera that answers a URL with its picture."""
+"""A camera that serves its image at a URL."""
 
 import asyncio
 
@@ -12,7 +12,7 @@ MAX_BYTES = 64 * 2**20
 
 
 class HttpCamera(HttpSource):
-    """drivers.interfaces.Camera. A picture is as old as the answer says, else it was taken after it was asked for."""
+    """drivers.interfaces.Camera. The response may state an image's age; otherwise it was taken after the request."""
 
     def __init__(
         self,
@@ -28,7 +28,7 @@ class HttpCamera(HttpSource):
         self._image_size = image_size
 
     async def grab(self, newer_than_s: float) -> Frame:
-        """A picture taken after `newer_than_s`; raises a DeviceError."""
+        """An image taken after `newer_than_s`; raises a DeviceError."""
         fetched = await self.fetch(newer_than_s)
         image = await asyncio.to_thread(decode, self.device, fetched.content, self._image_size)
         return Frame(image, fetched.taken_at_s, fetched.content)

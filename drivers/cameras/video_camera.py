@@ -1,4 +1,4 @@
-"""A camera OpenCV can open: a V4L2 index or path, a stream's URL, a video file."""
+"""A camera that OpenCV can open: a V4L2 index or path, a stream's URL, a video file."""
 
 import asyncio
 import threading
@@ -16,16 +16,16 @@ from drivers.timing import Timing
 
 LIMIT_S = 5.0
 LATENCY_S = 0.1
-"""From light to `read`: exposure, transfer, and the one buffer that is asked for. A network stream needs more."""
+"""Delay from exposure to `read`, with one buffer. Network streams need more."""
 SETTLE_S = 5.0
-"""Closing waits this long for a read that hangs; the thread is a daemon and ends with it."""
+"""Longest wait of `close` for a `read` that hangs; the thread is a daemon thread."""
 
 
 class VideoCamera:
-    """drivers.interfaces.Camera. A thread reads for ever and keeps the newest frame only, with its time.
+    """drivers.interfaces.Camera. A thread reads continuously and keeps only the newest frame with its time.
 
-    A frame came to life after the one before it had arrived, less `latency_s`: so the first frame after opening,
-    which may have lain in a buffer for any time, is never handed out.
+    A frame's exposure is dated after the arrival of the frame before it, minus `latency_s`. So the first frame after
+    opening, which may have been buffered for any time, is never returned.
     """
 
     def __init__(
@@ -50,11 +50,11 @@ class VideoCamera:
 
     @property
     def link(self) -> LinkHealth:
-        """Do frames come?"""
+        """Whether frames arrive."""
         return self._report.health
 
     def start(self) -> None:
-        """Begin to read."""
+        """Start reading."""
         if self._thread is None:
             self._loop = asyncio.get_running_loop()
             self._thread = threading.Thread(target=self._read_for_ever, name=f"reads {self._device}", daemon=True)
@@ -76,7 +76,7 @@ class VideoCamera:
                 raise self._nothing_fresh()
 
     async def close(self) -> None:
-        """Read no more."""
+        """Stop reading."""
         self._ending.set()
         if self._thread is not None:
             await asyncio.to_thread(self._thread.join, SETTLE_S)
@@ -126,7 +126,7 @@ class VideoCamera:
         return capture
 
     def _file_period_s(self, capture: cv2.VideoCapture) -> float:
-        """A file is played at its own speed; a device and a stream set theirs by making `read` wait."""
+        """Frame period of a video file, played at its own speed; 0 for devices and streams, whose `read` blocks."""
         if isinstance(self._source, int) or not Path(self._source).is_file():
             return 0.0
         frames_per_s = float(capture.get(cv2.CAP_PROP_FPS))

@@ -1,4 +1,4 @@
-"""One at a time, in order of arrival; who is urgent goes first."""
+"""An asyncio lock, first come first served, with priority for urgent requests."""
 
 import asyncio
 from collections import deque
@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 
 
 class Turnstile:
-    """An asyncio lock with a fast lane."""
+    """An asyncio lock whose urgent waiters go first."""
 
     def __init__(self) -> None:
         self._taken = False
@@ -15,7 +15,7 @@ class Turnstile:
 
     @asynccontextmanager
     async def turn(self, *, urgent: bool = False) -> AsyncIterator[None]:
-        """Wait for the turn and hold it."""
+        """Hold the lock; waits for it."""
         await self._enter(urgent)
         try:
             yield
@@ -32,7 +32,7 @@ class Turnstile:
             await turn
         except asyncio.CancelledError:
             if turn.done() and not turn.cancelled():
-                self._leave()  # the turn came in the moment of the cancellation: pass it on
+                self._leave()  # the lock was granted at the moment of cancellation: pass it on
             raise
 
     def _leave(self) -> None:

@@ -1,1 +1,1 @@
-"""3D scanners as the daemon sees them."""
+"""3D scanner drivers."""

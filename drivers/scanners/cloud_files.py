@@ -1,4 +1,4 @@
-"""Is this a whole cloud file? PLY or PCD, by the header and the length of what follows."""
+"""Checks that a PLY or PCD file is complete, by its header and length."""
 
 import re
 from typing import Literal
@@ -18,7 +18,7 @@ EMPTY_FIX = "check that the part is within the scanner's range, and its exposure
 def whole_cloud(device: str, content: bytes) -> CloudMediaType:
     """The media type of a complete cloud file.
 
-    Raises GarbledAnswer for a torn or foreign one, and NothingMeasured for one without a point.
+    Raises GarbledAnswer for a truncated or foreign file, and NothingMeasured for one without points.
     """
     if content.startswith(b"ply"):
         media_type, parse_header = PLY, ply.parse_header
@@ -38,7 +38,7 @@ def whole_cloud(device: str, content: bytes) -> CloudMediaType:
 
 
 def _missing(device: str, content: bytes, header: CloudHeader) -> str:
-    """What is missing behind the header, in words; empty when nothing is. Raises NothingMeasured."""
+    """Description of what is missing after the header; empty when complete. Raises NothingMeasured."""
     count = header.count or 0
     if count == 0:
         raise NothingMeasured(device, "the cloud has no points", EMPTY_FIX)
@@ -52,7 +52,7 @@ def _missing(device: str, content: bytes, header: CloudHeader) -> str:
 
 
 def _has_whole_last_line(content: bytes, start: int) -> bool:
-    """A last line without its end counts when it has as many numbers as the first one."""
+    """Whether the last line is complete: without a line end it must have as many numbers as the first."""
     if content.endswith(b"\n"):
         return False
     first = content[start : start + HEADER_LIMIT].split(b"\n", 1)[0]

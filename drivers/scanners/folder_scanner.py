@@ -1,4 +1,4 @@
-"""A scanner that leaves its clouds in a folder."""
+"""A scanner that writes its clouds to a folder."""
 
 import time
 from collections.abc import Callable
@@ -15,7 +15,7 @@ SUFFIXES = (".ply", ".pcd")
 
 
 class FolderScanner(WatchedFolder):
-    """drivers.interfaces.Scanner. A cloud is as old as its file, and `lag_s` more for scanning and writing."""
+    """drivers.interfaces.Scanner. A cloud is as old as its file plus `lag_s` for scanning and writing."""
 
     def __init__(
         self,
@@ -40,6 +40,6 @@ class FolderScanner(WatchedFolder):
         )
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
-        """The newest whole cloud from after `newer_than_s`; raises a DeviceError."""
+        """The newest complete cloud from after `newer_than_s`; raises a DeviceError."""
         media_type, content, taken_at_s = await self.newest(newer_than_s, whole_cloud)
         return ScannedCloud(content, media_type, taken_at_s)

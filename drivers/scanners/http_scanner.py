@@ -1,4 +1,4 @@
-"""A scanner that answers a URL with a cloud file."""
+"""A scanner that serves a cloud file at a URL."""
 
 import asyncio
 
@@ -15,7 +15,7 @@ PICTURES_AND_PAGES = ("text/html", "image/")
 
 
 class HttpScanner(HttpSource):
-    """drivers.interfaces.Scanner. A cloud is as old as the answer says, else it was scanned after it was asked for."""
+    """drivers.interfaces.Scanner. The response may state a cloud's age; otherwise it was scanned after the request."""
 
     def __init__(
         self,

@@ -11,13 +11,13 @@ from drivers.errors import DeviceUnreachable, LinkLost
 from drivers.serial_errors import SERIAL_ERRORS, reason_of
 
 READ_LIMIT_S = 0.05
-"""How long a blocking read waits before it looks whether it should end."""
+"""Timeout of a blocking read, after which it checks for the end."""
 WRITE_LIMIT_S = 1.0
 CHUNK_BYTES = 4096
 
 
 class SerialConnection:
-    """One open port: a thread reads, worker threads write, the event loop never waits for the line."""
+    """One open port: a thread reads, worker threads write, the event loop never blocks."""
 
     def __init__(self, device: str, port: Any) -> None:
         self._device, self._port = device, port
@@ -45,14 +45,14 @@ class SerialConnection:
         return data
 
     async def close(self) -> None:
-        """End the reading thread, then close the port."""
+        """Stop the reading thread, then close the port."""
         if not self._closed:
             self._closed = True
             self._ending.set()
             await asyncio.to_thread(self._end)
 
     def _write(self, data: bytes) -> None:
-        with self._writing:  # a cancelled request's write goes on in its thread; a STOP must not get in between
+        with self._writing:  # a cancelled request's write continues in its thread; a STOP must not interleave
             self._port.write(data)
 
     def _end(self) -> None:
@@ -96,7 +96,7 @@ class SerialTransport:
 
     @property
     def address(self) -> str:
-        """The address as settings write it."""
+        """The address as in the settings."""
         return self.port if "://" in self.port else f"serial://{self.port}?baud={self.baud}"
 
     async def connect(self) -> SerialConnection:
@@ -132,6 +132,6 @@ class SerialTransport:
 
 
 def _close_what_opened(opening: "asyncio.Future[Any]") -> None:
-    """Nobody waits for this port any more; an error has no reader either."""
+    """Close a port whose opener was cancelled; its error, if any, is dropped."""
     if not opening.cancelled() and opening.exception() is None:
         opening.result().close()

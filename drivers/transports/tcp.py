@@ -12,7 +12,7 @@ CLOSE_LIMIT_S = 1.0
 CHUNK_BYTES = 4096
 CHECK_ADDRESS = "check the address, and that the communication task runs on the controller"
 KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 2, socket.TCP_KEEPCNT: 3}
-"""The heartbeat finds a dead peer first; keepalive frees the socket when even that is stuck in the kernel."""
+"""The heartbeat detects a dead peer first; keepalive frees the socket when the kernel is stuck as well."""
 
 
 class TcpConnection:
@@ -42,7 +42,7 @@ class TcpConnection:
         return data
 
     async def close(self) -> None:
-        """Close; what is still unsent is dropped when the peer does not take it."""
+        """Close; unsent data is dropped when the peer does not accept it."""
         self._writer.close()
         try:
             async with asyncio.timeout(CLOSE_LIMIT_S):
@@ -50,7 +50,7 @@ class TcpConnection:
         except TimeoutError:
             self._writer.transport.abort()
         except OSError:
-            pass  # it broke before: that is closed, too
+            pass  # already broken: closed as well
 
     def _lost(self, error: OSError) -> LinkLost:
         return LinkLost(self._device, f"the connection broke ({error})", "check the network cable and the controller")
@@ -58,7 +58,7 @@ class TcpConnection:
 
 @dataclass(frozen=True)
 class TcpTransport:
-    """A controller that listens at host and port."""
+    """A controller listening at host and port."""
 
     host: str
     port: int
@@ -67,7 +67,7 @@ class TcpTransport:
 
     @property
     def address(self) -> str:
-        """The address as settings write it."""
+        """The address as in the settings."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"tcp://{host}:{self.port}"
 
@@ -82,7 +82,7 @@ class TcpTransport:
         except OSError as error:
             raise DeviceUnreachable(self.address, _reason(error), CHECK_ADDRESS) from error
         raw = writer.get_extra_info("socket")
-        if raw.getsockname() == raw.getpeername():  # a dial within this machine, to a port nobody listens on now
+        if raw.getsockname() == raw.getpeername():  # self-connection: a connect to a local port nobody listens on
             writer.transport.abort()
             raise DeviceUnreachable(self.address, "connection refused", CHECK_ADDRESS)
         raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -93,5 +93,5 @@ class TcpTransport:
 
 
 def _reason(error: OSError) -> str:
-    """The system's own words; asyncio puts the address into them, which is said already."""
+    """The system's error text without the address, which asyncio adds."""
     return os.strerror(error.errno).lower() if error.errno and error.errno > 0 else error.strerror or str(error)

@@ -9,11 +9,11 @@ class Connection(Protocol):
     async def send(self, data: bytes) -> None: ...
 
     async def receive(self) -> bytes:
-        """At least one byte. May be cancelled without losing any."""
+        """At least one byte. Cancellation loses none."""
         ...
 
     async def close(self) -> None:
-        """Never raises; may be called twice."""
+        """Close. Never raises; may be called twice."""
         ...
 
 
@@ -25,12 +25,12 @@ class Transport(Protocol):
 
     @property
     def resynchronise(self) -> bool:
-        """Look for the next frame behind dirt (a serial line), or close (TCP)?"""
+        """Whether to search for the next frame after garbage (serial line) or to close (TCP)."""
         ...
 
     @property
     def half_frame_limit_s(self) -> float:
-        """How long the rest of a frame may stay away."""
+        """Timeout for the rest of a frame."""
         ...
 
     async def connect(self) -> Connection:

@@ -1,4 +1,4 @@
-"""The link to a controller: dials in the background, greets, keeps alive, and dials again when it is lost."""
+"""The link to a controller: connects in the background, greets, sends heartbeats, reconnects after a loss."""
 
 import asyncio
 
@@ -16,7 +16,7 @@ BYE_LIMIT_S = 0.5
 
 
 class CbLink:
-    """Owns the connection. `conversation` is the living one; each reconnect makes a new one."""
+    """Owns the connection. `conversation` is the current one; each reconnect creates a new one."""
 
     def __init__(self, device: str, transport: Transport, timing: Timing) -> None:
         self._device, self._transport, self._timing = device, transport, timing
@@ -31,16 +31,16 @@ class CbLink:
 
     @property
     def health(self) -> LinkHealth:
-        """Is the controller there, and if not, why."""
+        """Whether the controller is connected, with the reason if not."""
         return self._report.health
 
     @property
     def controller_session(self) -> int | None:
-        """The controller's session number at the last greeting; another one means that it restarted."""
+        """Session number at the last greeting; another one means that the controller restarted."""
         return self._known_session
 
     def start(self) -> None:
-        """Begin to dial."""
+        """Start connecting."""
         if self._task is None:
             take_turns_often()
             self._task = asyncio.create_task(self._keep_connected(), name=f"link to {self._device}")
@@ -54,13 +54,13 @@ class CbLink:
             raise self._unreachable()
 
     def conversation(self) -> Conversation:
-        """The living conversation; raises DeviceUnreachable."""
+        """The current conversation; raises DeviceUnreachable."""
         if self._conversation is None:
             raise self._unreachable()
         return self._conversation
 
     async def close(self) -> None:
-        """Say BYE when somebody listens, and stop dialling."""
+        """Send BYE when connected, and stop connecting."""
         if self._conversation is not None:
             bye = asyncio.ensure_future(self._conversation.ask(Bye()))
             await self._timing.done_within(bye, BYE_LIMIT_S)
@@ -84,7 +84,7 @@ class CbLink:
             await self._timing.sleep(self._backoff.next_wait_s())
 
     async def _converse(self, connection: Connection) -> DeviceError:
-        """One conversation from greeting to loss; returns why it was lost."""
+        """Run one connection from greeting to loss; returns the reason of the loss."""
         session = ClientSession(
             resynchronise=self._transport.resynchronise, known_session=self._known_session, last_seq=self._last_seq
         )
@@ -102,7 +102,7 @@ class CbLink:
             hanging_up = asyncio.create_task(_hang_up(connection, listening, beating), name=f"leaves {self._device}")
             self._hanging_up.add(hanging_up)
             hanging_up.add_done_callback(self._hanging_up.discard)
-            await asyncio.shield(hanging_up)  # a close that comes now must not leave the port open
+            await asyncio.shield(hanging_up)  # shielded, so that a concurrent close cannot leave the port open
 
     async def _greet_and_keep_alive(self, conversation: Conversation) -> None:
         try:

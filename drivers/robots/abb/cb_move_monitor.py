@@ -1,4 +1,4 @@
-"""When a move is over, from one report of the controller after another. No clock and no wire in here."""
+"""Decides from the controller's status reports when a move has ended. No clock, no I/O."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,14 @@ from protocols.cb.messages import Report
 
 STANDS_PER_MILLE = 1000
 FORGOTTEN_AFTER_S = 2.0
-"""A controller that stands, reports no move and never names ours for this long has forgotten it."""
+"""A controller that stands, reports no move and does not name this one for so long has forgotten it."""
 STALLED_AFTER_S = 5.0
-"""A thousandth of the way in five seconds is no speed that anybody calibrates with."""
+"""Less than a thousandth of the way in five seconds counts as a stall; no calibration moves that slowly."""
 
 
 @dataclass
 class Arrival:
-    """Watches the move `seq` of `device`."""
+    """Monitors the move `seq` of `device`."""
 
     device: str
     seq: int
@@ -24,7 +24,7 @@ class Arrival:
     _advanced_at_s: float = 0.0
 
     def reached(self, report: Report, now_s: float) -> bool:
-        """Does the arm stand at its goal? Raises MoveFailed when the move is over, and MoveStalled when it is not."""
+        """Whether the arm stands at its goal. Raises MoveFailed if the move ended elsewhere, MoveStalled on a stall."""
         if report.finished_seq == self.seq:
             if report.finished_status != Status.OK:
                 raise move_failed(self.device, report.finished_status)

@@ -1,4 +1,4 @@
-"""An ABB controller over the CB link, on TCP or a serial line alike."""
+"""An ABB controller over the CB link, by TCP or serial line."""
 
 import asyncio
 import contextlib
@@ -33,7 +33,7 @@ POLL_S = 0.06
 
 
 class CbRobot:
-    """drivers.interfaces.Robot. `start` begins to dial; until then, and between connections, DeviceUnreachable."""
+    """drivers.interfaces.Robot. Raises DeviceUnreachable before `start` and while disconnected."""
 
     def __init__(self, transport: Transport, timing: Timing | None = None, name: str = "robot") -> None:
         self._device = f"{name} {transport.address}"
@@ -43,29 +43,29 @@ class CbRobot:
 
     @property
     def link(self) -> LinkHealth:
-        """Is the controller there?"""
+        """Whether the controller is connected."""
         return self._link.health
 
     @property
     def capabilities(self) -> RobotCapabilities:
-        """It moves."""
+        """The robot can move."""
         return RobotCapabilities(moves=True, pose_convention=POSE_CONVENTION)
 
     @property
     def controller_session(self) -> int | None:
-        """Another number than before means that the controller restarted; None before the first greeting."""
+        """Session number; a change means that the controller restarted. None before the first greeting."""
         return self._link.controller_session
 
     def start(self) -> None:
-        """Begin to dial in the background."""
+        """Start connecting in the background."""
         self._link.start()
 
     async def connected(self, limit_s: float) -> None:
-        """Wait for the link; raises DeviceUnreachable with the reason when it does not come up in time."""
+        """Wait for the link; raises DeviceUnreachable with the reason on timeout."""
         await self._link.connected(limit_s)
 
     async def read_pose(self) -> PoseReading:
-        """Where tool0 stands in wobj0, whatever tool and work object are selected at the controller."""
+        """Pose of tool0 in wobj0, whatever tool and work object are selected at the controller."""
         answered = await self._read(GetPose(), "reading the pose")
         assert isinstance(answered.reply, Pose)
         return cb_wire.pose_reading(self._device, answered.reply, answered.asked_at_s)
@@ -77,7 +77,7 @@ class CbRobot:
         return cb_wire.joints_rad(self._device, answered.reply)
 
     async def read_status(self) -> RobotStatus:
-        """What the controller says of itself."""
+        """State of the controller."""
         answered = await self._read(GetStatus(), "reading the status")
         assert isinstance(answered.reply, Report)
         return cb_wire.robot_status(answered.reply, answered.asked_at_s)
@@ -89,13 +89,13 @@ class CbRobot:
         await self._read(SetArmed(session, armed), "arming" if armed else "disarming")
 
     async def stop(self) -> None:
-        """Stop now: overtakes every other request."""
+        """Stop now; overtakes every other request."""
         answered = await self._link.conversation().ask(Stop())
         if isinstance(answered.reply, Refused):
             raise request_refused(self._device, "the stop", answered.reply)
 
     async def move_to(self, goal: MoveGoal) -> None:
-        """Go there and return when the arm stands there. Cancelling it, or an error under way, stops the arm."""
+        """Move and return when the arm stands at the goal. Cancellation or an error on the way stops the arm."""
         move = cb_wire.move_of(self._device, goal)
         conversation = self._link.conversation()
         try:
@@ -110,11 +110,11 @@ class CbRobot:
             raise
 
     async def close(self) -> None:
-        """Say BYE (the controller disarms), and stop dialling."""
+        """Send BYE (the controller disarms), and stop connecting."""
         await self._link.close()
 
     async def _read(self, request: Request, doing: str, conversation: Conversation | None = None) -> Answered:
-        """Ask for something that may be asked again: a STOP that goes first only delays it."""
+        """Send a request that may be repeated: it is sent again when a STOP overtook it."""
         conversation = conversation or self._link.conversation()
         while True:
             try:
@@ -126,7 +126,7 @@ class CbRobot:
             return answered
 
     async def _begin(self, conversation: Conversation, move: Move) -> int:
-        """The number of the accepted move. A lost answer is asked for under the same number only."""
+        """Number of the accepted move. A lost answer is requested again only under the same number."""
         try:
             answered = await conversation.ask(move)
         except Overtaken:
@@ -136,7 +136,7 @@ class CbRobot:
         return answered.seq
 
     async def _arrive(self, conversation: Conversation, seq: int) -> None:
-        """Ask until the move `seq` ended. Bound to its conversation: a reconnect ends it as LinkLost."""
+        """Poll until move `seq` has ended. Bound to its conversation: a reconnect ends it as LinkLost."""
         arrival = Arrival(self._device, seq)
         while True:
             await self._timing.sleep(POLL_S)
@@ -151,6 +151,6 @@ def _nothing_is_under_way(error: BaseException) -> bool:
 
 
 async def _stop_quietly(conversation: Conversation) -> None:
-    """STOP when the link still stands; when not, the controller stops by itself after 2 s of silence."""
+    """Send STOP while the link is up; otherwise the controller stops by itself after 2 s of silence."""
     with contextlib.suppress(DeviceError, Overtaken):
         await conversation.ask(Stop())

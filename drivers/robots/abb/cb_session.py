@@ -1,4 +1,4 @@
-"""One connection's life: requests and their answers, heartbeats, and how it ends. Never survives a reconnect."""
+"""One connection: requests and answers, heartbeats, and its end. It does not survive a reconnect."""
 
 import asyncio
 from collections.abc import Callable
@@ -17,9 +17,10 @@ from protocols.cb.messages import Hello, Ping, Refused, Reply, Request, Stop, We
 
 REPLY_LIMIT_S = 2.0
 REPEAT_AFTER_S, REPEAT_AT_MOST_S = 0.25, 1.0
-"""A full frame needs 83 ms at 9600 baud; an answer that takes three times as long was lost. A controller that is only
-slow must not drown in repetitions: each waits twice as long as the one before, and the next request begins with half
-of what the last one needed."""
+"""A full frame takes 83 ms at 9600 baud; an answer that takes three times as long was lost. To avoid flooding a slow
+controller, each repetition waits twice as long as the one before, and the next request starts with half of what the
+last one needed.
+"""
 HEARTBEAT_S = 0.5
 CLIENT_ID = 1
 
@@ -30,7 +31,7 @@ REFUSED_GREETINGS: dict[int, tuple[str, str]] = {
 
 
 class Overtaken(Exception):
-    """A STOP went first; the request was given up. Readings ask again, a move does not."""
+    """A STOP overtook the request, which was abandoned. Readings are sent again, a move is not."""
 
 
 Outcome = ReplyReceived | DeviceError | Overtaken
@@ -38,7 +39,7 @@ Outcome = ReplyReceived | DeviceError | Overtaken
 
 @dataclass(frozen=True)
 class Answered:
-    """A reply, its request's number, and when the request was sent first: the reply cannot be older."""
+    """A reply, its request's number, and when the request was first sent: the reply is not older."""
 
     reply: Reply
     seq: int
@@ -46,7 +47,7 @@ class Answered:
 
 
 class Conversation:
-    """What is said over one connection. Once `lost` has an error, every request raises it."""
+    """Exchanges over one connection. After `lose`, every request raises the error."""
 
     def __init__(
         self,
@@ -69,11 +70,11 @@ class Conversation:
 
     @property
     def session(self) -> ClientSession:
-        """The numbers and the state of this connection."""
+        """Numbers and state of this connection."""
         return self._session
 
     async def greet(self) -> Welcome:
-        """HELLO; raises GarbledAnswer, or LinkLost, also when the controller does not want us."""
+        """Send HELLO; raises GarbledAnswer, or LinkLost, also when the controller refuses the client."""
         reply = (await self.ask(Hello(VERSION, VERSION, CLIENT_ID))).reply
         if isinstance(reply, Refused):
             unknown = (f"the controller refused the greeting with {reply.name}", "look at its event log")
@@ -83,7 +84,7 @@ class Conversation:
         return reply
 
     async def ask(self, request: Request) -> Answered:
-        """The answer to one request. Raises LinkLost or GarbledAnswer, and Overtaken for all but a STOP."""
+        """Send a request and return the answer. Raises LinkLost or GarbledAnswer, and Overtaken for all but a STOP."""
         urgent = isinstance(request, Stop)
         if urgent and not self._stopping:
             self._settle(Overtaken())
@@ -121,7 +122,7 @@ class Conversation:
         return Answered(ended.reply, ended.seq, asked_at_s)
 
     async def listen(self) -> None:
-        """Take in what comes, for as long as the connection lives."""
+        """Process received bytes until the connection ends."""
         receiving: asyncio.Future[bytes] | None = None
         try:
             while not self.lost.done():
@@ -140,7 +141,7 @@ class Conversation:
                 receiving.cancel()
 
     async def keep_alive(self) -> None:
-        """PING whenever nothing else was answered for the time of a heartbeat."""
+        """Send PING whenever nothing was answered for one heartbeat."""
         while not self.lost.done():
             quiet_s = self._timing.clock() - self._answered_at_s
             if quiet_s < HEARTBEAT_S:
@@ -156,7 +157,7 @@ class Conversation:
                 return
 
     def lose(self, error: DeviceError) -> None:
-        """End the conversation; everybody who waits gets the error."""
+        """End the conversation; all pending requests raise the error."""
         if not self.lost.done():
             self.lost.set_result(error)
             self._on_lost(error)
@@ -195,7 +196,7 @@ class Conversation:
                 case GarbageSkipped(count=count):
                     self._garbage_bytes += count
                 case _:
-                    pass  # a wrong sum, a late or an unasked answer: the request is repeated when its time is up
+                    pass  # bad checksum, late or unsolicited answer: the request is repeated after its timeout
 
     def _settle(self, outcome: Outcome) -> None:
         if self._outcome is not None and not self._outcome.done():
@@ -208,5 +209,5 @@ class Conversation:
 
 
 def _again(error: DeviceError) -> DeviceError:
-    """A fresh exception of the same kind: one that is raised in many places would collect their tracebacks."""
+    """A new exception of the same kind: one raised in several places would accumulate their tracebacks."""
     return type(error)(error.device, error.what, error.fix)

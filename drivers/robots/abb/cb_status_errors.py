@@ -1,4 +1,4 @@
-"""What to do about each status a controller can answer with, in one table."""
+"""Error and remedy for each status of a controller, in one table."""
 
 from drivers.errors import MoveFailed, MoveRefused, RequestRefused
 from protocols.cb.codes import Status
@@ -39,18 +39,18 @@ def _sentence(status: int) -> tuple[str, str]:
 
 
 def move_refused(device: str, refused: Refused) -> MoveRefused:
-    """The move did not begin."""
+    """The move did not start."""
     what, fix = _sentence(refused.status)
     return MoveRefused(device, f"the move was refused, {what}", fix, refused.name)
 
 
 def move_failed(device: str, status: int) -> MoveFailed:
-    """The move began and ended elsewhere than at its goal."""
+    """The move started and ended elsewhere than at its goal."""
     what, fix = _sentence(status)
     return MoveFailed(device, f"the move did not reach its goal, {what}", fix, Refused(status).name)
 
 
 def request_refused(device: str, asked: str, refused: Refused) -> RequestRefused:
-    """Anything but a move was refused; `asked` completes "... was refused"."""
+    """A request other than a move was refused; `asked` completes "... was refused"."""
     what, fix = _sentence(refused.status)
     return RequestRefused(device, f"{asked} was refused, {what}", fix, refused.name)

@@ -1,4 +1,4 @@
-"""The only place where the wire's millimetres, degrees and quaternions become base_T_flange, and back."""
+"""Converts the link's millimetres, degrees and quaternions to base_T_flange, and back."""
 
 import math
 
@@ -21,13 +21,13 @@ KINDS = {"joint": MoveKind.JOINT, "linear": MoveKind.LINEAR}
 
 
 def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
-    """What a pose reply says; raises GarbledAnswer for NaN or a quaternion whose norm is off by more than 2e-3."""
+    """Convert a pose reply; raises GarbledAnswer for NaN or a quaternion whose norm is off by more than 2e-3."""
     if not np.all(np.isfinite([*pose.position_mm, *pose.quaternion_wxyz, *pose.external_axes])):
         raise _garbled(
             device, f"a pose with a number that is none: {_told(pose.position_mm)}, {_told(pose.quaternion_wxyz)}"
         )
     quaternion_wxyz = np.array(pose.quaternion_wxyz)
-    try:  # SciPy normalises, so float32 rounding of the quaternion leaves a true rotation
+    try:  # SciPy normalises, so a quaternion rounded to float32 still gives a rotation
         base_R_flange = rotation_from_quaternion(quaternion_wxyz)
     except GeometryError as error:
         raise _garbled(device, str(error)) from error
@@ -41,7 +41,7 @@ def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
 
 
 def joints_rad(device: str, joints: Joints) -> Array:
-    """The arm's axis angles (6,) in rad; raises GarbledAnswer."""
+    """Axis angles (6,) in rad; raises GarbledAnswer."""
     if not np.all(np.isfinite(joints.axes_deg)):
         raise _garbled(device, f"axis angles with a number that is none: {_told(joints.axes_deg)}")
     angles_rad: Array = np.radians(np.array(joints.axes_deg, float))
@@ -49,7 +49,7 @@ def joints_rad(device: str, joints: Joints) -> Array:
 
 
 def robot_status(report: Report, taken_at_s: float) -> RobotStatus:
-    """What the controller's flags say."""
+    """Convert the controller's flags."""
     flags = report.flags
     return RobotStatus(
         motors_on=bool(flags & Flag.MOTORS_ON),
@@ -65,7 +65,7 @@ def robot_status(report: Report, taken_at_s: float) -> RobotStatus:
 
 
 def move_of(device: str, goal: MoveGoal) -> Move:
-    """The request that means this goal; raises MoveRefused (BAD_FIELD) for a goal that no controller can be told."""
+    """Request for a goal; raises MoveRefused (BAD_FIELD) for a goal that cannot be encoded."""
     wrong = _wrong_with(goal)
     if wrong:
         raise _not_sent(device, wrong)

@@ -1,6 +1,6 @@
-"""EGM as a settling monitor: how much the flange still moves, from 250 samples a second. It never sends anything.
+"""Measures the flange's vibration from EGM feedback at 250 Hz. It never sends anything.
 
-The controller is the client: it sends to the port that its SIO configuration names, while its program streams.
+The controller is the client: while its program streams, it sends to the port configured in its SIO.
 """
 
 import os
@@ -29,7 +29,7 @@ SILENT_AFTER_S = 0.5
 FEWEST = 5
 SEQNO_COUNT = 2**32
 SO_TIMESTAMPNS = 35
-"""linux/asm-generic/socket.h: the kernel notes when each packet came, however late this thread is woken."""
+"""linux/asm-generic/socket.h: the kernel time-stamps each packet, independent of when this thread runs."""
 CLOCK_TRIES, CLOCK_STEP_S = 5, 1e-4
 _TIMESPEC = _TIMEVAL = struct.Struct("@ll")
 STREAMS = "check that the program runs EGMStreamStart, and the address and port in the controller's SIO (UDPUC)"
@@ -37,7 +37,7 @@ STREAMS = "check that the program runs EGMStreamStart, and the address and port 
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A sample, and when its packet came in this machine's time."""
+    """A sample, and the time its packet arrived by this machine's clock."""
 
     received_at_s: float
     sample: RobotSample
@@ -45,7 +45,7 @@ class Arrival:
 
 @dataclass(frozen=True)
 class EgmAddress:
-    """Where to listen, and to which controller alone when one is named."""
+    """Address to listen on, and the only accepted sender when one is named."""
 
     host: str = "0.0.0.0"
     port: int = PORT
@@ -79,7 +79,7 @@ class SampleWindow:
 
 
 class EgmMonitor:
-    """Listens in a thread of its own, so that nothing else in the process makes it late."""
+    """Listens in a thread of its own, so that other work in the process delays it little."""
 
     def __init__(self, address: EgmAddress, timing: Timing | None = None) -> None:
         self._address, self._timing = address, timing or Timing()
@@ -103,12 +103,12 @@ class EgmMonitor:
 
     @property
     def port(self) -> int:
-        """The port that is listened on."""
+        """The local port."""
         assert self._socket is not None
         return int(self._socket.getsockname()[1])
 
     def start(self) -> None:
-        """Listen. Raises DeviceUnreachable when the port is taken or the host is none of this machine."""
+        """Start listening. Raises DeviceUnreachable when the port is taken or the host is not this machine's."""
         listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             listening.bind((self._address.host, self._address.port))
@@ -123,7 +123,7 @@ class EgmMonitor:
         self._thread.start()
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self._ending.set()
         if self._thread is not None:
             self._thread.join()
@@ -139,7 +139,7 @@ class EgmMonitor:
         return recent
 
     def vibration(self, window_s: float) -> Vibration:
-        """How much the flange moved within the last `window_s`. Raises DeviceTimeout."""
+        """Deviation of the flange within the last `window_s`. Raises DeviceTimeout."""
         return vibration_of([arrival.sample for arrival in self.arrivals(window_s)])
 
     def _listen(self, listening: socket.socket) -> None:
@@ -149,7 +149,7 @@ class EgmMonitor:
             try:
                 data, notes, _, sender = listening.recvmsg(2048, 64)
             except BlockingIOError:
-                continue  # for LOOK_S: the kernel waits, so that this thread asks for the interpreter once a packet
+                continue  # for POLL_S: waiting in the kernel takes the interpreter lock only once per packet
             except OSError:
                 return  # closed
             try:
@@ -163,7 +163,7 @@ class EgmMonitor:
 
 
 def vibration_of(samples: list[RobotSample]) -> Vibration:
-    """The largest distance and the largest angle from the mean."""
+    """Largest distance and largest angle from the mean."""
     positions = np.array([sample.position_mm for sample in samples])
     quaternions = np.array([sample.quaternion_wxyz for sample in samples])
     quaternions *= np.where(quaternions @ quaternions[0] < 0, -1.0, 1.0)[:, None]
@@ -179,16 +179,16 @@ def vibration_of(samples: list[RobotSample]) -> Vibration:
 
 
 def _be_woken_first() -> None:
-    """A thread that works for 0.2 ms of every 4 may go first, where the system allows it (RLIMIT_RTPRIO)."""
+    """Request real-time priority, where allowed (RLIMIT_RTPRIO): the thread works 0.2 ms of every 4 ms."""
     take_turns_often()
     with suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
 
 
 def _received_at_s(notes: list[tuple[int, int, bytes]], clock: Callable[[], float]) -> float:
-    """When the kernel took the packet, by `clock`; now, when it does not say."""
+    """Arrival time of the packet by `clock`, from the kernel's time stamp; now when there is none."""
     noted_s = _noted_s(notes)
-    for _ in range(CLOCK_TRIES):  # two clocks are compared: not across a moment in which another thread ran
+    for _ in range(CLOCK_TRIES):  # compares two clocks; repeated when another thread ran in between
         before_s, wall_s, after_s = clock(), time.time(), clock()
         if after_s - before_s < CLOCK_STEP_S:
             break
@@ -197,7 +197,7 @@ def _received_at_s(notes: list[tuple[int, int, bytes]], clock: Callable[[], floa
 
 
 def _noted_s(notes: list[tuple[int, int, bytes]]) -> float | None:
-    """The kernel's note, wall time."""
+    """The kernel's time stamp, wall time."""
     for level, kind, content in notes:
         if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(content) >= _TIMESPEC.size:
             seconds, nanoseconds = _TIMESPEC.unpack_from(content)
