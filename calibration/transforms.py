@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from calibration.errors import GeometryError
 
@@ -22,6 +21,19 @@ MAX_SINE_ANGLE_RAD = 3.0
 
 MIN_DOUBLE_SINE = 1e-12
 """Below it a rotation vector equals half the difference of the matrix and its transpose, in double precision."""
+
+_PRODUCTS = np.array([
+    [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, -1]],  # R_00 = ww + xx - yy - zz
+    [[0, 0, 0, -1], [0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0]],  # R_01 = 2 (xy - wz)
+    [[0, 0, 1, 0], [0, 0, 0, 1], [1, 0, 0, 0], [0, 1, 0, 0]],  # R_02 = 2 (xz + wy)
+    [[0, 0, 0, 1], [0, 0, 1, 0], [0, 1, 0, 0], [1, 0, 0, 0]],  # R_10 = 2 (xy + wz)
+    [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 1, 0], [0, 0, 0, -1]],  # R_11 = ww - xx + yy - zz
+    [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]],  # R_12 = 2 (yz - wx)
+    [[0, 0, -1, 0], [0, 0, 0, 1], [-1, 0, 0, 0], [0, 1, 0, 0]],  # R_20 = 2 (xz - wy)
+    [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]],  # R_21 = 2 (yz + wx)
+    [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]],  # R_22 = ww - xx - yy + zz
+], float).reshape(9, 16)  # fmt: skip
+"""(9, 16): R, row by row, from the products q qT of a unit quaternion wxyz; transposed, 4 q qT - 1 from R."""
 
 
 def transform(rotation: ArrayLike, translation_mm: ArrayLike) -> Array:
@@ -55,13 +67,26 @@ def rotation_from_quaternion(quaternion_wxyz: ArrayLike) -> Array:
     norm = np.linalg.norm(quaternion_wxyz, axis=-1)
     if not np.all(np.abs(norm - 1.0) <= QUATERNION_NORM_TOLERANCE):
         raise GeometryError(f"quaternion norm {np.ravel(norm)[np.argmax(np.abs(np.ravel(norm) - 1))]:.6g} is not 1")
-    matrix: Array = Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_matrix()
-    return matrix
+    return _rotation(quaternion_wxyz / norm[..., None])
+
+
+def _rotation(unit_quaternion_wxyz: Array) -> Array:
+    products = unit_quaternion_wxyz[..., :, None] * unit_quaternion_wxyz[..., None, :]
+    shape = unit_quaternion_wxyz.shape[:-1]
+    rotation: Array = (products.reshape(*shape, 16) @ _PRODUCTS.T).reshape(*shape, 3, 3)
+    return rotation
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> Array:
-    """Scalar-first quaternion (..., 4), w >= 0, of a rotation (..., 3, 3)."""
-    quaternion: Array = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
+    """Scalar-first quaternion (..., 4), w >= 0, of a rotation (..., 3, 3), by its largest component (Shepperd 1978)."""
+    rotation = np.asarray(rotation, float)
+    shape = rotation.shape[:-2]
+    products = (rotation.reshape(*shape, 9) @ _PRODUCTS).reshape(*shape, 4, 4) + np.eye(4)
+    largest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
+    row: Array = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
+    first = np.argmax(row != 0, axis=-1)[..., None]
+    sign = np.sign(np.take_along_axis(row, first, axis=-1))
+    quaternion: Array = row * (sign / np.linalg.norm(row, axis=-1, keepdims=True))
     return quaternion
 
 
@@ -75,9 +100,12 @@ def transform_from_quaternion(translation_mm: ArrayLike, quaternion_wxyz: ArrayL
 
 def rotation_from_vector(rotation_vector_rad: ArrayLike) -> Array:
     """Rotation (..., 3, 3) of a rotation vector (..., 3) in rad: exp."""
-    vectors = np.asarray(rotation_vector_rad, float)
-    matrix: Array = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3)
-    return matrix
+    vector = np.asarray(rotation_vector_rad, float)
+    half = 0.5 * np.sqrt((vector * vector).sum(axis=-1))
+    quaternion_wxyz = np.empty((*vector.shape[:-1], 4))
+    quaternion_wxyz[..., 0] = np.cos(half)
+    quaternion_wxyz[..., 1:] = (0.5 * np.sinc(half / np.pi))[..., None] * vector
+    return _rotation(quaternion_wxyz)
 
 
 def vector_from_rotation(rotation: ArrayLike) -> Array:
@@ -88,7 +116,9 @@ def vector_from_rotation(rotation: ArrayLike) -> Array:
     vector *= np.where(small, 0.5, angle / np.where(small, 1.0, double_sine))[..., None]
     far = angle > MAX_SINE_ANGLE_RAD
     if np.any(far):
-        vector[far] = Rotation.from_matrix(rotation[far]).as_rotvec()
+        quaternion_wxyz = quaternion_from_rotation(rotation[far])
+        sine = np.linalg.norm(quaternion_wxyz[..., 1:], axis=-1)
+        vector[far] = (2 * np.arctan2(sine, quaternion_wxyz[..., 0]) / sine)[..., None] * quaternion_wxyz[..., 1:]
     return vector
 
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform
+from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform, vector_from_rotation
 from mock_robot.scene.camera_view import render, render_smeared
 from mock_robot.scene.scanner_view import ScannerModel, scan
 from mock_robot.truth.truth import CellTruth
@@ -31,7 +30,7 @@ class Exposure:
         if moved_mm < STILL_MM and turned_rad < STILL_RAD:
             return [self.begin_base_T_flange]
         step = inverse(self.begin_base_T_flange) @ self.end_base_T_flange
-        turn = Rotation.from_matrix(step[:3, :3]).as_rotvec()
+        turn = vector_from_rotation(step[:3, :3])
         return [
             self.begin_base_T_flange @ transform(rotation_from_vector(part * turn), part * step[:3, 3])
             for part in (np.arange(count) + 0.5) / count
