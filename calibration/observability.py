@@ -7,7 +7,7 @@ lemmas 2 and 3. Motions that do not determine X are refused with the reason and 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from calibration.closed_forms.motions import MIN_TURN_RAD
 from calibration.errors import UndeterminedError
@@ -51,7 +51,7 @@ def distinct_stations(base_T_flange: Array) -> list[int]:
     """Rows of the poses (n, 4, 4) that do not repeat an earlier one."""
     if not len(base_T_flange):
         return []
-    near = cKDTree(base_T_flange[:, :3, 3]).query_pairs(SAME_POSE_MM, output_type="ndarray")
+    near = scipy.spatial.cKDTree(base_T_flange[:, :3, 3]).query_pairs(SAME_POSE_MM, output_type="ndarray")
     earlier, later = np.sort(near, axis=1).T
     turn = rotation_angle_rad(base_T_flange[earlier, :3, :3] @ np.swapaxes(base_T_flange[later, :3, :3], 1, 2))
     repetitions = set(later[np.asarray(turn) < SAME_POSE_RAD].tolist()) if len(near) else set()

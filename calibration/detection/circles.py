@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import correlate2d
 
 from calibration.detection.circle_bias import circle_centre_bias
 from calibration.detection.dot_centroid import refine_dots
@@ -133,7 +133,7 @@ def _fit_layouts(lattice: Lattice, target: CircleGrid) -> list[Layout]:
         numbers[tuple(cells.T[::-1])] = np.arange(len(cells))
         occupied = np.zeros(lattice.cells.max(axis=0)[::-1] + 1)
         occupied[tuple(lattice.cells.T[::-1])] = 1
-        overlap = np.rint(correlate2d(occupied, (numbers >= 0).astype(float))).astype(np.intp)
+        overlap = np.rint(scipy.signal.correlate2d(occupied, (numbers >= 0).astype(float))).astype(np.intp)
         for shift in np.argwhere(overlap == overlap.max()) - np.array(numbers.shape) + 1:
             at = lattice.cells[:, ::-1] - shift
             inside = np.all((at >= 0) & (at < numbers.shape), axis=1)

@@ -5,7 +5,7 @@ only. Further inside it is set to 1, further outside to 0, so that noise, stains
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from calibration.detection.dots import Dots
 from calibration.detection.image import Grey, downscale_by, to_full_size
@@ -40,7 +40,7 @@ def refine_dots(image: Grey, dots: Dots) -> Dots:
 
 def _clearance(centres: Array, shapes: Array) -> Array:
     """Paper (n,) in px between each dot's rim and the next dot's."""
-    _, near = cKDTree(centres).query(centres, k=min(NEIGHBOURS + 1, len(centres)))
+    _, near = scipy.spatial.cKDTree(centres).query(centres, k=min(NEIGHBOURS + 1, len(centres)))
     near = near[:, 1:]
     toward = centres[near] - centres[:, None]
     distance = np.hypot(*np.moveaxis(toward, -1, 0))

@@ -8,8 +8,8 @@ predicted from the last. An asymmetric circle grid is a square lattice as well, 
 from collections.abc import Iterator
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from calibration.detection.dots import Dots
 from calibration.detection.lattice import Lattice
@@ -28,7 +28,7 @@ def grow_dot_lattices(dots: Dots, min_dots: int) -> Iterator[tuple[Lattice, NDAr
     """Lattices of at least `min_dots` dots, each with the indices (n,) of its dots; right-handed in image axes."""
     if len(dots.centres) < min_dots:
         return
-    tree = cKDTree(dots.centres)
+    tree = scipy.spatial.cKDTree(dots.centres)
     free = np.ones(len(dots.centres), bool)
     for seed, u, v in _seeds(dots, tree):
         if free[seed]:
@@ -39,7 +39,7 @@ def grow_dot_lattices(dots: Dots, min_dots: int) -> Iterator[tuple[Lattice, NDAr
                 yield Lattice(cell - cell.min(axis=0), dots.centres[index]), index
 
 
-def _seeds(dots: Dots, tree: cKDTree) -> Iterator[tuple[int, Array, Array]]:
+def _seeds(dots: Dots, tree: "scipy.spatial.cKDTree") -> Iterator[tuple[int, Array, Array]]:
     """Dots with four neighbours a quarter turn apart: index, and the steps (2,) in px along columns and rows."""
     _, others = tree.query(dots.centres, k=min(NEIGHBOURS, len(dots.centres)))
     to_metric = np.linalg.inv(np.linalg.cholesky(dots.shapes))
@@ -68,7 +68,7 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _walk(seed: int, u: Array, v: Array, dots: Dots, tree: cKDTree) -> dict[int, tuple[int, int]]:
+def _walk(seed: int, u: Array, v: Array, dots: Dots, tree: "scipy.spatial.cKDTree") -> dict[int, tuple[int, int]]:
     """Cell (column, row) by index of every dot reached from the seed, breadth first; each step predicts the next."""
     if _cross(u, v) < 0:
         v = -v

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from calibration.detection.image import Grey
 from calibration.transforms import Array
@@ -80,7 +80,7 @@ def _distinct(table: Array) -> Array:
     if len(table) == 0:
         return keep
     radius = np.sqrt(table[:, 2] / np.pi)
-    for i, close in enumerate(cKDTree(table[:, :2]).query_ball_point(table[:, :2], 0.5 * radius)):
+    for i, close in enumerate(scipy.spatial.cKDTree(table[:, :2]).query_ball_point(table[:, :2], 0.5 * radius)):
         if keep[i]:
             keep[[j for j in close if j > i and radius[j] > SAME_DOT_RADIUS_RATIO * radius[i]]] = False
     return keep

@@ -8,8 +8,8 @@ and the relation is mutual. Joined crossings get integer coordinates, starting f
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from calibration.detection.crossings import Crossings
 from calibration.transforms import Array
@@ -49,7 +49,7 @@ def _neighbours(crossings: Crossings) -> NDArray[np.intp]:
     """(n, 4) the neighbour along +enter, +leave, -enter, -leave of each crossing's edges; -1 where there is none."""
     points, edges = crossings.points, np.column_stack([crossings.entering_dark, crossings.leaving_dark])
     count = len(points)
-    distance, other = cKDTree(points).query(points, k=min(NEIGHBOURS, count))
+    distance, other = scipy.spatial.cKDTree(points).query(points, k=min(NEIGHBOURS, count))
     distance, other = distance[:, 1:], other[:, 1:]
     heading = np.arctan2(*np.moveaxis((points[other] - points[:, None])[..., ::-1], -1, 0))
     nearest = np.full((count, 4), -1)

@@ -5,7 +5,7 @@ view, which includes the lens's distortion.
 """
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+import scipy
 
 from calibration.detection.image import Grey
 from calibration.detection.plane_view import fit_plane_view
@@ -57,7 +57,7 @@ def _edge_shift(image: Grey, on_edge: Array, outward: Array, along: Array, reach
     count = int(np.ceil(2 * reach_px))
     across = (np.arange(count) + 0.5) / count * 2 * reach_px - reach_px
     at = on_edge[..., None, :] + across[:, None] * outward[..., None, :]
-    level = map_coordinates(image, [at[..., 1], at[..., 0]], order=1, mode="nearest", output=float)
+    level = scipy.ndimage.map_coordinates(image, [at[..., 1], at[..., 0]], order=1, mode="nearest", output=float)
     ink = _along_the_edge(along, level[..., across < -PLATEAU_OF_REACH * reach_px].mean(axis=3))[..., None]
     paper = _along_the_edge(along, level[..., across > PLATEAU_OF_REACH * reach_px].mean(axis=3))[..., None]
     with np.errstate(divide="ignore", invalid="ignore"):

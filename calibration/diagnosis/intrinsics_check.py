@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as fisher
+import scipy
 
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import pixel_deviation
@@ -91,4 +91,4 @@ def _chance(seen: Observations, before: float, after: float) -> float:
     """That nine more unknowns lower the pixels' variance so far in a session without a fault (Fisher's F)."""
     numbers = 2 * int(np.count_nonzero(seen.weights)) - 6 * len(seen)
     left = max(numbers - INTRINSICS, 1)
-    return float(fisher.sf((before / after - 1) * left / INTRINSICS, INTRINSICS, left))
+    return float(scipy.stats.f.sf((before / after - 1) * left / INTRINSICS, INTRINSICS, left))

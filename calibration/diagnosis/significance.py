@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 from calibration.diagnosis.fit import SMALLEST_INFORMATION, SMALLEST_VARIANCE, Fit
 from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
@@ -93,7 +93,7 @@ class Background:
 
     def _chance(self, off: Array, covariance: Array) -> float:
         """Of values (k, d) with covariances (k, d, d)."""
-        return float(self.weights @ chi2.sf(squared_distances(off, covariance), off.shape[1]))
+        return float(self.weights @ scipy.stats.chi2.sf(squared_distances(off, covariance), off.shape[1]))
 
     def of_outsider(self, seen: Fit) -> "Outsider":
         """A view that took no part in the fit, as `fit.applied` sees it."""
@@ -125,7 +125,7 @@ class Outsider:
         directions = np.linalg.solve(self.covariances, slopes.T)  # (k, 6, m)
         own = np.maximum(np.sum(slopes.T * directions, axis=1), SMALLEST_INFORMATION)
         squares = np.sum((self.residual + self.steps)[:, :, None] * directions, axis=1) ** 2 / own
-        chances: Array = self.background.weights @ chi2.sf(squares, 1)
+        chances: Array = self.background.weights @ scipy.stats.chi2.sf(squares, 1)
         return chances
 
     def fitting(self, slopes: Array) -> Array:

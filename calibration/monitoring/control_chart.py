@@ -24,7 +24,7 @@ from enum import Enum
 from math import sqrt
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+import scipy
 
 from calibration.transforms import Array, nearest_rotation
 
@@ -131,7 +131,7 @@ def _limit_mm(since: int, variance: float, dof: float, rules: DriftRules) -> flo
     forgotten = 1 - (1 - rules.weight) ** since
     of_average = rules.weight / (2 - rules.weight) * (1 - (1 - rules.weight) ** (2 * since))
     of_reference = forgotten**2 / rules.learn
-    height = 3.0 * float(fdtri(3.0, dof, 1 - rules.false_alarm_probability))
+    height = 3.0 * float(scipy.special.fdtri(3.0, dof, 1 - rules.false_alarm_probability))
     return rules.allowed_mm + sqrt(height * (of_average + of_reference) * variance)
 
 
@@ -153,4 +153,4 @@ def scatter_limit_mm(point_mm: float, robot_mm: float, positions: int, false_ala
     `point_mm`: uncertainty of a mapped point, `robot_mm`: the robot's noise, both over three axes together.
     """
     dof = 3.0 * (positions - 1)
-    return sqrt((point_mm**2 + robot_mm**2) / 3 * float(chdtri(dof, false_alarm_probability)) / dof)
+    return sqrt((point_mm**2 + robot_mm**2) / 3 * float(scipy.special.chdtri(dof, false_alarm_probability)) / dof)

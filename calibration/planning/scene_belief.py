@@ -7,7 +7,7 @@ from three views that determine it, X is the estimator's. Alternative scenes cov
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from calibration.camera import CameraModel
 from calibration.closed_forms.kronecker import kronecker
@@ -231,7 +231,7 @@ def _fit_mount(mount_guess: Array, sigma: Array, anchor_T_mount: Array, camera_T
         stacked: Array = np.concatenate([step / sigma, (off / agree).ravel()])
         return stacked
 
-    step = least_squares(residuals, np.zeros(6), x_scale=sigma).x
+    step = scipy.optimize.least_squares(residuals, np.zeros(6), x_scale=sigma).x
     return mount_guess @ transform_from_vector(step)
 
 

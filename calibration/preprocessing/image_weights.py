@@ -6,7 +6,7 @@ Source: G. Smyth, "Linear models and empirical Bayes methods", Stat. Appl. Genet
 """
 
 import numpy as np
-from scipy.special import polygamma
+import scipy
 
 from calibration.camera import CameraModel
 from calibration.observations.observations import Observations
@@ -47,6 +47,7 @@ def weighted_by_view(seen: Observations, camera: CameraModel, camera_T_target: A
 
 def _prior_redundancy(logs: Array, redundancy: Array) -> float:
     """d0 with trigamma(d0 / 2) = var(log s²) - mean trigamma(d / 2); infinite when the views differ by chance only."""
+    polygamma = scipy.special.polygamma
     chance = polygamma(1, redundancy / 2)
     excess = float(np.var(logs, ddof=1) - np.mean(chance))
     # The scatter of n estimates is itself uncertain by sqrt(2 / (n - 1)).

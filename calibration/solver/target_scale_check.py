@@ -8,7 +8,7 @@ because an unneeded unknown costs accuracy.
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 
 from calibration.likelihood.augmented_model import Widened
 from calibration.likelihood.mixed_model import solve
@@ -37,7 +37,7 @@ def scale_error(wider: Widened) -> float:
     # A wrong scale looks like a poor robot: the noise is estimated anew with the scale free.
     step = solve(model, estimate_variances(model, best.variances))
     share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
-    beyond_doubt = abs(share) > deviation * float(student.isf(CHANCE / 2, 3 * views - 7))
+    beyond_doubt = abs(share) > deviation * float(scipy.stats.t.isf(CHANCE / 2, 3 * views - 7))
     return share if beyond_doubt and SMALLEST < abs(share) < LARGEST else 0.0
 
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
 
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, averaged_over_noise, estimate, measured
@@ -78,4 +78,4 @@ def _changed(prepared: Prepared, used: NDArray[np.bool_], best: Estimate) -> NDA
 def _limit(used: int, n: int) -> float:
     """What six normal errors, scaled by an estimate of their own size, exceed by chance alone (Fisher's F)."""
     redundancy = max(3 * used - 6, 3)
-    return float(fisher.isf(CHANCE / n, 6, redundancy))
+    return float(scipy.stats.f.isf(CHANCE / n, 6, redundancy))

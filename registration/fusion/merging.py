@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from registration.errors import ScanError
 from registration.points.layout import Array, Layout, Records
@@ -97,7 +97,7 @@ class Merger:
         kept = self._has_neighbours(points)
         self.averaged, self.left_out = len(points), int(len(points) - np.count_nonzero(kept))
         cloud, points = cloud[kept], points[kept]
-        tree = cKDTree(points)
+        tree = scipy.spatial.cKDTree(points)
         for start in range(0, len(points), BLOCK_POINTS):
             piece = slice(start, start + BLOCK_POINTS)
             block = np.empty(len(cloud[piece]), self.layout.dtype)
@@ -114,7 +114,7 @@ class Merger:
         least = 1 if self.merge.outliers == "radius" else 2
         if self.merge.outliers == "keep" or len(points) < least:
             return np.ones(len(points), bool)
-        tree = cKDTree(points)
+        tree = scipy.spatial.cKDTree(points)
         if self.merge.outliers == "radius":
             assert self.merge.voxel_mm is not None
             within = RADIUS_EDGES * self.merge.voxel_mm
@@ -138,7 +138,7 @@ def _with_camera_position(camera_mm: Array, block: Records, layout: Layout) -> R
     return seen
 
 
-def _distances(tree: cKDTree, points: Array, count: int, within: float = np.inf) -> Array:
+def _distances(tree: "scipy.spatial.cKDTree", points: Array, count: int, within: float = np.inf) -> Array:
     """Distances (n, count) to the nearest others, infinite where there are none."""
     found = [
         tree.query(points[start : start + QUERY_POINTS], count + 1, distance_upper_bound=within)[0][:, 1:]
@@ -147,7 +147,7 @@ def _distances(tree: cKDTree, points: Array, count: int, within: float = np.inf)
     return np.concatenate(found)
 
 
-def _normals(tree: cKDTree, points: Array, camera: Array) -> Array:
+def _normals(tree: "scipy.spatial.cKDTree", points: Array, camera: Array) -> Array:
     """Normals (n, 3) of planes through each point's neighbours, towards the camera; alone, towards the camera."""
     sight = camera - points
     lengths = np.linalg.norm(sight, axis=1, keepdims=True)

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from calibration.transforms import Array
 from registration.points.layout import Layout, Records
@@ -28,7 +28,7 @@ class Surface:
     points: Array
     normals: Array
     spacing_mm: float
-    tree: cKDTree
+    tree: "scipy.spatial.cKDTree"
 
     @classmethod
     def of(cls, points: Array) -> "Surface":
@@ -39,13 +39,13 @@ class Surface:
         """
         count = min(NEIGHBOURS, len(points))
         if count < 3:
-            return cls(points, np.zeros_like(points), 1.0, cKDTree(points))
-        distances, neighbours = cKDTree(points).query(points, k=count)
+            return cls(points, np.zeros_like(points), 1.0, scipy.spatial.cKDTree(points))
+        distances, neighbours = scipy.spatial.cKDTree(points).query(points, k=count)
         normals, spreads = planes_of(points[neighbours])
         normals = np.where(np.sum(normals * points, axis=1, keepdims=True) > 0, -normals, normals)
         kept = spreads[:, 1] > MAX_LINE_RATIO * spreads[:, 2]
         spacing_mm = float(np.median(distances[:, -1]) * np.sqrt(np.pi / (count - 1)))
-        return cls(points[kept], normals[kept], spacing_mm or 1.0, cKDTree(points[kept]))
+        return cls(points[kept], normals[kept], spacing_mm or 1.0, scipy.spatial.cKDTree(points[kept]))
 
 
 def planes_of(patches: Array) -> tuple[Array, Array]:
