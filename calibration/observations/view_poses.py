@@ -94,21 +94,25 @@ def _both(seen: Observations, xy: Array) -> Array:
     turns, places, found = np.zeros((len(seen), 2, 3)), np.zeros((len(seen), 2, 3)), np.zeros(len(seen), bool)
     for row in np.flatnonzero(np.count_nonzero(used, axis=1) >= FEWEST_CORNERS):
         chosen = used[row]
-        _, rotations, translations, _ = cv2.solvePnPGeneric(
-            seen.points_mm[row, chosen], xy[row, chosen], IDEAL, None, flags=cv2.SOLVEPNP_IPPE
-        )
-        if len(rotations):
-            found[row] = True
-            turns[row] = rotations[0][:, 0], rotations[-1][:, 0]
-            places[row] = translations[0][:, 0], translations[-1][:, 0]
-    sane = found & np.all(np.isfinite(turns) & np.isfinite(places), axis=(1, 2))
+        for method in PLANAR_METHODS:
+            _, rotations, translations, _ = cv2.solvePnPGeneric(
+                seen.points_mm[row, chosen], xy[row, chosen], IDEAL, None, flags=method
+            )
+            if len(rotations) and np.all(np.isfinite([*rotations, *translations])):
+                found[row] = True
+                turns[row] = rotations[0][:, 0], rotations[-1][:, 0]
+                places[row] = translations[0][:, 0], translations[-1][:, 0]
+                break
     poses = np.broadcast_to(NOWHERE, (len(seen), 2, 4, 4)).copy()
-    poses[sane] = transform(rotation_from_vector(turns[sane].reshape(-1, 3)).reshape(-1, 2, 3, 3), places[sane])
+    poses[found] = transform(rotation_from_vector(turns[found]), places[found])
     return poses
 
 
 IDEAL = np.eye(3)
 """The camera matrix of ideal coordinates."""
+
+PLANAR_METHODS = (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE)
+"""OpenCV's IPPE gives NaN for 3 % of exact data of some views; the second finds one of the two poses then."""
 
 
 SETTLED = 1e-7

@@ -37,6 +37,15 @@ def test_the_true_pose_is_the_better_one(rotation, translation):
     assert [c.rms_px for c in candidates] == sorted(c.rms_px for c in candidates)
 
 
+def test_exact_data_for_which_opencv_finds_no_number_has_a_pose_all_the_same():
+    """The board's middle on the optical axis, tilted about one of its axes: IPPE takes the root of a rounding error."""
+    for tilt in np.linspace(0.2, 0.7, 200):
+        rotation = rotation_from_vector([tilt, 0.0, 0.0])
+        truth = transform(rotation, np.array([0.0, 0.0, 420.0]) - rotation @ BOARD.points_mm.mean(axis=0))
+        millimetres, radians = difference(target_pose(CAMERA, BOARD, seen(truth))[0].camera_T_target, truth)
+        assert (millimetres, radians) == pytest.approx((0, 0), abs=1e-3), tilt
+
+
 def test_a_board_far_away_has_two_poses_that_fit_almost_alike_and_one_is_true():
     truth = transform(rotation_from_vector([0.35, 0.2, 0.4]), [-60.0, -50.0, 9000.0])
     candidates = target_pose(CAMERA, BOARD, seen(truth, 0.05))
