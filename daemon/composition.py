@@ -5,6 +5,7 @@ import os
 import random
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import uvloop
 
@@ -16,7 +17,6 @@ from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
 from daemon.operations import Operations
-from daemon.plc.service import PlcService
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
 from daemon.runtime.event_bus import EventBus
@@ -32,6 +32,9 @@ from daemon.store.key_service import KeyService
 from daemon.store.retention import Retention
 from daemon.store.store import Store
 from daemon.webhooks.dispatcher import WebhookDispatcher
+
+if TYPE_CHECKING:
+    from daemon.plc.service import PlcService
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +67,7 @@ def build(
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, workers, clock, settings.storage)
     schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
-    plc = () if settings.plc is None else (PlcService.of(settings.plc, operations, drift, clock),)
+    plc = _plc(settings, operations, drift, clock)
     return Application(
         settings=settings,
         clock=clock,
@@ -83,6 +86,15 @@ def build(
         warning_sources=(webhooks, retention, drift),
         metric_sources=(webhooks, retention, drift, *plc),
     )
+
+
+def _plc(settings: Settings, operations: Operations, drift: DriftMonitor, clock: Clock) -> tuple["PlcService", ...]:
+    """Nothing where the settings name no PLC: pymodbus is then not loaded."""
+    if settings.plc is None:
+        return ()
+    from daemon.plc.service import PlcService
+
+    return (PlcService.of(settings.plc, operations, drift, clock),)
 
 
 def serve(settings: Settings, *, ready_file: Path | None = None) -> None:

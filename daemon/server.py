@@ -13,7 +13,7 @@ from types import FrameType
 
 import uvicorn
 
-from daemon.access.certificates import server_context
+from daemon.access.tls_context import server_context
 from daemon.api.app import create_api
 from daemon.application import Application
 from daemon.http.connections import ConnectionLimiter

@@ -1,11 +1,14 @@
 """A robot that checks the cell's interlocks before arming and before each move."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from calibration.transforms import Array
 from drivers.errors import InterlockRefused
 from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotCapabilities, RobotStatus
-from drivers.interlocks import Interlocks
+
+if TYPE_CHECKING:
+    from drivers.interlocks import Interlocks
 
 FIX = "close the gate, put the part in; or correct [interlocks] in the settings"
 
@@ -15,7 +18,7 @@ class InterlockedRobot:
     """As `robot`; arming and moving raise InterlockRefused when an interlock does not allow motion."""
 
     robot: Robot
-    interlocks: Interlocks
+    interlocks: "Interlocks"
 
     @property
     def link(self) -> LinkHealth:

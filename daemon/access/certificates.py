@@ -5,7 +5,6 @@ Clients trust `authority.pem`. No second certificate can be issued under it, bec
 
 import ipaddress
 import os
-import ssl
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -64,24 +63,6 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise CertificateUnusable(f"{folder} cannot be written ({reason})", "give another --out") from None
-
-
-def server_context(certificate: str, private_key: str) -> ssl.SSLContext:
-    """A server's TLS context, version 1.2 or newer, with this certificate. Raises CertificateUnusable."""
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.minimum_version = ssl.TLSVersion.TLSv1_2
-    fix = "correct [server] certificate and private_key, or make them: handeyed tls init"
-    try:
-        context.load_cert_chain(certificate, private_key, password=lambda: "")
-    except ssl.SSLError as error:
-        reason = error.reason or "not a certificate and its key in PEM"
-        raise CertificateUnusable(
-            f"{certificate} with {private_key}: {reason.lower().replace('_', ' ')}", fix
-        ) from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise CertificateUnusable(f"{certificate} with {private_key}: {reason}", fix) from None
-    return context
 
 
 def _builder(

@@ -5,6 +5,7 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from daemon.cell.settling import check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
@@ -16,7 +17,9 @@ from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from drivers.errors import DeviceError, errors_of
 from drivers.interfaces import Camera, Frame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
 from drivers.interlocked_robot import InterlockedRobot
-from drivers.interlocks import Interlocks
+
+if TYPE_CHECKING:
+    from drivers.interlocks import Interlocks
 
 log = logging.getLogger(__name__)
 
@@ -47,7 +50,7 @@ class Cell:
         devices: Devices,
         settling: SettlingSettings,
         clock: Clock,
-        interlocks: Interlocks | None = None,
+        interlocks: "Interlocks | None" = None,
         at: Failpoints = NO_FAILPOINTS,
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot

@@ -1,13 +1,15 @@
 """The sections [plc] and [interlocks] of the settings."""
 
 import ipaddress
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
 from calibration.documents.validation import Document
-from drivers.interlocks import Interlocks, Signal, check_interlock_address
 from protocols.modbus.words import WordOrder
+
+if TYPE_CHECKING:
+    from drivers.interlocks import Interlocks
 
 
 def _validate_network(text: str) -> str:
@@ -27,6 +29,8 @@ def _validate_address(text: str) -> str:
 
 
 def _validate_interlock_address(text: str) -> str:
+    from drivers.interlocks import check_interlock_address
+
     try:
         check_interlock_address(text)
     except ValueError as error:
@@ -83,7 +87,9 @@ class InterlockSettings(Document):
     limit_s: Annotated[float, Field(gt=0, le=10)] = 0.5
     signals: Annotated[tuple[SignalSettings, ...], Field(min_length=1, max_length=32)]
 
-    def open(self) -> Interlocks:
+    def open(self) -> "Interlocks":
         """The Modbus client; it connects at the first reading."""
+        from drivers.interlocks import Interlocks, Signal
+
         signals = tuple(Signal(s.name, s.kind, s.address, s.allows) for s in self.signals)
         return Interlocks(self.address, self.unit, signals, self.limit_s)

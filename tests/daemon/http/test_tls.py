@@ -14,9 +14,10 @@ import pytest
 import uvloop
 
 from calibration.errors import DocumentError
-from daemon.access.certificates import PRIVATE_KEY, server_context
+from daemon.access.certificates import PRIVATE_KEY
 from daemon.access.errors import CertificateUnusable
 from daemon.access.roles import Role
+from daemon.access.tls_context import server_context
 from daemon.http.connections import ConnectionLimiter, HttpLimits
 from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.cell_under_test import serving, settings_for
