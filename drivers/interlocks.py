@@ -49,10 +49,10 @@ class Reading:
 
 
 class Interlocks:
-    """Reads the signals when it is asked; opens the line for the first reading, and again when it was lost.
+    """Reads the signals on demand; opens the line for the first reading, and again after a loss.
 
-    A value is one that the device had between the question and the answer, whatever the line does to its answers:
-    protocols/modbus/bit_reader.py says how. Whatever is uncertain cannot be read.
+    A value is one the device had between question and answer, however the line delays or repeats answers (see
+    protocols/modbus/bit_reader.py). Whatever is uncertain counts as unreadable.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Interlocks:
         timing: Timing | None = None,
         transport: Transport | None = None,
     ) -> None:
-        """`transport`: what carries the bytes, in place of what `address` names. Raises AddressNotUnderstood."""
+        """`transport` replaces the one named by `address`. Raises AddressNotUnderstood."""
         self.address, self._signals, self._limit_s = address, signals, limit_s
         self._timing = timing or Timing()
         numbered = _parts(address)[0] == "tcp"
@@ -78,14 +78,14 @@ class Interlocks:
     async def readings(self) -> tuple[Reading, ...]:
         """Every interlock, read after the call; within `limit_s`, or twice that when a reading is in progress.
 
-        Whoever asks while a reading is in progress shares the next one.
+        A call during a reading shares the next one.
         """
         if self._next is None:
             self._next = asyncio.create_task(self._read_next())
         return await asyncio.shield(self._next)
 
     async def close(self) -> None:
-        """Hang up."""
+        """Disconnect."""
         async with self._turn:
             await self._line.close()
 
@@ -98,7 +98,7 @@ class Interlocks:
             return tuple(self._reading(signal) for signal in self._signals)
 
     async def _error_of_reading(self) -> str | None:
-        """Read; in words why that failed."""
+        """Read; returns the reason of a failure, None on success."""
         reading = asyncio.create_task(self._line.read())
         done = await self._timing.done_within(reading, self._limit_s)
         reading.cancel()
@@ -130,7 +130,7 @@ def check_interlock_address(address: str) -> None:
 
 
 def transport_at(address: str) -> Transport:
-    """What carries the bytes to a device and back. Raises AddressNotUnderstood."""
+    """Transport to a device. Raises AddressNotUnderstood."""
     scheme, host, port, options = _parts(address)
     if scheme == "tcp":
         return TcpTransport(host, port)

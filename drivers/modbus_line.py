@@ -1,4 +1,4 @@
-"""One connection to a Modbus device, and what the answers on it are worth."""
+"""One connection to a Modbus device, with rules for trusting its answers."""
 
 import asyncio
 from dataclasses import dataclass, field
@@ -15,11 +15,11 @@ FIX = "check the line, and that the device answers there"
 
 @dataclass(eq=False)
 class ModbusLine:
-    """Opens when it is read, and listens while it is open.
+    """Opens on the first reading, and receives while it is open.
 
-    After a time-out, or an answer that fits no question or comes while nothing is asked, the next reading opens the
-    connection anew where answers have a number (`reader.numbered`). Elsewhere the line stays open, and nothing is asked
-    until nothing was received for `silence_s`.
+    After a timeout, or an answer that fits no question or comes between readings, the next reading reopens the
+    connection where answers are numbered (`reader.numbered`). Elsewhere the line stays open, and nothing is sent until
+    nothing was received for `silence_s`.
     """
 
     transport: Transport
@@ -49,7 +49,7 @@ class ModbusLine:
             self._answered = None
 
     async def close(self) -> None:
-        """Hang up."""
+        """Disconnect."""
         listener, self._listener = self._listener, None
         connection, self._connection = self._connection, None
         if listener is not None:
@@ -59,7 +59,7 @@ class ModbusLine:
             await connection.close()
 
     async def _trusted_connection(self) -> Connection:
-        """Raises DeviceError, also while the line must be silent."""
+        """The open connection. Raises DeviceError, also while the line must be silent."""
         if self._doubtful and self.reader.numbered:
             await self.close()
         elif self._doubtful and self.timing.clock() - self._heard_at_s < self.silence_s:
@@ -89,7 +89,7 @@ class ModbusLine:
         await connection.close()
 
     def _hear(self, answer: Answer) -> None:
-        """Answers to older questions are expected within a reading, and a reason for doubt outside of one."""
+        """Handle an answer: late answers to older questions are normal within a reading, suspicious outside."""
         if self._answered is None or answer is Answer.UNFIT:
             self._doubt()
         if self._answered is None or self._answered.done():
@@ -101,7 +101,7 @@ class ModbusLine:
             self._answered.set_exception(GarbledAnswer(self.transport.address, what, FIX))
 
     def _lose(self, error: DeviceError) -> None:
-        """The next reading opens the line anew."""
+        """Reopen the line at the next reading."""
         self._connection = None
         if self._answered is not None and not self._answered.done():
             self._answered.set_exception(error)

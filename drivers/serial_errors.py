@@ -1,7 +1,7 @@
-"""What a serial port raises when it cannot be opened, or was pulled out.
+"""Exceptions of a serial port that cannot be opened or was unplugged.
 
-pyserial wraps most of the system's errors in SerialException, but lets termios.error through, which is no OSError: from
-a setting that the adapter cannot do, and from clearing the buffers of one that is gone.
+pyserial wraps most system errors in SerialException but passes on termios.error, which is no OSError: for a setting the
+adapter does not support, and when clearing the buffers of one that is gone.
 """
 
 import termios
@@ -12,5 +12,5 @@ SERIAL_ERRORS = (serial.SerialException, OSError, termios.error)
 
 
 def reason_of(error: BaseException | None) -> str:
-    """The error in words: of termios.error (22, 'Invalid argument') the second half."""
+    """Text of the error: of termios.error (22, 'Invalid argument') the second half."""
     return str(error.args[-1] if isinstance(error, termios.error) else error)

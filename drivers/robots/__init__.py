@@ -1,1 +1,1 @@
-"""Robots as the daemon sees them: helpers here, one folder a brand."""
+"""Robot drivers: helpers here, one folder per brand."""

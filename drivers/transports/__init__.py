@@ -1,1 +1,1 @@
-"""What carries bytes to a device and back: TCP and serial lines, equal peers."""
+"""Byte transports to devices: TCP and serial lines."""

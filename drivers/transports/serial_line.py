@@ -1,4 +1,4 @@
-"""A serial line, or whatever pyserial opens: /dev/tty*, socket://, rfc2217://, loop://."""
+"""A serial line, or anything else pyserial opens: /dev/tty*, socket://, rfc2217://, loop://."""
 
 import asyncio
 import threading
@@ -82,9 +82,9 @@ class SerialConnection:
 
 @dataclass(frozen=True)
 class SerialTransport:
-    """A controller at the end of `port`: a device path or a pyserial URL. 8 bits, parity N, E or O, 1 stop bit.
+    """A device at `port`: a device path or a pyserial URL. 8 bits, parity N, E or O, 1 stop bit.
 
-    Never XON/XOFF: frames are binary.
+    Never XON/XOFF, since frames are binary.
     """
 
     port: str
@@ -123,7 +123,7 @@ class SerialTransport:
             **exclusive,
         )
         try:
-            port.timeout = READ_LIMIT_S  # configures the port again, which fails for what the adapter did not take
+            port.timeout = READ_LIMIT_S  # sets the port up again, which fails for settings the adapter did not take
             port.reset_input_buffer()
         except BaseException:
             port.close()

@@ -58,7 +58,7 @@ class TcpConnection:
 
 @dataclass(frozen=True)
 class TcpTransport:
-    """A controller listening at host and port."""
+    """A device listening at host and port."""
 
     host: str
     port: int

@@ -1,10 +1,10 @@
-"""What carries bytes to a device and back. TCP and serial lines are equal peers."""
+"""Interface of byte transports to devices, over TCP or a serial line."""
 
 from typing import Protocol
 
 
 class Connection(Protocol):
-    """An open way to the device. Every method raises LinkLost when it has gone."""
+    """An open connection to the device. Every method raises LinkLost after its loss."""
 
     async def send(self, data: bytes) -> None: ...
 
@@ -18,7 +18,7 @@ class Connection(Protocol):
 
 
 class Transport(Protocol):
-    """How to reach a device, again and again."""
+    """Opens connections to a device."""
 
     @property
     def address(self) -> str: ...

@@ -1,25 +1,23 @@
-"""Coils and discrete inputs, read so that no answer is taken for the answer to another question.
+"""Reads coils and discrete inputs over Modbus so that no answer is taken for the answer to another question.
 
-Modbus RTU numbers neither questions nor answers. What an answer does show is its shape: the function code and how many
-bytes of values it has, or that it is an exception. So the questions differ in shape instead:
+Modbus RTU numbers neither questions nor answers. What identifies an answer is its shape: the function code and its
+number of value bytes, or that it is an exception. So the questions are made to differ in shape:
 
-- Every bit of one kind is asked in one question, from the first address to the last.
-- The same span is also asked 8, 16 and 24 bits longer, and a question of the other function lies in between when the
-  device refuses those.
-- A question is asked only when no answer that may still come has the shape of its answer. Until it is answered, it is
-  repeated, and no other is asked.
+- All bits of one kind are requested in one question, from the first address to the last. - The same span is also
+requested 8, 16 and 24 bits longer, with a question of the other function between when the device refuses those. - A
+question is sent only when no answer still to come has the shape of its answer. Until it is answered, it is repeated,
+and no other is sent.
 
-A serial line is one wire with one device at its end: answers may be late by any time, lost, or come several times, but
-they come in the order of their questions. When the answer to a question has come, nothing older is behind it; so the
-next answer of another shape is the answer to the next question. A value counts only when its question was first asked
-in the reading that wants it: an answer to a question that a former reading gave up shows no more than that the line
-is up to date.
+A serial line is one wire with one device: answers may be arbitrarily late, lost, or repeated, but they come in the
+order of their questions. After the answer to a question nothing older can follow, so the next answer of another shape
+belongs to the next question. A value counts only when its question was first sent within the current reading: an answer
+to a question of an earlier reading shows only that the line is up to date.
 
-Before the first reading of a process, the line may hold answers to the questions of the process before it. These are of
-two shapes at most, so the first two answers of three different shapes are not used; fewer when the device has no three.
+Before the first reading of a process, the line may hold answers to questions of the process before. These have at most
+two shapes, so the first two answers of three different shapes are discarded; fewer when the device has no three.
 
-Modbus TCP numbers its answers, and the shapes help against a gateway to a serial line that mistakes them. There a
-question may be asked all the same when the device leaves no other.
+Modbus TCP numbers its answers; the shapes then protect against a serial gateway that confuses them. There a question
+may be sent all the same when the device leaves no other.
 """
 
 import struct
@@ -34,14 +32,14 @@ Bit = tuple[Function, int]
 """READ_COILS or READ_DISCRETE_INPUTS, and an address."""
 
 Shape = tuple[int, int]
-"""Function code and bytes of values; of an exception the code with ERROR_BIT, and 0."""
+"""Function code and number of value bytes; of an exception the code with ERROR_BIT, and 0."""
 
 LONGER_BITS = (8, 16, 24)
 MAX_ADDRESS = 65535
 TO_PROVE = 3
-"""Shapes that are answered before the line is known to hold nothing older; the last of the answers is used."""
+"""Number of shapes answered before the line is known to hold nothing older; the last of these answers is used."""
 MAX_UNANSWERED = 2
-"""So often a question that the device need not support is asked without an answer; then another one is tried."""
+"""Attempts of a question the device need not support; then another one is tried."""
 NO_SUCH_BITS = (ExceptionCode.ILLEGAL_DATA_ADDRESS, ExceptionCode.ILLEGAL_DATA_VALUE)
 OTHER = {
     Function.READ_COILS: Function.READ_DISCRETE_INPUTS,
@@ -50,7 +48,7 @@ OTHER = {
 
 
 class Answer(Enum):
-    """What an answer is."""
+    """Classification of an answer."""
 
     AWAITED = "it answers the question"
     REPEATED = "it answers an older question, or the same once more"
@@ -59,14 +57,14 @@ class Answer(Enum):
 
 @dataclass(frozen=True)
 class Group:
-    """Bits of one function that one question asks for, in order."""
+    """Bits of one function requested by one question, in order."""
 
     function: Function
     addresses: tuple[int, ...]
 
     @property
     def count(self) -> int:
-        """Bits from the first address to the last."""
+        """Number of bits from the first address to the last."""
         return self.addresses[-1] - self.addresses[0] + 1
 
     @property
@@ -75,7 +73,7 @@ class Group:
 
     @property
     def longer_questions(self) -> tuple[ReadBits, ...]:
-        """The same bits and some behind them; a device need not have these."""
+        """The same bits and some after them, which a device need not have."""
         first = self.addresses[0]
         counts = (self.count + more for more in LONGER_BITS)
         return tuple(
@@ -86,18 +84,18 @@ class Group:
 
     @property
     def other_question(self) -> ReadBits:
-        """As many bits of the other function: its answer, or refusal, has another shape."""
+        """As many bits of the other function: its answer or refusal has another shape."""
         return ReadBits(OTHER[self.function], self.addresses[0], self.count)
 
     def halves(self) -> "tuple[Group, Group]":
-        """Two groups, cut at the widest gap between two addresses."""
+        """Two groups, split at the widest gap between two addresses."""
         at = max(range(1, len(self.addresses)), key=lambda i: self.addresses[i] - self.addresses[i - 1])
         return Group(self.function, self.addresses[:at]), Group(self.function, self.addresses[at:])
 
 
 @dataclass
 class _Asked:
-    """A question on the line, and the shapes of its answers that may still come."""
+    """A question on the line, and the shapes its pending answers may have."""
 
     question: ReadBits
     shapes: frozenset[Shape]
@@ -107,10 +105,10 @@ class _Asked:
 
 @dataclass(eq=False)
 class BitReader:
-    """Questions out, answers in. `begin`, then send what `request` gives and hand in what comes, until it gives None.
+    """Generates questions and evaluates answers. Call `begin`, send what `request` returns, pass answers to `receive`.
 
-    Call `request` once after `begin`, and after each answer that is AWAITED. `numbered`: the transport matches answers
-    to requests.
+    Call `request` once after `begin` and after each AWAITED answer, until it returns None. `numbered`: the transport
+    matches answers to requests.
     """
 
     wanted: Iterable[Bit]
@@ -131,7 +129,7 @@ class BitReader:
         self._groups = tuple(group for function in OTHER for group in _groups(function, self.wanted))
 
     def begin(self) -> None:
-        """A new reading: `bits` and `exceptions` are empty until questions first asked from now on are answered."""
+        """Start a reading: only questions first sent from now on fill `bits` and `exceptions`."""
         self.bits, self.exceptions = {}, {}
         self._open = list(self._groups)
         for asked in self._line:
@@ -150,13 +148,13 @@ class BitReader:
         return struct.pack(">BHH", question.function, question.address, question.count)
 
     def receive(self, pdu: bytes) -> Answer:
-        """Take the PDU of an answer."""
+        """Process the PDU of an answer."""
         shape = _shape_in(pdu)
         fitting = [i for i, asked in enumerate(self._line) if shape in asked.shapes]
         if shape is None or not fitting:
             return Answer.UNFIT
         if not self._to_prove:
-            del self._line[: fitting[0]]  # answers come in order: nothing older is behind this one
+            del self._line[: fitting[0]]  # answers come in order: nothing older follows
         newest = self._line[-1]
         if not self._outstanding or any(shape in asked.shapes for asked in self._line[:-1]):
             return Answer.REPEATED
@@ -164,7 +162,7 @@ class BitReader:
         return Answer.AWAITED
 
     def _take(self, asked: _Asked, shape: Shape, pdu: bytes) -> None:
-        """The answer to the newest question."""
+        """Process the answer to the newest question."""
         self._outstanding = False
         wanted = asked.in_this_reading and bool(self._open) and asked.question in self._questions_for(self._open[0])
         if asked.times == 1:
@@ -173,18 +171,18 @@ class BitReader:
             self._known[asked.question] = shape
         self._to_prove = max(self._to_prove - 1, 0)
         if self._to_prove:
-            return  # the line keeps its questions, so that the next ones have other shapes
+            return  # the questions stay, so that the next ones have other shapes
         self._line = [asked]
         if wanted:
             self._note(self._open[0], asked.question, pdu)
 
     def _note(self, group: Group, question: ReadBits, pdu: bytes) -> None:
-        """Values, or an exception, for the bits of a group."""
+        """Store values, or an exception, for the bits of a group."""
         if not pdu[0] & ERROR_BIT:
             values = bits_of(pdu[2:], group.count)
             self.bits |= {(group.function, each): values[each - group.addresses[0]] for each in group.addresses}
         elif pdu[1] in NO_SUCH_BITS and question != group.question:
-            return  # the device has the bits, but not so many behind them
+            return  # the device has the bits, but not so many after them
         elif pdu[1] in NO_SUCH_BITS and len(group.addresses) > 1:
             halves = group.halves()
             self._groups = tuple(part for each in self._groups for part in (halves if each == group else (each,)))
@@ -195,7 +193,7 @@ class BitReader:
         del self._open[0]
 
     def _next_question(self) -> ReadBits | None:
-        """The newest question again while it has no answer, or one that surely tells its answer from all others."""
+        """The newest question again while unanswered, otherwise one whose answer cannot be confused."""
         if not self._outstanding:
             return self._new_question() if self._open else None
         newest = self._line[-1]
@@ -212,7 +210,7 @@ class BitReader:
         return {group.question for group in self._groups} | self._known.keys()
 
     def _new_question(self) -> ReadBits:
-        """Everything on the line was answered."""
+        """The next question when everything on the line was answered."""
         if (question := self._conclusive_question()) is not None:
             return question
         if self._to_prove:  # the device has no three shapes
@@ -227,14 +225,14 @@ class BitReader:
         return question
 
     def _numbered_question(self) -> ReadBits | None:
-        """The shortest question for the next group of bits, when its answer is known by its number."""
+        """The shortest question for the next group of bits, if its answer is identified by its number."""
         if not self.numbered:
             return None
         self._line.clear()
         return self._open[0].question
 
     def _conclusive_question(self) -> ReadBits | None:
-        """One for the next group of bits, else any; those that were not asked for longest first."""
+        """A conclusive question for the next group of bits, else any; those not sent for longest first."""
         between = [question for group in self._groups for question in _all_questions(group)]
         for questions in (self._questions_for(self._open[0]), between):
             for question in sorted(questions, key=lambda each: self._asked_last.get(each, 0)):
@@ -243,21 +241,21 @@ class BitReader:
         return None
 
     def _questions_for(self, group: Group) -> list[ReadBits]:
-        """Which give the values of a group, as far as is known; the longer ones once the shortest was answered."""
+        """Questions that give the values of a group; the longer ones after the shortest was answered."""
         if self._known.get(group.question) != _shape_of(group.question):
             return [group.question]
         longer = (each for each in group.longer_questions if self._known.get(each) != _refusal_of(each))
         return [group.question, *longer]
 
     def _is_conclusive(self, question: ReadBits) -> bool:
-        """Can none of its answers be taken for one that may still come?"""
+        """Whether none of its answers can be taken for a pending one."""
         known = self._known.get(question)
         expected = {_shape_of(question), _refusal_of(question)} if known is None else {known}
         return all(expected.isdisjoint(asked.shapes) for asked in self._line)
 
 
 def _groups(function: Function, wanted: Iterable[Bit]) -> Iterator[Group]:
-    """One, or several when the addresses lie further apart than one question reaches."""
+    """One group, or several when the addresses lie further apart than one question reaches."""
     addresses = tuple(sorted({address for kind, address in wanted if kind is function}))
     waiting = [Group(function, addresses)] if addresses else []
     while waiting:
@@ -281,7 +279,7 @@ def _refusal_of(question: ReadBits) -> Shape:
 
 
 def _shape_in(pdu: bytes) -> Shape | None:
-    """None when the PDU is not as long as it says."""
+    """Shape of an answer; None when the PDU's length contradicts its content."""
     if len(pdu) < 2:
         return None
     if pdu[0] & ERROR_BIT:

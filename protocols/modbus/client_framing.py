@@ -1,4 +1,4 @@
-"""The client's end of both transports: a request into its envelope, and the answers out of what comes."""
+"""Client framing of both transports: adds the envelope to requests, extracts answers from received bytes."""
 
 from collections.abc import Iterable
 from typing import Protocol
@@ -15,25 +15,25 @@ RTU_ENVELOPE = 3
 
 
 class ClientFraming(Protocol):
-    """One unit's requests and answers on one connection at a time."""
+    """Requests and answers of one unit, on one connection at a time."""
 
     def connected(self) -> None:
-        """Forget the half frame of the connection before."""
+        """Discard the incomplete frame of the previous connection."""
         ...
 
     def encode(self, pdu: bytes) -> bytes:
-        """A request as bytes for the line."""
+        """Bytes of a request."""
         ...
 
     def feed(self, data: bytes) -> Iterable[bytes]:
-        """The PDUs of the answers that are complete now. Raises HeaderBroken."""
+        """PDUs of the answers that are complete now. Raises HeaderBroken."""
         ...
 
 
 class TcpFraming:
-    """Modbus TCP. Only an answer with the number of the newest request counts; numbers go on over a new connection.
+    """Modbus TCP. Only an answer with the newest request's number counts; numbering continues over a new connection.
 
-    `unit` 0 takes any unit's answer: a device without units answers with any.
+    `unit` 0 accepts any unit's answer, since a device without units answers with any.
     """
 
     def __init__(self, unit: int) -> None:
@@ -54,7 +54,7 @@ class TcpFraming:
 
 
 class RtuFraming:
-    """Modbus RTU, for requests of bits alone. Frames are found by their CRC; bytes between them are skipped."""
+    """Modbus RTU, for requests of bits only. Frames are found by their CRC; bytes between them are skipped."""
 
     def __init__(self, unit: int) -> None:
         self._unit = unit
@@ -77,7 +77,7 @@ class RtuFraming:
         del self._buffer[: -(MAX_PDU_BYTES + RTU_ENVELOPE)]
 
     def _found(self) -> tuple[int, int] | None:
-        """Where the first whole frame of this unit begins and ends."""
+        """Start and end of the first complete frame of this unit."""
         for begin in range(len(self._buffer) - MIN_RTU_ANSWER + 1):
             unit, function, third = self._buffer[begin : begin + 3]
             if unit != self._unit or function & ~ERROR_BIT not in (Function.READ_COILS, Function.READ_DISCRETE_INPUTS):

@@ -53,7 +53,7 @@ class EgmAddress:
 
 
 class SampleWindow:
-    """The newest samples in the controller's order. One that is late or came before is not taken."""
+    """The newest samples in the controller's order. Late and repeated ones are dropped."""
 
     def __init__(self) -> None:
         self._arrivals: deque[Arrival] = deque(maxlen=KEEP)
@@ -63,7 +63,7 @@ class SampleWindow:
         return self._arrivals[-1] if self._arrivals else None
 
     def add(self, arrival: Arrival) -> bool:
-        """Is its number behind the newest? After a silence any number begins a new stream, alone in the window."""
+        """Add a sample; returns whether it is newer than all before. After a silence any number starts a new window."""
         if (newest := self.newest) is not None:
             ahead = (arrival.sample.seqno - newest.sample.seqno) % SEQNO_COUNT
             if arrival.received_at_s - newest.received_at_s > SILENT_AFTER_S:
@@ -74,7 +74,7 @@ class SampleWindow:
         return True
 
     def since(self, time_s: float) -> list[Arrival]:
-        """Oldest first."""
+        """Samples since `time_s`, oldest first."""
         return [arrival for arrival in list(self._arrivals) if arrival.received_at_s >= time_s]
 
 
@@ -93,7 +93,7 @@ class EgmMonitor:
 
     @property
     def link(self) -> LinkHealth:
-        """Do samples come?"""
+        """Whether samples arrive."""
         newest = self._window.newest
         if newest is not None and self._timing.clock() - newest.received_at_s <= SILENT_AFTER_S:
             self._report.up("samples come")
@@ -131,7 +131,7 @@ class EgmMonitor:
             self._socket.close()
 
     def arrivals(self, window_s: float) -> list[Arrival]:
-        """The samples of the last `window_s`, oldest first. Raises DeviceTimeout when there are too few."""
+        """Samples of the last `window_s`, oldest first. Raises DeviceTimeout when there are too few."""
         recent = self._window.since(self._timing.clock() - window_s)
         if len(recent) < FEWEST:
             what = f"{len(recent)} samples came within {window_s:g} s"

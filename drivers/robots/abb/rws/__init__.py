@@ -1,1 +1,1 @@
-"""An ABB controller over Robot Web Services 1.0 (IRC5) or 2.0 (OmniCore): read, watched, stopped; never moved."""
+"""An ABB controller over Robot Web Services 1.0 (IRC5) or 2.0 (OmniCore): reading and stopping, never motion."""

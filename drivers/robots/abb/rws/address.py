@@ -1,4 +1,4 @@
-"""rws://user:password@host:port?version=2&frame=wobj&mechunit=ROB_1&certificate=/file.pem&password_file=/file"""
+"""Parses rws://user:password@host:port?version=2&frame=wobj&mechunit=ROB_1&certificate=/file.pem&password_file=/file."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,9 +7,9 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 from drivers.errors import AddressNotUnderstood, RequestRefused
 
 USER, PASSWORD = "Default User", "robotics"
-"""What every controller is delivered with."""
+"""The defaults of every controller."""
 SCHEMES = {2: "https", 1: "http"}
-"""Tried in this order."""
+"""Versions in the order they are tried."""
 FRAMES = {"wobj": "Wobj", "base": "Base", "world": "World"}
 _OPTIONS = {"version", "frame", "mechunit", "certificate", "password_file"}
 _EXAMPLE = "write rws://host, or rws://user:password@host:port?version=2&frame=base"
@@ -17,7 +17,7 @@ _EXAMPLE = "write rws://host, or rws://user:password@host:port?version=2&frame=b
 
 @dataclass(frozen=True)
 class RwsAddress:
-    """Where the services are and how they are asked. `version` None: found out. `certificate`: trusted alone."""
+    """Address and options of the services. `version` None: detected. `certificate`: the only one trusted."""
 
     host: str
     port: int | None = None
@@ -31,7 +31,7 @@ class RwsAddress:
 
     @classmethod
     def parse(cls, address: str) -> "RwsAddress":
-        """Opens nothing. Raises AddressNotUnderstood, which shows no password."""
+        """Parse; opens nothing. Raises AddressNotUnderstood, which shows no password."""
         shown = _without_password(address)
         try:
             parts = urlsplit(address)
@@ -56,16 +56,16 @@ class RwsAddress:
 
     @property
     def address(self) -> str:
-        """For people: without user and password."""
+        """Address for messages, without user and password."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"rws://{host}" + (f":{self.port}" if self.port else "")
 
     def url(self, version: int) -> str:
-        """The base URL of one version, without a slash at its end."""
+        """Base URL of one version, without a trailing slash."""
         return self.address.replace("rws", SCHEMES[version], 1)
 
     def secret(self, device: str) -> str:
-        """The password; from its file when one is named. Raises RequestRefused."""
+        """The password, read from its file when one is named. Raises RequestRefused."""
         if self.password_file is None:
             return self.password
         try:

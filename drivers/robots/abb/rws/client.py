@@ -1,4 +1,4 @@
-"""Requests to a controller: which version it speaks, one session and its cookies, paced, errors in our words."""
+"""HTTP client of a controller: detects the version, keeps one session, limits the request rate, maps errors."""
 
 import asyncio
 import ssl
@@ -15,12 +15,12 @@ from drivers.timing import Timing
 
 LIMIT_S, CONNECT_LIMIT_S = 5.0, 3.0
 REQUESTS_PER_S, BURST = 15.0, 8.0
-"""Below the controllers' 20 a second, which more than one client share."""
+"""Below the controllers' limit of 20 requests per second, which all clients share."""
 LISTENS = "check the address; on the controller: option PC Interface, the network port, the firewall"
 
 
 class RwsClient:
-    """One session. `dialect` None until the controller was found."""
+    """One session. `dialect` is None until the controller was found."""
 
     def __init__(self, device: str, address: RwsAddress, timing: Timing) -> None:
         self.device, self.address = device, address
@@ -31,7 +31,7 @@ class RwsClient:
         self._tokens, self._counted_s = BURST, timing.clock()
 
     async def find(self) -> Dialect:
-        """The session's dialect; without one, 2.0 over HTTPS is tried first, then 1.0 over HTTP. Raises DeviceError."""
+        """The session's dialect; without one, tries 2.0 over HTTPS, then 1.0 over HTTP. Raises DeviceError."""
         async with self._finding:
             return self.dialect or await self._open()
 
@@ -48,7 +48,7 @@ class RwsClient:
                 await http.aclose()
                 errors.append(error)
                 if isinstance(error, RequestRefused) and error.status == "UNAUTHORIZED":
-                    break  # it is there, and does not want us: nothing else is tried with this password
+                    break  # found, but refused: this password is not tried elsewhere
             except BaseException:
                 await http.aclose()
                 raise
@@ -58,7 +58,7 @@ class RwsClient:
         raise self._telling(errors)
 
     async def get(self, path: str, query: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
-        """The resources at a path. Raises DeviceError."""
+        """Resources at a path. Raises DeviceError."""
         dialect = self._found()
         await self._pace()
         answer = await self._ask("GET", path, {**(query or {}), **dialect.query}, headers=dialect.headers)
@@ -71,7 +71,7 @@ class RwsClient:
     async def post(
         self, path: str, query: Mapping[str, str], form: Mapping[str, str], *, urgent: bool = False
     ) -> httpx.Response:
-        """Have something done; urgent: without waiting for a turn. Raises DeviceError."""
+        """Post a form; `urgent` skips the rate limit. Raises DeviceError."""
         if not urgent:
             await self._pace()
         return await self._ask("POST", path, query, form=form, headers=self._found().post_headers)
@@ -90,7 +90,7 @@ class RwsClient:
         await self._ask("DELETE", path, {}, headers=self._found().post_headers)
 
     async def close(self) -> None:
-        """Log out, so that the controller has its session back."""
+        """Log out, to free the controller's session."""
         http, self._http, self.dialect = self._http, None, None
         if http is None:
             return
@@ -98,12 +98,12 @@ class RwsClient:
             async with asyncio.timeout(1.0):
                 await http.get("/logout", headers={"Accept": "*/*"})
         except (httpx.HTTPError, TimeoutError):
-            pass  # it is gone: so will the session be, in five minutes
+            pass  # unreachable: the session expires in five minutes
         finally:
             await http.aclose()
 
     def socket(self, path: str) -> tuple[str, dict[str, str], ssl.SSLContext | None]:
-        """How a subscription's WebSocket is opened: URL, headers, TLS."""
+        """URL, headers and TLS context of a subscription's WebSocket."""
         http, dialect = self._http, self._found()
         assert http is not None
         cookies = "; ".join(f"{name}={value}" for name, value in http.cookies.items())
@@ -118,7 +118,7 @@ class RwsClient:
         return self.dialect
 
     def _telling(self, errors: list[DeviceError]) -> DeviceError:
-        """Of one error for each version that was tried: the one that was answered, or all in one."""
+        """From one error per version tried, the one that was answered, or all combined."""
         for error in errors:
             if not isinstance(error.__cause__, httpx.TransportError) or len(errors) == 1:
                 return error
@@ -142,7 +142,7 @@ class RwsClient:
         )
 
     def _tls(self) -> ssl.SSLContext:
-        """Controllers sign their certificates themselves: one that is given is trusted alone, else any is."""
+        """TLS context: controllers sign their own certificates, so a given one is trusted alone, otherwise any."""
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         context.check_hostname = False
         context.verify_mode = ssl.CERT_NONE
@@ -158,7 +158,7 @@ class RwsClient:
         return context
 
     async def _pace(self) -> None:
-        """Wait for a turn, so that all turns stay below what the controllers allow."""
+        """Delay, so that the request rate stays below the controllers' limit."""
         now_s = self._timing.clock()
         self._tokens = min(BURST, self._tokens + (now_s - self._counted_s) * REQUESTS_PER_S) - 1.0
         self._counted_s = now_s

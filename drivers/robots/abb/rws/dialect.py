@@ -1,4 +1,4 @@
-"""What RWS 1.0 and 2.0 call the same things, in one table, and how their answers are taken apart."""
+"""Names and formats of RWS 1.0 and 2.0 in one table, and parsing of their responses."""
 
 import json
 import re
@@ -14,7 +14,7 @@ _MESSAGE = re.compile(r'class="msg">([^<]*)<')
 
 @dataclass(frozen=True)
 class Dialect:
-    """One version. Paths begin with a slash; `query` goes with every GET."""
+    """One version of RWS. Paths begin with a slash; `query` is added to every GET."""
 
     version: int
     headers: Mapping[str, str]
@@ -28,17 +28,17 @@ class Dialect:
     subprotocol: str
 
     def load_module(self, task: str) -> Call:
-        """Where a module is loaded."""
+        """Call that loads a module."""
         path = f"/rw/rapid/tasks/{task}"
         return (path, {"action": "loadmod"}) if self.version == 1 else (f"{path}/loadmod", {})
 
     @property
     def name(self) -> str:
-        """For people."""
+        """Name for messages."""
         return f"RWS {self.version}.0"
 
     def items(self, content: bytes) -> list[dict[str, Any]]:
-        """The resources of an answer. Raises ValueError when it is none."""
+        """Resources of a response. Raises ValueError when it is malformed."""
         document = json.loads(content)
         embedded = document.get("_embedded", {}) if isinstance(document, dict) else None
         if not isinstance(embedded, dict):
@@ -50,7 +50,7 @@ class Dialect:
 
 
 def error_in(content: bytes) -> tuple[int | None, str]:
-    """ABB's number and words in the body of a refusal, JSON or XHTML; (None, "") when there are none."""
+    """ABB's code and text in the body of a refusal, JSON or XHTML; (None, "") without any."""
     text = content.decode("utf-8", "replace")
     code, message = _CODE.search(text), _MESSAGE.search(text)
     if code:

@@ -1,4 +1,4 @@
-"""The session with a controller: found in the background, its panel read and watched, found again when it is lost."""
+"""The session with a controller: connects in the background, monitors the panel, reconnects after a loss."""
 
 import asyncio
 import logging
@@ -18,9 +18,9 @@ from drivers.timing import Timing
 log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 2.0
-"""How often the panel is read though nothing was told: a subscription may have gone mute."""
+"""Polling period of the panel beside the subscription, which may have fallen silent."""
 UNTOLD_LOOKS = 2
-"""So many looks in a row that find what no event told end the subscription."""
+"""Number of consecutive polls with changes but no event, after which the subscription is reopened."""
 _TOLD = {"ctrlstate": "controller", "opmode": "mode", "ctrlexecstate": "execution"}
 
 
@@ -39,16 +39,16 @@ class RwsLink:
 
     @property
     def health(self) -> LinkHealth:
-        """Is the controller there, and in which state?"""
+        """Whether the controller is connected, and its state."""
         return self._report.health
 
     @property
     def watching(self) -> bool:
-        """Does the controller tell changes by itself?"""
+        """Whether a subscription is open."""
         return self._watch is not None and self._watch.is_open
 
     def start(self) -> None:
-        """Begin to look for the controller."""
+        """Start connecting."""
         if self._task is None:
             self._task = asyncio.create_task(self._keep_connected(), name=f"link to {self._client.device}")
 
@@ -75,7 +75,7 @@ class RwsLink:
         return items[0] if items else {}
 
     async def read_state(self) -> ControllerState:
-        """Panel and program. Raises DeviceError."""
+        """State of panel and program. Raises DeviceError."""
         device, dialect = self._client.device, self._client.dialect or DIALECTS[2]
         controller, mode, run, speed = await asyncio.gather(
             self.one(dialect.controller_state),
@@ -105,7 +105,7 @@ class RwsLink:
             await self._timing.sleep(self._backoff.next_wait_s())
 
     async def _look(self, name: str) -> None:
-        """Read the panel again and again; raises DeviceError when it cannot be read."""
+        """Poll the panel; raises DeviceError when it cannot be read."""
         untold = 0
         while True:
             state = await self.read_state()
@@ -122,7 +122,7 @@ class RwsLink:
             await self._timing.sleep(LOOK_EVERY_S)
 
     async def _keep_watching(self) -> None:
-        """Subscribe again and again: a controller that does not let us is read all the same."""
+        """Keep a subscription open; a controller that refuses it is only polled."""
         while True:
             self._watch = Watch(self._client, self._heard)
             try:

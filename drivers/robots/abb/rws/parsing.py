@@ -1,4 +1,4 @@
-"""From the values of RWS to base_T_flange, joints, status and log entries. Everything in it is text."""
+"""Converts values of RWS, all text, to base_T_flange, joints, status and log entries."""
 
 import math
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ from drivers.interfaces import PoseReading, RobotStatus
 from drivers.robots.abb.robtarget import external_axis
 
 STILL_MM, STILL_RAD = 0.02, math.radians(0.005)
-"""Two readings further apart than this are of an arm that moves."""
+"""Two readings further apart than this are taken for motion."""
 AXES = "abcdef"
 Values = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class ControllerState:
-    """The panel, in the controller's own words. `speed_ratio` is the pendant's, in percent."""
+    """State of the panel in the controller's words. `speed_ratio` of the pendant in percent."""
 
     controller: str
     mode: str
@@ -46,7 +46,7 @@ class EventLogEntry:
 
 
 def pose(device: str, values: Values, taken_at_s: float) -> PoseReading:
-    """A robtarget; one reading alone is of an arm that may move. Raises GarbledAnswer for one that is none."""
+    """Convert a robtarget, with `still` False, since one reading cannot show standstill. Raises GarbledAnswer."""
     x, y, z, *quaternion = _numbers(device, values, ("x", "y", "z", "q1", "q2", "q3", "q4"))
     try:
         base_R_flange = rotation_from_quaternion(np.array(quaternion))
@@ -65,20 +65,20 @@ def pose(device: str, values: Values, taken_at_s: float) -> PoseReading:
 
 
 def stood(before: PoseReading, after: PoseReading) -> PoseReading:
-    """The later reading, still when the two agree."""
+    """The later reading, with `still` set when the two agree."""
     off_mm, off_rad = difference(before.base_T_flange, after.base_T_flange)
     return replace(after, still=off_mm <= STILL_MM and off_rad <= STILL_RAD)
 
 
 def joints_rad(device: str, values: Values) -> Array:
-    """Axis angles (6,). Raises GarbledAnswer."""
+    """Axis angles (6,) in rad. Raises GarbledAnswer."""
     degrees = _numbers(device, values, tuple(f"rax_{axis}" for axis in range(1, 7)))
     angles_rad: Array = np.radians(np.array(degrees))
     return angles_rad
 
 
 def status(state: ControllerState, moving: bool, taken_at_s: float) -> RobotStatus:
-    """What the panel says, and whether the arm moved between two looks. Over RWS the arm is never armed."""
+    """Status from the panel and whether the arm moved between two polls. Over RWS the arm is never armed."""
     return RobotStatus(
         motors_on=state.controller == "motoron",
         automatic=state.mode == "AUTO",
@@ -93,7 +93,7 @@ def status(state: ControllerState, moving: bool, taken_at_s: float) -> RobotStat
 
 
 def word(device: str, values: Values, name: str) -> str:
-    """A value that must be there. Raises GarbledAnswer."""
+    """A required value. Raises GarbledAnswer."""
     value = values.get(name)
     if not isinstance(value, str) or not value:
         raise _garbled(device, f"an answer without {name}")
@@ -101,12 +101,12 @@ def word(device: str, values: Values, name: str) -> str:
 
 
 def number(device: str, values: Values, name: str) -> float:
-    """A finite number that must be there. Raises GarbledAnswer."""
+    """A required finite number. Raises GarbledAnswer."""
     return _numbers(device, values, (name,))[0]
 
 
 def log_entry(device: str, values: Values) -> EventLogEntry:
-    """Raises GarbledAnswer."""
+    """Convert a log entry. Raises GarbledAnswer."""
     try:
         return EventLogEntry(
             number=int(str(values["_title"]).rpartition("/")[2]),

@@ -1,4 +1,4 @@
-"""A robot whose stop has a second way: Robot Web Services, when its own link has failed or is late."""
+"""A robot with a second way to stop, over Robot Web Services, for when its own link fails or is late."""
 
 import asyncio
 import logging
@@ -12,12 +12,12 @@ from drivers.timing import Timing
 log = logging.getLogger(__name__)
 
 OWN_LIMIT_S = 0.5
-"""How long the robot's own link has to answer a stop. By itself the arm stops after 2 s of silence."""
+"""Time for the robot's own link to answer a stop. Without any stop the arm stops after 2 s of silence."""
 LINK_FAILED = (LinkLost, DeviceTimeout, DeviceUnreachable, GarbledAnswer)
 
 
 class TwoWaysToStop:
-    """drivers.interfaces.Robot. The second way stops the whole program: somebody has to start it again."""
+    """drivers.interfaces.Robot. The second way stops the whole program, which must then be started by hand."""
 
     def __init__(self, robot: Robot, second: RwsRobot, timing: Timing) -> None:
         self._robot, self._second, self._timing = robot, second, timing
@@ -25,18 +25,18 @@ class TwoWaysToStop:
 
     @property
     def link(self) -> LinkHealth:
-        """Of the robot's own link; the second way is told of in words."""
+        """Health of the robot's own link; the detail includes the second way."""
         own, second = self._robot.link, self._second.link
         how = "there" if second.connected else f"NOT there, {second.detail}"
         return LinkHealth(own.connected, f"{own.detail}; second way to stop: {how}", own.since_s)
 
     @property
     def capabilities(self) -> RobotCapabilities:
-        """Those of the robot's own link."""
+        """Capabilities of the robot's own link."""
         return self._robot.capabilities
 
     def start(self) -> None:
-        """Both ways."""
+        """Start both links."""
         self._robot.start()
         self._second.start()
 
@@ -57,7 +57,7 @@ class TwoWaysToStop:
         await self._robot.set_armed(armed)
 
     async def move_to(self, goal: MoveGoal) -> None:
-        """A link that fails on the way, or is gone when the move is cancelled, ends in a stop the second way."""
+        """Move; a link failure on the way, or one at cancellation, stops the arm over the second way."""
         try:
             await self._robot.move_to(goal)
         except LINK_FAILED:
@@ -69,7 +69,7 @@ class TwoWaysToStop:
             raise
 
     async def stop(self) -> None:
-        """Stop now: by the robot's own link, and the second way when that fails or is late. Raises DeviceError."""
+        """Stop over the robot's own link, and over the second way when that fails or is late. Raises DeviceError."""
         own = asyncio.ensure_future(self._robot.stop())
         own.add_done_callback(_retrieve)
         if await self._timing.done_within(own, OWN_LIMIT_S) and own.exception() is None:
@@ -81,7 +81,7 @@ class TwoWaysToStop:
             await own
 
     async def close(self) -> None:
-        """Both ways."""
+        """Close both links."""
         await asyncio.gather(self._robot.close(), self._second.close())
 
     async def _stop_the_second_way_whatever_happens(self) -> None:
@@ -98,6 +98,6 @@ class TwoWaysToStop:
 
 
 def _retrieve(own: "asyncio.Future[None]") -> None:
-    """An error that came too late has no reader."""
+    """Retrieve a late error, so that asyncio does not log it."""
     if not own.cancelled():
         own.exception()

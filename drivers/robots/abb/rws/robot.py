@@ -1,4 +1,4 @@
-"""drivers.interfaces.Robot over Robot Web Services: everything is read, a running program is stopped, nothing moves."""
+"""drivers.interfaces.Robot over Robot Web Services: reads everything, can stop the program, never moves."""
 
 import asyncio
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ INSTEAD = (
 
 
 class RwsRobot:
-    """`start` begins to look for the controller; until it is found, DeviceUnreachable."""
+    """Raises DeviceUnreachable before `start` and while disconnected."""
 
     def __init__(self, address: RwsAddress, timing: Timing | None = None, name: str = "robot") -> None:
         self._device = f"{name} {address.address}"
@@ -34,40 +34,40 @@ class RwsRobot:
 
     @property
     def link(self) -> LinkHealth:
-        """Is the controller there, and in which state?"""
+        """Whether the controller is connected, and its state."""
         return self._link.health
 
     @property
     def capabilities(self) -> RobotCapabilities:
-        """It is read and stopped; nothing moves it."""
+        """Can be read and stopped, not moved."""
         return RobotCapabilities(moves=False, pose_convention=POSE_CONVENTION)
 
     @property
     def watching(self) -> bool:
-        """Does the controller tell changes by itself?"""
+        """Whether the controller reports changes by a subscription."""
         return self._link.watching
 
     @property
     def newest_event(self) -> int:
-        """The number of the newest entry of the event log that was told; 0 before the first."""
+        """Number of the newest event log entry received; 0 before the first."""
         return self._link.newest_event
 
     def start(self) -> None:
-        """Begin to look for the controller in the background."""
+        """Start connecting in the background."""
         self._link.start()
 
     async def connected(self, limit_s: float) -> None:
-        """Wait for the controller; raises DeviceUnreachable with the reason when it is not found in time."""
+        """Wait for the controller; raises DeviceUnreachable with the reason on timeout."""
         await self._link.connected(limit_s)
 
     async def close(self) -> None:
-        """Log out, and look no more."""
+        """Log out and stop connecting."""
         await self._link.close()
 
     # --- reading ---
 
     async def read_pose(self) -> PoseReading:
-        """Where tool0 stands in wobj0, both named. Two reads 100 ms apart tell whether the arm stands."""
+        """Pose of tool0 in wobj0. Two reads 100 ms apart determine `still`."""
         before = await self._pose()
         await self._timing.sleep(STILL_GAP_S)
         return await self._pose(before)
@@ -78,30 +78,30 @@ class RwsRobot:
         return parsing.joints_rad(self._device, values)
 
     async def read_state(self) -> ControllerState:
-        """Panel, program and speed ratio, in the controller's words."""
+        """Panel, program and speed ratio in the controller's words."""
         return await self._link.read_state()
 
     async def read_status(self) -> RobotStatus:
-        """The panel, and whether the arm moved within 100 ms."""
+        """State of the panel, and whether the arm moved within 100 ms."""
         asked_at_s = self._timing.clock()
         state, pose = await asyncio.gather(self.read_state(), self.read_pose())
         return parsing.status(state, not pose.still, asked_at_s)
 
     async def read_event_log(self) -> tuple[EventLogEntry, ...]:
-        """The newest entries of the common log, newest first."""
+        """Newest entries of the common log, newest first."""
         items = await self._client.get("/rw/elog/0", {"lang": "en"})
         return tuple(parsing.log_entry(self._device, item) for item in items)
 
     # --- acting ---
 
     async def stop(self) -> None:
-        """Stop the program now: the second channel beside a CB link. Tried also when the controller seems away."""
+        """Stop the program now, also when the controller seems unreachable."""
         dialect = await self._client.find()
         path, query = dialect.stop
         await self._client.post(path, query, {"stopmode": "stop"}, urgent=True)
 
     async def set_armed(self, armed: bool) -> None:
-        """Disarmed it is; to arm it raises RequestRefused."""
+        """Disarming has no effect; arming raises RequestRefused."""
         if armed:
             raise RequestRefused(self._device, f"arming was refused, {READ_ONLY}", INSTEAD, "READ_ONLY")
 
@@ -112,9 +112,9 @@ class RwsRobot:
     async def upload_modules(
         self, modules: Mapping[str, bytes], *, folder: str = "handeyed", load_into: str | None = None
     ) -> None:
-        """Write files to HOME:/`folder`, and load them into a task when one is named. Never done unasked.
+        """Write files to HOME:/`folder`, and load them into a task when one is named. Called only on request.
 
-        Holds mastership meanwhile; to load, the program must stand. Raises DeviceError.
+        Holds mastership meanwhile; to load, the program must be stopped. Raises DeviceError.
         """
         dialect = await self._client.find()
         await self._client.post(*dialect.take_mastership, {})

@@ -1,4 +1,4 @@
-"""An answer that is an error, as the error our callers know: ABB's number and HTTP's status in one table."""
+"""Maps an error response (ABB's code, HTTP status) to a driver error, in one table."""
 
 from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer, RequestRefused
 
@@ -31,7 +31,7 @@ TOO_MANY = "its 70 sessions are taken, or it is asked more than 20 times a secon
 
 
 def refused(device: str, doing: str, status: int, code: int | None, message: str) -> DeviceError:
-    """The error of an answer with that HTTP status."""
+    """The error for a response with that HTTP status."""
     if status == 503:
         return DeviceUnreachable(
             device, f"{doing}: it answers 503, {TOO_MANY}", "close other clients of its web services"

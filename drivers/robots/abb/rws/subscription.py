@@ -1,4 +1,4 @@
-"""What the controller tells by itself: one subscription, opened again whenever it is gone or has gone mute."""
+"""One subscription to the controller's changes, reopened when it ends or falls silent."""
 
 import html
 import re
@@ -29,7 +29,7 @@ class Event:
 
 
 def events_in(message: str) -> list[Event]:
-    """The events of one message, which is always XHTML."""
+    """Events of one message, which is always XHTML."""
     begins = [*_EVENT.finditer(message)]
     ends = [*(begin.start() for begin in begins[1:]), len(message)][: len(begins)]
     return [
@@ -39,7 +39,7 @@ def events_in(message: str) -> list[Event]:
 
 
 class Watch:
-    """One subscription to the panel, the execution state and the event log."""
+    """A subscription to the panel, the execution state and the event log."""
 
     def __init__(self, client: RwsClient, told: Callable[[Event], None]) -> None:
         self._client, self._told = client, told
@@ -47,16 +47,16 @@ class Watch:
 
     @property
     def is_open(self) -> bool:
-        """Is the socket open?"""
+        """Whether the socket is open."""
         return self._connection is not None
 
     async def end(self) -> None:
-        """Close the socket: `listen` ends."""
+        """Close the socket, which ends `listen`."""
         if self._connection is not None:
             await self._connection.close()
 
     async def listen(self, opened: Callable[[], None]) -> None:
-        """Subscribe, and hand on events until the subscription ends. Raises DeviceError, always."""
+        """Subscribe and pass on events until the subscription ends. Always ends by raising DeviceError."""
         device = self._client.device
         path = await self._subscribe()
         url, headers, tls = self._client.socket(path)
@@ -71,7 +71,7 @@ class Watch:
                 compression=None,
                 open_timeout=OPEN_LIMIT_S,
                 close_timeout=1.0,
-                ping_interval=None,  # RWS 2.0 answers no ping, and closes when it is sent anything else
+                ping_interval=None,  # RWS 2.0 answers no ping, and closes on any message
                 proxy=None,
             ) as connection:
                 self._connection = connection
@@ -92,7 +92,7 @@ class Watch:
         raise DeviceUnreachable(device, "the controller ended the subscription", "it is opened again by itself")
 
     async def _subscribe(self) -> str:
-        """The path of the socket. The host in the answer is the controller's own idea of its name, and left out."""
+        """Path of the socket; the host name in the response is ignored, since it is the controller's own."""
         dialect = self._client.dialect
         assert dialect is not None
         names = (f"{dialect.controller_state};ctrlstate", "/rw/panel/opmode;opmode", "/rw/panel/speedratio;speedratio",
