@@ -6,8 +6,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from calibration.errors import CalibrationError
-from daemon.errors import DaemonError
+from daemon.errors import CellBusy, CellNotReady, DaemonError, RunInProgress
 from daemon.model.requests import VerifyRequest
+from daemon.model.run_states import RunState
 from daemon.operations import Operations
 from daemon.runtime.clock import Clock
 from daemon.runtime.logs import about_request
@@ -17,23 +18,33 @@ from drivers.errors import DeviceError
 log = logging.getLogger(__name__)
 
 RETRY_S = 60.0
-"""A cell that is in use, or in manual mode, is asked again after this."""
+"""While another run is in progress, a verification that is due is tried again after this."""
+
+LOOK_S = 1.0
+"""How often the cell is looked at for an emergency stop, another mode, an open interlock."""
 
 SCHEDULE = AuditContext(actor="the drift schedule")
 
 
 @dataclass(eq=False)
 class DriftSchedule:
-    """The first verification comes a whole interval after the start: a restart moves nothing."""
+    """Verifies every `every_s`, first a whole interval after the start, as long as somebody has the cell in use.
+
+    That is: since the daemon's start somebody has started a run over REST or by a PLC, it finished, and since then no
+    run failed or was aborted, and nothing was seen that keeps the arm from being moved (an emergency stop, manual mode,
+    motors off, an open interlock, a controller that does not answer). Else a verification that is due is left out.
+    """
 
     operations: Operations
     clock: Clock
     every_s: float
     _task: asyncio.Task[None] | None = field(default=None, init=False)
+    _withdrawn_run: str = field(default="", init=False)
+    _withdrawn_because: str = field(default="", init=False)
 
     async def start(self) -> None:
         if self.every_s > 0:
-            self._task = asyncio.create_task(self._run_schedule(), name="drift schedule")
+            self._task = asyncio.create_task(self._verify_when_due(), name="drift schedule")
 
     async def stop(self) -> None:
         if self._task is not None:
@@ -41,22 +52,63 @@ class DriftSchedule:
             with suppress(asyncio.CancelledError):
                 await self._task
 
-    async def _run_schedule(self) -> None:
-        while True:
-            await self.clock.sleep(self.every_s)
-            refused = ""
-            while (why := await self._try_verify()) is not None:
-                if why != refused:
-                    log.info("the scheduled verification waits: %s", why)
-                refused = why
-                await self.clock.sleep(RETRY_S)
+    def warnings(self) -> list[str]:
+        """For GET /ready."""
+        why = self._why_left_out() if self.every_s > 0 else ""
+        return [f"the drift schedule verifies nothing until somebody starts a run: {why}"] if why else []
 
-    async def _try_verify(self) -> str | None:
-        """Why it could not begin; None when it has."""
+    async def _verify_when_due(self) -> None:
+        due_s = self.clock.monotonic_s() + self.every_s
+        while True:
+            await self.clock.sleep(LOOK_S)
+            await self._look_at_the_cell()
+            if self.clock.monotonic_s() >= due_s:
+                busy = await self._verify()
+                due_s = self.clock.monotonic_s() + (RETRY_S if busy else self.every_s)
+
+    async def _look_at_the_cell(self) -> None:
+        """An obstacle withdraws what the latest run stands for. A run in progress sees its obstacles itself."""
+        latest = self.operations.supervisor.latest
+        if latest is None or not latest.over or self._why_left_out():
+            return
+        obstacles = await self.operations.cell.robot_obstacles()
+        if obstacles:
+            self._withdraw(latest.id, obstacles[0])
+
+    async def _verify(self) -> bool:
+        """Start a verification or leave it out; is another run in progress?"""
+        if self.operations.supervisor.in_progress is not None:
+            return True
+        if why := self._why_left_out():
+            log.warning("the scheduled verification is left out until somebody starts a run: %s", why)
+            return False
+        latest = self.operations.supervisor.latest
         with acting_as(SCHEDULE), about_request("drift-schedule"):
             try:
                 run = await self.operations.verify(VerifyRequest())
+            except (RunInProgress, CellBusy):
+                return True
             except (DaemonError, DeviceError, CalibrationError) as error:
-                return str(error)
+                log.warning("the scheduled verification is left out: %s", error)
+                if latest is not None and isinstance(error, CellNotReady | DeviceError):
+                    self._withdraw(latest.id, str(error))
+                return False
         log.info("the scheduled verification is run %s", run.id)
-        return None
+        return False
+
+    def _why_left_out(self) -> str:
+        """Why nothing may be moved by the schedule now; empty when it may, or a run is in progress."""
+        latest = self.operations.supervisor.latest
+        if latest is None:
+            return "the daemon has been started"
+        if not latest.over:
+            return ""
+        if latest.state is not RunState.FINISHED:
+            return f"run {latest.id} {latest.state}"
+        if latest.request.get("manual"):
+            return f"in run {latest.id} the arm was moved by hand"
+        return self._withdrawn_because if latest.id == self._withdrawn_run else ""
+
+    def _withdraw(self, run_id: str, why: str) -> None:
+        self._withdrawn_run, self._withdrawn_because = run_id, why
+        log.warning("the drift schedule verifies nothing until somebody starts a run: %s", why)

@@ -63,6 +63,11 @@ class Supervisor:
         current = self._current
         return current.log.run if current and not current.log.run.over else None
 
+    @property
+    def latest(self) -> RunRecord | None:
+        """The last run that was started since the daemon's start, as it stands; None when there was none."""
+        return self._current.log.run if self._current else None
+
     def silent_s(self) -> float:
         """How long the run in progress has been at the same step; the watchdog asks."""
         return self._current.log.silent_s() if self._current else 0.0

@@ -5,7 +5,6 @@ import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,8 @@ from calibration.monitoring.control_chart import DriftStanding
 from calibration.transforms import Array, transform
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.samples import VerificationHistory, belongs_to_chart
-from daemon.drift.schedule import RETRY_S, DriftSchedule
-from daemon.errors import CellBusy
 from daemon.model.records import AppliedCalibration, RunRecord
 from daemon.model.run_states import RunState
-from daemon.runtime.clock import Clock
 from drivers.interfaces import Frame
 from protocols.plc.codes import ControlBit, DriftState, PlcVerdict, StatusBit
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
@@ -218,43 +214,3 @@ def test_what_belongs_to_a_chart(changes: dict[str, Any], expected: bool) -> Non
         belongs_to_chart(verification(**changes), AppliedCalibration("c", "2026-11-21T09:00:00.000Z", "x"), 88)
         is expected
     )
-
-
-class Asked:
-    """Operations that are busy the first times they are asked."""
-
-    def __init__(self, refusals: int) -> None:
-        self.refusals, self.times = refusals, 0
-
-    async def verify(self, _request: object) -> RunRecord:
-        self.times += 1
-        if self.times <= self.refusals:
-            raise CellBusy("somebody")
-        return verification()
-
-
-async def test_the_schedule_waits_a_whole_interval_first_and_asks_again_when_the_cell_is_busy() -> None:
-    slept: list[float] = []
-    asked = Asked(refusals=2)
-    enough = asyncio.Event()
-
-    async def sleep(seconds: float) -> None:
-        slept.append(seconds)
-        if len(slept) == 5:
-            enough.set()
-            await asyncio.Event().wait()
-
-    clock = Clock(utc_now=lambda: datetime(2026, 11, 21, tzinfo=UTC), sleep=sleep)
-    schedule = DriftSchedule(asked, clock, 3600.0)  # type: ignore[arg-type]
-    await schedule.start()
-    await asyncio.wait_for(enough.wait(), 5)
-    await schedule.stop()
-    assert slept == [3600.0, RETRY_S, RETRY_S, 3600.0, 3600.0]
-    assert asked.times == 4
-
-
-async def test_without_an_interval_nothing_is_scheduled() -> None:
-    schedule = DriftSchedule(Asked(0), Clock(), 0.0)  # type: ignore[arg-type]
-    await schedule.start()
-    assert schedule._task is None
-    await schedule.stop()

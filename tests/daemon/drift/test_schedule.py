@@ -1,0 +1,222 @@
+"""The drift schedule moves the arm only while somebody has the cell in use: after nothing else by itself."""
+
+import asyncio
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from daemon.drift.schedule import LOOK_S, RETRY_S, DriftSchedule
+from daemon.errors import CellBusy, CellNotReady, DaemonError, InterlockOpen, NoCalibration
+from daemon.model.records import RunRecord
+from daemon.model.run_states import RunState
+from daemon.runtime.clock import Clock
+from tests.daemon.cell_under_test import Parts, serving, settings_for
+from tests.support.waiting import FakeTime
+
+HOUR_S = 3600.0
+
+
+def a_run(name: str, state: RunState = RunState.FINISHED, **request: object) -> RunRecord:
+    at = "2026-11-21T10:00:00.000Z"
+    return RunRecord(name, "verify", state, 3, 3, at, at, request=request)
+
+
+@dataclass
+class FakeOperations:
+    """Operations, supervisor and cell in one: the latest run, what is in the arm's way, and what was started."""
+
+    latest: RunRecord | None = None
+    obstacles: tuple[str, ...] = ()
+    refusals: list[DaemonError] = field(default_factory=list)
+    asked: int = 0
+    started: int = 0
+
+    @property
+    def supervisor(self) -> "FakeOperations":
+        return self
+
+    @property
+    def cell(self) -> "FakeOperations":
+        return self
+
+    @property
+    def in_progress(self) -> RunRecord | None:
+        return None if self.latest is None or self.latest.over else self.latest
+
+    async def robot_obstacles(self) -> tuple[str, ...]:
+        return self.obstacles
+
+    async def verify(self, _request: object) -> RunRecord:
+        self.asked += 1
+        if self.refusals:
+            raise self.refusals.pop(0)
+        self.started += 1
+        self.latest = a_run(f"scheduled {self.started}")
+        return self.latest
+
+
+@dataclass
+class Scheduled:
+    """A schedule of one hour at a fake cell."""
+
+    operations: FakeOperations
+    time: FakeTime
+    schedule: DriftSchedule
+
+    async def pass_s(self, duration_s: float) -> None:
+        """Second by second, as the schedule looks."""
+        for _ in range(round(duration_s / LOOK_S)):
+            await self.time.advance(LOOK_S)
+
+
+@pytest.fixture
+async def scheduled() -> Scheduled:
+    operations, time = FakeOperations(a_run("by somebody")), FakeTime()
+    schedule = DriftSchedule(operations, Clock(lambda: time.now_s, sleep=time.sleep), 60.0)  # type: ignore[arg-type]
+    return Scheduled(operations, time, schedule)
+
+
+async def test_it_waits_a_whole_interval_first_and_then_verifies_again_and_again(scheduled: Scheduled) -> None:
+    await scheduled.schedule.start()
+    await scheduled.pass_s(59)
+    assert scheduled.operations.asked == 0
+    await scheduled.pass_s(1)
+    assert scheduled.operations.started == 1
+    assert scheduled.schedule.warnings() == []
+    await scheduled.pass_s(60)
+    assert scheduled.operations.started == 2
+    await scheduled.schedule.stop()
+
+
+async def test_while_another_run_is_in_progress_it_is_tried_again(scheduled: Scheduled) -> None:
+    scheduled.operations.refusals = [CellBusy("somebody")]
+    await scheduled.schedule.start()
+    scheduled.operations.latest = a_run("by somebody", RunState.MOVING)
+    await scheduled.pass_s(60)
+    assert scheduled.operations.asked == 0
+    scheduled.operations.latest = a_run("by somebody")
+    await scheduled.pass_s(RETRY_S)
+    assert (scheduled.operations.asked, scheduled.operations.started) == (1, 0)
+    await scheduled.pass_s(RETRY_S)
+    assert scheduled.operations.started == 1
+    await scheduled.schedule.stop()
+
+
+NOT_IN_USE = [
+    (None, "the daemon has been started"),
+    (a_run("a", RunState.FAILED), "run a failed"),
+    (a_run("a", RunState.ABORTED), "run a aborted"),
+    (a_run("a", manual=True), "in run a the arm was moved by hand"),
+]
+
+
+@pytest.mark.parametrize(("latest", "why"), NOT_IN_USE, ids=[why for _, why in NOT_IN_USE])
+async def test_after_a_restart_a_stop_or_a_fault_it_waits_for_somebody(
+    scheduled: Scheduled, latest: RunRecord | None, why: str
+) -> None:
+    scheduled.operations.latest = latest
+    await scheduled.schedule.start()
+    assert scheduled.schedule.warnings() == [f"the drift schedule verifies nothing until somebody starts a run: {why}"]
+    await scheduled.pass_s(200)
+    assert scheduled.operations.asked == 0
+    scheduled.operations.latest = a_run("by somebody else")
+    assert scheduled.schedule.warnings() == []
+    await scheduled.pass_s(60)
+    assert scheduled.operations.started == 1
+    await scheduled.schedule.stop()
+
+
+@pytest.mark.parametrize("seen", ["robot: emergency stop is pressed", "robot: not in automatic mode", "interlock gate"])
+async def test_after_what_kept_the_arm_from_moving_it_waits_for_somebody(scheduled: Scheduled, seen: str) -> None:
+    """However long before the verification falls due it was, and though it is over by then."""
+    await scheduled.schedule.start()
+    await scheduled.pass_s(10)
+    scheduled.operations.obstacles = (seen,)
+    await scheduled.pass_s(2)
+    scheduled.operations.obstacles = ()
+    await scheduled.pass_s(300)
+    assert scheduled.operations.asked == 0
+    assert scheduled.schedule.warnings()[0].endswith(seen)
+    scheduled.operations.latest = a_run("by somebody else")
+    await scheduled.pass_s(60)
+    assert scheduled.operations.started == 1
+    await scheduled.schedule.stop()
+
+
+@pytest.mark.parametrize(
+    "refusal", [CellNotReady(("robot: motors are off",)), InterlockOpen(("gate",), ("gate: is 0",))]
+)
+async def test_one_that_is_refused_is_left_out(scheduled: Scheduled, refusal: DaemonError) -> None:
+    scheduled.operations.refusals = [refusal]
+    await scheduled.schedule.start()
+    await scheduled.pass_s(300)
+    assert scheduled.operations.asked == 1
+    assert scheduled.schedule.warnings()
+    await scheduled.schedule.stop()
+
+
+async def test_one_that_cannot_be_done_for_another_reason_is_left_out_until_the_next(scheduled: Scheduled) -> None:
+    scheduled.operations.refusals = [NoCalibration()]
+    await scheduled.schedule.start()
+    await scheduled.pass_s(119)
+    assert (scheduled.operations.asked, scheduled.operations.started) == (1, 0)
+    await scheduled.pass_s(1)
+    assert scheduled.operations.started == 1
+    await scheduled.schedule.stop()
+
+
+async def test_without_an_interval_nothing_is_scheduled() -> None:
+    schedule = DriftSchedule(FakeOperations(), Clock(), 0.0)  # type: ignore[arg-type]
+    await schedule.start()
+    assert schedule._task is None
+    assert schedule.warnings() == []
+    await schedule.stop()
+
+
+@dataclass
+class StepClock:
+    """A sleep ends when the test says so; each passes a minute."""
+
+    now_s: float = 0.0
+    step: asyncio.Event = field(default_factory=asyncio.Event)
+    waits: asyncio.Event = field(default_factory=asyncio.Event)
+
+    async def sleep(self, _seconds: float) -> None:
+        self.waits.set()
+        await self.step.wait()
+        self.step.clear()
+        self.now_s += 60.0
+
+    async def minute(self) -> None:
+        """The schedule has done what it does after a minute."""
+        self.waits.clear()
+        self.step.set()
+        await self.waits.wait()
+
+
+async def test_a_released_emergency_stop_moves_nothing(tmp_path: Path) -> None:
+    """The verification falls due while the stop is pressed; nobody asks for anything after it."""
+    parts = Parts()
+    async with serving(settings_for(tmp_path, calibration={"policy": "auto"}, drift={"every_h": 1}), parts) as bench:
+        await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
+        await bench.verify()
+        goals, clock = len(bench.robot.goals), StepClock()
+        schedule = DriftSchedule(bench.application.operations, Clock(lambda: clock.now_s, sleep=clock.sleep), 60.0)
+        await schedule.start()
+        await clock.waits.wait()
+        bench.robot.status = {"emergency_stop": True, "motors_on": False}
+        await clock.minute()
+        bench.robot.status = {}
+        for _ in range(3):
+            await clock.minute()
+        assert len(bench.robot.goals) == goals
+        assert "emergency stop is pressed" in schedule.warnings()[0]
+        await bench.verify()
+        begun = len(bench.robot.goals)
+        await clock.minute()
+        run = bench.application.supervisor.latest
+        assert run is not None
+        await bench.application.supervisor.wait(run.id, 10)
+        assert len(bench.robot.goals) > begun
+        await schedule.stop()
