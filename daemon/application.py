@@ -1,4 +1,4 @@
-"""The running daemon: what is started, in which order, and how it ends."""
+"""The running daemon: starts and stops its services in order."""
 
 import asyncio
 import logging
@@ -25,24 +25,24 @@ from daemon.store.store import Store
 log = logging.getLogger(__name__)
 
 MAX_LINK_WAIT_S = 2.0
-"""Devices that are there answer well within this; one that is not must not keep the daemon from starting."""
+"""How long the start waits for devices; connected ones answer well within this."""
 
 MAX_LAST_EVENT_S = 0.8
-"""Stopping and disarming an arm that answers takes a few milliseconds."""
+"""How long event streams stay open for the run's end; stopping and disarming normally take milliseconds."""
 
 ANCHOR_S = 10.0
-"""How much of the audit log's end is without an anchor at most."""
+"""Interval of anchoring the audit log."""
 
 MAX_JOB_S = 600.0
-"""No detection or solution of a run takes ten minutes: a job that does hangs."""
+"""A worker job that takes longer hangs: no detection or solution takes ten minutes."""
 
 
 MAX_STUCK_S = MAX_STEP_S + 60.0
-"""A run that takes longer over a step is ended; one that does not end then either hangs."""
+"""A run without a step for longer hangs: the supervisor should have ended it after MAX_STEP_S."""
 
 
 class BackgroundService(Protocol):
-    """Something that works beside the REST interface for as long as the daemon runs."""
+    """A background service, started and stopped with the daemon."""
 
     async def start(self) -> None: ...
 
@@ -50,24 +50,24 @@ class BackgroundService(Protocol):
 
 
 class WarningSource(Protocol):
-    """A companion with something to say in GET /ready."""
+    """A background service with warnings for GET /ready."""
 
     def warnings(self) -> list[str]:
-        """For GET /ready: what should be looked after though work goes on."""
+        """Conditions that need attention although work goes on."""
         ...
 
 
 class MetricSource(Protocol):
-    """A companion that counts."""
+    """A background service with metrics."""
 
     def families(self) -> Iterable[Metric]:
-        """For GET /metrics."""
+        """The families of GET /metrics."""
         ...
 
 
 @dataclass(eq=False)
 class Application:
-    """Every owner of state, handed in by the composition root."""
+    """All parts of the daemon, built by `composition`."""
 
     settings: Settings
     clock: Clock
@@ -91,7 +91,7 @@ class Application:
     _anchoring: asyncio.Task[None] | None = field(default=None, init=False)
 
     async def start(self) -> None:
-        """Tell off what an earlier daemon left behind, and feed the watchdog. Nothing moves."""
+        """End runs that the previous process left unfinished, start services and watchdog. Commands no motion."""
         self._started_s = self.clock.monotonic_s()
         await self.events.recover()
         await self.supervisor.recover()
@@ -104,21 +104,21 @@ class Application:
         self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
 
     def begin_stop(self, by: str) -> None:
-        """End the run and every event stream; may be called again, and from a signal handler's callback."""
+        """Begin to end the run and the event streams. May be called repeatedly, also from a signal's callback."""
         if self._stopping is None:
             log.info("stopping: %s", by)
             self.systemd.notify("STOPPING=1")
             self._stopping = asyncio.create_task(self._end_work(by))
 
     async def _end_work(self, by: str) -> None:
-        """The run's end is told to every listener before their streams end, but they do not wait long for it."""
+        """Stop the run, then close the event streams: after the run's end was published, at the latest after 0.8 s."""
         ending = asyncio.create_task(self.supervisor.stop(by))
         await asyncio.wait([ending], timeout=MAX_LAST_EVENT_S)
         self.events.close()
         await ending
 
     async def stop(self) -> None:
-        """The arm is at rest, everything is stored, every device is closed."""
+        """Stop the arm and the services, store what is pending, close the devices."""
         self.begin_stop("the end of the daemon")
         assert self._stopping is not None
         await self._stopping
@@ -148,7 +148,7 @@ class Application:
         )  # fmt: skip
 
     async def _anchor_audit_log(self) -> None:
-        """Until cancelled. What is written down beside the log cannot be cut off from its end unnoticed."""
+        """Write the audit log's anchor every ANCHOR_S until cancelled, so that a truncation is detected."""
         while True:
             await asyncio.sleep(ANCHOR_S)
             try:
@@ -160,7 +160,7 @@ class Application:
         return self.clock.monotonic_s() - self._started_s
 
     async def work_is_alive(self) -> bool:
-        """The event loop, the store's thread, the workers and the run in progress do their work."""
-        with suppress(StorageError):  # it answers, if badly: a restart would not mend the disk
+        """True while the store's thread answers and neither a worker job nor the run in progress hangs."""
+        with suppress(StorageError):  # it answers; a restart would not repair the disk
             await self.store.ping()
         return self.workers.oldest_job_s() < MAX_JOB_S and self.supervisor.silent_s() < MAX_STUCK_S

@@ -1,4 +1,4 @@
-"""The one composition root: from settings to a running daemon."""
+"""Composition root: builds the application from its settings."""
 
 import logging
 import os
@@ -51,7 +51,7 @@ def build(
     systemd: Systemd | None = None,
     at: Failpoints = NO_FAILPOINTS,
 ) -> Application:
-    """Everything, joined. Inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
+    """Build the application inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
     clock = clock or Clock()
     store = store or Store(Path(settings.storage.folder), at=at)
     events, workers, metrics = EventBus(store.stored_events), Workers(clock), Metrics()

@@ -1,38 +1,38 @@
-"""Errors of the daemon's room. Each carries a stable `code` and a `fix`: what to do.
+"""Errors of the daemon. Each has a stable `code`, a sentence `what` and a `fix`.
 
 DaemonError
 ├── RunInProgress         one run at a time; `holder` says which
-├── CellBusy              somebody else holds the cell; `holder` says who
-├── CellNotReady          the robot or a device would not do it now; `reasons`
+├── CellBusy              the cell is held; `holder` says by what
+├── CellNotReady          the robot or a device is not ready; `reasons`
 │   └── InterlockOpen     an interlock of the cell does not allow motion; `interlocks`
-├── NotStill              the arm moved while it was looked at, or never came to rest
-├── ElsewhereThanSent     the arm says it stands where nobody sent it
-├── SameAgain             a device sent what it had sent before, from another pose
+├── NotStill              the arm moved during a capture, or did not come to rest
+├── ElsewhereThanSent     the arm reports another pose than the commanded one
+├── SameAgain             a device repeated its last capture from another pose
 ├── PictureUnusable       the camera's picture cannot be used
-├── NoPoses               nothing says where to look from
+├── NoPoses               there are no poses, or too few
 ├── PoseRefused           a pose lies outside what the settings allow; `station`
 ├── NotFound              no such run, calibration, scan, frame, view or page
 ├── RunOver               the run has ended; there is nothing to abort
 ├── NotWaiting            the run drives the arm itself, it waits for no operator
 ├── SamePose              the arm stands where a view was taken already
 ├── TooFewViews           a manual run cannot be finished yet
-├── OperatorGone          a manual run waited too long for its operator
-├── RunStalled            a run did not get any further, though nothing said why
-├── CursorUnknown         a page before something that is not there
+├── OperatorGone          a manual run received no request in time
+├── RunStalled            a step of a run exceeded its time limit
+├── CursorUnknown         the cursor of a page does not exist
 ├── AppliedMeanwhile      something else is in force than the request expects
-├── BackupUnusable        a backup that cannot be restored, or not there
-├── NoCalibration         nothing is applied yet
-├── CalibrationUnusable   a calibration that must not, or cannot, be applied
+├── BackupUnusable        a backup cannot be restored
+├── NoCalibration         no calibration is in force
+├── CalibrationUnusable   a calibration must not, or cannot, be applied
 ├── TargetNotSeen         too few stations saw the target
 ├── NoScanner             the settings name no scanner
-├── ScanEmpty             a scan without views has no cloud
+├── ScanEmpty             the scan has no views
 ├── StorageError          the store could not be read or written; nothing stored before is lost
 │   ├── StorageFull       the disk is full
-│   ├── StorageInUse      another daemon keeps its store there
+│   ├── StorageInUse      another daemon uses the store
 │   └── StorageTooNew     written by a newer handeyed
 ├── PortTaken             the daemon cannot listen where the settings say
 ├── (access/errors.py)    keys, roles, certificates
-├── (api/http_errors.py)  what only an HTTP request can do wrong
+├── (api/http_errors.py)  errors of HTTP requests
 └── Stopping              the daemon is shutting down
 """
 
@@ -40,7 +40,7 @@ from typing import ClassVar
 
 
 class DaemonError(Exception):
-    """Root. `what` is a sentence, `fix` says what to do, `code` is stable."""
+    """Base class. `what` is a sentence, `fix` says what to do, `code` is stable."""
 
     code: ClassVar[str] = "daemon-error"
 
@@ -50,7 +50,7 @@ class DaemonError(Exception):
 
 
 class RunInProgress(DaemonError):
-    """One run at a time."""
+    """A run is in progress; `holder` is its id."""
 
     code = "run-in-progress"
 
@@ -62,7 +62,7 @@ class RunInProgress(DaemonError):
 
 
 class CellBusy(DaemonError):
-    """Somebody else holds the cell."""
+    """The cell is held; `holder` says by what."""
 
     code = "cell-busy"
 
@@ -72,7 +72,7 @@ class CellBusy(DaemonError):
 
 
 class CellNotReady(DaemonError):
-    """The robot or a device would not do it now."""
+    """The robot or a device is not ready; `reasons` says why."""
 
     code = "cell-not-ready"
 
@@ -92,19 +92,19 @@ class InterlockOpen(CellNotReady):
 
 
 class NotStill(DaemonError):
-    """The arm moved while it was looked at, or never came to rest."""
+    """The arm moved during a capture, or did not come to rest."""
 
     code = "not-still"
 
 
 class PoseMismatch(DaemonError):
-    """The arm says it stands where nobody sent it: units, quaternion order, tool or work object are others."""
+    """The arm reports another pose than the commanded one: units, quaternion order, tool or work object differ."""
 
     code = "elsewhere-than-sent"
 
 
 class StaleCaptureError(DaemonError):
-    """A device sent what it had sent before, to the last bit, though the arm stands elsewhere."""
+    """A device repeated its last capture to the last bit, though the arm has moved."""
 
     code = "same-again"
 
@@ -116,7 +116,7 @@ class PictureUnusable(DaemonError):
 
 
 class NoPoses(DaemonError):
-    """Nothing says where to look from."""
+    """There are no poses, or fewer than asked for."""
 
     code = "no-poses"
 
@@ -132,13 +132,13 @@ class PoseRefused(DaemonError):
 
 
 class NotFound(DaemonError):
-    """No such thing."""
+    """No such run, calibration, scan, frame, view or page."""
 
     code = "not-found"
 
 
 class CursorUnknown(DaemonError):
-    """A page before something that is not there."""
+    """The cursor of a page does not exist."""
 
     code = "cursor-unknown"
 
@@ -160,7 +160,7 @@ class AppliedMeanwhile(DaemonError):
 
 
 class BackupUnusable(DaemonError):
-    """A backup that cannot be restored, or not there."""
+    """A backup cannot be restored."""
 
     code = "backup-unusable"
 
@@ -172,7 +172,7 @@ class RunOver(DaemonError):
 
 
 class NotWaiting(DaemonError):
-    """The run drives the arm itself."""
+    """The run moves the arm itself and takes no requests."""
 
     code = "not-waiting"
 
@@ -196,19 +196,19 @@ class TooFewViews(DaemonError):
 
 
 class OperatorTimeout(DaemonError):
-    """A manual run waited too long for its operator."""
+    """A manual run received no request in time."""
 
     code = "operator-gone"
 
 
 class RunStalled(DaemonError):
-    """A run did not get any further: something that always ends, or has a limit, did not."""
+    """A step of a run exceeded its time limit."""
 
     code = "run-stalled"
 
 
 class NoCalibration(DaemonError):
-    """Nothing is applied yet."""
+    """No calibration is in force."""
 
     code = "no-calibration"
 
@@ -219,7 +219,7 @@ class NoCalibration(DaemonError):
 
 
 class CalibrationUnusable(DaemonError):
-    """A calibration that must not, or cannot, be applied."""
+    """A calibration must not, or cannot, be applied."""
 
     code = "calibration-unusable"
 
@@ -240,7 +240,7 @@ class NoScanner(DaemonError):
 
 
 class ScanEmpty(DaemonError):
-    """A scan without views has no cloud."""
+    """The scan has no views."""
 
     code = "scan-empty"
 
@@ -258,13 +258,13 @@ class StorageFull(StorageError):
 
 
 class StorageTooNew(StorageError):
-    """Written by a newer handeyed."""
+    """The store was written by a newer handeyed."""
 
     code = "storage-too-new"
 
 
 class StorageInUse(StorageError):
-    """Another daemon keeps its store there."""
+    """Another daemon uses the store."""
 
     code = "storage-in-use"
 

@@ -1,4 +1,4 @@
-"""What may be started in the cell: the REST interface, a PLC and the drift schedule call these and nothing below."""
+"""The operations of the cell, called by the REST interface, the PLC gateway and the drift schedule."""
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
@@ -49,7 +49,7 @@ OpenSession = Callable[[RunLog], SessionWriter]
 
 @dataclass(frozen=True)
 class Operations:
-    """Everything that can be asked of the daemon, with its owners behind it."""
+    """Starts runs, takes views and applies calibrations."""
 
     settings: Settings
     cell: Cell
@@ -85,7 +85,7 @@ class Operations:
         return await self._start("calibration", request, prepare)
 
     async def submit_request(self, run_id: str, action: OperatorAction) -> RunRecord:
-        """A view from where the operator has jogged the arm to, or the end of the run; the run as it stands then.
+        """Take a view in a manual run, or end it; returns the run afterwards.
 
         Raises NotFound, RunOver, NotWaiting, CellBusy, NotStill, SamePose, TargetNotSeen, TooFewViews, DeviceError.
         """
@@ -93,7 +93,7 @@ class Operations:
         return await self.supervisor.run(run_id)
 
     async def verify(self, request: VerifyRequest) -> RunRecord:
-        """Start a verify run. Raises as `calibrate`, and NoCalibration."""
+        """Start a verification run. Raises as `calibrate`, and NoCalibration."""
         settings, target = self.settings.calibration, request.target or self.settings.target
 
         async def prepare() -> RunPlan:
@@ -107,15 +107,15 @@ class Operations:
             wish = StoppingRule(VERIFY_POSITIONS)
             route = adaptive_parameters(settings, self.rules, target, SceneGuess.from_calibration(calibration), wish)
 
-            def planned(session: SessionWriter, log: RunLog) -> PoseSequence:
+            def make_sequence(session: SessionWriter, log: RunLog) -> PoseSequence:
                 return WithoutFirstView(AdaptiveSequence(route, self.cell, self.workers, session, log))
 
-            return _run_plan(VERIFY_POSITIONS, planned, session, run.drive)
+            return _run_plan(VERIFY_POSITIONS, make_sequence, session, run.drive)
 
         return await self._start("verify", request, prepare)
 
     async def scan(self, request: ScanRequest) -> tuple[ScanRecord, RunRecord | None]:
-        """A new scan; with poses the arm is driven to fill it. Raises as `calibrate`, and NoScanner."""
+        """Create a scan; with poses or `capture` start a scan run. Raises as `calibrate`, and NoScanner."""
         if not request.moves_the_arm:
             return await self.scans.create(request.name, request.refine), None
         created: list[ScanRecord] = []
@@ -136,7 +136,10 @@ class Operations:
         return created[0], run
 
     async def scan_here(self, scan_id: str) -> ScanViewRecord:
-        """A cloud of the daemon's scanner from where the arm stands. Raises CellBusy, NoScanner, NotStill…"""
+        """Add a view with the daemon's scanner from where the arm stands.
+
+        Raises CellBusy, NoScanner, NotStill, DeviceError.
+        """
         async with self.cell.hold(f"a scan of {scan_id}"):
             reading = await self.cell.read_settled_pose()
             cloud = await self.cell.capture_cloud(reading)
@@ -145,9 +148,9 @@ class Operations:
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
     ) -> AppliedCalibration:
-        """Make a calibration current. Raises NotFound, CalibrationUnusable, StorageError, AppliedMeanwhile.
+        """Put a calibration in force. Raises NotFound, CalibrationUnusable, StorageError, AppliedMeanwhile.
 
-        `expected`: only if what is in force now has one of these places in the history.
+        `expected`: sequence numbers of which one must be in force now.
         """
         found = await self.store.calibration(calibration_id)
         check_usable(found, request)
@@ -161,7 +164,7 @@ class Operations:
         return record.document
 
     async def calibration(self, which: str) -> CalibrationDocument:
-        """`current`, or by id; one that can map a cloud. Raises NoCalibration, NotFound, CalibrationUnusable."""
+        """The calibration in force ("current") or by id. Raises NoCalibration, NotFound, CalibrationUnusable."""
         document = (
             await self.current_document() if which == "current" else (await self.store.calibration(which)).document
         )
@@ -172,7 +175,7 @@ class Operations:
         return document
 
     async def read_pose(self) -> PoseDocument:
-        """Where the flange stands, at rest. Raises NotStill, DeviceError."""
+        """The pose of the flange at rest. Raises NotStill, DeviceError."""
         return PoseDocument.of((await self.cell.read_settled_pose()).base_T_flange)
 
     async def _start(self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[RunPlan]]) -> RunRecord:
@@ -200,21 +203,21 @@ class Operations:
         return partial(FixedSequence, poses, self.rules, self.cell)
 
     def _calibration_run(self, *, compared: bool) -> CalibrationRun:
-        """`compared`: the verdict says what planned poses would have given."""
+        """`compared`: the verdict compares the poses with planned ones."""
         settings = self.settings.calibration
         better = PlanComparison(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
         auto, expected = settings.policy == "auto", mount_expectation(settings)
         return CalibrationRun(self.store, self.workers, self.clock, auto, better if compared else None, expected)
 
     def _session(self, kind: str, target: TargetDocument, camera: CameraDocument | None) -> OpenSession:
-        """A session folder under the run's own id."""
+        """A function that opens the session folder of a run."""
         intrinsics = None if camera is None else CameraDocument.of(camera.camera())
 
-        def opened(log: RunLog) -> SessionWriter:
+        def open_session(log: RunLog) -> SessionWriter:
             source = f"{kind} run {log.id}"
             return SessionWriter(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
 
-        return opened
+        return open_session
 
 
 def _run_plan(
@@ -230,7 +233,7 @@ def _run_plan(
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
-    """Raises CalibrationUnusable for one without a transform, or rejected and not overruled."""
+    """Raises CalibrationUnusable for a calibration without a transform, or rejected without `despite_verdict`."""
     if calibration.document.flange_T_camera is None:
         raise CalibrationUnusable(
             f"calibration {calibration.id} holds no transform", "calibrate again with other poses"

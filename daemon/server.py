@@ -1,4 +1,4 @@
-"""The daemon as a process: uvicorn, signals, the announcement of where it listens."""
+"""The daemon's process: uvicorn, signals, and the announcement of its URL."""
 
 import asyncio
 import json
@@ -22,17 +22,17 @@ from daemon.http.tls_handshake import PendingTlsConnection, TlsListener
 from daemon.runtime.durable_files import write_durably
 
 GRACE_S = 4
-"""For answers in progress after SIGTERM. Event streams end at once by themselves."""
+"""How long answers in progress may take after SIGTERM; event streams end at once."""
 
 KEEP_ALIVE_S = 10
-"""A connection between two requests is closed after this."""
+"""An idle connection is closed after this."""
 
 Announce = Callable[[str], None]
 """Called with the URL once requests are answered."""
 
 
 class Server(uvicorn.Server):
-    """uvicorn that stops the cell's work the moment a signal comes, and tells where it listens."""
+    """uvicorn's server; stops the run as soon as a signal arrives, and announces its URL."""
 
     def __init__(self, application: Application, announce: Announce, limiter: ConnectionLimiter | None = None) -> None:
         self._limiter = limiter or ConnectionLimiter()
@@ -62,7 +62,7 @@ class Server(uvicorn.Server):
             await self.serve([self._listener])
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """As uvicorn's, then the announcement."""
+        """Like uvicorn's, then announce the URL."""
         self._loop = asyncio.get_running_loop()
         if self._tls is None or self._listener is None:
             await super().startup(sockets)
@@ -82,26 +82,26 @@ class Server(uvicorn.Server):
         )
 
     def url(self) -> str:
-        """Where it really listens: port 0 lets the system choose."""
+        """The URL it listens on, also when port 0 was asked for."""
         assert self._listener is not None
         host, port = self._listener.getsockname()[:2]
         scheme = "http" if self._tls is None else "https"
         return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """As uvicorn's; who has not even shaken hands is not waited for."""
+        """Like uvicorn's; aborts unfinished TLS handshakes first."""
         self._limiter.close()
         await super().shutdown(sockets)
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """As uvicorn's; but a signal that was obeyed is not raised again, so that the process ends with status 0."""
+        """Like uvicorn's, but does not raise a handled signal again, so that the process ends with status 0."""
         with super().capture_signals():
             yield
             self._captured_signals.clear()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """SIGTERM and SIGINT: the arm first, everything else after it."""
+        """On SIGTERM and SIGINT stop the arm first, then everything else."""
         if self._loop is not None:
             name = signal.Signals(sig).name
             self._loop.call_soon_threadsafe(self._application.begin_stop, f"the daemon, which is stopping ({name})")
@@ -109,7 +109,7 @@ class Server(uvicorn.Server):
 
 
 def make_announcer(ready_file: Path | None) -> Announce:
-    """Prints the URL; and writes {"url", "pid"} to `ready_file`, whole or not at all."""
+    """A function that prints the URL, and atomically writes {"url", "pid"} to `ready_file`."""
 
     def announce(url: str) -> None:
         print(f"handeyed listens on {url}", flush=True)  # noqa: T201 - the one line a person waits for

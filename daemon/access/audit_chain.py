@@ -49,7 +49,7 @@ def find_flaws(rows: Iterable[AuditRow], anchors: Iterable[AuditAnchor] = ()) ->
         if row.hash != hash_row(row, before):
             found.append(f"row {row.sequence} ({row.at} {row.action}) was changed, or one before it removed")
         if wanted.pop(row.sequence, {row.hash}) != {row.hash}:
-            found.append(f"row {row.sequence} is another one than the anchor says: the log was rewritten")
+            found.append(f"row {row.sequence} differs from the anchor: the log was rewritten")
         before, last = row.hash, row.sequence
     if wanted:
         found.append(f"the log ends with row {last}, but row {max(wanted)} was written: its end was cut off")

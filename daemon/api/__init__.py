@@ -1,1 +1,1 @@
-"""The REST interface: the only place that knows FastAPI."""
+"""The REST interface; the only package that imports FastAPI."""

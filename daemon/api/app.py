@@ -1,4 +1,4 @@
-"""The ASGI application: routes by noun, every error a problem."""
+"""The ASGI application: routes, middleware, and the error handlers that answer problem details."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -29,14 +29,14 @@ ABOUT = (
 
 
 def create_api(application: Application) -> ASGIApp:
-    """The REST interface of `application`, which it starts and stops."""
+    """The REST interface of `application`, which its lifespan starts and stops."""
     keyed = Idempotency(routes(application), application)
     known = Authentication(keyed, application)
     return RequestChecks(known, application.settings.server, application.metrics)
 
 
 def routes(application: Application | None) -> FastAPI:
-    """The routes alone; without an application they can be documented, not called."""
+    """The routes without middleware; with `application` None only for openapi.json."""
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
@@ -50,9 +50,9 @@ def routes(application: Application | None) -> FastAPI:
         version=VERSION,
         description=ABOUT,
         lifespan=lifespan,
-        docs_url=None,  # their pages load scripts from elsewhere
+        docs_url=None,  # its pages load scripts from other servers
         redoc_url=None,
-        redirect_slashes=False,  # a path has one spelling; a redirection would not be a problem either
+        redirect_slashes=False,  # one spelling per path; redirections are not problem documents
         dependencies=[Depends(check_query_names)],
         responses=problems.problem_responses(422, 500),
         generate_unique_id_function=lambda route: f"{route.tags[0]}.{route.name}" if route.tags else route.name,
@@ -76,7 +76,7 @@ async def _http_error(request: Request, error: Exception) -> Response:
 
 
 def _methods_at(request: Request) -> list[str]:
-    """Methods of every route at this path, not only of the first."""
+    """The methods of all routes at this path."""
     methods: set[str] = set()
     for router in ROUTERS:
         for route in router.routes:

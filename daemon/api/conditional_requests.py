@@ -1,4 +1,4 @@
-"""ETag and If-Match of the calibration in force (RFC 9110, 8.8.3 and 13.1): nobody overwrites what they never saw."""
+"""ETag and If-Match of the calibration in force (RFC 9110, 8.8.3 and 13.1), against lost updates."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from daemon.api.http_errors import InvalidRequest
 
 TAG = re.compile(r'"applied-([0-9]{1,18})"')
 ANY = range(1, 2**62)
-"""Every place but 0: nothing in force is not a match."""
+"""Every sequence number from 1: "*" does not match while nothing is in force."""
 
 LIST = re.compile(r'^\s*(\*|(W/)?"[\x21\x23-\x7e]*"(\s*,\s*(W/)?"[\x21\x23-\x7e]*")*)\s*$')
 
@@ -27,19 +27,19 @@ UNCHANGED: dict[str, Any] = {"description": "The same as before", "headers": ETA
 
 
 def tag_of(sequence: int) -> str:
-    """Of the calibration that was applied as number `sequence`."""
+    """The ETag of the calibration that was applied as number `sequence`."""
     return f'"applied-{sequence}"'
 
 
 def parse_if_none_match(header: str) -> list[str]:
-    """Of If-None-Match, compared weakly."""
+    """The tags of If-None-Match, without W/ for the weak comparison."""
     return [part.strip().removeprefix("W/") for part in header.split(",")]
 
 
 def parse_if_match(if_match: str | None) -> Sequence[int] | None:
-    """Which places in the history If-Match allows; None: any. Raises RequestRefused.
+    """The sequence numbers that If-Match allows; None for any. Raises InvalidRequest.
 
-    A tag that is not ours, or a weak one, matches nothing.
+    An unknown or weak tag matches nothing.
     """
     if if_match is None:
         return None

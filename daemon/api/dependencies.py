@@ -1,4 +1,4 @@
-"""How a route reaches the application, its body and its query."""
+"""Dependencies of the routes: application, body, query parameters, pages."""
 
 import json
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class Identified(Protocol):
-    """A record that a page can end with."""
+    """A record with an id, which serves as the cursor of a page."""
 
     @property
     def id(self) -> str: ...
@@ -43,14 +43,14 @@ Before = Annotated[
 
 
 def page_of(found: list[Record], limit: int, path: str) -> tuple[list[Record], str | None]:
-    """Of one record more than asked for: the page, and the link to the next when there is one."""
+    """The page and the link to the next one, or None, from up to `limit` + 1 records."""
     page = found[:limit]
     return page, f"{path}?limit={limit}&before={page[-1].id}" if len(found) > limit else None
 
 
 @dataclass(frozen=True)
 class JsonBody(Generic[Model]):
-    """A dependency: the JSON body as `model`; an empty body is an empty object. `openapi.described` shows the model."""
+    """A dependency that parses the JSON body as `model`, an empty one as {}; `build_openapi` documents the model."""
 
     model: type[Model]
 
@@ -64,7 +64,7 @@ class _Nothing(Document):
 
 
 async def no_body(request: Request) -> None:
-    """A dependency of a route without a body; an empty object passes. Raises DocumentError, BodyMalformed."""
+    """A dependency for routes without a body; {} is allowed. Raises DocumentError, BodyMalformed."""
     await JsonBody(_Nothing)(request)
 
 
@@ -83,7 +83,7 @@ def _json(content: bytes) -> Any:
 
 
 def check_query_names(request: Request) -> None:
-    """A misspelt query parameter is refused, with the nearest known one."""
+    """Raises InvalidRequest for unknown query parameters, naming the nearest known one."""
     dependant = getattr(request.scope.get("route"), "dependant", None)
     if dependant is None:
         return

@@ -1,16 +1,16 @@
-"""What is wrong with a request as HTTP, before any of the daemon's work begins.
+"""Errors of HTTP requests, raised before any of the daemon's work begins.
 
 DaemonError
-├── KeyReused             an Idempotency-Key that came with another request before
-├── RequestInFlight       the request with this Idempotency-Key is still being answered; `holder`
-├── HostNotAllowed        the request names a host that the daemon does not answer for
-├── RequestRefused        the request cannot be understood; `problems`
+├── KeyReused             the Idempotency-Key was used with another request
+├── RequestInFlight       the request with this Idempotency-Key is in progress; `holder`
+├── HostNotAllowed        the Host header names another host
+├── RequestRefused        the request is invalid; `problems`
 ├── BodyTooLarge          more bytes than the limit
 ├── BodyMalformed         the body is not JSON
-├── UnknownMediaType      the body is of a kind that is not taken here
-├── NotAcceptable         the answer exists in none of the kinds that were asked for
-├── CloudTooLarge         a cloud of so many points does not travel as JSON
-└── CrossOrigin           a page of somebody else's asks the browser to move the robot
+├── UnknownMediaType      the body's media type is not supported
+├── NotAcceptable         none of the accepted media types is available
+├── CloudTooLarge         the cloud has too many points for JSON
+└── CrossOrigin           the request comes from a page of another origin
 """
 
 from calibration.errors import DocumentProblem
@@ -18,7 +18,7 @@ from daemon.errors import DaemonError
 
 
 class KeyReused(DaemonError):
-    """An Idempotency-Key that came with another request before."""
+    """The Idempotency-Key was used with another request."""
 
     code = "idempotency-key-reused"
 
@@ -30,7 +30,7 @@ class KeyReused(DaemonError):
 
 
 class RequestInFlight(DaemonError):
-    """The request with this Idempotency-Key is still being answered; `holder` is the run it started."""
+    """The request with this Idempotency-Key is in progress; `holder` is the run it started."""
 
     code = "request-in-flight"
 
@@ -43,7 +43,7 @@ class RequestInFlight(DaemonError):
 
 
 class HostNotAllowed(DaemonError):
-    """The request names a host that the daemon does not answer for."""
+    """The Host header names another host."""
 
     code = "host-not-allowed"
 
@@ -55,7 +55,7 @@ class HostNotAllowed(DaemonError):
 
 
 class InvalidRequest(DaemonError):
-    """The request cannot be understood; `problems` lists every place."""
+    """The request is invalid; `problems` lists every place."""
 
     code = "request-refused"
 
@@ -65,7 +65,7 @@ class InvalidRequest(DaemonError):
 
 
 class BodyTooLarge(DaemonError):
-    """More bytes than the limit."""
+    """The body has more bytes than the limit."""
 
     code = "body-too-large"
 
@@ -84,24 +84,24 @@ class BodyMalformed(DaemonError):
 
 
 class UnknownMediaType(DaemonError):
-    """The body is of a kind that is not taken here."""
+    """The body's media type is not supported."""
 
     code = "unknown-media-type"
 
 
 class NotAcceptable(DaemonError):
-    """The answer exists in none of the kinds that were asked for."""
+    """None of the accepted media types is available."""
 
     code = "not-acceptable"
 
 
 class CloudTooLarge(DaemonError):
-    """A cloud of so many points does not travel as JSON."""
+    """The cloud has too many points for JSON."""
 
     code = "cloud-too-large-for-json"
 
 
 class CrossOrigin(DaemonError):
-    """A page of somebody else's asks the browser to do something here."""
+    """The request comes from a page of another origin."""
 
     code = "cross-origin"

@@ -1,4 +1,4 @@
-"""JSON for programs, text for people: whichever the request's Accept prefers, JSON when it does not care."""
+"""Content negotiation: JSON, or plain text when the request's Accept prefers it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +10,7 @@ TEXT = "text/plain"
 
 
 def wants_text(request: Request) -> bool:
-    """Is text/plain named with a higher weight than JSON? (RFC 9110, 12.5.1)"""
+    """True when Accept gives text/plain a higher weight than JSON (RFC 9110, 12.5.1)."""
     weights = {"application/json": 0.0, TEXT: 0.0}
     named: set[str] = set()
     for part in ",".join(request.headers.getlist("accept")).split(","):
@@ -27,7 +27,7 @@ def wants_text(request: Request) -> bool:
 
 
 def weight_of(parameters: str) -> float:
-    """The q of a media range's parameters; 1 where none is given."""
+    """The q of a media range's parameters; 1 by default."""
     for parameter in parameters.split(";"):
         name, _, value = parameter.strip().partition("=")
         if name == "q":
@@ -45,7 +45,7 @@ def respond(
     status: int = 200,
     headers: dict[str, str] | None = None,
 ) -> Response:
-    """`document` as JSON, or `words()` for a person."""
+    """Answer `document` as JSON, or `words()` as text."""
     every = {**(headers or {}), "Vary": "Accept"}
     if wants_text(request):
         return Response(words().rstrip("\n") + "\n", status, every, media_type=TEXT)
@@ -53,5 +53,5 @@ def respond(
 
 
 def or_text(description: str) -> dict[str, Any]:
-    """For `responses=`: the same answer as text."""
+    """The `responses` entry for an answer that is also available as text."""
     return {"description": description, "content": {TEXT: {"schema": {"type": "string"}}}}

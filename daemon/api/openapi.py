@@ -1,4 +1,4 @@
-"""openapi.json: what FastAPI derives, and what it does not see: bodies, problems, keys, examples."""
+"""Build openapi.json: FastAPI's document with bodies, problems, keys and examples added."""
 
 from typing import Any, Literal
 
@@ -37,18 +37,18 @@ IDEMPOTENCY_KEY: dict[str, Any] = {
 
 EVERY_REQUEST = (421,)
 EVERY_POST = (403, 409, 413, 507)
-"""Refused before a route is reached: a foreign page, a key in use, a body too large, a key that cannot be kept."""
+"""Statuses from the middleware: other origin, key in use, body too large, disk full."""
 
 KEY_SCHEME: dict[str, Any] = {
     "type": "http",
     "scheme": "bearer",
-    "description": "A key of role viewer, operator or admin: `x-role` says which an operation needs at least. On the"
-    " daemon's own machine nobody is asked until there is a first key.",
+    "description": "A key of role viewer, operator or admin: `x-role` is the lowest that an operation needs. Requests"
+    " from the daemon's own machine need none until the first key exists.",
 }
 
 
 def build_openapi(app: FastAPI) -> dict[str, Any]:
-    """The document, complete."""
+    """The complete document, cached."""
     if app.openapi_schema is None:
         document = FastAPI.openapi(app)
         bodies = _bodies()
@@ -73,7 +73,7 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
 
 
 def _bodies() -> dict[tuple[str, str], type[BaseModel]]:
-    """By path and method, the model of the body that a route reads with `body_of`."""
+    """The model of each route's JsonBody, by path and method."""
     return {
         (route.path, method): read.call.model
         for router in ROUTERS
@@ -111,7 +111,7 @@ def _finish(document: dict[str, Any], bodies: dict[tuple[str, str], type[BaseMod
 
 
 def _examples_of(answer: type[BaseModel]) -> list[Any]:
-    """As the model has them: FastAPI leaves out what is null."""
+    """The examples of a model, with the null values that FastAPI omits."""
     extra = answer.model_config.get("json_schema_extra")
     shown = extra.get("examples") if isinstance(extra, dict) else None
     return shown if isinstance(shown, list) else []

@@ -1,4 +1,4 @@
-"""One problem of each status, as the daemon tells it, for openapi.json."""
+"""One example problem for each status, for openapi.json."""
 
 from typing import Any
 
@@ -37,5 +37,5 @@ EXAMPLES: dict[int, Exception] = {
 
 
 def example_of(status: int) -> dict[str, Any]:
-    """As problem+json."""
+    """The example as problem+json."""
     return problem_of(EXAMPLES[status]).model_dump(exclude_none=True)

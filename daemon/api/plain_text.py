@@ -1,4 +1,4 @@
-"""The same answers in words, for a person with curl."""
+"""The answers as plain text, for use with curl."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -14,7 +14,7 @@ from daemon.runs.run_log import prediction_text
 
 
 def run_text(run: RunRecord, calibration: CalibrationDocument | None = None) -> str:
-    """Where a run stands, what it found, and what to do next."""
+    """The state and result of a run, and what to do next."""
     return "\n".join(_run_lines(run, calibration))
 
 
@@ -50,7 +50,7 @@ def _next_step(run: RunRecord, calibration: CalibrationDocument) -> Iterable[str
 
 
 def _verification_lines(table: dict[str, Any]) -> Iterable[str]:
-    """The seed's Tab. 1: the five points of the cross from each position, and sigma."""
+    """A table as Tab. 1 of the paper: the five points of the cross from each position, and their sigma."""
     by_id = {point["id"]: point for point in table["points"]}
     rows = [by_id[point] for point in table["cross"]]
     yield f"points of the target in base coordinates [mm], with calibration {table['calibration_id']}"

@@ -1,4 +1,4 @@
-"""From errors to HTTP answers (RFC 9457): one table for the status, the error's own code and fix."""
+"""Map errors to problem details (RFC 9457): the status from one table, code and fix from the error."""
 
 from typing import Any
 
@@ -70,7 +70,7 @@ STATUS: dict[type[Exception], int] = {
     CloudIOError: 500,
     RegistrationError: 422,
 }
-"""The nearest class in an error's ancestry decides."""
+"""Status by error class; the nearest base class decides."""
 
 RETRY_AFTER_S = {503: "2", 504: "2"}
 
@@ -78,7 +78,7 @@ HTTP_CODES = {404: ("no-such-page", "GET / lists what there is"), 405: ("method-
 
 
 def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """For `responses=` of a route: these statuses answer a Problem."""
+    """The `responses` of a route for statuses with a Problem."""
     return {
         status: {
             "description": reason_phrase(status),
@@ -89,12 +89,12 @@ def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 def status_of(error: Exception) -> int:
-    """500 for what the table does not know."""
+    """The status of an error; 500 when it is not in the table."""
     return next((STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), 500)
 
 
 def problem_of(error: Exception) -> Problem:
-    """What to tell the caller."""
+    """The problem document of an error."""
     status = status_of(error)
     code, what, fix = _words(error)
     problems = getattr(error, "problems", None)
@@ -111,7 +111,7 @@ def problem_of(error: Exception) -> Problem:
 
 
 def _words(error: Exception) -> tuple[str, str, str]:
-    """Code, what, fix."""
+    """Code, what and fix of an error."""
     match error:
         case DocumentError():
             what = "; ".join(f"{error.origin}: {p.place}: {p.what}" for p in error.problems)
@@ -131,7 +131,7 @@ def _words(error: Exception) -> tuple[str, str, str]:
 
 
 def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
-    """The HTTP answer of a problem."""
+    """The HTTP response of a problem."""
     every = dict(headers or {})
     if problem.status == 401:
         every["WWW-Authenticate"] = 'Bearer realm="handeyed"'
@@ -142,12 +142,12 @@ def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
 
 
 async def handle(_request: Request, error: Exception) -> Response:
-    """For every error of the table."""
+    """Exception handler for the errors of the table."""
     return answer(problem_of(error))
 
 
 async def handle_validation(_request: Request, error: Exception) -> Response:
-    """Query and path parameters that FastAPI refused."""
+    """Exception handler for query and path parameters that FastAPI refuses."""
     assert isinstance(error, RequestValidationError)
     problems = [
         DocumentProblem(".".join(str(part) for part in detail["loc"]), detail["msg"], "correct the value")
@@ -157,7 +157,7 @@ async def handle_validation(_request: Request, error: Exception) -> Response:
 
 
 async def handle_http(_request: Request, error: Exception) -> Response:
-    """What the router itself refuses."""
+    """Exception handler for what the router refuses."""
     assert isinstance(error, HTTPException)
     code, fix = HTTP_CODES.get(error.status_code, ("http-error", "see openapi.json"))
     headers = dict(error.headers or {})

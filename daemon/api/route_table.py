@@ -23,15 +23,15 @@ LINKS = {
 }
 
 TAGS = {
-    "calibrate": "The main job: where the camera sits on the flange, and whether that still holds.",
-    "runs": "What the arm was asked to do: at most one run at a time.",
-    "calibrations": "Results, and which of them is in force.",
-    "cell": "Robot and camera as they are now.",
-    "register": "One cloud into the robot's base frame, while it passes by.",
-    "scans": "Parts larger than one view.",
-    "events": "What happens, as it happens.",
-    "access": "Keys, and who did what.",
-    "health": "Is it alive, could it work, what has it counted.",
+    "calibrate": "The main job: the camera's pose on the flange, and its verification.",
+    "runs": "Calibration, verification and scan runs: at most one at a time.",
+    "calibrations": "Calibrations, and which of them is in force.",
+    "cell": "The present state of robot and camera.",
+    "register": "Transform one cloud into the robot's base frame while it is streamed.",
+    "scans": "Scans of parts from several views.",
+    "events": "Server-sent events.",
+    "access": "Keys and the audit log.",
+    "health": "Health, readiness and metrics.",
 }
 
 root = APIRouter(tags=["health"])
@@ -39,7 +39,7 @@ root = APIRouter(tags=["health"])
 
 @root.get("/", response_model=Welcome)
 async def welcome() -> Welcome:
-    """What there is."""
+    """Links to all resources."""
     return Welcome(software=SOFTWARE, links=LINKS)
 
 

@@ -1,1 +1,1 @@
-"""The cell's devices and the rules for moving, settling and capturing with them."""
+"""The cell's devices, and the rules for motion, settling and capture."""

@@ -1,4 +1,4 @@
-"""The cell: its devices, who may move the arm, and whether it could work now."""
+"""The cell: its devices, exclusive access to the arm, and what keeps it from working."""
 
 import asyncio
 import logging
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 MAX_STATUS_S = 1.0
-"""A controller answers a status request in milliseconds; one that needs longer is as good as gone."""
+"""A controller normally answers a status request within milliseconds."""
 
 POLL_S = 0.02
 
 MAX_STOP_S = 3.0
-"""How long leaving the arm stopped and disarmed may take; the robot does both by itself after 2 s of silence."""
+"""Limit for stopping and for disarming the arm; the robot does both by itself after 2 s of silence on the link."""
 
 
 @dataclass(frozen=True)
 class Devices:
-    """What the cell is made of."""
+    """The devices of a cell."""
 
     robot: Robot
     camera: Camera
@@ -43,7 +43,7 @@ class Devices:
 
 
 class Cell:
-    """Owns the devices. One holder at a time; the arm is armed only while a holder that moves it holds the cell."""
+    """Owns the devices. One holder at a time; the arm is armed only under a motion lease."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Cell:
 
     @asynccontextmanager
     async def hold(self, holder: str) -> AsyncIterator["Cell"]:
-        """The cell for one holder that does not move the arm. Raises CellBusy at once, never waits."""
+        """Hold the cell without moving the arm until the block ends. Never waits. Raises CellBusy."""
         if self._holder is not None:
             raise CellBusy(self._holder)
         self._holder = holder
@@ -81,7 +81,7 @@ class Cell:
 
     @asynccontextmanager
     async def motion_lease(self, holder: str) -> AsyncIterator[Robot]:
-        """The armed robot for one holder; stopped and disarmed afterwards, whatever happened.
+        """Hold the cell and arm the robot until the block ends; then it is stopped and disarmed in every case.
 
         Raises CellBusy, CellNotReady, DeviceError.
         """
@@ -96,13 +96,13 @@ class Cell:
                 await asyncio.shield(asyncio.ensure_future(self._leave_safe()))
 
     async def move_to(self, goal: MoveGoal) -> None:
-        """Drive the arm, for whoever has the motion lease; returns when it stands there. Raises DeviceError."""
+        """Move the arm, under a motion lease; returns when it has arrived. Raises DeviceError."""
         self._at.reach("before move")
         await self.robot.move_to(goal)
         self._at.reach("after move")
 
     async def _leave_safe(self) -> None:
-        """Stop and disarm; each is tried though the other failed. The robot does the same when the link is gone."""
+        """Stop and disarm, also when one of them fails. Without a link the robot does both by itself."""
         for name, act in (("stop", self.robot.stop), ("disarm", lambda: self.robot.set_armed(False))):
             try:
                 async with asyncio.timeout(MAX_STOP_S):
@@ -111,25 +111,28 @@ class Cell:
                 log.warning("could not %s the robot (it does so itself when the link is silent): %s", name, error)
 
     async def read_settled_pose(self) -> PoseReading:
-        """The pose of an arm at rest, which has stopped ringing. Raises NotStill, DeviceError."""
+        """Wait until the arm is at rest and no longer vibrates; returns its pose. Raises NotStill, DeviceError."""
         if self._vibration_gate is not None:
             await self._vibration_gate.wait(self._settling.limit_s, self._clock)
         return await settle(self.robot, self._settling, self._clock)
 
     async def read_standing_pose(self) -> PoseReading:
-        """The pose of an arm that an operator moves, and that stands now. Raises NotStill at once, DeviceError."""
+        """The pose of an arm that an operator moves, if it is at rest. Does not wait. Raises NotStill, DeviceError."""
         if self._vibration_gate is not None:
             self._vibration_gate.check()
         return await read_if_standing(self.robot, self._settling, self._clock)
 
     async def capture_view(self) -> tuple[PoseReading, Frame]:
-        """A picture taken while the arm stood, and the pose it stood at. Raises NotStill, DeviceError."""
+        """Wait until the arm is at rest, and take a picture; returns pose and picture. Raises NotStill, DeviceError."""
         before = await self.read_settled_pose()
         frame = await self.capture_frame(before)
         return before, frame
 
     async def capture_frame(self, before: PoseReading) -> Frame:
-        """A frame newer than `before`, and the arm still there afterwards. Raises NotStill, SameAgain, DeviceError."""
+        """Take a frame after the reading `before`, and check that the arm has not moved since.
+
+        Raises NotStill, StaleCaptureError, DeviceError.
+        """
         self._at.reach("before capture")
         frame = await self.grab(before.taken_at_s)
         self._at.reach("after capture")
@@ -138,9 +141,9 @@ class Cell:
         return frame
 
     async def capture_cloud(self, before: PoseReading) -> ScannedCloud:
-        """A cloud newer than `before`, and the arm still there afterwards.
+        """Take a cloud after the reading `before`, and check that the arm has not moved since.
 
-        Raises NoScanner, NotStill, SameAgain, DeviceError.
+        Raises NoScanner, NotStill, StaleCaptureError, DeviceError.
         """
         if self._scanner is None:
             raise NoScanner
@@ -153,29 +156,29 @@ class Cell:
         return cloud
 
     async def grab(self, newer_than_s: float) -> Frame:
-        """A frame exposed after `newer_than_s`; callers take turns at the camera. Raises DeviceError."""
+        """A frame exposed after `newer_than_s`; concurrent callers wait for each other. Raises DeviceError."""
         async with self._camera_turn:
             with errors_of("camera"):
                 return await self._camera.grab(newer_than_s)
 
     async def grab_now(self) -> Frame:
-        """What the camera sees now. Raises DeviceError."""
+        """A frame exposed after this call. Raises DeviceError."""
         return await self.grab(self._clock.monotonic_s())
 
     async def obstacles(self) -> tuple[str, ...]:
-        """Why the arm could not be driven through poses with the camera now; empty when it could."""
+        """Reasons why a run with robot and camera could not start now; empty when it could."""
         return (*await self.robot_obstacles(), *_link_obstacle("camera", self._camera))
 
     def capture_obstacles(self) -> tuple[str, ...]:
-        """Why poses and pictures could not be read now; whether the arm may be moved does not matter."""
+        """Reasons why poses and pictures could not be read now, for runs that do not move the arm."""
         return (*_link_obstacle("robot", self.robot), *_link_obstacle("camera", self._camera))
 
     async def robot_obstacles(self) -> tuple[str, ...]:
-        """Why the robot could not be moved now."""
+        """Reasons why the robot could not be moved now: controller and interlocks."""
         return (*await self._controller_obstacles(), *(await self._interlock_obstacles()).values())
 
     async def require_interlocks(self) -> None:
-        """Raises InterlockOpen, naming which."""
+        """Raises InterlockOpen with the names of interlocks that do not allow motion."""
         obstacles = await self._interlock_obstacles()
         if obstacles:
             raise InterlockOpen(tuple(obstacles), tuple(obstacles.values()))
@@ -190,23 +193,23 @@ class Cell:
             return (str(error),)
 
     async def _interlock_obstacles(self) -> dict[str, str]:
-        """By the interlock's name why it does not allow motion."""
+        """The reason for each interlock that does not allow motion, by its name."""
         readings = await self._interlocks.readings() if self._interlocks else ()
         return {reading.name: f"interlock {reading.name}: {reading.why}" for reading in readings if not reading.allows}
 
     def scanner_obstacles(self) -> tuple[str, ...]:
-        """Why the scanner could not be asked for a cloud now."""
+        """Reasons why the scanner could not take a cloud now."""
         if self._scanner is None:
             return (NoScanner().what,)
         return _link_obstacle("scanner", self._scanner)
 
     def links(self) -> dict[str, Robot | Camera | Scanner]:
-        """Every device by the name the settings give it."""
+        """The devices by their names in the settings."""
         devices: dict[str, Robot | Camera | Scanner] = {"robot": self.robot, "camera": self._camera}
         return devices if self._scanner is None else {**devices, "scanner": self._scanner}
 
     async def wait_for_links(self, limit_s: float) -> None:
-        """Returns when every device answers, at the latest after `limit_s`: they are dialled in the background."""
+        """Wait up to `limit_s` until every device is connected; a warning is logged for each that is not."""
         ends_s = self._clock.monotonic_s() + limit_s
         while self._clock.monotonic_s() < ends_s:
             if all(device.link.connected for device in self.links().values()):
@@ -217,7 +220,7 @@ class Cell:
                 log.warning("%s: %s", name, device.link.detail)
 
     async def close(self) -> None:
-        """Close every device; one that fails does not keep the others open."""
+        """Close every device, also when closing one fails."""
         if self._vibration_gate is not None:
             await self._vibration_gate.close()
         for name, device in self.links().items():
@@ -228,7 +231,7 @@ class Cell:
 
 
 def motion_obstacles(status: RobotStatus) -> tuple[str, ...]:
-    """Why a controller in this status would not move the arm."""
+    """Reasons why a controller in this status would not move the arm."""
     checks = (
         (status.emergency_stop, "robot: emergency stop is pressed"),
         (not status.motors_on, "robot: motors are off"),

@@ -1,4 +1,4 @@
-"""The settings' addresses as devices, dialling in the background."""
+"""Open the devices at the settings' addresses; they connect in the background."""
 
 from daemon.cell.cell import Devices
 from daemon.cell.vibration import VibrationGate
@@ -10,7 +10,7 @@ from drivers.timing import Timing
 
 
 def open_devices(settings: Settings, clock: Clock) -> Devices:
-    """Needs a running loop. Raises AddressNotUnderstood, and DeviceUnreachable for a taken EGM port."""
+    """Open the devices in a running event loop. Raises AddressNotUnderstood, DeviceUnreachable (EGM port in use)."""
     timing = Timing(clock.monotonic_s, clock.sleep)
     intrinsics = settings.camera.intrinsics
     return Devices(

@@ -1,4 +1,4 @@
-"""From a pose to a move the daemon is willing to command: box, reach, posture and speed."""
+"""Limits of commanded motion: box, reach, posture, joint travel and speed; and the move to a pose."""
 
 from dataclasses import dataclass
 
@@ -14,12 +14,12 @@ from daemon.errors import PoseRefused
 from drivers.interfaces import MoveGoal, PoseReading, Posture, Robot
 
 MAX_PLANNED_TRAVEL_DEG = 120.0
-"""No joint turns further in one move that nobody taught: short moves are easy to foresee, and cost no accuracy."""
+"""Limit of joint travel in one move to a planned pose: short moves are easy to foresee, and cost no accuracy."""
 
 
 @dataclass(frozen=True)
 class MotionRules:
-    """What the daemon checks before each move; the controller repeats its own checks."""
+    """The checks before each move; the controller makes its own as well."""
 
     robot: RobotSettings
     arm: Arm | None
@@ -29,14 +29,14 @@ class MotionRules:
         return cls(robot, find_arm(robot.model) if robot.model else None)
 
     def check_poses(self, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> None:
-        """Every pose lies in the box and, when the arm is known, can be reached. Raises PoseRefused."""
+        """Check that all poses lie in the box and, for a known arm, can be reached in turn. Raises PoseRefused."""
         for station, pose in enumerate(poses, start=1):
             self.check_inside_box(station, pose)
             if self.arm is not None and joints_now_rad is not None:
                 joints_now_rad = self._joints(station, pose, self.arm, joints_now_rad)
 
     def check_inside_box(self, station: int, pose: TaughtPose) -> None:
-        """Raises PoseRefused."""
+        """Raises PoseRefused when the flange's origin at `pose` lies outside the box."""
         if not self.robot.inside_box(pose.transform()):
             at = ", ".join(f"{x:.1f}" for x in pose.translation_mm)
             low, high = (", ".join(f"{x:g}" for x in corner) for corner in self.robot.box_mm)
@@ -47,7 +47,7 @@ class MotionRules:
             )
 
     async def goal(self, station: int, pose: TaughtPose, robot: Robot) -> MoveGoal:
-        """The move to `pose` from where the arm stands now. Raises PoseRefused, DeviceError."""
+        """The move from the present pose to `pose`. Raises PoseRefused, DeviceError."""
         self.check_inside_box(station, pose)
         here = await robot.read_pose()
         posture = await self._posture(station, pose, robot, here)
@@ -85,7 +85,7 @@ class MotionRules:
         return joints
 
     def reachable_from(self, joints_now_rad: Array | None) -> Reachable | None:
-        """Which poses the arm can take without a change of posture or a long turn; None: the arm is not known."""
+        """Test of which poses the arm can take without a long turn of a joint; None when the arm is not known."""
         if self.arm is None or joints_now_rad is None:
             return None
         return reachable_by(

@@ -1,5 +1,4 @@
-"""When does the arm stand, and where? Two readings that agree with each other, with where it was sent, and with a third
-after the picture."""
+"""Checks that the arm is at rest (two readings agree), is where it was sent, and did not move during a capture."""
 
 from dataclasses import dataclass
 from math import degrees, radians
@@ -19,12 +18,12 @@ from daemon.runtime.clock import Clock
 from drivers.interfaces import PoseReading, Robot
 
 ARRIVAL_TOLERANCE_MM, ARRIVAL_TOLERANCE_RAD = 2.0, radians(0.2)
-"""A controller stops within hundredths of a millimetre of the goal, in its own numbers."""
+"""Largest deviation of the reported pose from the commanded one; normally hundredths of a millimetre."""
 
 
 @dataclass(frozen=True)
 class PoseDelta:
-    """How far two readings are apart."""
+    """The difference of two pose readings."""
 
     translation_mm: float
     rotation_rad: float
@@ -41,33 +40,35 @@ class PoseDelta:
 
 
 async def settle(robot: Robot, settling: SettlingSettings, clock: Clock) -> PoseReading:
-    """The pose once two readings `gap_s` apart agree and the controller says it stands. Raises NotStill."""
+    """Wait until two readings `gap_s` apart agree and the controller reports no motion. Raises NotStill."""
     began_s = clock.monotonic_s()
     before = await robot.read_pose()
     while True:
         await clock.sleep(settling.gap_s)
         after = await robot.read_pose()
-        drift = PoseDelta.between(before, after)
-        if before.still and after.still and drift.within(settling):
+        delta = PoseDelta.between(before, after)
+        if before.still and after.still and delta.within(settling):
             return after
         if clock.monotonic_s() - began_s > settling.limit_s:
             raise NotStill(
-                f"the arm did not come to rest within {settling.limit_s:g} s (it still moved by {drift})",
+                f"the arm did not come to rest within {settling.limit_s:g} s (it still moved by {delta})",
                 "look for vibration or a soft servo; or allow more in [robot.settling]",
             )
         before = after
 
 
 async def read_if_standing(robot: Robot, settling: SettlingSettings, clock: Clock) -> PoseReading:
-    """The pose of an arm that somebody else moves, and that stands now: two readings. Raises NotStill at once."""
+    """The pose of an arm that an operator moves, from two readings that agree. Does not wait. Raises NotStill."""
     before = await robot.read_pose()
     await clock.sleep(settling.gap_s)
     after = await robot.read_pose()
-    drift = PoseDelta.between(before, after)
-    if before.still and after.still and drift.within(settling):
+    delta = PoseDelta.between(before, after)
+    if before.still and after.still and delta.within(settling):
         return after
     moved = (
-        f"it moved by {drift} within {settling.gap_s:g} s" if not drift.within(settling) else "the controller says so"
+        f"it moved by {delta} within {settling.gap_s:g} s"
+        if not delta.within(settling)
+        else "the controller reports motion"
     )
     raise NotStill(
         f"the arm is not at rest: {moved}", "let go of the joystick, wait until the arm stands, and ask again"
@@ -75,18 +76,18 @@ async def read_if_standing(robot: Robot, settling: SettlingSettings, clock: Cloc
 
 
 def check_still(before: PoseReading, after: PoseReading, settling: SettlingSettings) -> None:
-    """Raises NotStill when the arm moved between two readings: what was seen in between belongs to no pose."""
-    drift = PoseDelta.between(before, after)
-    if not (after.still and drift.within(settling)):
+    """Raises NotStill when the arm moved between two readings, so that a capture in between has no pose."""
+    delta = PoseDelta.between(before, after)
+    if not (after.still and delta.within(settling)):
         raise NotStill(
-            f"the arm moved by {drift} while it was looked at", "keep everything else from moving it, and look again"
+            f"the arm moved by {delta} during the capture", "keep everything else from moving it, and try again"
         )
 
 
 def check_arrival(sent_base_T_flange: Array, reading: PoseReading, pose_convention: str) -> None:
-    """Raises ElsewhereThanSent when the pose that is read is not the one that was commanded.
+    """Raises PoseMismatch when the reported pose differs from the commanded one.
 
-    A wrong unit, quaternion order, tool or work object shows here at the first move, before a picture is taken.
+    This detects a wrong unit, quaternion order, tool or work object at the first move, before a picture is taken.
     """
     off_mm, off_rad = difference(sent_base_T_flange, reading.base_T_flange)
     if off_mm <= ARRIVAL_TOLERANCE_MM and off_rad <= ARRIVAL_TOLERANCE_RAD:
@@ -103,11 +104,11 @@ def _place(base_T_flange: Array) -> str:
 
 
 def _explanation(sent: Array, read: Array, pose_convention: str) -> str:
-    """What would explain it."""
+    """The likely cause of a deviation, and what to do."""
     w, x, y, z = quaternion_from_rotation(sent[:3, :3])
     scalar_last = rotation_from_quaternion([x, y, z, w])
     if np.linalg.norm(1000.0 * read[:3, 3] - sent[:3, 3]) <= ARRIVAL_TOLERANCE_MM:
-        return "it tells metres where millimetres belong: correct the controller's program"
+        return "it reports metres where millimetres belong: correct the controller's program"
     if rotation_angle_rad(scalar_last.T @ read[:3, :3]) <= ARRIVAL_TOLERANCE_RAD:
         return "its quaternion has the scalar part last where it belongs first: correct the controller's program"
     return f"see that the controller's program gives {pose_convention}"

@@ -1,4 +1,4 @@
-"""Is what a device sends new? A sensor has noise: two captures from two poses are never the same to the last bit."""
+"""Detects stale captures: with a sensor's noise, captures from two poses are never identical to the last bit."""
 
 from dataclasses import dataclass
 from hashlib import blake2b
@@ -10,24 +10,24 @@ from daemon.errors import StaleCaptureError
 from drivers.interfaces import Frame, PoseReading, ScannedCloud
 
 MIN_DISTANCE_MM, MIN_ROTATION_RAD = 1.0, 1e-3
-"""Nearer poses than these may show the same to a device that has no noise, as a drawn one."""
+"""Identical captures from poses nearer than this are accepted: a simulated device has no noise."""
 
 
 @dataclass
 class StaleCaptureDetector:
-    """Remembers the last capture of one device: what it was, and where the arm stood."""
+    """Keeps the hash and pose of one device's last capture."""
 
     device: str
     _digest: bytes = b""
     _base_T_flange: Array | None = None
 
     def check_frame(self, frame: Frame, reading: PoseReading) -> None:
-        """Raises SameAgain. Pictures without any contrast may be the same: they are told as what they are."""
+        """Raises StaleCaptureError for a repeated picture; not for one without contrast, which fails in detection."""
         if np.ptp(frame.image):
             self._check(np.ascontiguousarray(frame.image).data, "picture", reading)
 
     def check_cloud(self, cloud: ScannedCloud, reading: PoseReading) -> None:
-        """Raises SameAgain."""
+        """Raises StaleCaptureError for a repeated cloud."""
         self._check(cloud.content, "cloud", reading)
 
     def _check(self, content: "bytes | memoryview", kind: str, reading: PoseReading) -> None:

@@ -1,4 +1,4 @@
-"""Does the arm still ring? What the settling monitor (EGM) tells before each look, when the cell has one."""
+"""Waits before each capture until the flange no longer vibrates, measured through EGM, in cells that have it."""
 
 import asyncio
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ POLL_S = 0.02
 
 @dataclass(frozen=True)
 class VibrationGate:
-    """The monitor, and how much is allowed."""
+    """A vibration monitor with the allowed limits."""
 
     monitor: VibrationMonitor
     limits: EgmSettings
 
     async def wait(self, limit_s: float, clock: Clock) -> Vibration:
-        """What is left once it is little enough. Raises NotStill, DeviceTimeout."""
+        """Wait until the vibration is within the limits; returns it. Raises NotStill, DeviceTimeout."""
         ends_s = clock.monotonic_s() + limit_s
         while not self._within(vibration := self.monitor.vibration(self.limits.window_s)):
             if clock.monotonic_s() > ends_s:
@@ -29,14 +29,14 @@ class VibrationGate:
         return vibration
 
     def check(self) -> Vibration:
-        """The same, without waiting. Raises NotStill, DeviceTimeout."""
+        """The present vibration, if within the limits. Raises NotStill, DeviceTimeout."""
         vibration = self.monitor.vibration(self.limits.window_s)
         if not self._within(vibration):
             raise self._vibration_error(vibration, "the flange")
         return vibration
 
     async def close(self) -> None:
-        """Listen no more."""
+        """Close the monitor."""
         await asyncio.to_thread(self.monitor.close)
 
     def _within(self, vibration: Vibration) -> bool:

@@ -1,1 +1,1 @@
-"""The daemon watches the calibration in force: a control chart of its verifications, an alarm, a schedule."""
+"""Drift monitoring of the calibration in force: control chart of its verifications, alarm, schedule."""

@@ -1,4 +1,4 @@
-"""What a calibration's control chart shows: its points, and what its end says."""
+"""The control chart of a calibration: its points, their evaluation, and the alarm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,9 +16,9 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class DriftReport:
-    """What the chart says now. `alarm` is a sentence, None while the calibration holds.
+    """Evaluation of the chart's last point. `alarm` is a sentence, None while the calibration holds.
 
-    `shift_mm`: how far the fixed target seems to have moved, averaged; `limit_mm`: how far it may seem so by chance.
+    `shift_mm`: apparent displacement of the fixed target, moving average; `limit_mm`: its limit by chance.
     """
 
     standing: DriftStanding | None = None
@@ -31,15 +31,15 @@ class DriftReport:
     alarm: str | None = None
 
     def event_data(self) -> dict[str, object]:
-        """For an event."""
+        """The fields as JSON values, for the event `drift`."""
         return {**vars(self), "standing": self.standing.value if self.standing else None}
 
 
 @dataclass(frozen=True)
 class DriftPoint:
-    """One verification of the chart, in base: how far the target was from where it was learnt to be, and on average.
+    """One verification in the base frame: displacement of the target from its learnt position, and its moving average.
 
-    `limit_mm` is None while the chart learns where the target is.
+    `limit_mm` is None while the chart learns the target's position.
     """
 
     run_id: str
@@ -54,14 +54,14 @@ class DriftPoint:
 
 @dataclass(frozen=True)
 class DriftChart:
-    """The points, the oldest first, and what they say."""
+    """The points, oldest first, and their evaluation."""
 
     report: DriftReport = field(default_factory=DriftReport)
     points: tuple[DriftPoint, ...] = ()
 
 
 def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> DriftChart:
-    """The chart of these verifications, the oldest first."""
+    """The chart of these verifications, oldest first."""
     if not entries:
         return DriftChart(DriftReport(DriftStanding.LEARNING, document.id))
     rules = rules_of(settings.drift)
@@ -84,7 +84,7 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
 
 
 def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPoint:
-    """To a nanometre, which is below any robot's noise."""
+    """A point of the chart, rounded to 1 nm."""
     return DriftPoint(
         entry.run_id,
         entry.at,
@@ -103,14 +103,14 @@ def _round(vector: Array) -> Vector:
 
 
 def rules_of(settings: DriftSettings) -> DriftRules:
-    """As the mathematics wants them."""
+    """The chart's rules from the settings."""
     return DriftRules(settings.weight, settings.learn, settings.allowed_mm, settings.runs_between_false_alarms)
 
 
 def _max_scatter_mm(
     entry: ChartEntry, document: CalibrationDocument, settings: Settings, rules: DriftRules
 ) -> float | None:
-    """The largest scatter that the calibration's uncertainty and the robot's noise explain; None: not known."""
+    """The largest scatter that the calibration's uncertainty and the robot's noise explain; None when not known."""
     if document.uncertainty is None or entry.sample.positions < 2:
         return None
     robot_mm = robot_noise_mm(document, settings.calibration)

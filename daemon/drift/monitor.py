@@ -1,4 +1,4 @@
-"""The chart of the calibration in force: entered after each verification, told to REST, PLC and metrics."""
+"""Keeps the drift chart of the calibration in force up to date, for REST, PLC, metrics and alarms."""
 
 import asyncio
 import logging
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(eq=False)
 class DriftMonitor:
-    """Listens for verifications that end; an owner of nothing but what can be computed from the store again."""
+    """Background service: recomputes the chart from the store after each verification."""
 
     settings: Settings
     store: Store
@@ -39,11 +39,11 @@ class DriftMonitor:
 
     @property
     def report(self) -> DriftReport:
-        """What the chart says now."""
+        """The evaluation of the chart."""
         return self.chart.report
 
     async def start(self) -> None:
-        """What an earlier daemon has told is not told again."""
+        """Compute the chart without events, since the previous process has sent them, and follow new runs."""
         try:
             self.chart = await self._compute()
         except DaemonError as error:
@@ -57,11 +57,11 @@ class DriftMonitor:
                 await self._task
 
     def warnings(self) -> list[str]:
-        """For GET /ready."""
+        """The alarm, for GET /ready."""
         return [self.report.alarm] if self.report.alarm else []
 
     def families(self) -> Iterator[Metric]:
-        """For GET /metrics."""
+        """The families of GET /metrics."""
         report = self.report
         values = (
             (
@@ -78,12 +78,12 @@ class DriftMonitor:
             yield Metric(f"handeyed_drift_{name}", "gauge", about, {(): value})
 
     async def refresh(self) -> DriftChart:
-        """The chart with every run that is over in it. Raises StorageError."""
+        """The chart with every finished run. Raises StorageError."""
         await self._refresh()
         return self.chart
 
     async def report_after(self, run: RunRecord) -> DriftReport:
-        """The chart with this run in it, whoever noticed its end first."""
+        """The evaluation including this finished run; the previous one if the store fails."""
         with suppress(DaemonError):
             await self._refresh()
         return self.report
@@ -96,14 +96,14 @@ class DriftMonitor:
             try:
                 await self._refresh()
             except DaemonError as error:
-                log.warning("the drift chart could not be renewed: %s", error)
+                log.warning("the drift chart could not be updated: %s", error)
 
     async def _refresh(self) -> None:
-        """From the store; an alarm that is new, or gone, is told once, whoever noticed first."""
+        """Recompute the chart; publish a changed evaluation and a raised or ended alarm, each once."""
         async with self._turn:
-            await self._refresh_locked()
+            await self._recompute()
 
-    async def _refresh_locked(self) -> None:
+    async def _recompute(self) -> None:
         before, self.chart = self.report, await self._compute()
         if self.report == before:
             return

@@ -1,4 +1,4 @@
-"""The verifications of the calibration in force, read from the store once each, and what each adds to the chart."""
+"""The verifications of the calibration in force, each read from the store once, as entries of the chart."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -18,10 +18,10 @@ from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
 MAX_VERIFICATIONS = 1000
-"""How far back a chart reaches: a year of verifications every eight hours."""
+"""Length of the chart: a year of verifications every eight hours."""
 
 PAGE_RUNS = 20
-"""Runs are large, verifications above all: a few are read at a time, and none of them kept."""
+"""Runs are read in pages of 20 and not kept, because those of verifications are large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +34,9 @@ class ChartEntry:
 
 
 def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points: int) -> bool:
-    """A finished verification of the calibration in force, of the fixed target, from the settings' poses.
+    """True for a finished verification of the calibration in force with the fixed target and the settings' poses.
 
-    One with poses or a target of its own may look at something else, or from where the errors are others; one from
-    before the settings' target was changed may have seen points that this one has not.
+    One with its own poses or target is not comparable, nor one with points that the settings' target does not have.
     """
     return (
         run.kind == "verify"
@@ -51,7 +50,7 @@ def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points:
 
 
 def chart_entry(run: RunRecord, target_points_mm: Array) -> ChartEntry:
-    """What a run that `belongs` adds to the chart."""
+    """The chart's entry of a run that `belongs_to_chart`."""
     assert run.result is not None
     points: list[dict[str, Any]] = run.result["verification"]["points"]
     ids = [point["id"] for point in points]
@@ -61,7 +60,7 @@ def chart_entry(run: RunRecord, target_points_mm: Array) -> ChartEntry:
 
 
 def robot_noise_mm(document: CalibrationDocument, settings: CalibrationSettings) -> float:
-    """The robot's noise at the target, three axes together: as estimated with the calibration, else as expected."""
+    """The robot's position noise at the target, root sum of squares of three axes: as estimated, else as expected."""
     noise, expected = document.noise, settings.noise
     translation_mm = noise.robot_translation_mm or expected.robot_translation_mm
     rotation_deg = noise.robot_rotation_deg or expected.robot_rotation_deg
@@ -73,7 +72,7 @@ def robot_noise_mm(document: CalibrationDocument, settings: CalibrationSettings)
 
 @dataclass(frozen=True)
 class _RunEntries:
-    """What a run that was read says; nothing, when it does not belong to the chart."""
+    """The chart entries of one run: one, or none if it does not belong to the chart."""
 
     run_id: str
     over: bool
@@ -82,7 +81,7 @@ class _RunEntries:
 
 @dataclass(eq=False)
 class VerificationHistory:
-    """Those of one calibration at a time."""
+    """The entries of the calibration in force, read incrementally."""
 
     store: Store
     workers: Workers
@@ -90,10 +89,10 @@ class VerificationHistory:
     _applied: tuple[int, str] = (0, "")
     _kept: list[ChartEntry] = field(default_factory=list)
     _last: str = ""
-    """Up to this run everything is over, and kept."""
+    """All runs up to this one are finished and their entries kept."""
 
     async def of(self, applied: AppliedCalibration) -> Sequence[ChartEntry]:
-        """The oldest first. Raises StorageError."""
+        """The entries of this calibration, oldest first. Raises StorageError."""
         if self._applied != (applied.sequence, applied.calibration_id):
             self._applied, self._kept, self._last = (applied.sequence, applied.calibration_id), [], ""
         news = await self._read_new_runs(applied)
@@ -104,7 +103,7 @@ class VerificationHistory:
         return [*self._kept, *(entry for read in news[len(settled) :] for entry in read.entries)]
 
     async def _read_new_runs(self, applied: AppliedCalibration) -> list[_RunEntries]:
-        """Runs since the last one kept, the oldest first."""
+        """The entries of runs after the last one kept, oldest first."""
         news: list[_RunEntries] = []
         before: str | None = None
         while sum(len(read.entries) for read in news) < MAX_VERIFICATIONS:

@@ -1,4 +1,4 @@
-"""Verifications that the daemon begins by itself: only when the settings say so, for they move the arm."""
+"""Scheduled verifications, which move the arm; off unless the settings turn them on."""
 
 import asyncio
 import logging
@@ -18,21 +18,21 @@ from drivers.errors import DeviceError
 log = logging.getLogger(__name__)
 
 RETRY_S = 60.0
-"""While another run is in progress, a verification that is due is tried again after this."""
+"""A verification that is due during another run is tried again after this."""
 
-LOOK_S = 1.0
-"""How often the cell is looked at for an emergency stop, another mode, an open interlock."""
+POLL_S = 1.0
+"""Interval of checks for an emergency stop, manual mode, an open interlock."""
 
 SCHEDULE = AuditContext(actor="the drift schedule")
 
 
 @dataclass(eq=False)
 class DriftSchedule:
-    """Verifies every `every_s`, first a whole interval after the start, as long as somebody has the cell in use.
+    """Background service: verifies every `every_s`, first one interval after the start, while the cell is in use.
 
-    That is: since the daemon's start somebody has started a run over REST or by a PLC, it finished, and since then no
-    run failed or was aborted, and nothing was seen that keeps the arm from being moved (an emergency stop, manual mode,
-    motors off, an open interlock, a controller that does not answer). Else a verification that is due is left out.
+    The cell is in use when since the daemon's start a run was started over REST or by a PLC and finished, and since
+    then no run failed or was aborted and no obstacle to motion occurred (emergency stop, manual mode, motors off, open
+    interlock, a controller that does not answer). Otherwise a verification that is due is skipped.
     """
 
     operations: Operations
@@ -53,33 +53,33 @@ class DriftSchedule:
                 await self._task
 
     def warnings(self) -> list[str]:
-        """For GET /ready."""
-        why = self._why_left_out() if self.every_s > 0 else ""
+        """Why nothing is scheduled, for GET /ready."""
+        why = self._skip_reason() if self.every_s > 0 else ""
         return [f"the drift schedule verifies nothing until somebody starts a run: {why}"] if why else []
 
     async def _verify_when_due(self) -> None:
         due_s = self.clock.monotonic_s() + self.every_s
         while True:
-            await self.clock.sleep(LOOK_S)
-            await self._look_at_the_cell()
+            await self.clock.sleep(POLL_S)
+            await self._check_cell()
             if self.clock.monotonic_s() >= due_s:
                 busy = await self._verify()
                 due_s = self.clock.monotonic_s() + (RETRY_S if busy else self.every_s)
 
-    async def _look_at_the_cell(self) -> None:
-        """An obstacle withdraws what the latest run stands for. A run in progress sees its obstacles itself."""
+    async def _check_cell(self) -> None:
+        """Withdraw the latest run's consent when there is an obstacle to motion; a run in progress checks by itself."""
         latest = self.operations.supervisor.latest
-        if latest is None or not latest.over or self._why_left_out():
+        if latest is None or not latest.over or self._skip_reason():
             return
         obstacles = await self.operations.cell.robot_obstacles()
         if obstacles:
             self._withdraw(latest.id, obstacles[0])
 
     async def _verify(self) -> bool:
-        """Start a verification or leave it out; is another run in progress?"""
+        """Start a verification or skip it. Returns True when another run is in progress."""
         if self.operations.supervisor.in_progress is not None:
             return True
-        if why := self._why_left_out():
+        if why := self._skip_reason():
             log.warning("the scheduled verification is left out until somebody starts a run: %s", why)
             return False
         latest = self.operations.supervisor.latest
@@ -96,8 +96,8 @@ class DriftSchedule:
         log.info("the scheduled verification is run %s", run.id)
         return False
 
-    def _why_left_out(self) -> str:
-        """Why nothing may be moved by the schedule now; empty when it may, or a run is in progress."""
+    def _skip_reason(self) -> str:
+        """Why the schedule must not move the arm now; empty when it may, or when a run is in progress."""
         latest = self.operations.supervisor.latest
         if latest is None:
             return "the daemon has been started"

@@ -1,1 +1,1 @@
-"""HTTP connections below the application: listen sockets, TLS handshakes, receive buffer, limits, problem documents."""
+"""HTTP connections below the application: listen sockets, TLS handshakes, receive buffer, limits, problem details."""

@@ -1,8 +1,8 @@
-"""What a connection may do before and between requests: how long, how much, how many.
+"""Limits of HTTP connections: time and size of a request's head, idle time, and their number.
 
-uvicorn keeps a connection open whose head never ends, and answers what it cannot parse in plain text. Here the head of
-a request has a limit in time and in bytes, a body or an answer that no longer moves is cut off, and when there are too
-many connections the one that has kept us waiting longest makes room.
+uvicorn keeps a connection open whose head never ends, and answers what it cannot parse in plain text. Here a head has
+limits in time and bytes, a body or an answer without progress is cut off, and at the limit of connections the one that
+has been waiting for a head longest is closed for a new one.
 """
 
 import asyncio
@@ -25,15 +25,15 @@ TOO_MANY = (503, "too-many-connections", "too many connections are open", "close
 Refusal = tuple[int, str, str, str]
 
 SPARE_DESCRIPTORS = 256
-"""For files, devices and the store."""
+"""Descriptors reserved for files, devices and the store."""
 
 
 @dataclass(frozen=True)
 class HttpLimits:
-    """Of one connection. `idle_s`: for a body that stops coming, and an answer that nobody takes.
+    """Limits of one connection and of their number. `idle_s`: without progress of a body or an answer.
 
-    `linger_s`: how long what still comes is thrown away after the last answer. Closed at once, the system would answer
-    it with a reset, and the client might never read why it was refused.
+    `linger_s`: how long input is discarded after the last answer before closing. After closing at once the system would
+    answer further input with a reset, and the client might never read why it was refused.
     """
 
     head_s: float = 10.0
@@ -45,7 +45,7 @@ class HttpLimits:
 
 @dataclass(eq=False)
 class ConnectionLimiter:
-    """What all connections of one server share: the limits, and who keeps it waiting, the longest first."""
+    """Limits the connections of one server. `waiting`: those without a complete head, longest waiting first."""
 
     limits: HttpLimits = field(
         default_factory=lambda: HttpLimits(connections=_reserve_descriptors(HttpLimits.connections))
@@ -56,12 +56,12 @@ class ConnectionLimiter:
     _established: set[Any] = field(default_factory=set)
 
     def protocol(self, handshake: PendingTlsConnection | None = None, **arguments: Any) -> BufferedConnection:
-        """For `uvicorn.Config(http=...)`. `handshake`: the connection's own, which is done."""
+        """The protocol factory for `uvicorn.Config(http=...)`. `handshake`: the connection's finished TLS handshake."""
         self._established = arguments["server_state"].connections
         return BufferedConnection(LimitedConnection(self, handshake, **arguments), self.buffer)
 
     def make_room(self) -> bool:
-        """For one more; the connection that has waited longest is closed for it. False when every one is at work."""
+        """Make room for one more connection by closing the longest waiting one. False when none is waiting."""
         if len(self._established) + len(self.handshakes) < self.limits.connections:
             return True
         for oldest in self.waiting:
@@ -71,7 +71,7 @@ class ConnectionLimiter:
         return False
 
     def admit(self, newcomer: PendingTlsConnection) -> bool:
-        """A handshake begins, if there is room for it."""
+        """Register a TLS handshake. False when there is no room for it."""
         if not self.make_room():
             return False
         self.handshakes.add(newcomer)
@@ -79,18 +79,18 @@ class ConnectionLimiter:
         return True
 
     def release(self, one: PendingTlsConnection) -> None:
-        """It is done, or gone."""
+        """Remove a TLS handshake that has ended."""
         self.handshakes.discard(one)
         self.waiting.pop(one, None)
 
     def close(self) -> None:
-        """Nobody comes in any more."""
+        """Abort all TLS handshakes."""
         for handshake in self.handshakes:
             handshake.abort()
 
 
 def _reserve_descriptors(wanted: int) -> int:
-    """Descriptors for so many connections, or as many as the system gives."""
+    """Raise the descriptor limit for `wanted` connections; returns how many it allows."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = wanted + SPARE_DESCRIPTORS
     if soft < needed:
@@ -100,7 +100,7 @@ def _reserve_descriptors(wanted: int) -> int:
 
 
 class LimitedConnection(HttpToolsProtocol):
-    """uvicorn's connection, with limits."""
+    """uvicorn's HTTP connection with the limits of HttpLimits."""
 
     def __init__(self, limiter: ConnectionLimiter, handshake: PendingTlsConnection | None, **arguments: Any) -> None:
         super().__init__(**arguments)
@@ -126,7 +126,7 @@ class LimitedConnection(HttpToolsProtocol):
         self._schedule_check()
 
     def abort(self) -> None:
-        """It has to go."""
+        """Close the connection at once, to make room for another."""
         self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -148,7 +148,7 @@ class LimitedConnection(HttpToolsProtocol):
                 self._refuse(TOO_LONG)
 
     def on_body(self, body: bytes) -> None:
-        """As uvicorn's, but a piece that nobody waits behind is handed on as it came: two copies fewer for a cloud."""
+        """Like uvicorn's, but pass a chunk on without copying when no other is pending: saves two copies of a cloud."""
         if self.cycle.body or self.cycle.response_complete or self.parser.should_upgrade():
             super().on_body(body)
             return
@@ -179,7 +179,7 @@ class LimitedConnection(HttpToolsProtocol):
         self._timer = self.loop.call_later(period_s, self._check_timeouts)
 
     def _check_timeouts(self) -> None:
-        """Still moving?"""
+        """Enforce the head and idle timeouts, then schedule the next check."""
         if self._lingering or self.transport.is_closing():
             return
         now_s = self.loop.time()
@@ -196,7 +196,7 @@ class LimitedConnection(HttpToolsProtocol):
         self._schedule_check()
 
     def _refuse(self, refusal: Refusal) -> None:
-        """A problem, unless it would fall into the middle of an answer; the connection ends."""
+        """Answer with a problem document, unless an answer is in progress, and close the connection."""
         self._head_since_s = None
         if not self._in_progress:
             self.transport.write(_answer(refusal))
@@ -205,7 +205,7 @@ class LimitedConnection(HttpToolsProtocol):
             self.transport.close()
 
     def linger(self) -> None:
-        """Everything is said; what still comes is not heard."""
+        """The response is complete: read and discard what the client still sends, then close (lingering close)."""
         if self._lingering or self.transport.is_closing():
             return
         self._lingering = True
@@ -216,7 +216,7 @@ class LimitedConnection(HttpToolsProtocol):
 
 
 class _LingeringTransport:
-    """What an answer is written to; it is closed only when the client has been heard out."""
+    """A response's transport whose `close` lingers when the client may still be sending its body."""
 
     def __init__(self, connection: LimitedConnection) -> None:
         self._connection, self._transport = connection, connection.transport

@@ -1,4 +1,4 @@
-"""Sockets that the daemon listens on."""
+"""Open listening sockets."""
 
 import errno
 import socket
@@ -6,15 +6,15 @@ import socket
 from daemon.errors import PortTaken
 
 BACKLOG = 512
-"""Connections that may wait to be accepted."""
+"""Maximum number of connections that wait to be accepted."""
 
 
 PORT_TAKEN_FIX = "see who listens there already (ss -ltnp)"
-NO_PERMISSION_FIX = "ports below 1024 need a right that the service does not have: docs/plc.md tells how to give it"
+NO_PERMISSION_FIX = "ports below 1024 need a right that the service does not have: see docs/plc.md"
 
 
 def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
-    """A socket that listens there; port 0 lets the system choose. `table` of the settings says so. Raises PortTaken."""
+    """A listening TCP socket; port 0 lets the system choose. `table`: settings section to name. Raises PortTaken."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         listener = socket.create_server((host, port), family=family, backlog=BACKLOG)
@@ -26,7 +26,7 @@ def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
             f"cannot listen{whom} on {host} port {port} ({reason})",
             f"{fix}, or choose another [{table}] host or port; 0 takes any port",
         ) from None
-    # Its connections inherit this. asyncio sets it only on sockets made with IPPROTO_TCP, which create_server's are
-    # not: an answer's body then waits 40 ms for the client to acknowledge the head.
+    # Connections inherit TCP_NODELAY. asyncio sets it only on sockets made with IPPROTO_TCP, which those of
+    # create_server are not: without it an answer's body waits 40 ms until the client acknowledges the head.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener

@@ -1,4 +1,4 @@
-"""Problem details (RFC 9457), the body of every refusal; reason phrases of RFC 9110, whichever Python this is."""
+"""Problem details (RFC 9457), the body of every error answer, and the reason phrases of RFC 9110."""
 
 from http import HTTPStatus
 
@@ -12,11 +12,11 @@ _PHRASES = {
     416: "Range Not Satisfiable",
     422: "Unprocessable Content",
 }
-"""Python 3.13 changed these names."""
+"""Phrases that Python 3.13 changed."""
 
 
 def reason_phrase(status: int) -> str:
-    """Not Found"""
+    """The reason phrase of a status, such as "Not Found" for 404."""
     return _PHRASES.get(status) or HTTPStatus(status).phrase
 
 
@@ -60,7 +60,7 @@ class Problem(BaseModel):
         reasons: list[str] | None = None,
         problems: list[PlaceProblem] | None = None,
     ) -> "Problem":
-        """With the `type` and `title` that follow from code and status."""
+        """A problem with `type` and `title` derived from code and status."""
         return cls(
             type=f"urn:handeyed:problem:{code}", title=reason_phrase(status), status=status, code=code, detail=detail,
             fix=fix, holder=holder, reasons=reasons, problems=problems,

@@ -1,25 +1,24 @@
-"""Where the bytes of all connections come in: one place that the system fills, instead of new memory for each piece.
+"""One receive buffer shared by all connections, instead of new memory for each chunk.
 
-For a cloud that passes by this is one copy fewer, and four times fewer pieces: uvloop reads at most 256,000 bytes into
-memory of its own.
+For a streamed cloud this saves one copy, and makes chunks four times larger: uvloop itself reads at most 256,000 bytes.
 """
 
 import asyncio
 from typing import Any, Protocol
 
 BUFFER_BYTES = 1 << 20
-"""Larger pieces no longer fit the processor's caches; smaller ones cost more to hand on."""
+"""1 MiB: larger chunks exceed the processor's caches, smaller ones cost more calls."""
 
 
 class SharedBuffer:
-    """Used by one connection at a time, from the moment it asks for the buffer until it has read what is in it."""
+    """The buffer. One connection uses it at a time, between `get_buffer` and the end of `buffer_updated`."""
 
     def __init__(self, size: int = BUFFER_BYTES) -> None:
         self.buffer = memoryview(bytearray(size))
 
 
 class ConnectionProtocol(Protocol):
-    """A connection; like asyncio's Protocol, but it keeps no reference to what it is told."""
+    """Like asyncio.Protocol, but `data_received` must not keep a reference to the memoryview."""
 
     def connection_made(self, transport: Any) -> None: ...
     def data_received(self, data: memoryview) -> None: ...
@@ -30,7 +29,7 @@ class ConnectionProtocol(Protocol):
 
 
 class BufferedConnection(asyncio.BufferedProtocol):
-    """Tells its connection what the system has put into the room, and everything else."""
+    """BufferedProtocol that lets all connections of a server share one receive buffer, and passes each a view of it."""
 
     def __init__(self, connection: ConnectionProtocol, buffer: SharedBuffer) -> None:
         self._connection, self._shared = connection, buffer

@@ -1,8 +1,8 @@
-"""TLS handshakes, counted among the connections.
+"""TLS listener that counts handshakes among the connections.
 
-A server that is given a certificate hears of a connection when its handshake is done: one that never ends is nobody's.
-Here connections are accepted first, known from then on, have the time that a head has, and make room when there are too
-many.
+asyncio reports a TLS connection only after its handshake, so a handshake that never finishes escapes the connection
+limit. Here a connection is registered when it is accepted, its handshake has the time limit of a request's head, and it
+may be closed to make room.
 """
 
 import asyncio
@@ -16,11 +16,11 @@ from typing import Protocol
 log = logging.getLogger(__name__)
 
 PAUSE_S = 0.5
-"""After an accept that the system refused, for want of descriptors mostly."""
+"""Pause after an accept that failed, usually for want of descriptors."""
 
 
 class PendingTlsConnection:
-    """A connection until its handshake is done."""
+    """A connection during its TLS handshake."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
@@ -34,22 +34,22 @@ class PendingTlsConnection:
         limit_s: float,
         over: Callable[[], None],
     ) -> None:
-        """`over` is called when it is done, or has failed."""
+        """Start the handshake; `over` is called when it is done or has failed."""
         self._task = asyncio.create_task(self._run(follows, context, limit_s), name="TLS handshake")
         self._task.add_done_callback(lambda _: self._finish(over))
 
     def abort(self) -> None:
-        """It has to go."""
+        """Close the connection at once, to make room for another."""
         if self._task is not None:
             self._task.cancel()
 
     def _finish(self, over: Callable[[], None]) -> None:
         if not self._begun:
-            self._connection.close()  # else its transport does
+            self._connection.close()  # afterwards its transport closes it
         over()
 
     async def _run(self, follows: Callable[[], asyncio.BaseProtocol], context: ssl.SSLContext, limit_s: float) -> None:
-        """One that fails is not told: whoever scans the network would fill the log."""
+        """Run the handshake. A failure is not logged: port scans would fill the log."""
         self._begun = True
         with suppress(OSError):  # ssl.SSLError is one
             await asyncio.get_running_loop().connect_accepted_socket(
@@ -58,19 +58,19 @@ class PendingTlsConnection:
 
 
 class HandshakeLimiter(Protocol):
-    """Who lets connections in."""
+    """Limits the number of handshakes; see ConnectionLimiter."""
 
     def admit(self, newcomer: PendingTlsConnection) -> bool:
-        """May it stay? Room has been made for it where that was possible."""
+        """Register a handshake. False when there is no room for it."""
         ...
 
     def release(self, one: PendingTlsConnection) -> None:
-        """It is done, or gone."""
+        """Remove a handshake that has ended."""
         ...
 
 
 class TlsListener:
-    """Accepts, and shakes hands; what asyncio's server is to uvicorn."""
+    """Accepts TLS connections; takes the place of asyncio's server in uvicorn."""
 
     def __init__(
         self,
@@ -86,11 +86,11 @@ class TlsListener:
         self._task = asyncio.create_task(self._accept(), name="accepts TLS")
 
     def close(self) -> None:
-        """Nobody comes in any more."""
+        """Stop accepting connections."""
         self._task.cancel()
 
     async def wait_closed(self) -> None:
-        """Returns when that is so."""
+        """Wait until no more connections are accepted."""
         await asyncio.wait([self._task])
 
     async def _accept(self) -> None:

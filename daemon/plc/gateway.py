@@ -20,8 +20,8 @@ from daemon.plc.result_mapping import (
     age_of,
     calibration_result,
     command_failure,
-    failed_run_result,
     registration_result,
+    run_failure,
     verification_result,
 )
 from daemon.runtime.clock import Clock
@@ -187,7 +187,7 @@ class PlcGateway:
 
     async def _result(self, command: PlcCommand, run: RunRecord) -> CommandResult:
         if run.state is not RunState.FINISHED or run.result is None:
-            return failed_run_result(command, run)
+            return run_failure(command, run)
         operations, now = self.operations, self.clock.utc_now()
         if command is PlcCommand.REGISTER:
             document = await operations.calibration("current")
@@ -199,7 +199,7 @@ class PlcGateway:
         return verification_result(run, document, now, holds=not (await self.drift.report_after(run)).alarm)
 
     async def _abort(self, why: str) -> None:
-        """Abort the run in progress, whoever started it."""
+        """Abort the run in progress, also one that another client started."""
         run = self.operations.supervisor.in_progress
         if run is None:
             return

@@ -12,7 +12,7 @@ from protocols.plc.results import CameraPose, CommandResult, Sigma
 from registration.documents import RegistrationReportDocument
 
 
-def failed_run_result(command: PlcCommand, run: RunRecord) -> CommandResult:
+def run_failure(command: PlcCommand, run: RunRecord) -> CommandResult:
     """The result of a run that failed or was aborted."""
     verdict = PlcVerdict.ABORTED if run.state is RunState.ABORTED else PlcVerdict.FAILED
     code = number_of(run.cause.code) if run.cause else UNKNOWN

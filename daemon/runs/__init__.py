@@ -1,1 +1,1 @@
-"""Runs: what the arm is driven for. At most one at a time."""
+"""Runs of the cell: calibration, verification, scan. At most one at a time."""

@@ -1,4 +1,4 @@
-"""Poses planned one after the other: look, learn from what was seen, choose the next, move; until enough is known."""
+"""Adaptive pose sequence: take a view, update the scene belief, plan the next pose, move; until X is known well."""
 
 import asyncio
 from dataclasses import dataclass, field, replace
@@ -19,21 +19,21 @@ from daemon.config.settings import TaughtPose
 from daemon.errors import NoPoses, PoseRefused, TargetNotSeen
 from daemon.model.records import Planning
 from daemon.model.run_states import RunEvent as E
-from daemon.runs.pose_sequence import check_target_seen
+from daemon.runs.pose_sequence import check_detections
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_writer import SessionWriter
 from drivers.interfaces import Robot
 
 MAX_MISSES = 3
-"""Planned views in which the target was not found; more mean that something is wrong in the cell."""
+"""The run fails when the target was not found in more planned views than this."""
 
 BRING_IN_VIEW = "drive the arm to where the camera sees the whole target, and start again"
 
 
 @dataclass(frozen=True)
 class AdaptiveParameters:
-    """What a run that plans as it goes is given. `wish.views_left` counts the poses it drives to, after the look."""
+    """Parameters of an adaptive sequence. The stopping rule's `views_left` does not count the first look."""
 
     guess: ScenePrior
     limits: ViewpointLimits
@@ -44,7 +44,7 @@ class AdaptiveParameters:
 
 @dataclass
 class _Progress:
-    """Where such a run stands."""
+    """Progress of an adaptive sequence."""
 
     views: list[View] = field(default_factory=list)
     wish: StoppingRule = field(default_factory=lambda: StoppingRule(0))
@@ -56,7 +56,7 @@ class _Progress:
 
 @dataclass(frozen=True)
 class AdaptiveSequence:
-    """Poses planned after each view. The arm is armed on entry, and left stopped and disarmed, whatever happened."""
+    """Poses planned after each view. Arms the robot on entry; it is left stopped and disarmed in every case."""
 
     parameters: AdaptiveParameters
     cell: Cell
@@ -66,7 +66,7 @@ class AdaptiveSequence:
     _progress: _Progress = field(default_factory=_Progress, init=False)
 
     async def run(self, min_views: int) -> Problem:
-        """As PoseSequence. Raises NoPoses and PoseRefused too."""
+        """As PoseSequence; raises NoPoses and PoseRefused too."""
         self._progress.wish, self._progress.stations = self.parameters.wish, self.parameters.wish.views_left
         self._progress.planning = Planning(note=self.parameters.assumed)
         async with self.cell.motion_lease(f"run {self.log.id}") as robot:
@@ -80,12 +80,12 @@ class AdaptiveSequence:
                     self._count_miss()
             self._progress.stations = self.log.run.station
             await self._log_plan(E.ENOUGH, found)
-        check_target_seen(self._progress.views, min_views)
+        check_detections(self._progress.views, min_views)
         await self.log.advance(E.DETECTED)
         return self.session.problem(self._progress.views)
 
     async def _capture_first_view(self) -> None:
-        """From where the arm stands: nothing moves."""
+        """Take the first view from where the arm stands, without moving it."""
         await self.log.advance(E.ARRIVED)
         view = await self._capture(captured=False)
         guess = self.parameters.guess
@@ -94,7 +94,7 @@ class AdaptiveSequence:
             raise TargetNotSeen(f"the target is not seen from where the arm stands: {why}", BRING_IN_VIEW)
 
     async def _explore(self, robot: Robot) -> None:
-        """Small turns of the flange where it stands, when nobody said where the camera sits on it."""
+        """Turn the flange by small angles to find the camera's place on it, when no guess is given."""
         if self.parameters.guess.mount_T_camera is not None:
             return
         start, exploration = self._progress.views[0].base_T_flange, Exploration()
@@ -126,7 +126,7 @@ class AdaptiveSequence:
         return True
 
     async def _plan_next(self, robot: Robot) -> NextView:
-        """What has been learnt decides; a thread works it out."""
+        """Plan the next view in a worker thread."""
         rules, at = self.parameters.rules, self._progress
         joints = await robot.read_joints() if rules.arm else None
         here = (await robot.read_pose()).base_T_flange
@@ -142,7 +142,7 @@ class AdaptiveSequence:
             raise TargetNotSeen(error.what, error.fix) from None
 
     async def _visit_and_plan_ahead(self, robot: Robot, found: NextView) -> View:
-        """While the arm moves to the next view, a thread plans what will follow it."""
+        """Move to the next view, and plan the one after it in a worker thread at the same time."""
         rules, at, pose = self.parameters.rules, self._progress, found.base_T_flange
         assert pose is not None
         joints = await robot.read_joints() if rules.arm else None
@@ -183,8 +183,8 @@ class AdaptiveSequence:
         await self.log.advance(event, planning=self._progress.planning, stations=self._progress.stations)
 
     def _count_miss(self) -> None:
-        """A planned view without the target is taken again from elsewhere, with more doubt."""
+        """Count a planned view without the target. Raises TargetNotSeen after MAX_MISSES."""
         self._progress.misses += 1
         self._progress.stations += 1
         if self._progress.misses > MAX_MISSES:
-            check_target_seen(self._progress.views, len(self._progress.views))
+            check_detections(self._progress.views, len(self._progress.views))

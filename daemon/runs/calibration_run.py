@@ -1,4 +1,4 @@
-"""The calibration run: look at the target from every station, solve for X, store it."""
+"""The calibration run: view the target from every station, solve for X, store the calibration."""
 
 from dataclasses import dataclass, replace
 
@@ -19,15 +19,14 @@ from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
 MIN_VIEWS = 3
-"""Two motions: fewer cannot determine X (paper, section 2)."""
+"""Two motions between three views are the fewest that determine X (paper, section 2)."""
 
 
 @dataclass(frozen=True)
 class CalibrationRun:
-    """What the run needs besides its poses. `apply_when_accepted` is the policy "auto".
+    """The run without its poses. `apply_when_accepted`: the policy "auto".
 
-    `better`: within which limits poses could have been planned instead, None where they were planned; `expected`: where
-    the camera should sit.
+    `better`: compares the poses with planned ones; None when they were planned. `expected`: the camera's expected pose.
     """
 
     store: Store
@@ -38,7 +37,7 @@ class CalibrationRun:
     expected: ExpectedMount | None = None
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
-        """From the first move to the stored calibration, whose id is the run's."""
+        """Run the sequence, solve, and store the calibration under the run's id."""
         problem = await sequence.run(MIN_VIEWS)
         document = await self.workers.run(
             solve_calibration, problem, log.id, self.clock.timestamp(), self.better, self.expected
@@ -67,7 +66,7 @@ def solve_calibration(
     better: PlanComparison | None = None,
     expected: ExpectedMount | None = None,
 ) -> CalibrationDocument:
-    """The same steps as `handeyed solve`; `better` adds what planned poses would have given, `expected` what is not."""
+    """Solve, judge and document, as `handeyed solve` does; see CalibrationRun for `better` and `expected`."""
     solution = solve_hand_eye(problem)
     verdict = judge(problem, solution)
     if expected is not None and solution.mount_T_camera is not None:

@@ -1,4 +1,4 @@
-"""Why a run ended badly, as a sentence an operator can act on."""
+"""Causes of failed runs: code, sentence and fix for the operator."""
 
 from calibration.errors import CalibrationError, DetectionError, DocumentError, UndeterminedError
 from daemon.errors import DaemonError
@@ -10,14 +10,14 @@ LINK_FIX = "check the cable and that the cell program runs, see GET /robot; then
 
 
 def progress_text(run: RunRecord) -> str:
-    """after station 4 of 12"""
+    """The progress of a run in words, such as "after station 4 of 12"."""
     if run.station == 0:
         return f"before station 1 of {run.stations}"
     return f"after station {run.station} of {run.stations}"
 
 
 def cause_of(error: Exception, run: RunRecord) -> Cause:
-    """What to tell the operator about `error`."""
+    """The cause for an exception that ended the run."""
     match error:
         case DeviceError() if isinstance(error, LINK_ERRORS) and error.kind in (None, "robot"):
             return Cause("link-lost", f"link to the controller lost {progress_text(run)}", f"{LINK_FIX} ({error.what})")
@@ -42,12 +42,12 @@ def cause_of(error: Exception, run: RunRecord) -> Cause:
 
 
 def abort_cause(by: str, run: RunRecord) -> Cause:
-    """The run was stopped on purpose."""
+    """The cause of a run that was aborted."""
     return Cause("aborted", f"aborted by {by} {progress_text(run)}", "start it again when the cell is ready")
 
 
 def interruption_cause(run: RunRecord, folder: str) -> Cause:
-    """The daemon was gone while the run was in progress."""
+    """The cause of a run whose daemon ended during it."""
     return Cause(
         "interrupted",
         f"the daemon stopped while the run was in progress, {progress_text(run)}",

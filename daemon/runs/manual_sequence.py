@@ -1,6 +1,6 @@
-"""Poses that an operator jogs to: he asks for a view where the arm stands, and is advised where to go next.
+"""Manual pose sequence: the operator jogs the arm and requests each view, and is advised where to go next.
 
-Nothing here commands the robot: it is only read, so any driver that reads will do, and none needs to be armed.
+The robot is only read, never commanded or armed, so a driver that only reads is sufficient.
 """
 
 from dataclasses import dataclass, field, replace
@@ -28,7 +28,7 @@ BEGIN = "jog the arm to where the camera sees the whole target, let it stand, an
 
 @dataclass(frozen=True)
 class ManualParameters:
-    """What such a run is given: what is known and wished for, where it is asked, how long it waits for the operator."""
+    """Parameters of a manual sequence: planning, the operator's requests, and how long to wait for each."""
 
     adaptive: AdaptiveParameters
     requests: OperatorRequestQueue
@@ -47,7 +47,7 @@ class _Progress:
 
 @dataclass(frozen=True)
 class ManualSequence:
-    """Poses that an operator jogs to. The cell is held, and never armed."""
+    """Poses to which an operator jogs the arm. Holds the cell, and never arms the robot."""
 
     parameters: ManualParameters
     cell: Cell
@@ -57,7 +57,7 @@ class ManualSequence:
     _progress: _Progress = field(default_factory=_Progress, init=False)
 
     async def run(self, min_views: int) -> Problem:
-        """As PoseSequence: every view the operator asks for, until the end is asked for. Raises OperatorGone too."""
+        """As PoseSequence: takes a view for each request until the operator ends it. Raises OperatorTimeout too."""
         try:
             async with self.cell.hold(f"run {self.log.id}"):
                 while not await self._serve(await self._next_request(), min_views):
@@ -77,7 +77,7 @@ class ManualSequence:
             ) from None
 
     async def _serve(self, asked: OperatorRequest, min_views: int) -> bool:
-        """Whether that was the end. What is refused is told, and leaves the run as it was."""
+        """Carry out one request; returns True when it ends the sequence. A refused one leaves the run as it was."""
         try:
             if asked.action == "the end":
                 self._check_view_count(min_views)
@@ -146,7 +146,7 @@ class ManualSequence:
 
 
 def _check_target(view: View, run_id: str) -> None:
-    """Raises TargetNotSeen."""
+    """Raises TargetNotSeen when the view does not show the target."""
     if view.detection is None:
         why = view.missing[1] if view.missing else "it was not found"
         raise TargetNotSeen(

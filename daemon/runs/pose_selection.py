@@ -1,4 +1,4 @@
-"""Which poses a run visits: those of the request, else taught ones, else planned ones."""
+"""Select the poses of a run: those of the request, else taught ones, else planned ones."""
 
 from dataclasses import dataclass, replace
 from math import radians
@@ -19,7 +19,7 @@ from daemon.runs.adaptive_sequence import AdaptiveParameters
 
 @dataclass(frozen=True)
 class SceneGuess:
-    """What is roughly known of the scene: from the settings' guesses, else from the calibration in force."""
+    """Rough knowledge of the scene: the settings' guesses, else the calibration in force."""
 
     camera: CameraModel | None
     flange_T_camera: PoseDocument | None
@@ -41,13 +41,13 @@ class SceneGuess:
 
     @classmethod
     def from_calibration(cls, calibration: CalibrationDocument) -> "SceneGuess":
-        """What a calibration says, where its own pictures are looked at again."""
+        """The scene according to a calibration, for its verification."""
         camera = calibration.camera.camera() if calibration.camera else None
         return cls(camera, calibration.flange_T_camera, calibration.base_T_target)
 
 
 def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:
-    """The taught poses, all or the first `count`; none when none were taught. Raises NoPoses when too few were."""
+    """All taught poses or the first `count`; empty when none are taught. Raises NoPoses when there are fewer."""
     if count is None or not settings.poses:
         return settings.poses
     if count > len(settings.poses):
@@ -59,14 +59,14 @@ def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tup
 
 
 def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> ViewpointLimits:
-    """Where planned poses may lie."""
+    """The limits of planned poses."""
     return settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
 
 
 def adaptive_parameters(
     settings: CalibrationSettings, rules: MotionRules, target: TargetDocument, known: SceneGuess, wish: StoppingRule
 ) -> AdaptiveParameters:
-    """A run that plans as it goes, from whatever is known; the first look must show the target, or both guesses be."""
+    """Parameters of an adaptive sequence. The first look must show the target unless both guesses are given."""
     guess = ScenePrior(
         "eye-in-hand",
         target.target(),
@@ -82,11 +82,11 @@ def adaptive_parameters(
 
 
 MOUNT_TOLERANCE_SIGMA = 2.0
-"""Standard deviations of a guess: a camera found further away is worth a word."""
+"""The verdict warns when the camera is found further than this from its expected mount, in sigmas of the guess."""
 
 
 def mount_expectation(settings: CalibrationSettings) -> ExpectedMount | None:
-    """Where the camera should sit, when the settings say."""
+    """The expected mount of the camera, when the settings give one."""
     guess = settings.flange_T_camera_guess
     if guess is None:
         return None

@@ -1,4 +1,4 @@
-"""From which poses a run looks at the target, whoever chooses them; and how the arm is driven through given ones."""
+"""Pose sequences of a run: the protocol, and the sequence of fixed poses."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -20,10 +20,10 @@ StationCallback = Callable[[PoseReading], Awaitable[None]]
 
 
 class PoseSequence(Protocol):
-    """Poses given beforehand, planned after each view, or jogged to by an operator."""
+    """A sequence of views: fixed, adaptive (planned after each view), or manual (jogged by an operator)."""
 
     async def run(self, min_views: int) -> Problem:
-        """The pictures from every pose, stored and searched.
+        """Take and store the pictures from all poses, and detect the target in them.
 
         Raises TargetNotSeen when fewer than `min_views` show the target, DeviceError, DaemonError.
         """
@@ -32,7 +32,7 @@ class PoseSequence(Protocol):
 
 @dataclass(frozen=True)
 class FixedSequence:
-    """Poses given beforehand. Each picture is stored at once, and searched while the arm moves on."""
+    """Fixed poses. Each picture is stored at once; detection runs while the arm moves on."""
 
     poses: tuple[TaughtPose, ...]
     rules: MotionRules
@@ -55,7 +55,7 @@ class FixedSequence:
             for search in searches:
                 search.cancel()
             await asyncio.gather(*searches, return_exceptions=True)
-        check_target_seen(views, min_views)
+        check_detections(views, min_views)
         await self.log.advance(E.DETECTED)
         return self.session.problem(views)
 
@@ -68,10 +68,10 @@ async def visit_poses(
     at_station: StationCallback,
     last: E | None,
 ) -> None:
-    """Move, settle, `at_station`, for each; `last` is the event after the last one, None when the run ends there.
+    """For each pose move, settle and call `at_station`. `last`: the event after the last, None when the run ends there.
 
-    The arm is armed on entry, and left stopped and disarmed. Raises DeviceError, DaemonError, and what `at_station`
-    raises.
+    Arms the robot on entry, and leaves it stopped and disarmed. Raises DeviceError, DaemonError, and the exceptions of
+    `at_station`.
     """
     async with cell.motion_lease(f"run {log.id}") as robot:
         for station, pose in enumerate(poses, start=1):
@@ -87,8 +87,8 @@ async def visit_poses(
                 await log.advance(event)
 
 
-def check_target_seen(views: list[View], min_views: int) -> None:
-    """Raises TargetNotSeen, naming every station that does not show it."""
+def check_detections(views: list[View], min_views: int) -> None:
+    """Raises TargetNotSeen, naming the stations without the target, when fewer than `min_views` show it."""
     missing = [view for view in views if view.detection is None]
     if len(views) - len(missing) >= min_views:
         return

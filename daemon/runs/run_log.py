@@ -1,4 +1,4 @@
-"""A run tells what happens to it: the state table is followed, the row saved, listeners told."""
+"""Record of the run in progress: applies the state machine, saves the row, publishes events."""
 
 import logging
 from collections.abc import Awaitable, Callable
@@ -19,11 +19,11 @@ STATION_DONE = frozenset({RunEvent.CAPTURED, RunEvent.ALL_CAPTURED, RunEvent.ALL
 
 
 def ignore_step() -> None:
-    """Nobody counts the steps."""
+    """Progress callback that does nothing (the default)."""
 
 
 class RunLog:
-    """The one place where a run's record changes."""
+    """The only place where a run's record changes."""
 
     def __init__(self, run: RunRecord, save: SaveRun, events: EventBus, clock: Clock) -> None:
         self.run = run
@@ -38,16 +38,16 @@ class RunLog:
         return self.run.id
 
     async def begin(self) -> None:
-        """The first row. Raises StorageError; the run has then not begun."""
+        """Save the first row. Raises StorageError, and then the run has not begun."""
         await self._save(self.run)
         self._publish()
 
     async def advance(
         self, event: RunEvent, *, planning: Planning | None = None, stations: int | None = None, captured: bool = False
     ) -> None:
-        """The run goes on, with what it plans and how many stations it foresees. Raises StorageError.
+        """Apply an event, with the plan and the number of stations if they change. Raises StorageError.
 
-        `captured`: the event ends a station, though it does not always.
+        `captured`: this event ends a station; for events that only sometimes do.
         """
         after = self._after(event)
         self.run = replace(
@@ -60,7 +60,7 @@ class RunLog:
         self._publish()
 
     async def end(self, event: RunEvent, *, cause: Cause | None = None, result: dict[str, Any] | None = None) -> None:
-        """The run is over. A disk that cannot take it leaves the record in memory, and the operator is told."""
+        """End the run. If it cannot be saved, the record stays in memory (`unsaved`) and an error is logged."""
         self.run = replace(self._after(event), cause=cause, result=result)
         try:
             await self._save(self.run)
@@ -70,17 +70,17 @@ class RunLog:
         self._publish()
 
     def conclude(self) -> None:
-        """From here on the run cannot be aborted: what follows is done whole."""
+        """From here on the run cannot be aborted."""
         self.concluding = True
         self.at_each_step()
 
     @property
     def waits_for_operator(self) -> bool:
-        """An operator may take as long as the run's own limit allows."""
+        """True in the state WAITING, which has a time limit of its own."""
         return self.run.state is RunState.WAITING
 
     def silent_s(self) -> float:
-        """How long it has been at the same step, unless that waits for an operator."""
+        """Seconds since the last step; 0 while the run waits for an operator or is over."""
         return 0.0 if self.run.over or self.waits_for_operator else self._clock.monotonic_s() - self.since_s
 
     def _after(self, event: RunEvent) -> RunRecord:
@@ -103,7 +103,7 @@ class RunLog:
 
 
 def prediction_text(planning: Planning | None) -> str | None:
-    """predicted 0.31 -> 0.22 mm: what the views so far tell of a mapped point, and what those planned next will."""
+    """Such as "predicted 0.31 -> 0.22 mm": sigma of a mapped point now, and after the next planned views."""
     if planning is None or (planning.now_mm is None and planning.planned_mm is None):
         return None
     now = "not yet determined" if planning.now_mm is None else f"{planning.now_mm:.2g}"
@@ -111,7 +111,7 @@ def prediction_text(planning: Planning | None) -> str | None:
 
 
 def run_event(run: RunRecord) -> dict[str, Any]:
-    """Where a run stands, as listeners are told."""
+    """The data of an event `run`."""
     return {
         "id": run.id,
         "kind": run.kind,

@@ -1,4 +1,4 @@
-"""The scan run: drive the scanner round the part, store each cloud with its pose."""
+"""The scan run: move the scanner through the poses, and store each cloud with its pose."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from drivers.interfaces import PoseReading
 
 @dataclass(frozen=True)
 class ScanRun:
-    """What the run needs besides its poses."""
+    """The run without its poses."""
 
     cell: Cell
     scans: ScanService
@@ -24,7 +24,7 @@ class ScanRun:
     scan_id: str
 
     async def drive(self, poses: tuple[TaughtPose, ...], log: RunLog) -> RunResult:
-        """From the first move to the last stored cloud; the run ends with the last pose."""
+        """Take and store a cloud from each pose; the run ends with the last."""
 
         async def at_station(reading: PoseReading) -> None:
             cloud = await self.cell.capture_cloud(reading)

@@ -1,4 +1,4 @@
-"""At most one run. It is started, watched, stopped and, after a restart, told off here."""
+"""Starts, supervises and aborts the one run in progress; after a restart it ends the interrupted one as failed."""
 
 import asyncio
 import logging
@@ -21,17 +21,17 @@ from daemon.store.store import Store
 log = logging.getLogger(__name__)
 
 MAX_STEP_S = 1800.0
-"""Every driver has limits of its own, the longest a scanner's ten minutes: a step that takes longer hangs."""
+"""A step that takes longer hangs: every driver has a limit of its own, the longest 10 minutes for a scanner."""
 
 RunResult = tuple[RunEvent, dict[str, Any]]
-"""The event that finishes a run, and what it found."""
+"""The event that finishes a run, and its result."""
 
 Drive = Callable[[RunLog], Awaitable[RunResult]]
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """How a run begins. `desk`: where an operator's requests reach a run that waits for them."""
+    """How to start a run. `requests`: the queue of operator requests, for a manual run."""
 
     stations: int
     drive: Drive
@@ -48,7 +48,7 @@ class _InProgress:
 
 
 class Supervisor:
-    """Owner of the run in progress."""
+    """Owns the run in progress."""
 
     def __init__(self, store: Store, events: EventBus, clock: Clock, new_id: Callable[[Clock], str]) -> None:
         self._store, self._events, self._clock, self._new_id = store, events, clock, new_id
@@ -69,11 +69,11 @@ class Supervisor:
         return self._current.log.run if self._current else None
 
     def silent_s(self) -> float:
-        """How long the run in progress has been at the same step; the watchdog asks."""
+        """Seconds since the last step of the run in progress, for the watchdog."""
         return self._current.log.silent_s() if self._current else 0.0
 
     def require_free(self) -> None:
-        """Raises RunInProgress or Stopping when a run could not start now."""
+        """Raises RunInProgress, CellBusy or Stopping when a run could not start now."""
         if self._stopping:
             raise Stopping
         if (run := self.in_progress) is not None:
@@ -82,11 +82,13 @@ class Supervisor:
             raise CellBusy("a run that is just being prepared")
 
     async def recover(self) -> list[RunRecord]:
-        """Runs that a stopped daemon left behind end as failed, with how to go on."""
+        """End the runs that the previous process left unfinished; returns them."""
         left = await self._store.runs_in_progress()
         for run in left:
             ended = await self._recover_run(run)
-            log.warning("run %s: %s", run.id, ended.cause.what if ended.cause else "had finished before it was told")
+            log.warning(
+                "run %s: %s", run.id, ended.cause.what if ended.cause else "had finished before its end was stored"
+            )
             try:
                 await self._store.save_run(ended)
             except StorageError as error:
@@ -96,7 +98,7 @@ class Supervisor:
         return left
 
     async def _recover_run(self, run: RunRecord) -> RunRecord:
-        """What became of a run whose daemon was killed: its calibration is the last thing it stores."""
+        """The final record of an interrupted run: finished if its calibration, stored last, exists; else failed."""
         now = self._clock.timestamp()
         try:
             found = await self._store.calibration(run.id)
@@ -110,7 +112,7 @@ class Supervisor:
     async def start(
         self, kind: RunKind, request: dict[str, Any], prepare: Callable[[], Awaitable[RunPlan]]
     ) -> RunRecord:
-        """`prepare` answers how the run begins; it then goes on by itself.
+        """Start the run that `prepare` plans; returns as soon as it is started.
 
         Raises RunInProgress at once when there is one, Stopping, StorageError, and what `prepare` raises.
         """
@@ -127,13 +129,13 @@ class Supervisor:
                 raise Stopping
             task = asyncio.create_task(self._supervise(run_log, departure.drive))
             self._current = _InProgress(run_log, task, departure.requests)
-            await asyncio.sleep(0)  # a task cancelled before its first step would never tell how it ended
+            await asyncio.sleep(0)  # a task that is cancelled before its first step would not record its end
         finally:
             self._starting = False
         return run
 
     async def abort(self, run_id: str, by: str) -> RunRecord:
-        """Stop the run; when this returns the arm has been told to stop. Raises RunOver, NotFound."""
+        """Abort the run; when this returns the arm has been commanded to stop. Raises RunOver, NotFound."""
         current = self._current
         if current is None or current.log.id != run_id or current.log.run.over:
             run = await self.run(run_id)
@@ -147,7 +149,7 @@ class Supervisor:
         return current.log.run
 
     async def request_queue(self, run_id: str) -> OperatorRequestQueue:
-        """Where to ask the run for a view, or for its end. Raises RunOver, NotWaiting, NotFound."""
+        """The request queue of a manual run. Raises RunOver, NotWaiting, NotFound."""
         current = self._current
         if current is None or current.log.id != run_id or current.log.run.over:
             run = await self.run(run_id)
@@ -157,25 +159,25 @@ class Supervisor:
         return current.requests
 
     async def run(self, run_id: str) -> RunRecord:
-        """The latest that is known of a run. Raises NotFound."""
+        """The latest record of a run. Raises NotFound."""
         current = self._current
         if current is not None and current.log.id == run_id:
             return current.log.run
         return self._unsaved.get(run_id) or await self._store.run(run_id)
 
     async def runs(self, limit: int, before: str | None) -> list[RunRecord]:
-        """The newest first."""
+        """A page of runs, newest first; see Store.runs."""
         return [self._unsaved.get(run.id, run) for run in await self._store.runs(limit, before)]
 
     async def wait(self, run_id: str, seconds: float) -> RunRecord:
-        """The run when it is over, or as it stands after `seconds`."""
+        """Wait for the end of the run up to `seconds`; returns its record then."""
         current = self._current
         if current is not None and current.log.id == run_id:
             await asyncio.wait([current.task], timeout=seconds)
         return await self.run(run_id)
 
     async def stop(self, by: str) -> None:
-        """Nothing starts any more, and what is in progress is aborted."""
+        """Refuse new runs, and abort the one in progress."""
         self._stopping = True
         if (run := self.in_progress) is not None:
             try:
@@ -203,7 +205,7 @@ class Supervisor:
             self._unsaved[run_log.id] = run_log.run
 
     async def _save(self, run: RunRecord) -> None:
-        """Store the run, and first what an earlier full disk refused."""
+        """Save the run, after those that could not be saved earlier."""
         for run_id, record in list(self._unsaved.items()):
             await self._store.save_run(record)
             del self._unsaved[run_id]
@@ -211,7 +213,7 @@ class Supervisor:
 
 
 async def _drive_with_limit(run_log: RunLog, drive: Drive) -> RunResult:
-    """As `drive`, but no step takes for ever. Raises RunStalled, and what `drive` raises."""
+    """Run `drive` with a limit of MAX_STEP_S for each step. Raises RunStalled, and the exceptions of `drive`."""
     loop = asyncio.get_running_loop()
     try:
         async with asyncio.timeout(None) as limit:

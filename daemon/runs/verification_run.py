@@ -1,4 +1,4 @@
-"""The verify run: look at the target again and see where the calibration in force puts it."""
+"""The verification run: view the target again, and compute its points in base with the calibration in force."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,17 +13,17 @@ from daemon.runs.supervisor import RunResult
 from daemon.runtime.workers import Workers
 
 MIN_VIEWS = 2
-"""A scatter needs two."""
+"""The smallest number with a standard deviation."""
 
 
 @dataclass(frozen=True)
 class WithoutFirstView:
-    """A sequence whose first view is no position of the table: it was taken where the arm stood, to plan from."""
+    """A sequence without its first view, which was taken where the arm stood, for planning only."""
 
     sequence: PoseSequence
 
     async def run(self, min_views: int) -> Problem:
-        """As PoseSequence; the views that follow the first are numbered from 0."""
+        """As PoseSequence; the remaining views are numbered from 0."""
         problem = await self.sequence.run(min_views + 1)
         views = tuple(replace(view, index=view.index - 1) for view in problem.views[1:])
         return replace(problem, views=views)
@@ -31,13 +31,13 @@ class WithoutFirstView:
 
 @dataclass(frozen=True)
 class VerificationRun:
-    """What the run needs besides its poses."""
+    """The run without its poses."""
 
     workers: Workers
     calibration: CalibrationDocument
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
-        """From the first move to the table."""
+        """Run the sequence, and verify the calibration; see `document_of` for the result."""
         problem = await sequence.run(MIN_VIEWS)
         found = await self.workers.run(_verify, problem, self.calibration)
         log.conclude()
@@ -50,7 +50,7 @@ def _verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
 
 
 def document_of(found: Verification, calibration: CalibrationDocument) -> dict[str, Any]:
-    """Tab. 1 as data: rounded to a tenth of a micrometre, which is below any robot's noise."""
+    """The points in base and their standard deviations, rounded to 0.1 um (Tab. 1 of the paper)."""
     points, sigma = found.points_base_mm.round(4), found.sigma_per_point_mm.round(4)
     return {
         "calibration_id": calibration.id,

@@ -1,1 +1,1 @@
-"""Scans and their registration: uploads, registration jobs, scanner acceptance."""
+"""Scans: uploads, registration jobs, scanner acceptance."""

@@ -1,7 +1,7 @@
-"""Scans are registered in the background: read, fitted, reported; the report is stored, so it survives a restart.
+"""Background jobs that register a scan and store its report.
 
-A report holds for a calibration and for the views there were. A new view makes it stale, not wrong: the cloud of
-fewer views stays what it was until the next report replaces it.
+A report belongs to a calibration and a set of views. After a new view it is outdated but not wrong: it describes the
+earlier views until the next report replaces it.
 """
 
 import asyncio
@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 
 class StoredRegistration(Document):
-    """A report, and what it was made of."""
+    """A stored report with its inputs."""
 
     schema_version: Literal[1] = 1
     refined: bool
@@ -39,7 +39,7 @@ class StoredRegistration(Document):
 
 @dataclass(frozen=True, eq=False)
 class RegistrationRequest:
-    """A registration that somebody asked for."""
+    """The inputs of a registration."""
 
     scan_id: str
     views: Sequence[ScanView]
@@ -52,7 +52,7 @@ class RegistrationRequest:
         return self.scan_id, len(self.views), self.calibration.id, self.refine
 
     def matches(self, stored: StoredRegistration) -> bool:
-        """The same views, calibration and scanner."""
+        """True when a stored report has the same views, calibration, scanner and refinement."""
         same_hand = stored.flange_T_scanner == PoseDocument.of(self.flange_T_scanner)
         report = stored.report
         same_work = (report.calibration_id, len(report.views)) == (self.calibration.id, len(self.views))
@@ -61,7 +61,7 @@ class RegistrationRequest:
 
 @dataclass(eq=False)
 class RegistrationJobs:
-    """Registrations in progress, each once however many wait for it."""
+    """The registrations in progress; equal requests share one job."""
 
     store: Store
     workers: Workers
@@ -72,7 +72,7 @@ class RegistrationJobs:
     )
 
     def start(self, wanted: RegistrationRequest) -> "asyncio.Task[RegistrationReportDocument]":
-        """The job for `wanted`, in progress; it goes on when nobody waits for it."""
+        """The job for this request, started if necessary; it continues when no caller waits for it."""
         job = self._jobs.get(wanted.key)
         if job is None:
             job = self._jobs[wanted.key] = asyncio.create_task(self._run_job(wanted))
@@ -80,7 +80,7 @@ class RegistrationJobs:
         return job
 
     async def find_report(self, wanted: RegistrationRequest) -> RegistrationReportDocument | None:
-        """The report of an earlier registration, when it holds for `wanted`."""
+        """The stored report if it matches this request, else None."""
         file = self._file(wanted)
         try:
             found = parse_document(StoredRegistration, await self.store.read_file(file), str(file))
@@ -92,7 +92,7 @@ class RegistrationJobs:
         return found.report if wanted.matches(found) else None
 
     def stop(self) -> None:
-        """Nothing is waited for any more."""
+        """Cancel all jobs."""
         for job in self._jobs.values():
             job.cancel()
 
@@ -135,7 +135,7 @@ class RegistrationJobs:
 def _register(
     wanted: RegistrationRequest, clock: Callable[[], float], on_progress: Callable[[str, int], None]
 ) -> RegistrationReportDocument:
-    """Read view by view, fit, report; nothing is written. Raises RegistrationError."""
+    """Register the views and return the report; writes nothing. Raises RegistrationError."""
     began, samples = clock(), []
     for count, view in enumerate(wanted.views):
         on_progress("reading", count)

@@ -1,4 +1,4 @@
-"""Parts looked at from several sides: each scan is a folder of clouds with scan.json, as `handeyed register` reads."""
+"""Scans of parts from several views. A scan is a folder of clouds with scan.json, as `handeyed register` reads it."""
 
 import asyncio
 import json
@@ -32,7 +32,7 @@ from registration.points.rigid_motion import RigidMotion
 from registration.scan import ScanView
 
 TRANSIT_FOLDER = "passing"
-"""A folder beside the scans' own, for clouds that are moved and not kept."""
+"""A folder beside the scans for clouds that are transformed and not kept."""
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ ReportTask = asyncio.Task[RegistrationReportDocument]
 
 
 MAX_RECENT_SCANS = 10
-"""So many scans at most got a view in the moment the daemon was killed."""
+"""At most this many scans received a view at the moment when the daemon was killed."""
 
 
 @dataclass(frozen=True)
@@ -55,22 +55,22 @@ class ScanService:
     registration_jobs: RegistrationJobs
 
     async def recover(self) -> None:
-        """Remove what a killed daemon left half-written; no view is ever among it. Raises StorageError.
+        """Remove partial files of a killed daemon, and update scan.json of the latest scans. Raises StorageError.
 
-        A view that was stored, but not yet told in scan.json, is told there.
+        A view may have been stored but not yet entered in scan.json. Partial files are never views.
         """
         await self.workers.run(_remove_partial_files, self.store.folder / "scans")
         for scan_id in await self.store.latest_scans_with_views(MAX_RECENT_SCANS):
             await self._update_document(scan_id)
 
     async def create(self, name: str, refine: bool = False) -> ScanRecord:
-        """An empty scan."""
+        """Create an empty scan."""
         scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name, refine)
         await self.store.save_scan(scan)
         return scan
 
     async def add_scanned_view(self, scan_id: str, cloud: ScannedCloud, base_T_flange: PoseDocument) -> ScanViewRecord:
-        """A cloud of the daemon's own scanner. Raises RegistrationError when it is damaged, StorageError."""
+        """Store a cloud of the daemon's scanner as the next view. Raises RegistrationError, StorageError."""
 
         async def whole() -> AsyncIterator[bytes]:
             yield cloud.content
@@ -81,7 +81,7 @@ class ScanService:
     async def add_view(
         self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_flange: PoseDocument
     ) -> ScanViewRecord:
-        """A cloud in pieces; stored only when it is whole. Raises RegistrationError, NotFound, StorageError."""
+        """Store a streamed cloud as the next view when complete. Raises RegistrationError, NotFound, StorageError."""
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
         async with receive_upload(body, folder, self.new_id(self.clock), media_type, unit, self.workers) as upload:
@@ -96,9 +96,9 @@ class ScanService:
     async def transform_cloud(
         self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array
     ) -> tuple[Path, int]:
-        """A cloud that cannot pass as a stream, in base, in mm, and its points; the file is the caller's.
+        """Transform a cloud that cannot be streamed into base, in mm; returns file and number of points.
 
-        Raises RegistrationError, StorageError.
+        The caller deletes the file. Raises RegistrationError, StorageError.
         """
         name, folder = self.new_id(self.clock), self.store.folder / "scans" / TRANSIT_FOLDER
         async with receive_upload(body, folder, name, media_type, unit, self.workers) as upload:
@@ -108,13 +108,13 @@ class ScanService:
         return target, moved.points
 
     async def start_registration(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> ReportTask:
-        """The report of a scan's registration, in progress or done. Raises ScanEmpty, NotFound."""
+        """The registration job of a scan, in progress or done. Raises ScanEmpty, NotFound."""
         return self.registration_jobs.start(await self._registration_request(scan_id, calibration, refine))
 
     async def clouds(
         self, scan_id: str, calibration: CalibrationDocument, report: RegistrationReportDocument | None = None
     ) -> list[PlacedCloud]:
-        """Every view with its place in base: by the robot's pose, or by a report. Raises ScanEmpty, NotFound."""
+        """Every view with its pose in base: from the robot, or from a report. Raises ScanEmpty, NotFound."""
         wanted = await self._registration_request(scan_id, calibration, refine=False)
         if report is not None:
             places = [view.base_T_camera.transform() for view in report.views]
@@ -130,18 +130,18 @@ class ScanService:
         suffix: str = ".ply",
         merge: Merge = EVERY_POINT,
     ) -> Path:
-        """A scan as one cloud in the base frame; the file is made anew and the caller's. Raises RegistrationError."""
+        """Merge the clouds into a new file in the base frame, which the caller deletes. Raises RegistrationError."""
         target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
         await self.workers.run(merge_clouds, clouds, target, calibration_id, merge)
         return target
 
     async def assess_scanner(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
-        """What a scan of an artefact says of the scanner. Raises ScanEmpty, NotFound, RegistrationError."""
+        """The scanner's errors from a scan of an artefact. Raises ScanEmpty, NotFound, RegistrationError."""
         views = await self._views(scan_id)
         return await self.workers.run(assess_scanner, scan_id, self.store.scan_folder(scan_id), views, artefact)
 
     async def _views(self, scan_id: str) -> list[ScanViewRecord]:
-        """At least one. Raises ScanEmpty, NotFound."""
+        """The views of a scan, at least one. Raises ScanEmpty, NotFound."""
         views = await self.store.scan_views(scan_id)
         if not views:
             await self.store.scan(scan_id)
@@ -157,14 +157,14 @@ class ScanService:
         return RegistrationRequest(scan_id, views, calibration, self.flange_T_scanner(calibration), refine)
 
     async def _start_refinement(self, scan_id: str) -> None:
-        """With the calibration in force; without one a scan waits for its first cloud to be asked for."""
+        """Start a refined registration with the calibration in force; do nothing without one."""
         with suppress(NoCalibration):
             _, current = await self.store.current()
             if current.document.flange_T_camera is not None:
                 self.registration_jobs.start(await self._registration_request(scan_id, current.document, refine=True))
 
     def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
-        """(4, 4): the camera's place on the flange, and the scanner's beside it when it is a device of its own."""
+        """flange_T_camera, (4, 4) in mm; times camera_T_scanner when the settings give one."""
         assert calibration.flange_T_camera is not None  # Operations.calibration refuses any other
         flange_T_camera = calibration.flange_T_camera.transform()
         if self.scanner is None or self.scanner.camera_T_scanner is None:
@@ -172,14 +172,14 @@ class ScanService:
         return flange_T_camera @ self.scanner.camera_T_scanner.transform()
 
     async def _update_document(self, scan_id: str) -> None:
-        """The views are stored; a disk that refuses scan.json must not make the caller send the last one again."""
+        """Write scan.json; a StorageError is only logged, since the view itself is stored."""
         try:
             await self._write_document(scan_id)
         except StorageError as error:
             log.error("scan %s: scan.json could not be brought up to date: %s", scan_id, error)
 
     async def _write_document(self, scan_id: str) -> None:
-        """scan.json, from the rows."""
+        """Write scan.json from the rows of the store. Raises StorageError."""
         views = [
             {"cloud": view.file, "unit": view.unit, "base_T_flange": view.base_T_flange.model_dump(mode="json")}
             for view in await self.store.scan_views(scan_id)

@@ -1,4 +1,4 @@
-"""A stored scan of spheres or ball bars as the scanner's probing and spacing errors: each view is one position."""
+"""Probing and sphere-spacing errors of the scanner from a scan of spheres or ball bars; each view is one position."""
 
 from pathlib import Path
 from typing import Literal
@@ -12,7 +12,7 @@ from registration.points.surface import sample_points
 from registration.scanner_acceptance import BASED_ON, Acceptance, Position, evaluate_acceptance
 
 MAX_POINTS = 200_000
-"""Points of one position: more do not change a 95 % width."""
+"""Points sampled per position: more do not change a 95 % width."""
 
 
 class BallDocument(Document):
@@ -48,7 +48,7 @@ class AcceptanceDocument(Document):
 def assess_scanner(
     scan_id: str, folder: Path, views: list[ScanViewRecord], artefact: ArtefactRequest
 ) -> AcceptanceDocument:
-    """Raises SphereError naming the view, CloudError's leaves."""
+    """Evaluate every view of a scan. Raises SphereError, CloudError."""
     clouds = []
     for view in views:
         with open_cloud(folder / view.file) as source:

@@ -1,4 +1,4 @@
-"""A cloud that is sent, on disk: checked while it comes, or once it is whole where it cannot be read from its front."""
+"""Receive an uploaded cloud into a file, checking it while it arrives; LAZ, which has its index last, afterwards."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
@@ -20,7 +20,7 @@ SUFFIXES = {
     "application/octet-stream": ".f32",
     LAZ: ".laz",
 }
-"""By media type; octets are float32 x, y, z."""
+"""File suffixes by media type; octets are float32 x, y, z."""
 
 ORIGIN = "request body"
 
@@ -29,8 +29,9 @@ ORIGIN = "request body"
 async def receive_upload(
     body: AsyncIterator[bytes], folder: Path, name: str, media_type: str, unit: str, workers: Workers
 ) -> AsyncIterator[Path]:
-    """The whole cloud as a file in `folder`, gone afterwards unless it was renamed. Raises CloudError's leaves,
-    StorageError.
+    """Yield the complete cloud as a file in `folder`, deleted afterwards unless it was renamed.
+
+    Raises CloudError, StorageError.
     """
     file = folder / f".{name}.upload{SUFFIXES[media_type]}"
     try:
@@ -68,7 +69,7 @@ def _append(out: BinaryIO, file: Path, stream: CloudStream | None, chunk: bytes)
 
 
 def _read_through(file: Path) -> None:
-    """LAZ keeps the index of its pieces at the end."""
+    """Check a LAZ file by reading all its blocks."""
     with open_cloud(file, ORIGIN) as cloud:
         for _ in cloud.blocks():
             pass

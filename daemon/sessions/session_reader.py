@@ -130,7 +130,7 @@ def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -
     """One view, and its image's size (None when the session holds the corners)."""
     base_T_flange = view.base_T_flange.transform()
     if view.corners_px is not None:
-        return View(index, base_T_flange, _given_detection(view.corners_px)), None
+        return View(index, base_T_flange, _session_detection(view.corners_px)), None
     assert view.image is not None  # the document holds either corners or an image
     image = read_grey(folder / view.image)
     size = (image.shape[1], image.shape[0])
@@ -140,7 +140,7 @@ def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -
         return View(index, base_T_flange, None, view.image, missing=(error.code, str(error))), size
 
 
-def _given_detection(corners_px: list[tuple[int, float, float]]) -> Detection:
+def _session_detection(corners_px: list[tuple[int, float, float]]) -> Detection:
     rows = np.array(corners_px, float).reshape(-1, 3)
     return Detection(rows[:, 0].astype(np.intp), rows[:, 1:].copy())
 

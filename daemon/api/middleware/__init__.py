@@ -1,1 +1,1 @@
-"""What every request passes: checks, authentication, idempotency."""
+"""ASGI middleware, in the order of a request: checks, authentication, idempotency."""

@@ -1,4 +1,4 @@
-"""Who asks, and may they? Before any route is reached; what is stored for the request is stored in their name."""
+"""Authentication, authorisation and audit of every request; sets the actor of what the request stores."""
 
 import logging
 
@@ -16,11 +16,11 @@ from daemon.store.actor import AuditContext, acting_as
 log = logging.getLogger(__name__)
 
 NOT_AUDITED = ("/register", "/setup")
-"""A cloud that passes by changes nothing; the set-up writes rows of its own."""
+"""Paths without an audit row: streamed clouds change nothing, and the set-up writes its own rows."""
 
 
 class Authentication:
-    """Keys as bearer tokens (RFC 6750). On this machine nobody is asked until there is a first key."""
+    """Keys as bearer tokens (RFC 6750). Requests from this machine need none until the first key exists."""
 
     def __init__(self, app: ASGIApp, application: Application) -> None:
         self._app, self._application = app, application
@@ -54,7 +54,7 @@ class Authentication:
         await self._audit(scope, context, status)
 
     async def _caller(self, scope: Scope) -> Caller:
-        """Raises KeyMissing, StorageError."""
+        """The caller by the request's key. Raises KeyMissing, StorageError."""
         if self._loopback and not await self._keys.any_ever():
             return LOCAL
         scheme, _, key = _authorization(scope).partition(" ")
@@ -68,7 +68,7 @@ class Authentication:
         return Caller(record.name, ROLES[record.role])
 
     async def _audit(self, scope: Scope, context: AuditContext, status: int) -> None:
-        """What changed something has its row already, in the same transaction; the rest of what was done gets one."""
+        """Append an audit row for a successful POST that stored nothing: changes have rows of their own."""
         if scope["method"] != "POST" or context.changes or status >= 400 or scope["path"].startswith(NOT_AUDITED):
             return
         at = self._application.clock.timestamp()
@@ -79,7 +79,7 @@ class Authentication:
 
 
 def caller_of(request: Request) -> Caller:
-    """Who asks."""
+    """The authenticated caller of a request."""
     caller: Caller = request.scope["state"]["caller"]
     return caller
 

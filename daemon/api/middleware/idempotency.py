@@ -1,7 +1,7 @@
-"""Idempotency-Key on every POST: a retry gets the first answer, and nothing is done twice.
+"""Idempotency-Key on every POST: a repeated request receives the first answer and has no further effect.
 
-After the IETF draft "The Idempotency-Key HTTP Header Field" (draft-ietf-httpapi-idempotency-key-header). A refusal that
-did nothing is not remembered: the same request may be sent again when what it told is put right.
+After the IETF draft "The Idempotency-Key HTTP Header Field" (draft-ietf-httpapi-idempotency-key-header). An error that
+had no effect is not stored, so the same request can be repeated when its cause is corrected.
 """
 
 import hashlib
@@ -32,15 +32,15 @@ KEY_PATTERN = re.compile(rf'([!#-~]{{1,{MAX_KEY_LENGTH}}}|"[!#-~]{{1,{MAX_KEY_LE
 REPLAYED = "Idempotency-Replayed"
 KEPT_HEADERS = frozenset({"content-type", "location", "etag", "link", "vary", "handeyed-calibration", "handeyed-pose"})
 STREAMED_PATHS = ("/register",)
-"""Answers too large to keep. What they depend on is kept instead, and they are made again from that."""
+"""Paths whose answers are too large to store: their inputs are stored, and the answer is computed again."""
 
 
 SHOWN_ONCE = "/setup"
-"""Its answer holds a key in clear: it must not be kept."""
+"""The path whose answer holds a key in clear text, and is not stored."""
 
 
 class Idempotency:
-    """Remembers, by caller and key, what a POST was and how it was answered."""
+    """Stores requests and answers by caller and key, and replays them."""
 
     def __init__(self, app: ASGIApp, application: Application) -> None:
         self._app, self._application = app, application
@@ -80,7 +80,7 @@ class Idempotency:
             self._in_flight.discard((caller, key))
 
     async def _process_first(self, scope: Scope, receive: Receive, send: Send, context: AuditContext) -> None:
-        """Carry it out, and hold back the answer's end until it is remembered."""
+        """Process a new request; the answer is sent only once it is stored."""
         assert context.request is not None
         request, reply = context.request, _Reply(send, held=scope["path"] not in STREAMED_PATHS)
 
@@ -105,7 +105,7 @@ class Idempotency:
                 await store.save_answer(request.caller, request.key, body, reply.status, reply.kept_headers, content)
             elif not request.had_effect:
                 await store.forget(request.caller, request.key)
-        except StorageError as error:  # what was done is stored; its answer can be made again from that
+        except StorageError as error:  # the effect is stored; the answer can be rebuilt from it
             log.error("the answer to a request with an Idempotency-Key could not be kept: %s", error)
 
     async def _replay(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
@@ -129,7 +129,7 @@ class Idempotency:
         await send({"type": "http.response.body", "body": content})
 
     async def _process_again(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
-        """The same cloud through the calibration and the pose of the first time."""
+        """Process a repeated cloud with the calibration and the pose of the first request."""
         digest = hashlib.sha256()
         query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
         query["calibration"] = earlier.headers["handeyed-calibration"]
@@ -152,7 +152,7 @@ class Idempotency:
 
 
 class _Reply:
-    """An answer on its way; `held`: it is sent only when it is complete and `release` is called."""
+    """An answer in progress; with `held` it is sent when `release` is called."""
 
     def __init__(self, send: Send, held: bool) -> None:
         self._send, self.held = send, held
@@ -182,7 +182,7 @@ class _Reply:
 
 
 def key_of(given: list[bytes]) -> str:
-    """The header's value, with or without the quotes of a structured field. Raises RequestRefused."""
+    """The header's value, with or without the quotes of a structured field. Raises InvalidRequest."""
     key = KEY_PATTERN.fullmatch(given[0].decode("latin-1"))
     if len(given) != 1 or key is None:
         fix = f"send one, of 1 to {MAX_KEY_LENGTH} visible ASCII characters, such as a UUID"
@@ -191,7 +191,7 @@ def key_of(given: list[bytes]) -> str:
 
 
 def head_of(scope: Scope) -> str:
-    """What the request asks, besides its body: not how long it would wait for the answer."""
+    """SHA-256 over method, path, query without `wait`, and media type."""
     query = sorted(pair for pair in parse_qsl(scope["query_string"].decode("latin-1"), True) if pair[0] != "wait")
     media_type = dict(scope["headers"]).get(b"content-type", b"").decode("latin-1").partition(";")[0].strip().lower()
     asked = [scope["method"], scope["path"], query, media_type]

@@ -1,4 +1,4 @@
-"""The answer to a request that the daemon carried out and, being killed, never answered: made from what it stored."""
+"""Rebuild the answer to a request that was carried out but not answered, because the daemon was killed."""
 
 from collections.abc import Awaitable, Callable
 
@@ -13,7 +13,7 @@ Answer = tuple[int, dict[str, str], bytes]
 
 
 async def rebuild_answer(app: Application, effect: str) -> Answer:
-    """`effect`: what the store noted, "run ID" and the like. Raises NotFound, StorageError."""
+    """The answer from the stored effect, such as "run ID". Raises NotFound, StorageError."""
     kind, _, subject = effect.partition(" ")
     return await _REBUILDERS[kind](app, subject)
 

@@ -1,4 +1,4 @@
-"""What every request passes before it reaches a route: size, origin, counting. Plain ASGI, so that bodies stream."""
+"""Checks of every request: body size, host, origin; its id and counters. Plain ASGI, so that bodies are streamed."""
 
 import re
 import secrets
@@ -13,7 +13,7 @@ from daemon.runtime.logs import about_request
 from daemon.runtime.metrics import Metrics
 
 MAX_JSON_BYTES = 1_000_000
-"""A hundred poses are 20 kB."""
+"""1 MB; a hundred poses are 20 kB."""
 
 CLOUD_PATHS = ("/register", "/scans/")
 HOST = re.compile(
@@ -24,7 +24,7 @@ SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
 class RequestChecks:
-    """Refuses a body over its limit before it is read, a foreign name and a foreign page; counts every answer."""
+    """Refuses bodies over the limit, other hosts and other origins; counts every answer."""
 
     def __init__(self, app: ASGIApp, server: ServerSettings, metrics: Metrics) -> None:
         self._app, self._cloud_limit, self._metrics = app, server.body_limit_bytes, metrics
@@ -55,7 +55,7 @@ class RequestChecks:
             self._metrics.requests[_method(scope["method"]), exchange.status or 500] += 1
 
     def _check_host(self, http_version: str, headers: dict[bytes, str]) -> None:
-        """A name that somebody else resolves to this machine (DNS rebinding) is not ours; an address always is."""
+        """Refuse host names that are not in the settings (DNS rebinding); addresses are allowed."""
         host = headers.get(b"host")
         if host is None and http_version == "1.0":
             return
@@ -68,7 +68,7 @@ class RequestChecks:
 
 
 class _Exchange:
-    """One request and its answer, counted."""
+    """One request and its answer, with the size of the body and the status."""
 
     def __init__(self, receive: Receive, send: Send, limit_bytes: int, request_id: str) -> None:
         self._receive, self._send, self._limit = receive, send, limit_bytes
@@ -95,18 +95,18 @@ class _Exchange:
 
 
 def _check_origin(method: str, headers: dict[bytes, str]) -> None:
-    """A browser names the page that asks; a page from elsewhere must not move the robot."""
+    """Refuse requests of browser pages from other origins, except safe methods."""
     origin, host = headers.get(b"origin"), headers.get(b"host", "")
     if method not in SAFE_METHODS and origin is not None and origin.partition("://")[2] != host:
         raise CrossOrigin(f"a page of {origin[:80]!r} asks", "ask from a page of this daemon, or with curl")
 
 
 def _request_id(headers: dict[bytes, str]) -> str:
-    """The caller's own, when it can stand in a log; else a new one."""
+    """The caller's X-Request-Id when it is safe to log, else a new one."""
     given = headers.get(b"x-request-id", "")
     return given if REQUEST_ID.fullmatch(given) else secrets.token_hex(4)
 
 
 def _method(method: str) -> str:
-    """A caller's invention must not become a label of its own."""
+    """The method as a metrics label; unknown ones become "other"."""
     return method if method in {"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"} else "other"

@@ -1,1 +1,1 @@
-"""One module a resource: parse the request, make one call, return a document."""
+"""The routes, one module per resource: parse the request, make one call, return a document."""

@@ -1,4 +1,4 @@
-"""The first key, for the set-up code; and the audit log, for admins."""
+"""POST /setup and GET /audit."""
 
 import json
 from typing import Annotated, Any

@@ -1,4 +1,4 @@
-"""The main job: calibrate. And verify, which looks whether it still holds."""
+"""GET and POST /calibrate, POST /verify."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Calibrations: the list, one of them, the one in force, applying one."""
+"""GET /calibrations, one of them, the one in force, and applying one."""
 
 from typing import Annotated
 
@@ -31,7 +31,7 @@ router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
 @router.get("", response_model=CalibrationList)
 async def calibrations(app: App, limit: Limit = 50, before: Before = None) -> CalibrationList:
-    """The newest first, and what was applied last."""
+    """The calibrations, newest first, and the latest applied ones."""
     page, following = page_of(await app.store.calibrations(limit + 1, before), limit, "/calibrations")
     applied = await app.store.history(limit)
     current = applied[0].calibration_id if applied else None
@@ -101,5 +101,5 @@ async def apply(
 
 
 def _by(given: str, caller: Caller) -> str:
-    """A key's name cannot be claimed by another; the MES may say on whose order it asks."""
+    """The key's name, with the given name before it: a client cannot claim the name of another key."""
     return caller.name if given == ApplyRequest().applied_by else f"{given} ({caller.name})"

@@ -1,4 +1,4 @@
-"""The cell as it is now: robot, camera."""
+"""GET /robot and /camera/frame.png."""
 
 import math
 
@@ -19,7 +19,7 @@ router = APIRouter(tags=["cell"])
     "/robot", response_model=RobotDocument, responses={200: or_text("The robot"), **problem_responses(502, 503, 504)}
 )
 async def robot(request: Request, app: App) -> Response:
-    """Where the arm stands, and what the controller says of itself."""
+    """The pose of the arm, and the status of the controller."""
     arm = app.cell.robot
     status, pose, joints = await arm.read_status(), await arm.read_pose(), await arm.read_joints()
     cf1, cf4, cf6, cfx = pose.posture

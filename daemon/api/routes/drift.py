@@ -1,4 +1,4 @@
-"""Does the calibration in force still hold? The control chart of its verifications."""
+"""GET /drift: the control chart of the calibration in force."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Progress as server-sent events."""
+"""GET /events: server-sent events."""
 
 import asyncio
 import json
@@ -14,7 +14,7 @@ from daemon.runtime.event_bus import BusEvent, EventBus
 router = APIRouter(tags=["events"])
 
 KEEPALIVE_S = 15.0
-"""After so much silence a comment is sent, so that both ends notice a connection that broke."""
+"""A comment is sent after this long without an event, so that both ends detect a broken connection."""
 
 
 @router.get(
@@ -23,9 +23,9 @@ KEEPALIVE_S = 15.0
     responses={200: {"description": "Events with ids", "content": {"text/event-stream": {}}}},
 )
 async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, pattern=r"^[0-9]*$")] = "") -> Response:
-    """What happens from now on; with Last-Event-ID what was missed as well. Ends when the daemon stops.
+    """Events from now on; with Last-Event-ID also those after it. Ends when the daemon stops.
 
-    Numbers grow, also over restarts, and may leave some out. What is too long ago to be told again is an event `lost`.
+    Numbers increase, also over restarts, and may skip some. Events no longer stored are replaced by one `lost`.
     """
     last = app.events.last
     after = min(int(last_event_id), last) if last_event_id else last
@@ -38,7 +38,7 @@ async def _stream(events: EventBus, after: int) -> AsyncIterator[str]:
     yield ": what happens in the cell\n\n"
     async for event in events.listen(after, KEEPALIVE_S):
         yield ": nothing new\n\n" if event is None else _sse(event)
-        await asyncio.sleep(0)  # a listener that went away is noticed between two events
+        await asyncio.sleep(0)  # lets a disconnect be noticed between two events
 
 
 def _sse(event: BusEvent) -> str:

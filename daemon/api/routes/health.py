@@ -1,4 +1,4 @@
-"""Is it alive, could it work, what has it counted."""
+"""GET /, /health, /ready and /metrics."""
 
 import shutil
 from typing import get_args
@@ -21,7 +21,7 @@ router = APIRouter(tags=["health"])
 
 @router.get("/health", response_model=HealthDocument)
 async def health(app: App) -> HealthDocument:
-    """The daemon answers; whether it could work is told by /ready."""
+    """The daemon answers; for its readiness see /ready."""
     return HealthDocument(status="alive", software=SOFTWARE, uptime_s=round(app.uptime_s(), 3))
 
 
@@ -31,13 +31,13 @@ async def health(app: App) -> HealthDocument:
     responses={200: or_text("Ready"), 503: {"description": "Not ready", "model": ReadyDocument}},
 )
 async def ready(request: Request, app: App) -> Response:
-    """Could it calibrate or register now, else why not. 503 when it could do neither."""
+    """Whether it could calibrate or register now, and the reasons if not. 503 when it could do neither."""
     document = await readiness(app)
     return respond(request, document, lambda: ready_text(document), 200 if document.ready else 503)
 
 
 async def readiness(app: Application) -> ReadyDocument:
-    """Asks every device."""
+    """Check every device and the calibration in force."""
     calibrate = [*await app.cell.obstacles()]
     if (run := app.supervisor.in_progress) is not None:
         calibrate = [f"{run.kind} run {run.id} is in progress"]
@@ -68,7 +68,7 @@ def _disk_warnings(app: Application) -> list[str]:
     responses={200: {"description": "Prometheus text", "content": {"text/plain": {}}}},
 )
 async def metrics(app: App) -> Response:
-    """For Prometheus."""
+    """Metrics in Prometheus' text format."""
     return Response(exposition(await _families(app)), media_type="text/plain; version=0.0.4; charset=utf-8")
 
 

@@ -1,4 +1,4 @@
-"""Clouds into the robot's base frame."""
+"""POST /register: transform a cloud into the robot's base frame."""
 
 from typing import Annotated
 
@@ -43,7 +43,7 @@ async def register(
     base_T_scanner = base_T_flange.transform() @ app.scans.flange_T_scanner(document)
     numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers)}
-    if media_type == LAZ:  # its index stands at the end: it is moved when it is whole
+    if media_type == LAZ:  # its index is at the end, so it cannot be streamed
         file, points = await app.scans.transform_cloud(body_chunks(request.receive), media_type, unit, base_T_scanner)
         removed = BackgroundTask(app.workers.run, file.unlink, missing_ok=True)
         app.metrics.registered_points += points

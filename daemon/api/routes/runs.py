@@ -1,4 +1,4 @@
-"""Runs: the list, one of them, its pictures, stopping it."""
+"""GET /runs, one of them, its pictures; aborting it, taking a view, finishing it."""
 
 from typing import Annotated
 
@@ -37,7 +37,7 @@ async def runs(app: App, limit: Limit = 50, before: Before = None) -> RunList:
 
 @router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **problem_responses(404)})
 async def run(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) -> Response:
-    """Where a run stands; with `wait` the answer comes when it is over."""
+    """The state of a run; with `wait` answered when it is over."""
     found = await app.supervisor.wait(run_id, wait)
     return await answer_run(request, app, found)
 
@@ -84,7 +84,7 @@ async def frame(
         int, Path(ge=0, le=999, description="view, from 0: of station k + 1, or of station k after a first look")
     ],
 ) -> Response:
-    """A picture the run stored."""
+    """A stored picture of the run."""
     found = await app.supervisor.run(run_id)
     content = await app.store.read_file(app.store.run_folder(found.id) / image_name(k))
     return Response(content, media_type="image/png")
@@ -93,7 +93,7 @@ async def frame(
 async def answer_run(
     request: Request, app: Application, run: RunRecord, status: int = 200, headers: dict[str, str] | None = None
 ) -> Response:
-    """A run as JSON or in words, with the calibration it found."""
+    """A run as JSON or text, with its calibration."""
     calibration: CalibrationDocument | None = None
     if run.result is not None and run.kind == "calibration":
         calibration = (await app.store.calibration(run.result["calibration_id"])).document
@@ -104,7 +104,7 @@ async def answer_run(
 
 
 async def answer_run_start(request: Request, app: Application, run: RunRecord, wait: float) -> Response:
-    """202 with Location; or, when it is over within `wait` seconds, the finished run."""
+    """Answer 202 with Location, or 200 with the run when it is over within `wait` seconds."""
     if wait > 0:
         run = await app.supervisor.wait(run.id, wait)
     return await answer_run(request, app, run, 200 if run.over else 202, {"Location": f"/runs/{run.id}"})

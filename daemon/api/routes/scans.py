@@ -1,4 +1,4 @@
-"""Parts larger than one view: scans, their views, the cloud in one piece."""
+"""Routes of /scans: scans, their views, report and merged cloud."""
 
 import asyncio
 from pathlib import Path
@@ -38,7 +38,7 @@ from registration.fusion.merging import Merge, Outliers
 router = APIRouter(prefix="/scans", tags=["scans"])
 
 MAX_JSON_POINTS = 10_000
-"""More points take hundreds of times longer as JSON than as octets."""
+"""Limit of points in JSON, which takes hundreds of times longer than octets."""
 
 BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
 
@@ -134,7 +134,7 @@ CONTENT: dict[str, Any] = {
 async def report(
     app: App, scan_id: Identifier, calibration: Which = "current", refine: Refine = False, wait: Patience = 30.0
 ) -> Response:
-    """How the views lie and how well they agree; refined where `refine` asks for it. Progress is told on /events."""
+    """The poses of the views and their agreement; refined with `refine`. Progress is published on /events."""
     job = await app.scans.start_registration(scan_id, await app.operations.calibration(calibration), refine)
     found = await _wait_for_report(job, wait)
     if found is None:
@@ -192,7 +192,7 @@ def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:
 
 
 async def _wait_for_report(job: ReportTask, seconds: float) -> RegistrationReportDocument | None:
-    """The job's report; None when it is not done in time, and it goes on. Raises what the job raised."""
+    """Wait for the job's report; None when it is not done in time. Raises the job's exception."""
     done, _ = await asyncio.wait([job], timeout=seconds)
     return job.result() if done else None
 
@@ -204,7 +204,7 @@ def _in_progress(scan_id: str, refine: bool) -> Response:
 
 
 def _small_cloud(octets: Path, calibration_id: str) -> bytes:
-    """JSON of float32 x, y, z. Raises CloudTooLarge."""
+    """The JSON of a file of float32 x, y, z. Raises CloudTooLarge."""
     count = octets.stat().st_size // 12
     if count > MAX_JSON_POINTS:
         raise CloudTooLarge(

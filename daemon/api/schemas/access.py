@@ -1,4 +1,4 @@
-"""Keys, and who did what."""
+"""Schemas of keys and the audit log."""
 
 from typing import Any, Literal
 
@@ -16,7 +16,7 @@ class NewKeyDocument(Answer):
 
 
 class AuditDocument(Answer):
-    """Somebody did something. `hash` covers the row and the hash of the row before."""
+    """One entry of the audit log. `hash` covers the row and the hash of the row before."""
 
     sequence: int
     at: str

@@ -1,4 +1,4 @@
-"""What every answer has in common, and the values that examples in openapi.json show."""
+"""The base class of all answers, and helpers for examples in openapi.json."""
 
 from typing import Any
 
@@ -6,13 +6,13 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Answer(BaseModel):
-    """Base: answers are written, never read back."""
+    """Base class of all answers."""
 
     model_config = ConfigDict(frozen=True)
 
 
 def example(**answer: Any) -> ConfigDict:
-    """For `model_config`: shown in openapi.json."""
+    """A `model_config` with an example for openapi.json."""
     return ConfigDict(frozen=True, json_schema_extra={"examples": [answer]})
 
 

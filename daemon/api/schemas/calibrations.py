@@ -1,4 +1,4 @@
-"""Calibrations: one line of the list, the one in force, and where calibration stands. Lengths mm."""
+"""Schemas of calibrations: the list, the one in force, the status. Lengths in mm."""
 
 from typing import Literal
 
@@ -32,7 +32,7 @@ class CalibrationSummary(Answer):
 
 
 class AppliedDocument(Answer):
-    """A calibration became current. `sequence` counts everything that was ever applied."""
+    """An entry of the history of calibrations in force. `sequence` counts from 1."""
 
     model_config = example(calibration_id=EXAMPLE_ID, applied_at=EXAMPLE_AT, applied_by="Ann", sequence=7)
 

@@ -1,11 +1,11 @@
-"""The robot as it is now. Lengths mm, angles deg, quaternions scalar first."""
+"""Schema of the robot's state. Lengths mm, angles deg, quaternions scalar first."""
 
 from calibration.documents.pose import PoseDocument
 from daemon.api.schemas.answer import Answer
 
 
 class RobotDocument(Answer):
-    """Where the arm stands and what the controller says of itself."""
+    """The pose of the arm and the status of the controller."""
 
     connected: bool
     detail: str

@@ -1,4 +1,4 @@
-"""GET /drift as models."""
+"""Schemas of GET /drift."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from daemon.drift.chart import DriftChart
 
 
 class DriftRulesDocument(Answer):
-    """How the chart is drawn, as in [drift] of the settings."""
+    """The rules of the chart, as in [drift] of the settings."""
 
     weight: float
     learn: int
@@ -17,9 +17,9 @@ class DriftRulesDocument(Answer):
 
 
 class DriftPointDocument(Answer):
-    """One verification, in base: how far the target was from where it was learnt to be, and the moving average of that.
+    """One verification, in base: displacement of the target from its learnt position, and the moving average of that.
 
-    `drift_mm` is the average's length, and `limit_mm` how long it may be by chance, null while the chart still learns.
+    `drift_mm` is the average's length, and `limit_mm` its limit by chance, null while the chart still learns.
     """
 
     run_id: str
@@ -35,8 +35,8 @@ class DriftPointDocument(Answer):
 class DriftDocument(Answer):
     """The control chart of the calibration in force; "off" without one. `points`: the oldest first.
 
-    `alarm`: why there is one, in words, else null. `scatter_limit_mm`: how far the calibration's uncertainty and the
-    robot's noise explain the scatter of the last verification over its positions.
+    `alarm`: a sentence, or null. `scatter_limit_mm`: the largest scatter of the last verification that is explained by
+    the calibration's uncertainty and the robot's noise.
     """
 
     model_config = example(

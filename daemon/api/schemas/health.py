@@ -1,4 +1,4 @@
-"""Is the daemon alive, and what could be done now."""
+"""Schemas of health and readiness."""
 
 from typing import Literal
 
@@ -18,7 +18,7 @@ class HealthDocument(Answer):
 
 
 class Readiness(Answer):
-    """Could this be done now, else why not."""
+    """Whether this could be done now, and the reasons if not."""
 
     model_config = example(ready=False, reasons=["robot: motors are off"])
 
@@ -39,7 +39,7 @@ class ReadyDocument(Answer):
 
 
 class Welcome(Answer):
-    """What there is."""
+    """Links to all resources (GET /)."""
 
     software: str
     links: dict[str, str]

@@ -1,4 +1,4 @@
-"""A run, as the interface answers it."""
+"""Schemas of runs."""
 
 from typing import Any, Literal
 
@@ -10,7 +10,7 @@ from daemon.runs.run_log import prediction_text
 
 
 class CauseDocument(Answer):
-    """Why a run ended badly, and how to go on."""
+    """Why a run failed or was aborted, and what to do."""
 
     code: str
     what: str
@@ -18,10 +18,10 @@ class CauseDocument(Answer):
 
 
 class PlanningDocument(Answer):
-    """What a run that plans as it goes expects, one sigma of a mapped point.
+    """The predictions of an adaptive or manual run, as one sigma of a mapped point.
 
     `now_mm`: from the views so far, null before they determine X; `planned_mm`: with the `ahead` views planned next.
-    `advice`: what an operator should do before the next view of a manual run; `next_pose`: where that leads, if known.
+    `advice`: what an operator should do before the next view of a manual run; `next_pose`: the pose after it, if known.
     """
 
     now_mm: float | None

@@ -1,4 +1,4 @@
-"""Scans, their views and clouds. Lengths mm."""
+"""Schemas of scans, their views and clouds. Lengths in mm."""
 
 from typing import Literal
 
@@ -23,7 +23,7 @@ class ScanViewDocument(Answer):
 
 
 class ScanDocument(Answer):
-    """A part looked at from several sides; `run` fills it when the daemon drives the scanner."""
+    """A scan of a part from several views; `run` fills it when the daemon drives the scanner."""
 
     model_config = example(
         id=EXAMPLE_ID,
@@ -63,7 +63,7 @@ class ScanDocument(Answer):
 
 
 class RegistrationState(Answer):
-    """A registration that is still in progress; `links.self` has it when it is done."""
+    """A registration in progress; `links.self` answers its report when it is done."""
 
     state: Literal["in progress"]
     links: dict[str, str]

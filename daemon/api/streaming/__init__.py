@@ -1,1 +1,1 @@
-"""Clouds in and out over HTTP, in blocks."""
+"""Streaming of clouds over HTTP."""

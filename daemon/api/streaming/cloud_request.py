@@ -1,4 +1,4 @@
-"""What the routes for clouds share: pose and unit in the query, media type in the header."""
+"""Parse the requests for clouds: pose and unit in the query, media types in the headers."""
 
 from typing import Annotated, Any, Literal
 
@@ -21,7 +21,7 @@ SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-
 JSON = "application/json"
 ANSWER_SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".bin",
             LAZ: ".laz", JSON: ".bin"}  # fmt: skip
-"""The kinds a merged cloud is answered in, the preferred first, and the suffix of the file it is sent from."""
+"""Media types of a merged cloud in order of preference, with the suffix of the file it is sent from."""
 
 BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 CLOUD_CONTENT: dict[str, Any] = dict.fromkeys(SUFFIXES, BINARY)
@@ -29,7 +29,7 @@ TAKES_A_CLOUD: dict[str, Any] = {"requestBody": {"required": True, "content": CL
 
 
 def media_type_of(request: Request) -> str:
-    """The cloud's format. Raises UnknownMediaType."""
+    """The media type of the request's cloud. Raises UnknownMediaType."""
     given = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     media_type = SYNONYMS.get(given, given)
     if media_type not in SUFFIXES:
@@ -41,7 +41,7 @@ def media_type_of(request: Request) -> str:
 
 
 def choose_media_type(request: Request) -> str:
-    """What of ANSWERED the request's Accept prefers (RFC 9110, 12.5.1). Raises NotAcceptable."""
+    """The media type of ANSWER_SUFFIXES that Accept prefers (RFC 9110, 12.5.1). Raises NotAcceptable."""
     accept = ",".join(request.headers.getlist("accept")) or "*/*"
     weights: dict[str, tuple[float, int]] = {}
     for part in accept.split(","):
@@ -65,7 +65,7 @@ def _matches(media: str, kind: str) -> bool:
 
 
 def parse_pose(text: str) -> PoseDocument:
-    """Seven numbers as a pose. Raises RequestRefused, DocumentError."""
+    """Parse "x,y,z,qw,qx,qy,qz". Raises InvalidRequest, DocumentError."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:

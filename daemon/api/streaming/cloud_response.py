@@ -1,7 +1,7 @@
-"""A cloud moved while it passes by: request body in, answer out, both streamed.
+"""Transform a cloud while it is streamed from the request into the response.
 
-Not Starlette's StreamingResponse over request.stream(): under uvicorn (ASGI 2.3) its listener for a disconnect takes
-messages of the body away, and the answer is cut short with status 200.
+Starlette's StreamingResponse over request.stream() does not work here: under uvicorn (ASGI 2.3) its listener for a
+disconnect consumes messages of the body, and the answer is truncated with status 200.
 """
 
 import asyncio
@@ -26,17 +26,17 @@ from registration.io.stream import CloudStream
 log = logging.getLogger(__name__)
 
 OnComplete = Callable[[CloudStream, int], None]
-"""Told of a cloud that passed whole, and its answer's bytes."""
+"""Called with the stream and the bytes of the answer when a cloud is complete."""
 
 MAX_SMALL_BODY_BYTES = 1_000_000
-"""A body up to this is looked at to its end before the answer begins: what is wrong with it is told as a problem."""
+"""A body up to this size is read completely before the answer begins, so that errors are answered as problems."""
 
 REFUSALS = (RegistrationError, StorageError, BodyTooLarge)
 
 
 @dataclass
 class StreamedCloud:
-    """One cloud on its way through."""
+    """One cloud in transit."""
 
     stream: CloudStream
     spool: Spool
@@ -45,7 +45,7 @@ class StreamedCloud:
     _head_sent: bool = field(default=False, init=False)
 
     async def receive(self, receive: Receive, ready: asyncio.Event, done: OnComplete) -> None:
-        """Move what comes in; `ready` is set when the answer may begin. Raises the REFUSALS, ClientDisconnect."""
+        """Transform the body into the spool; set `ready` for the answer to begin. Raises REFUSALS, ClientDisconnect."""
         size = 0
         try:
             async for chunk in body_chunks(receive):
@@ -60,7 +60,7 @@ class StreamedCloud:
             ready.set()
 
     async def _put(self, parts: Iterator[bytes | memoryview]) -> int:
-        """The moved parts, the header with the frame's name in it; answers how many bytes."""
+        """Put the transformed parts, with the header changed, into the spool; returns the number of bytes."""
         size = 0
         for moved in parts:
             part = moved
@@ -71,7 +71,7 @@ class StreamedCloud:
         return size
 
     def _head(self) -> bytes:
-        """The cloud's header as it is answered: a PLY's older comments may name another frame."""
+        """The header of the answer; in a PLY, comments that name another frame are replaced."""
         header = self.stream.header
         assert header is not None
         return with_frame(header.rewritten, self.calibration_id) if header.format == "ply" else header.rewritten
@@ -81,7 +81,7 @@ class StreamedCloud:
         return self.content_length is not None and self.content_length <= MAX_SMALL_BODY_BYTES
 
     def answer_length(self) -> int | None:
-        """Bytes of the answer, where the header tells."""
+        """Length of the answer in bytes, if the header determines it."""
         header = self.stream.header
         if header is None:
             return None
@@ -90,7 +90,7 @@ class StreamedCloud:
         return None if header.body_length is None else len(self._head()) + header.body_length
 
     def _check_length(self) -> None:
-        """Content-Length and the cloud's own header agree, as far as both tell: better said now than at the end."""
+        """Raises CloudTruncated or CloudTooLong when Content-Length and the cloud's header disagree."""
         header = self.stream.header
         if header is None or self.content_length is None:
             return
@@ -105,18 +105,18 @@ class StreamedCloud:
 
 
 class CloudResponse(Response):
-    """Answers the moved cloud. What is wrong before the answer begins is a problem; later the answer is cut off."""
+    """Answers the transformed cloud. An error before the answer begins is a problem; later the answer is cut off."""
 
     def __init__(
         self, stream: CloudStream, media_type: str, headers: dict[str, str], folder: Path, done: OnComplete
     ) -> None:
-        """`folder`: where a temporary file may hold the answer of a client that does not read while it sends."""
+        """`folder`: for a temporary file with the answer to a client that does not read while it sends."""
         super().__init__(media_type=media_type)
         self._stream, self._folder, self._done = stream, folder, done
         self._every_header = {**headers, "Content-Type": media_type}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Receives and sends at the same time, each at its own pace."""
+        """Receive and send concurrently, each at its own pace."""
         spool = Spool(self._folder)
         passage = StreamedCloud(
             self._stream, spool, _content_length(scope), self._every_header.get("Handeyed-Calibration", "")
@@ -128,7 +128,7 @@ class CloudResponse(Response):
             error = taking.exception() if taking.done() else None
             if error is None:
                 await self._start(passage, send)
-                # A task of its own: resumed through the whole chain of middlewares, each piece would cost more.
+                # A task of its own avoids resuming through the whole chain of middleware for each chunk.
                 await asyncio.create_task(self._send(spool, taking, send))
             elif isinstance(error, REFUSALS):
                 await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
@@ -147,13 +147,13 @@ class CloudResponse(Response):
         await send({"type": "http.response.start", "status": 200, "headers": pairs})
 
     async def _send(self, spool: Spool, taking: asyncio.Task[None], send: Send) -> None:
-        """Everything; and the end only when the cloud was whole, for an answer without it is an error to any client."""
+        """Send the spooled bytes; and the end only for a complete cloud, so that clients detect a truncated one."""
         while content := await spool.get():
             await send({"type": "http.response.body", "body": content, "more_body": True})
         try:
             await taking
         except (*REFUSALS, ClientDisconnect) as error:
-            log.warning("a cloud was cut off on its way through: %s", error or "the client went away")
+            log.warning("a streamed cloud was cut off: %s", error or "the client disconnected")
             return
         await send({"type": "http.response.body", "body": b"", "more_body": False})
 

@@ -1,4 +1,4 @@
-"""A request's body as it comes, straight from the server."""
+"""Read a request's body in chunks."""
 
 from collections.abc import AsyncIterator
 
@@ -7,7 +7,7 @@ from starlette.types import Receive
 
 
 async def body_chunks(receive: Receive) -> AsyncIterator[bytes]:
-    """The body's bytes. Raises ClientDisconnect, and BodyTooLarge from the guard."""
+    """Yield the body's bytes. Raises ClientDisconnect, and BodyTooLarge from the request checks."""
     more = True
     while more:
         message = await receive()

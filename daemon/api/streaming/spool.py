@@ -1,7 +1,7 @@
-"""A queue of bytes that does not wait long for its reader: what memory does not hold waits in a temporary file.
+"""A queue of bytes that spills into a temporary file when its reader is slow.
 
-Most HTTP clients send their whole body before they read the answer. If the answer could only be sent, not put aside,
-both ends would wait for each other as soon as the sockets' buffers are full.
+Most HTTP clients send their whole body before they read the answer. Without a spool both ends would wait for each other
+as soon as the sockets' buffers are full.
 """
 
 import asyncio
@@ -15,19 +15,19 @@ from typing import IO
 from daemon.store.database import storage_errors
 
 MEMORY_BYTES = 4_000_000
-"""So far a client that reads while it sends may fall behind."""
+"""Bytes kept in memory, for a client that reads while it sends."""
 
 CHUNK_BYTES = 1 << 18
 
 MAX_READER_WAIT_S = 0.05
-"""So long a reader that fell behind is waited for, before a file is begun for it."""
+"""How long to wait for a slow reader before a file is used."""
 
 
 class Spool:
-    """One writer, one reader, first in first out."""
+    """A FIFO queue with one writer and one reader."""
 
     def __init__(self, folder: Path, memory_bytes: int = MEMORY_BYTES) -> None:
-        """`folder`: where a temporary file may grow as large as the answer."""
+        """`folder`: for the temporary file, which may grow as large as the answer."""
         self._folder, self._memory_bytes = folder, memory_bytes
         self._memory: deque[bytes | memoryview] = deque()
         self._in_memory = 0
@@ -37,7 +37,7 @@ class Spool:
         self._news, self._space = asyncio.Event(), asyncio.Event()
 
     async def put(self, content: bytes | memoryview) -> None:
-        """Nobody writes into `content` any more. Raises StorageError when the file cannot grow."""
+        """Append `content`, which must not be changed afterwards. Raises StorageError when the file cannot grow."""
         if not content:
             return  # an empty piece would look like the end
         if self._in_file or not (self._fits(len(content)) or await self._fits_soon(len(content))):
@@ -48,12 +48,12 @@ class Spool:
         self._news.set()
 
     def end(self) -> None:
-        """Nothing more will be put."""
+        """Mark the end of the queue."""
         self._ended = True
         self._news.set()
 
     async def get(self) -> bytes | memoryview:
-        """The next bytes; b"" when there are none left and none will come."""
+        """The next bytes; b"" at the end of the queue."""
         while True:
             if self._memory:
                 content = self._memory.popleft()
@@ -68,7 +68,7 @@ class Spool:
             await self._news.wait()
 
     def close(self) -> None:
-        """The temporary file is gone."""
+        """Close and delete the temporary file."""
         if self._file is not None:
             self._file.close()
 
@@ -76,7 +76,7 @@ class Spool:
         return self._in_memory + length <= self._memory_bytes
 
     async def _fits_soon(self, length: int) -> bool:
-        """Once the reader has taken something out of memory, if it does."""
+        """Wait up to MAX_READER_WAIT_S for the reader to free memory; True when `length` bytes fit."""
         with suppress(TimeoutError):
             async with asyncio.timeout(MAX_READER_WAIT_S):
                 while length <= self._memory_bytes and not self._fits(length):
@@ -98,7 +98,7 @@ class Spool:
             self._written += len(content)
 
     def _next(self) -> bytes:
-        """Positions are named in each call: writer and reader use the file at the same time."""
+        """Read the next chunk of the file; by position, since the writer uses the file at the same time."""
         assert self._file is not None
         with storage_errors(self._folder):
             content = os.pread(self._file.fileno(), min(CHUNK_BYTES, self._written - self._read), self._read)

@@ -15,7 +15,7 @@ def report(found: DemoResult) -> str:
     assert x is not None  # an accepted eye-in-hand calibration has one
     off, cloud = found.score["calibration"], found.score["cloud"]
     uncertainty = found.calibration.uncertainty
-    predicted = f"within {uncertainty.point_mm:.2f} mm, it says" if uncertainty else ""
+    predicted = f"within {uncertainty.point_mm:.2f} mm (predicted)" if uncertainty else ""
     rows = (
         ("", "found", "truth", "off by"),
         (

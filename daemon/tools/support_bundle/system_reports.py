@@ -23,7 +23,7 @@ def fetch_pages(settings: Settings) -> dict[str, str]:
     """The daemon's answers to PAGES by path, without a key."""
     scheme = "https" if getattr(settings.server, "certificate", None) else "http"
     host = f"[{settings.server.host}]" if ":" in settings.server.host else settings.server.host
-    said: dict[str, str] = {}
+    pages: dict[str, str] = {}
     with httpx.Client(
         base_url=f"{scheme}://{host}:{settings.server.port}", timeout=MAX_ANSWER_S, trust_env=False, verify=False
     ) as client:
@@ -31,10 +31,10 @@ def fetch_pages(settings: Settings) -> dict[str, str]:
             try:
                 answer = client.get(path)
             except httpx.HTTPError as error:
-                said[path] = f"no answer: {type(error).__name__}: {error}"
+                pages[path] = f"no answer: {type(error).__name__}: {error}"
                 break
-            said[path] = f"{answer.status_code}\n{answer.text}"
-    return said
+            pages[path] = f"{answer.status_code}\n{answer.text}"
+    return pages
 
 
 def output_of(command: Sequence[str]) -> str:

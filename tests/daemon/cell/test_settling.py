@@ -69,7 +69,7 @@ async def test_an_arm_that_never_rests_is_told_with_how_far_it_moves() -> None:
 def test_what_was_seen_while_the_arm_moved_belongs_to_no_pose() -> None:
     check_still(pose_reading(0), pose_reading(0.01), SETTLING)
     for after in (pose_reading(0.03), pose_reading(turn_deg=0.01), pose_reading(0, still=False)):
-        with pytest.raises(NotStill, match="while it was looked at"):
+        with pytest.raises(NotStill, match="during the capture"):
             check_still(pose_reading(0), after, SETTLING)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.drift.schedule import LOOK_S, RETRY_S, DriftSchedule
+from daemon.drift.schedule import POLL_S, RETRY_S, DriftSchedule
 from daemon.errors import CellBusy, CellNotReady, DaemonError, InterlockOpen, NoCalibration
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
@@ -66,8 +66,8 @@ class Scheduled:
 
     async def pass_s(self, duration_s: float) -> None:
         """Second by second, as the schedule looks."""
-        for _ in range(round(duration_s / LOOK_S)):
-            await self.time.advance(LOOK_S)
+        for _ in range(round(duration_s / POLL_S)):
+            await self.time.advance(POLL_S)
 
 
 @pytest.fixture

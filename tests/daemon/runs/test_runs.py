@@ -143,7 +143,7 @@ async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(tmp_
     [
         (lambda p: setattr(p.robot, "drift_mm", 1.0), "not-still", "did not come to rest"),
         (lambda p: setattr(p.camera, "blind", lambda _: p.robot.base_T_flange.__setitem__((0, 3), 0.0)),
-         "not-still", "while it was looked at (before station 1 of 5)"),
+         "not-still", "during the capture (before station 1 of 5)"),
         (lambda p: setattr(p.camera, "size", (320, 240)) or setattr(p.camera, "blind", lambda _: True),
          "picture-unusable", "320 x 240 pixels where 640 x 480"),
         (lambda p: setattr(p.camera, "blind", lambda _: True), "target-not-seen", "seen from 0 of 5 stations"),
