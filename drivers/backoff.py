@@ -20,6 +20,6 @@ class Backoff:
         self._failures += 1
         return step_s * (1 + JITTER * (2 * self._chance() - 1))
 
-    def succeeded(self) -> None:
+    def reset(self) -> None:
         """Note that the device answered."""
         self._failures = 0

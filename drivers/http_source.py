@@ -11,9 +11,9 @@ from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnr
 from drivers.polled_device import PolledDevice
 from drivers.timing import Timing
 
-LOOK_EVERY_S = 5.0
+POLL_S = 5.0
 CONNECT_LIMIT_S = 3.0
-ASK_AGAIN_S = 0.05
+RETRY_S = 0.05
 HTTP_DATE_STEP_S = 1.0
 """HTTP dates and Age have a resolution of one second: content may be older by that much."""
 EXACT_AGE = "x-taken-at-age-s"
@@ -61,7 +61,7 @@ class HttpSource(PolledDevice):
         backoff = Backoff(self._timing.chance)
         error: DeviceError | None = None
         while True:
-            wait_s = ASK_AGAIN_S
+            wait_s = RETRY_S
             try:
                 fetched = await self._within_limit(deadline_s, error or self._no_answer())
                 if fetched.taken_at_s > newer_than_s:
@@ -79,7 +79,7 @@ class HttpSource(PolledDevice):
         """One response; on timeout raises `otherwise`, the error of the response before."""
         asking = asyncio.ensure_future(self._ask())
         try:
-            in_time = await self._timing.done_within(asking, max(0.0, deadline_s - self._timing.clock()))
+            in_time = await self._timing.wait_until_done(asking, max(0.0, deadline_s - self._timing.clock()))
         finally:
             if not asking.done():
                 asking.cancel()
@@ -92,7 +92,7 @@ class HttpSource(PolledDevice):
         try:
             async with self._client.stream("GET", self._url) as answer:
                 self._raise_for_status(answer)
-                content = await self._bounded(answer)
+                content = await self._read_bounded_body(answer)
         except httpx.TimeoutException as error:
             raise self._no_answer() from error
         except (httpx.RemoteProtocolError, httpx.DecodingError, httpx.TooManyRedirects) as error:
@@ -117,7 +117,7 @@ class HttpSource(PolledDevice):
         media_type = answer.headers.get("content-type", "").partition(";")[0].strip().lower()
         return Fetched(content, media_type, taken_at_s)
 
-    async def _bounded(self, answer: httpx.Response) -> bytes:
+    async def _read_bounded_body(self, answer: httpx.Response) -> bytes:
         content = bytearray()
         async for chunk in answer.aiter_bytes():
             content += chunk
@@ -155,8 +155,8 @@ class HttpSource(PolledDevice):
             else:
                 if not self.link.connected:
                     self._report.up("somebody listens")
-                backoff.succeeded()
-                await self._timing.sleep(LOOK_EVERY_S)
+                backoff.reset()
+                await self._timing.sleep(POLL_S)
 
     def _port(self) -> int:
         return self._url.port or {"http": 80, "https": 443}[self._url.scheme]

@@ -148,7 +148,7 @@ class VibrationMonitor(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class CameraFrame:
     """An image: uint8 (h, w) grey or (h, w, 3) BGR. `encoded`: the file it was decoded from, if any."""
 
     image: NDArray[np.uint8]
@@ -159,7 +159,7 @@ class Frame:
 class Camera(Device, Protocol):
     """A camera on the flange."""
 
-    async def grab(self, newer_than_s: float) -> Frame:
+    async def grab(self, newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`; raises a DeviceError on timeout."""
         ...
 

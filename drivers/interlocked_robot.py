@@ -43,11 +43,11 @@ class InterlockedRobot:
 
     async def set_armed(self, armed: bool) -> None:
         if armed:
-            await self._require_allowed()
+            await self._require_interlocks()
         await self.robot.set_armed(armed)
 
     async def move_to(self, goal: MoveGoal) -> None:
-        await self._require_allowed()
+        await self._require_interlocks()
         await self.robot.move_to(goal)
 
     async def stop(self) -> None:
@@ -57,7 +57,7 @@ class InterlockedRobot:
         await self.interlocks.close()
         await self.robot.close()
 
-    async def _require_allowed(self) -> None:
+    async def _require_interlocks(self) -> None:
         closed = [reading for reading in await self.interlocks.readings() if not reading.allows]
         if closed:
             what = "; ".join(f"{reading.name} {reading.why}" for reading in closed)

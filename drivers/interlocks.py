@@ -26,7 +26,7 @@ FUNCTION: dict[Kind, Function] = {"coil": Function.READ_COILS, "discrete-input":
 
 
 @dataclass(frozen=True)
-class Signal:
+class InterlockSignal:
     """Address of an interlock's input, and the value that allows motion."""
 
     name: str
@@ -40,7 +40,7 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Reading:
+class InterlockReading:
     """Whether an interlock allows motion now, with the reason if not."""
 
     name: str
@@ -59,7 +59,7 @@ class Interlocks:
         self,
         address: str,
         unit: int,
-        signals: tuple[Signal, ...],
+        signals: tuple[InterlockSignal, ...],
         limit_s: float,
         timing: Timing | None = None,
         transport: Transport | None = None,
@@ -73,9 +73,9 @@ class Interlocks:
         transport = transport or transport_at(address)
         self._line = ModbusLine(transport, framing, self._reader, limit_s, self._timing)
         self._turn = asyncio.Lock()
-        self._next: asyncio.Task[tuple[Reading, ...]] | None = None
+        self._next: asyncio.Task[tuple[InterlockReading, ...]] | None = None
 
-    async def readings(self) -> tuple[Reading, ...]:
+    async def readings(self) -> tuple[InterlockReading, ...]:
         """Every interlock, read after the call; within `limit_s`, or twice that when a reading is in progress.
 
         A call during a reading shares the next one.
@@ -89,7 +89,7 @@ class Interlocks:
         async with self._turn:
             await self._line.close()
 
-    async def _read_next(self) -> tuple[Reading, ...]:
+    async def _read_next(self) -> tuple[InterlockReading, ...]:
         async with self._turn:
             self._next = None
             error = await self._error_of_reading()
@@ -100,7 +100,7 @@ class Interlocks:
     async def _error_of_reading(self) -> str | None:
         """Read; returns the reason of a failure, None on success."""
         reading = asyncio.create_task(self._line.read())
-        done = await self._timing.done_within(reading, self._limit_s)
+        done = await self._timing.wait_until_done(reading, self._limit_s)
         reading.cancel()
         error = (await asyncio.gather(reading, return_exceptions=True))[0]
         if error is None:
@@ -114,14 +114,16 @@ class Interlocks:
         refused = isinstance(error, DeviceUnreachable) and self._reader.numbered
         return f"nobody answers, {error.what}" if refused else error.what
 
-    def _reading(self, signal: Signal) -> Reading:
+    def _reading(self, signal: InterlockSignal) -> InterlockReading:
         if (code := self._reader.exceptions.get(signal.bit)) is not None:
             return self._unread(signal, f"{signal.kind} {signal.address} is refused with exception {code}")
         value = self._reader.bits[signal.bit]
-        return Reading(signal.name, value is signal.allows, "" if value is signal.allows else f"is {int(value)}")
+        return InterlockReading(
+            signal.name, value is signal.allows, "" if value is signal.allows else f"is {int(value)}"
+        )
 
-    def _unread(self, signal: Signal, why: str) -> Reading:
-        return Reading(signal.name, False, f"cannot be read ({self.address}: {why})")
+    def _unread(self, signal: InterlockSignal, why: str) -> InterlockReading:
+        return InterlockReading(signal.name, False, f"cannot be read ({self.address}: {why})")
 
 
 def check_interlock_address(address: str) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from drivers.errors import DeviceError, DeviceTimeout, GarbledAnswer
 from drivers.timing import Timing
 from drivers.transports.transport import Connection, Transport
-from protocols.modbus.bit_reader import Answer, BitReader
+from protocols.modbus.bit_reader import AnswerKind, BitReader
 from protocols.modbus.client_framing import ClientFraming
 from protocols.modbus.errors import HeaderBroken
 
@@ -35,7 +35,7 @@ class ModbusLine:
 
     async def read(self) -> None:
         """Fill `reader.bits` and `reader.exceptions`; may be cancelled. Raises DeviceError."""
-        connection = await self._trusted_connection()
+        connection = await self._require_connection()
         self.reader.begin()
         try:
             while (pdu := self.reader.request()) is not None:
@@ -43,7 +43,7 @@ class ModbusLine:
                 await connection.send(self.framing.encode(pdu))
                 await self._answered
         except BaseException:
-            self._doubt()
+            self._distrust()
             raise
         finally:
             self._answered = None
@@ -58,7 +58,7 @@ class ModbusLine:
         if connection is not None:
             await connection.close()
 
-    async def _trusted_connection(self) -> Connection:
+    async def _require_connection(self) -> Connection:
         """The open connection. Raises DeviceError, also while the line must be silent."""
         if self._doubtful and self.reader.numbered:
             await self.close()
@@ -71,7 +71,7 @@ class ModbusLine:
     async def _open(self) -> Connection:
         await self.close()
         connection = self._connection = await self.transport.connect()
-        self.framing.connected()
+        self.framing.reset()
         self._listener = asyncio.create_task(self._listen(connection), name=f"listens to {self.transport.address}")
         return connection
 
@@ -88,15 +88,15 @@ class ModbusLine:
             self._lose(error)
         await connection.close()
 
-    def _hear(self, answer: Answer) -> None:
+    def _hear(self, answer: AnswerKind) -> None:
         """Handle an answer: late answers to older questions are normal within a reading, suspicious outside."""
-        if self._answered is None or answer is Answer.UNFIT:
-            self._doubt()
+        if self._answered is None or answer is AnswerKind.UNFIT:
+            self._distrust()
         if self._answered is None or self._answered.done():
             return
-        if answer is Answer.AWAITED:
+        if answer is AnswerKind.AWAITED:
             self._answered.set_result(None)
-        elif answer is Answer.UNFIT:
+        elif answer is AnswerKind.UNFIT:
             what = "an answer came that fits no question"
             self._answered.set_exception(GarbledAnswer(self.transport.address, what, FIX))
 
@@ -106,6 +106,6 @@ class ModbusLine:
         if self._answered is not None and not self._answered.done():
             self._answered.set_exception(error)
 
-    def _doubt(self) -> None:
+    def _distrust(self) -> None:
         self._doubtful = True
         self._heard_at_s = self.timing.clock()

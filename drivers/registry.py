@@ -20,7 +20,7 @@ from drivers.interfaces import Camera, MakeCamera, MakeRobot, MakeScanner, Robot
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
 from drivers.robots.abb.rws.address import RwsAddress
-from drivers.robots.abb.rws.redundant_stop import TwoWaysToStop
+from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.scanners.folder_scanner import FolderScanner
 from drivers.scanners.http_scanner import HttpScanner
@@ -46,8 +46,8 @@ def open_robot(address: str, timing: Timing | None = None, *, stop_address: str 
     parse, make = _look_up(ROBOTS, "robot", address)
     robot = make(parse(address), timing)
     if stop_address is not None:
-        second = RwsRobot(_second_way(stop_address), timing, name="second way to stop")
-        robot = TwoWaysToStop(robot, second, timing)
+        second = RwsRobot(_stop_address(stop_address), timing, name="second way to stop")
+        robot = RedundantStop(robot, second, timing)
     robot.start()
     return robot
 
@@ -92,7 +92,7 @@ def check_robot_address(address: str) -> None:
 
 def check_stop_address(address: str) -> None:
     """Raises AddressNotUnderstood; opens nothing."""
-    _second_way(address)
+    _stop_address(address)
 
 
 def check_camera_address(address: str) -> None:
@@ -105,7 +105,7 @@ def check_scanner_address(address: str) -> None:
     _look_up(SCANNERS, "scanner", address)[0](address)
 
 
-def _second_way(address: str) -> RwsAddress:
+def _stop_address(address: str) -> RwsAddress:
     if address.partition(":")[0].lower() != "rws":
         raise AddressNotUnderstood(address, "a second way to stop needs Robot Web Services", "write rws://host")
     return RwsAddress.parse(address)

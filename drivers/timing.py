@@ -8,13 +8,13 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any
 
-TURN_S = 2e-4
+SWITCH_INTERVAL_S = 2e-4
 """Thread switch interval in s; Python's default of 5 ms is longer than a packet of EGM or a pose takes."""
 
 
-def take_turns_often() -> None:
+def shorten_switch_interval() -> None:
     """Shorten the thread switch interval, so that device threads run soon beside threads that process clouds."""
-    sys.setswitchinterval(min(sys.getswitchinterval(), TURN_S))
+    sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH_INTERVAL_S))
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Timing:
     sleep: Callable[[float], Awaitable[None]] = asyncio.sleep
     chance: Callable[[], float] = random.random
 
-    async def done_within(self, future: "asyncio.Future[Any]", limit_s: float) -> bool:
+    async def wait_until_done(self, future: "asyncio.Future[Any]", limit_s: float) -> bool:
         """Wait up to `limit_s` for a future without cancelling it; returns whether it is done."""
         if future.done():
             return True

@@ -12,7 +12,7 @@ from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnr
 from drivers.polled_device import PolledDevice
 from drivers.timing import Timing
 
-LOOK_EVERY_S = 0.1
+POLL_S = 0.1
 LAG_S = 0.2
 """A file's time is the end of its writing; its content is older by the exposure and the writing."""
 TEMPORARY_ENDINGS = (".tmp", ".part", ".partial", ".crdownload", ".swp", "~")
@@ -94,7 +94,7 @@ class WatchedFolder(PolledDevice):
                     refused, garbled = newest, error
             if self._timing.clock() >= deadline_s:
                 raise garbled or self._nothing_fresh(newest, newer_than_s)
-            await self._timing.sleep(LOOK_EVERY_S / 2)
+            await self._timing.sleep(POLL_S / 2)
 
     def _read(self, sighting: Sighting, understand: Callable[[str, bytes], Content]) -> tuple[bytes, Content]:
         device = f"{self.device}/{sighting.path.name}"
@@ -117,7 +117,7 @@ class WatchedFolder(PolledDevice):
             else:
                 self._report.up("the folder is there" if sightings else "the folder is there, and empty so far")
                 self._note(sightings)
-            await self._timing.sleep(LOOK_EVERY_S)
+            await self._timing.sleep(POLL_S)
 
     def _note(self, sightings: list[Sighting]) -> None:
         """Note the newest file unchanged since the last poll; newer ones may still grow."""

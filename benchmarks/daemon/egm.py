@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.daemon.link import beside, register_until
-from drivers.robots.abb.egm_vibration import Arrival, EgmAddress, EgmMonitor
+from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor, ReceivedSample
 from protocols.egm.messages import RobotSample, decode, encode
 
 PERIOD_S = 0.004
@@ -32,7 +32,7 @@ PEERS = ("abb_robot_client.egm", "ABBRobotEGM")
 DECODES = 5000
 
 
-class Noted(deque[Arrival]):
+class Noted(deque[ReceivedSample]):
     """The monitor's samples, and how late each was there: in all, and by the kernel's note of its arrival."""
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class Noted(deque[Arrival]):
         self.there_ms: dict[int, float] = {}
         self.noted_ms: dict[int, float] = {}
 
-    def append(self, arrival: Arrival) -> None:
+    def append(self, arrival: ReceivedSample) -> None:
         """Note, then hold."""
         sent_s = arrival.sample.time_us * 1e-6
         seqno = arrival.sample.seqno

@@ -209,7 +209,7 @@ async def _armed(robot: CbRobot) -> None:
     """As an operator would: again, when what was before is still ending."""
     while True:
         try:
-            await robot.connected(30.0)
+            await robot.wait_connected(30.0)
             await robot.set_armed(True)
         except DeviceError:
             await asyncio.sleep(0.2)
@@ -237,7 +237,7 @@ async def _comes_to_rest(cell: MockCell) -> None:
 
 async def _moves_by_itself(cell: MockCell, robot: CbRobot) -> bool:
     """From the next greeting on. Before it, the one move may still have begun, and been stopped."""
-    await robot.connected(30.0)
+    await robot.wait_connected(30.0)
     await _comes_to_rest(cell)
     departures = cell.controller.arm.departures
     await asyncio.sleep(0.5)

@@ -15,7 +15,7 @@ from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.runtime.clock import Clock
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from drivers.errors import DeviceError, errors_of
-from drivers.interfaces import Camera, Frame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
+from drivers.interfaces import Camera, CameraFrame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
 from drivers.interlocked_robot import InterlockedRobot
 
 if TYPE_CHECKING:
@@ -122,13 +122,13 @@ class Cell:
             self._vibration_gate.check()
         return await read_if_standing(self.robot, self._settling, self._clock)
 
-    async def capture_view(self) -> tuple[PoseReading, Frame]:
+    async def capture_view(self) -> tuple[PoseReading, CameraFrame]:
         """Wait until the arm is at rest, and take a picture; returns pose and picture. Raises NotStill, DeviceError."""
         before = await self.read_settled_pose()
         frame = await self.capture_frame(before)
         return before, frame
 
-    async def capture_frame(self, before: PoseReading) -> Frame:
+    async def capture_frame(self, before: PoseReading) -> CameraFrame:
         """Take a frame after the reading `before`, and check that the arm has not moved since.
 
         Raises NotStill, StaleCaptureError, DeviceError.
@@ -155,13 +155,13 @@ class Cell:
         self._scanner_staleness.check_cloud(cloud, before)
         return cloud
 
-    async def grab(self, newer_than_s: float) -> Frame:
+    async def grab(self, newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`; concurrent callers wait for each other. Raises DeviceError."""
         async with self._camera_turn:
             with errors_of("camera"):
                 return await self._camera.grab(newer_than_s)
 
-    async def grab_now(self) -> Frame:
+    async def grab_now(self) -> CameraFrame:
         """A frame exposed after this call. Raises DeviceError."""
         return await self.grab(self._clock.monotonic_s())
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.transforms import Array, difference
 from daemon.errors import StaleCaptureError
-from drivers.interfaces import Frame, PoseReading, ScannedCloud
+from drivers.interfaces import CameraFrame, PoseReading, ScannedCloud
 
 MIN_DISTANCE_MM, MIN_ROTATION_RAD = 1.0, 1e-3
 """Identical captures from poses nearer than this are accepted: a simulated device has no noise."""
@@ -21,7 +21,7 @@ class StaleCaptureDetector:
     _digest: bytes = b""
     _base_T_flange: Array | None = None
 
-    def check_frame(self, frame: Frame, reading: PoseReading) -> None:
+    def check_frame(self, frame: CameraFrame, reading: PoseReading) -> None:
         """Raises StaleCaptureError for a repeated picture; not for one without contrast, which fails in detection."""
         if np.ptp(frame.image):
             self._check(np.ascontiguousarray(frame.image).data, "picture", reading)

@@ -89,7 +89,7 @@ class InterlockSettings(Document):
 
     def open(self) -> "Interlocks":
         """The Modbus client; it connects at the first reading."""
-        from drivers.interlocks import Interlocks, Signal
+        from drivers.interlocks import Interlocks, InterlockSignal
 
-        signals = tuple(Signal(s.name, s.kind, s.address, s.allows) for s in self.signals)
+        signals = tuple(InterlockSignal(s.name, s.kind, s.address, s.allows) for s in self.signals)
         return Interlocks(self.address, self.unit, signals, self.limit_s)

@@ -54,7 +54,7 @@ class ModbusRtu:
                 self._server = self._make_server()
                 await self._server.serve_forever(background=True)
                 log.info("the PLC's serial line %s is open", self._settings.port)
-                self._backoff.succeeded()
+                self._backoff.reset()
                 warned = False
                 self.opened.set()
                 await self._lost.wait()

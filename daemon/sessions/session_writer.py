@@ -16,7 +16,7 @@ from daemon.runtime.workers import Workers
 from daemon.sessions.session_reader import SESSION_FILE, read_grey
 from daemon.store.store import Store
 from drivers.cameras.decoding import PNG_MAGIC
-from drivers.interfaces import Frame, PoseReading
+from drivers.interfaces import CameraFrame, PoseReading
 
 FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 """Level 1: lossless as every level, several times faster and slightly larger."""
@@ -36,7 +36,7 @@ class SessionWriter:
             schema_version=1, source=source, setup="eye-in-hand", target=target, camera=camera, views=[]
         )
 
-    async def add(self, frame: Frame, reading: PoseReading) -> int:
+    async def add(self, frame: CameraFrame, reading: PoseReading) -> int:
         """Store a station's picture and pose; returns the view's index. Raises PictureUnusable, StorageError."""
         self._require_size(frame)
         index = len(self._document.views)
@@ -60,7 +60,7 @@ class SessionWriter:
         camera = document.camera.camera() if document.camera else None
         return Problem(document.setup, document.target.target(), camera, self._image_size, tuple(views))
 
-    def _require_size(self, frame: Frame) -> None:
+    def _require_size(self, frame: CameraFrame) -> None:
         size = (int(frame.image.shape[1]), int(frame.image.shape[0]))
         if self._image_size is None:
             self._image_size = size
@@ -76,7 +76,7 @@ def image_name(index: int) -> str:
     return f"view_{index:03d}.png"
 
 
-def png_of(frame: Frame) -> bytes:
+def png_of(frame: CameraFrame) -> bytes:
     """The frame as PNG: the file from the camera when it is one, else encoded. Raises PictureUnusable."""
     if frame.encoded is not None and frame.encoded.startswith(PNG_MAGIC):
         return frame.encoded

@@ -14,7 +14,7 @@ JPEG_MAGIC = b"\xff\xd8\xff"
 JPEG_END = b"\xff\xd9"
 JPEG_SIZES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers whose segment holds a JPEG's height and width (ITU T.81, table B.1)."""
-PIXELS_MAX = 200_000_000
+MAX_PIXELS = 200_000_000
 FIX = "check that the device writes whole PNG or JPEG pictures"
 
 # Keeps grey images grey, drops alpha and 16 bit; EXIF rotation is ignored, since calibration needs the sensor's rows.
@@ -33,7 +33,7 @@ def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = Non
     if image_size is not None and (width, height) != image_size:
         what = f"the picture is {width}×{height}, expected {image_size[0]}×{image_size[1]}"
         raise GarbledAnswer(device, what, "set the camera to the size its intrinsics were found at")
-    if not 0 < width * height <= PIXELS_MAX:
+    if not 0 < width * height <= MAX_PIXELS:
         raise GarbledAnswer(device, f"the picture claims {width}×{height} pixels", FIX)
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), FLAGS)

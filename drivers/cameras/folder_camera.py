@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from drivers.cameras.decoding import decode
-from drivers.interfaces import Frame
+from drivers.interfaces import CameraFrame
 from drivers.timing import Timing
 from drivers.watched_folder import LAG_S, WatchedFolder
 
@@ -41,9 +41,9 @@ class FolderCamera(WatchedFolder):
             wall_clock=wall_clock,
         )
 
-    async def grab(self, newer_than_s: float) -> Frame:
+    async def grab(self, newer_than_s: float) -> CameraFrame:
         """The newest complete image from after `newer_than_s`; raises a DeviceError."""
         image, encoded, taken_at_s = await self.newest(
             newer_than_s, lambda device, content: decode(device, content, self._image_size)
         )
-        return Frame(image, taken_at_s, encoded)
+        return CameraFrame(image, taken_at_s, encoded)

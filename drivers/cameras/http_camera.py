@@ -4,7 +4,7 @@ import asyncio
 
 from drivers.cameras.decoding import decode
 from drivers.http_source import HttpSource
-from drivers.interfaces import Frame
+from drivers.interfaces import CameraFrame
 from drivers.timing import Timing
 
 LIMIT_S = 5.0
@@ -27,8 +27,8 @@ class HttpCamera(HttpSource):
         super().__init__(url, timing or Timing(), name=name, limit_s=limit_s, max_bytes=max_bytes)
         self._image_size = image_size
 
-    async def grab(self, newer_than_s: float) -> Frame:
+    async def grab(self, newer_than_s: float) -> CameraFrame:
         """An image taken after `newer_than_s`; raises a DeviceError."""
         fetched = await self.fetch(newer_than_s)
         image = await asyncio.to_thread(decode, self.device, fetched.content, self._image_size)
-        return Frame(image, fetched.taken_at_s, fetched.content)
+        return CameraFrame(image, fetched.taken_at_s, fetched.content)

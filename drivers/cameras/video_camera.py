@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drivers.backoff import Backoff
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
-from drivers.interfaces import Frame, LinkHealth
+from drivers.interfaces import CameraFrame, LinkHealth
 from drivers.link_status import LinkReport
 from drivers.timing import Timing
 
@@ -42,7 +42,7 @@ class VideoCamera:
         self._image_size, self._limit_s, self._latency_s = image_size, limit_s, latency_s
         self._device = f"{name} video:{source}"
         self._report = LinkReport(self._timing.clock)
-        self._newest: Frame | None = None
+        self._newest: CameraFrame | None = None
         self._arrived = asyncio.Event()
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
@@ -57,10 +57,10 @@ class VideoCamera:
         """Start reading."""
         if self._thread is None:
             self._loop = asyncio.get_running_loop()
-            self._thread = threading.Thread(target=self._read_for_ever, name=f"reads {self._device}", daemon=True)
+            self._thread = threading.Thread(target=self._read_continuously, name=f"reads {self._device}", daemon=True)
             self._thread.start()
 
-    async def grab(self, newer_than_s: float) -> Frame:
+    async def grab(self, newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`; raises a DeviceError."""
         deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
         while True:
@@ -70,7 +70,7 @@ class VideoCamera:
                 return newest
             self._arrived.clear()
             arrived = asyncio.ensure_future(self._arrived.wait())
-            in_time = await self._timing.done_within(arrived, max(0.0, deadline_s - self._timing.clock()))
+            in_time = await self._timing.wait_until_done(arrived, max(0.0, deadline_s - self._timing.clock()))
             arrived.cancel()
             if not in_time:
                 raise self._nothing_fresh()
@@ -83,18 +83,18 @@ class VideoCamera:
             self._thread = None
         self._report.down("closed")
 
-    def _read_for_ever(self) -> None:
+    def _read_continuously(self) -> None:
         backoff = Backoff(self._timing.chance)
         while not self._ending.is_set():
             try:
-                self._read_until_lost(backoff)
+                self._read_until_loss(backoff)
             except DeviceError as error:
                 self._report.down(f"{error.what}: {error.fix}")
             except cv2.error as error:
                 self._report.down(f"OpenCV cannot read it ({error.err})")
             self._ending.wait(backoff.next_wait_s())
 
-    def _read_until_lost(self, backoff: Backoff) -> None:
+    def _read_until_loss(self, backoff: Backoff) -> None:
         capture = self._open()
         try:
             period_s = self._file_period_s(capture)
@@ -105,8 +105,8 @@ class VideoCamera:
                     raise LinkLost(self._device, "no more frames come", "it is opened again by itself")
                 arrived_s = self._timing.clock()
                 if arrived_before_s is not None:
-                    backoff.succeeded()
-                    self._hand_over(Frame(np.asarray(image, np.uint8), arrived_before_s - self._latency_s))
+                    backoff.reset()
+                    self._hand_over(CameraFrame(np.asarray(image, np.uint8), arrived_before_s - self._latency_s))
                 arrived_before_s = arrived_s
                 if period_s:
                     self._ending.wait(period_s)
@@ -132,7 +132,7 @@ class VideoCamera:
         frames_per_s = float(capture.get(cv2.CAP_PROP_FPS))
         return 1 / frames_per_s if 0 < frames_per_s < 1000 else 0.04
 
-    def _hand_over(self, frame: Frame) -> None:
+    def _hand_over(self, frame: CameraFrame) -> None:
         self._newest = frame
         if not self._report.health.connected:
             self._report.up(f"frames of {frame.image.shape[1]}×{frame.image.shape[0]} come")

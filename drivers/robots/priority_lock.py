@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 
-class Turnstile:
+class PriorityLock:
     """An asyncio lock whose urgent waiters go first."""
 
     def __init__(self) -> None:
@@ -14,7 +14,7 @@ class Turnstile:
         self._queue: deque[asyncio.Future[None]] = deque()
 
     @asynccontextmanager
-    async def turn(self, *, urgent: bool = False) -> AsyncIterator[None]:
+    async def hold(self, *, urgent: bool = False) -> AsyncIterator[None]:
         """Hold the lock; waits for it."""
         await self._enter(urgent)
         try:

@@ -34,14 +34,14 @@ class SerialConnection:
         try:
             await asyncio.to_thread(self._write, data)
         except SERIAL_ERRORS as error:
-            raise self._lost(error) from error
+            raise self._link_lost(error) from error
 
     async def receive(self) -> bytes:
         """At least one byte; raises LinkLost."""
         data = await self._received.get()
         if isinstance(data, LinkLost):
             self._received.put_nowait(data)
-            raise self._lost(data.__cause__)
+            raise self._link_lost(data.__cause__)
         return data
 
     async def close(self) -> None:
@@ -68,7 +68,7 @@ class SerialConnection:
                 if data:
                     self._hand_over(data)
         except SERIAL_ERRORS as error:
-            lost = self._lost(error)
+            lost = self._link_lost(error)
             lost.__cause__ = error
             self._hand_over(lost)
 
@@ -76,7 +76,7 @@ class SerialConnection:
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._received.put_nowait, item)
 
-    def _lost(self, error: BaseException | None) -> LinkLost:
+    def _link_lost(self, error: BaseException | None) -> LinkLost:
         return LinkLost(self._device, f"the serial line broke ({reason_of(error)})", "check the cable and the adapter")
 
 
@@ -105,7 +105,7 @@ class SerialTransport:
         try:
             port = await asyncio.shield(opening)
         except asyncio.CancelledError:
-            opening.add_done_callback(_close_what_opened)
+            opening.add_done_callback(_close_late_port)
             raise
         except (*SERIAL_ERRORS, ValueError) as error:
             fix = "check the port's name, that the adapter is plugged in, and the right to use it (group dialout)"
@@ -131,7 +131,7 @@ class SerialTransport:
         return port
 
 
-def _close_what_opened(opening: "asyncio.Future[Any]") -> None:
+def _close_late_port(opening: "asyncio.Future[Any]") -> None:
     """Close a port whose opener was cancelled; its error, if any, is dropped."""
     if not opening.cancelled() and opening.exception() is None:
         opening.result().close()

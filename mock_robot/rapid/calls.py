@@ -17,7 +17,7 @@ WRITABLE = {"var": ("var",), "pers": ("pers",), "inout": ("var", "pers")}
 
 def call(context: CompileContext, symbol: Routine | Builtin, node: Node) -> Evaluate:
     """What calls the routine or instruction of this node. Raises RapidProgramError."""
-    given = _matched(context, symbol, node)
+    given = _match_arguments(context, symbol, node)
     makers = [
         _absent if argument is None else _maker(context, parameter, argument, node, isinstance(symbol, Routine))
         for parameter, argument in zip(symbol.parameters, given, strict=True)
@@ -65,7 +65,7 @@ def _absent(frame: Frame) -> None:
 Argument = Node | bool
 
 
-def _matched(context: CompileContext, symbol: Routine | Builtin, node: Node) -> list[Argument | None]:
+def _match_arguments(context: CompileContext, symbol: Routine | Builtin, node: Node) -> list[Argument | None]:
     """For each parameter its argument: an expression, True for a switch, None when it is left out."""
     arguments = parts(node, "arguments")
     required, options = [], {}

@@ -44,7 +44,7 @@ def _number(context: CompileContext, node: Node, wanted: Type | None) -> Express
 
 
 def _string(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
-    text = unquoted(word(node, 0))
+    text = unquote(word(node, 0))
     try:
         short(text)
     except RapidError as error:
@@ -52,7 +52,7 @@ def _string(context: CompileContext, node: Node, wanted: Type | None) -> Express
     return Expression(STRING, lambda frame: text)
 
 
-def unquoted(literal: str) -> str:
+def unquote(literal: str) -> str:
     """The text of a string literal: doubled quotes and backslashes are one, backslash and two hex digits a byte."""
     text, at = "", 1
     while at < len(literal) - 1:
@@ -87,7 +87,7 @@ def _binary(context: CompileContext, node: Node, wanted: Type | None) -> Express
     for operator, operand in zip(children[1::2], children[2::2], strict=True):
         assert isinstance(operand, Tree)
         right = expression(context, operand, _wish(context, operand, left.type if left.type is DNUM else None))
-        left = _combined(context, str(operator).upper(), left, right, line_of(node))
+        left = _combine(context, str(operator).upper(), left, right, line_of(node))
     return left
 
 
@@ -96,7 +96,7 @@ def _wish(context: CompileContext, node: Node, wanted: Type | None) -> Type | No
     return wanted if wanted is DNUM and node.data == "number" else None
 
 
-def _combined(context: CompileContext, operator: str, left: Expression, right: Expression, line: int) -> Expression:
+def _combine(context: CompileContext, operator: str, left: Expression, right: Expression, line: int) -> Expression:
     entry = BINARY.get((operator, left.type.name, right.type.name))
     if entry is None and operator in ("=", "<>") and left.type == right.type and not getattr(left.type, "device", 0):
         entry = (BOOL, COMPARISONS[operator])
@@ -150,7 +150,7 @@ def _present(context: CompileContext, node: Node) -> Expression:
 
 
 def _target(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
-    symbol, indices, steps, kind = resolved(context, node)
+    symbol, indices, steps, kind = resolve(context, node)
     base = _reader(symbol)
     if not indices and not steps:
         return Expression(kind, base)
@@ -182,7 +182,7 @@ def _reader(symbol: Data) -> Evaluate:
     return lambda frame: slot.value
 
 
-def resolved(context: CompileContext, node: Node) -> tuple[Data, list[Evaluate], list[int], Type]:
+def resolve(context: CompileContext, node: Node) -> tuple[Data, list[Evaluate], list[int], Type]:
     """What a target names: the data, the indices into it, the components within, and the type in the end."""
     symbol = context.scope.find(name(node, 0))
     if not isinstance(symbol, Data):
@@ -214,7 +214,7 @@ def reference(context: CompileContext, node: Node) -> tuple[Data, Type, Evaluate
     """A target as something that can be written to: its data, its type, and what gives the slot in a frame."""
     if node.data != "target":
         raise context.wrong(line_of(node), "a data object is wanted here, not an expression")
-    symbol, indices, steps, kind = resolved(context, node)
+    symbol, indices, steps, kind = resolve(context, node)
     slot, place = symbol.slot, symbol.place
     root: Evaluate = (lambda frame: frame[place]) if slot is None else (lambda frame: slot)
     if not indices and not steps:

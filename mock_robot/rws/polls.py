@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mock_robot.rws.sessions import Session
-from mock_robot.rws.subscriptions import PERIODS_S, Group, Subscriptions
+from mock_robot.rws.subscriptions import PERIODS_S, SubscriptionGroup, Subscriptions
 
 SUBPROTOCOLS = {1: "robapi2_subscription", 2: "rws_subscription"}
 POLICY_VIOLATION, GOING_AWAY = 1008, 1001
@@ -44,11 +44,13 @@ class Polls:
         finally:
             self.subscriptions.delete(group.number)
 
-    def _group(self, path: str) -> Group | None:
+    def _group(self, path: str) -> SubscriptionGroup | None:
         number = path.removeprefix("/poll/")
         return self.subscriptions.groups.get(int(number)) if number.isdecimal() else None
 
-    def _refusal(self, scope: Scope, wanted: str, group: Group | None, session: Session | None) -> int | None:
+    def _refusal(
+        self, scope: Scope, wanted: str, group: SubscriptionGroup | None, session: Session | None
+    ) -> int | None:
         """HTTP status that refuses a handshake; None when it is accepted."""
         if wanted not in scope["subprotocols"]:
             return 400
@@ -58,7 +60,7 @@ class Polls:
             return 404
         return None
 
-    async def _tell(self, group: Group, receive: Receive, send: Send) -> None:
+    async def _tell(self, group: SubscriptionGroup, receive: Receive, send: Send) -> None:
         hearing = asyncio.ensure_future(receive())
         try:
             while group.number in self.subscriptions.groups:

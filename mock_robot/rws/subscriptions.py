@@ -42,7 +42,7 @@ class WatchedResource:
 
 
 @dataclass
-class Group:
+class SubscriptionGroup:
     """One subscription. `taken`: its socket was opened, which its address allows once."""
 
     number: int
@@ -69,10 +69,10 @@ class Subscriptions:
 
     world: World
     version: int
-    groups: dict[int, Group] = field(default_factory=dict, init=False)
+    groups: dict[int, SubscriptionGroup] = field(default_factory=dict, init=False)
     _number: int = field(default=0, init=False)
 
-    def create(self, session: Session, form: Mapping[str, str]) -> Group:
+    def create(self, session: Session, form: Mapping[str, str]) -> SubscriptionGroup:
         """Create a group from a form: resources=1, 1=/rw/..., 1-p=1. Raises RwsRefused."""
         numbers = [key for key in form if key.isdecimal()]
         if not numbers or "resources" not in form or len(numbers) > MAX_RESOURCES:
@@ -83,7 +83,7 @@ class Subscriptions:
         for each in watched:
             each.sent = each.read()
         self._number += 1
-        group = self.groups[self._number] = Group(self._number, session, watched)
+        group = self.groups[self._number] = SubscriptionGroup(self._number, session, watched)
         return group
 
     def delete(self, number: int) -> bool:

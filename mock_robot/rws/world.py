@@ -19,7 +19,7 @@ _SWITCHED = (MOTORS_ON_CODE, MOTORS_OFF_CODE, ESTOP_CODE, RELEASED_CODE)
 
 
 @dataclass(frozen=True)
-class Selection:
+class PendantSelection:
     """Tool and work object selected at the pendant, the default of requests that name none."""
 
     tool: str = "tool0"
@@ -38,7 +38,7 @@ class World:
     mastership: Mastership = field(default_factory=Mastership)
     tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4), "tGripper": _shift_z(150.0)})
     wobjs: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4), "wobjTableN": _shift_z(100.0)})
-    picked: Selection = Selection()
+    picked: PendantSelection = PendantSelection()
     cycle: str = "forever"
     programs: list[Callable[[], None]] = field(default_factory=list)
 
@@ -51,9 +51,9 @@ class World:
         return self.cabinet.panel.mode
 
     @property
-    def selection(self) -> Selection:
+    def selection(self) -> PendantSelection:
         """Tool and work object selected at the pendant now."""
-        return Selection("tGripper", "wobjTableN") if self.faults.is_on("rws-other-tool") else self.picked
+        return PendantSelection("tGripper", "wobjTableN") if self.faults.is_on("rws-other-tool") else self.picked
 
     @property
     def controller_state(self) -> str:

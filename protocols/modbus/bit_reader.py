@@ -47,7 +47,7 @@ OTHER = {
 }
 
 
-class Answer(Enum):
+class AnswerKind(Enum):
     """Classification of an answer."""
 
     AWAITED = "it answers the question"
@@ -56,7 +56,7 @@ class Answer(Enum):
 
 
 @dataclass(frozen=True)
-class Group:
+class BitGroup:
     """Bits of one function requested by one question, in order."""
 
     function: Function
@@ -87,14 +87,14 @@ class Group:
         """As many bits of the other function: its answer or refusal has another shape."""
         return ReadBits(OTHER[self.function], self.addresses[0], self.count)
 
-    def halves(self) -> "tuple[Group, Group]":
+    def halves(self) -> "tuple[BitGroup, BitGroup]":
         """Two groups, split at the widest gap between two addresses."""
         at = max(range(1, len(self.addresses)), key=lambda i: self.addresses[i] - self.addresses[i - 1])
-        return Group(self.function, self.addresses[:at]), Group(self.function, self.addresses[at:])
+        return BitGroup(self.function, self.addresses[:at]), BitGroup(self.function, self.addresses[at:])
 
 
 @dataclass
-class _Asked:
+class _PendingQuestion:
     """A question on the line, and the shapes its pending answers may have."""
 
     question: ReadBits
@@ -115,9 +115,9 @@ class BitReader:
     numbered: bool = False
     bits: dict[Bit, bool] = field(default_factory=dict, init=False)
     exceptions: dict[Bit, int] = field(default_factory=dict, init=False)
-    _groups: tuple[Group, ...] = field(init=False)
-    _open: list[Group] = field(default_factory=list, init=False)
-    _line: list[_Asked] = field(default_factory=list, init=False)
+    _groups: tuple[BitGroup, ...] = field(init=False)
+    _open: list[BitGroup] = field(default_factory=list, init=False)
+    _line: list[_PendingQuestion] = field(default_factory=list, init=False)
     _outstanding: bool = field(default=False, init=False)
     _to_prove: int = field(init=False)
     _known: dict[ReadBits, Shape] = field(default_factory=dict, init=False)
@@ -141,27 +141,27 @@ class BitReader:
         if question is None:
             return None
         if not self._outstanding:
-            self._line.append(_Asked(question, frozenset({_shape_of(question), _refusal_of(question)})))
+            self._line.append(_PendingQuestion(question, frozenset({_shape_of(question), _refusal_of(question)})))
             self._outstanding = True
         self._line[-1].times += 1
         self._asked_last[question] = max(self._asked_last.values(), default=0) + 1
         return struct.pack(">BHH", question.function, question.address, question.count)
 
-    def receive(self, pdu: bytes) -> Answer:
+    def receive(self, pdu: bytes) -> AnswerKind:
         """Process the PDU of an answer."""
         shape = _shape_in(pdu)
         fitting = [i for i, asked in enumerate(self._line) if shape in asked.shapes]
         if shape is None or not fitting:
-            return Answer.UNFIT
+            return AnswerKind.UNFIT
         if not self._to_prove:
             del self._line[: fitting[0]]  # answers come in order: nothing older follows
         newest = self._line[-1]
         if not self._outstanding or any(shape in asked.shapes for asked in self._line[:-1]):
-            return Answer.REPEATED
+            return AnswerKind.REPEATED
         self._take(newest, shape, pdu)
-        return Answer.AWAITED
+        return AnswerKind.AWAITED
 
-    def _take(self, asked: _Asked, shape: Shape, pdu: bytes) -> None:
+    def _take(self, asked: _PendingQuestion, shape: Shape, pdu: bytes) -> None:
         """Process the answer to the newest question."""
         self._outstanding = False
         wanted = asked.in_this_reading and bool(self._open) and asked.question in self._questions_for(self._open[0])
@@ -176,7 +176,7 @@ class BitReader:
         if wanted:
             self._note(self._open[0], asked.question, pdu)
 
-    def _note(self, group: Group, question: ReadBits, pdu: bytes) -> None:
+    def _note(self, group: BitGroup, question: ReadBits, pdu: bytes) -> None:
         """Store values, or an exception, for the bits of a group."""
         if not pdu[0] & ERROR_BIT:
             values = bits_of(pdu[2:], group.count)
@@ -197,15 +197,15 @@ class BitReader:
         if not self._outstanding:
             return self._new_question() if self._open else None
         newest = self._line[-1]
-        if newest.times < MAX_UNANSWERED or newest.question in self._needed:
+        if newest.times < MAX_UNANSWERED or newest.question in self._needed_questions:
             return newest.question
         self._silent.add(newest.question)
-        other = self._conclusive_question() or self._numbered_question()
+        other = self._conclusive_question() or self._question_by_number()
         self._outstanding = other is None
         return other or newest.question
 
     @property
-    def _needed(self) -> set[ReadBits]:
+    def _needed_questions(self) -> set[ReadBits]:
         """Questions that the device has answered, or must answer."""
         return {group.question for group in self._groups} | self._known.keys()
 
@@ -216,7 +216,7 @@ class BitReader:
         if self._to_prove:  # the device has no three shapes
             self._to_prove = 0
             del self._line[:-1]
-        elif (question := self._numbered_question()) is not None:
+        elif (question := self._question_by_number()) is not None:
             return question
         else:
             self._silent.clear()
@@ -224,7 +224,7 @@ class BitReader:
         assert question is not None, "there is always one of the other function"
         return question
 
-    def _numbered_question(self) -> ReadBits | None:
+    def _question_by_number(self) -> ReadBits | None:
         """The shortest question for the next group of bits, if its answer is identified by its number."""
         if not self.numbered:
             return None
@@ -240,7 +240,7 @@ class BitReader:
                     return question
         return None
 
-    def _questions_for(self, group: Group) -> list[ReadBits]:
+    def _questions_for(self, group: BitGroup) -> list[ReadBits]:
         """Questions that give the values of a group; the longer ones after the shortest was answered."""
         if self._known.get(group.question) != _shape_of(group.question):
             return [group.question]
@@ -254,10 +254,10 @@ class BitReader:
         return all(expected.isdisjoint(asked.shapes) for asked in self._line)
 
 
-def _groups(function: Function, wanted: Iterable[Bit]) -> Iterator[Group]:
+def _groups(function: Function, wanted: Iterable[Bit]) -> Iterator[BitGroup]:
     """One group, or several when the addresses lie further apart than one question reaches."""
     addresses = tuple(sorted({address for kind, address in wanted if kind is function}))
-    waiting = [Group(function, addresses)] if addresses else []
+    waiting = [BitGroup(function, addresses)] if addresses else []
     while waiting:
         group = waiting.pop(0)
         if group.count > MAX_READ_BITS:
@@ -266,7 +266,7 @@ def _groups(function: Function, wanted: Iterable[Bit]) -> Iterator[Group]:
             yield group
 
 
-def _all_questions(group: Group) -> tuple[ReadBits, ...]:
+def _all_questions(group: BitGroup) -> tuple[ReadBits, ...]:
     return (group.question, *group.longer_questions, group.other_question)
 
 

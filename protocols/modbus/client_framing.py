@@ -17,7 +17,7 @@ RTU_ENVELOPE = 3
 class ClientFraming(Protocol):
     """Requests and answers of one unit, on one connection at a time."""
 
-    def connected(self) -> None:
+    def reset(self) -> None:
         """Discard the incomplete frame of the previous connection."""
         ...
 
@@ -40,7 +40,7 @@ class TcpFraming:
         self._unit, self._transaction = unit, 0
         self._reader = MbapReader()
 
-    def connected(self) -> None:
+    def reset(self) -> None:
         self._reader = MbapReader()
 
     def encode(self, pdu: bytes) -> bytes:
@@ -60,7 +60,7 @@ class RtuFraming:
         self._unit = unit
         self._buffer = bytearray()
 
-    def connected(self) -> None:
+    def reset(self) -> None:
         self._buffer.clear()
 
     def encode(self, pdu: bytes) -> bytes:
@@ -69,14 +69,14 @@ class RtuFraming:
 
     def feed(self, data: bytes) -> Iterable[bytes]:
         self._buffer += data
-        while (found := self._found()) is not None:
+        while (found := self._find_frame()) is not None:
             begin, end = found
             pdu = bytes(self._buffer[begin + 1 : end - 2])
             del self._buffer[:end]
             yield pdu
         del self._buffer[: -(MAX_PDU_BYTES + RTU_ENVELOPE)]
 
-    def _found(self) -> tuple[int, int] | None:
+    def _find_frame(self) -> tuple[int, int] | None:
         """Start and end of the first complete frame of this unit."""
         for begin in range(len(self._buffer) - MIN_RTU_ANSWER + 1):
             unit, function, third = self._buffer[begin : begin + 3]

@@ -15,7 +15,15 @@ from calibration.kinematics.arm import Configuration
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, LinkLost
-from drivers.interfaces import Frame, LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus, ScannedCloud
+from drivers.interfaces import (
+    CameraFrame,
+    LinkHealth,
+    MoveGoal,
+    PoseReading,
+    RobotCapabilities,
+    RobotStatus,
+    ScannedCloud,
+)
 from drivers.robots.abb.robtarget import UNUSED_AXIS
 
 BOARD = Chessboard(11, 8, 20.0)
@@ -136,7 +144,7 @@ class FakeCamera:
     def start(self) -> None:
         pass
 
-    async def grab(self, newer_than_s: float) -> Frame:
+    async def grab(self, newer_than_s: float) -> CameraFrame:
         if self.failing is not None:
             raise self.failing
         self.pictures += 1
@@ -145,7 +153,7 @@ class FakeCamera:
         image: Any = np.full(self.size[::-1], 128, np.uint8)
         if not self.blind(self.pictures):
             image = picture_of_the_board(self.robot.base_T_flange)
-        return Frame(image, taken_at_s)
+        return CameraFrame(image, taken_at_s)
 
     async def close(self) -> None:
         pass

@@ -6,15 +6,15 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
-from drivers.interlocks import Signal
+from drivers.interlocks import InterlockSignal
 from drivers.transports.serial_line import SerialConnection, SerialTransport
 from protocols.modbus.bank import Identification, respond
 from protocols.modbus.client_framing import RtuFraming
 from tests.drivers.modbus_terminal import Terminal
 from tests.support.serial_pair import cable
 
-GATE = Signal("gate closed", "discrete-input", 0)
-PART = Signal("part present", "discrete-input", 1)
+GATE = InterlockSignal("gate closed", "discrete-input", 0)
+PART = InterlockSignal("part present", "discrete-input", 1)
 UNIT = 1
 REQUEST_BYTES = 8
 

@@ -9,7 +9,7 @@ from drivers.backoff import JITTER, STEPS_S, Backoff
 def test_the_waits_grow_to_a_cap_and_begin_again_after_a_success():
     backoff = Backoff(chance=lambda: 0.5)
     assert [backoff.next_wait_s() for _ in range(6)] == [0.5, 1, 2, 5, 5, 5]
-    backoff.succeeded()
+    backoff.reset()
     assert backoff.next_wait_s() == 0.5
 
 

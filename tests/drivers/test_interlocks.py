@@ -8,18 +8,18 @@ import pytest
 
 from drivers.errors import AddressNotUnderstood, InterlockRefused
 from drivers.interlocked_robot import InterlockedRobot
-from drivers.interlocks import Interlocks, Signal, check_interlock_address
+from drivers.interlocks import Interlocks, InterlockSignal, check_interlock_address
 from tests.daemon.fakes import FakeRobot
 from tests.drivers.modbus_terminal import Terminal, terminal
 from tests.support.serial_pair import cable
 
-GATE = Signal("gate closed", "discrete-input", 0)
-PART = Signal("part present", "coil", 3)
-DOOR_OPEN = Signal("door not open", "discrete-input", 1, allows=False)
+GATE = InterlockSignal("gate closed", "discrete-input", 0)
+PART = InterlockSignal("part present", "coil", 3)
+DOOR_OPEN = InterlockSignal("door not open", "discrete-input", 1, allows=False)
 
 
 @asynccontextmanager
-async def interlocks_of(device: Terminal, *signals: Signal, limit_s: float = 5.0) -> AsyncIterator[Interlocks]:
+async def interlocks_of(device: Terminal, *signals: InterlockSignal, limit_s: float = 5.0) -> AsyncIterator[Interlocks]:
     interlocks = Interlocks(f"tcp://127.0.0.1:{device.port}", 1, signals, limit_s)
     try:
         yield interlocks
@@ -64,7 +64,7 @@ async def test_the_one_that_does_not_allow_it_is_named(what: Callable[[Terminal]
 
 
 async def test_one_that_cannot_be_read_forbids_motion() -> None:
-    async with terminal() as device, interlocks_of(device, GATE, Signal("far", "coil", 9)) as interlocks:
+    async with terminal() as device, interlocks_of(device, GATE, InterlockSignal("far", "coil", 9)) as interlocks:
         first, second = await interlocks.readings()
         assert first.allows
         assert not second.allows

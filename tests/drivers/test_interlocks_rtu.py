@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from drivers.interlocks import Interlocks, Reading, Signal
+from drivers.interlocks import InterlockReading, Interlocks, InterlockSignal
 from protocols.modbus.client_framing import RtuFraming
 from tests.drivers.rtu_terminal import GATE, PART, UNIT, RtuTerminal, rtu_terminal
 from tests.support.waiting import FakeTime, eventually
@@ -15,7 +15,7 @@ LIMIT_S = 0.5
 
 
 @asynccontextmanager
-async def interlocks_at(device: RtuTerminal, time: FakeTime, *signals: Signal) -> AsyncIterator[Interlocks]:
+async def interlocks_at(device: RtuTerminal, time: FakeTime, *signals: InterlockSignal) -> AsyncIterator[Interlocks]:
     interlocks = Interlocks(device.address, UNIT, signals, LIMIT_S, time.timing)
     try:
         yield interlocks
@@ -23,7 +23,7 @@ async def interlocks_at(device: RtuTerminal, time: FakeTime, *signals: Signal) -
         await interlocks.close()
 
 
-async def readings_in_vain(interlocks: Interlocks, device: RtuTerminal, time: FakeTime) -> tuple[Reading, ...]:
+async def readings_in_vain(interlocks: Interlocks, device: RtuTerminal, time: FakeTime) -> tuple[InterlockReading, ...]:
     """A reading that is asked for, and gets no answer within its limit."""
     asked = device.asked
     reading = asyncio.create_task(interlocks.readings())
@@ -32,7 +32,7 @@ async def readings_in_vain(interlocks: Interlocks, device: RtuTerminal, time: Fa
     return await reading
 
 
-def words(readings: tuple[Reading, ...]) -> list[str]:
+def words(readings: tuple[InterlockReading, ...]) -> list[str]:
     return ["allows" if reading.allows else reading.why.partition(" (")[0] for reading in readings]
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from protocols.modbus.bit_reader import Answer, Bit, BitReader
+from protocols.modbus.bit_reader import AnswerKind, Bit, BitReader
 from protocols.modbus.codes import Function
 from tests.protocols.line_trouble import COUNTER_BITS, DEVICES, CountingDevice, device_of
 
@@ -19,7 +19,7 @@ def read(reader: BitReader, device: CountingDevice) -> int:
         answer = device.answer(request)
         if answer is None:
             return asked
-        assert reader.receive(answer) is Answer.AWAITED
+        assert reader.receive(answer) is AnswerKind.AWAITED
     return asked
 
 
@@ -87,7 +87,7 @@ def test_an_exception_is_no_value(code: int) -> None:
     reader.begin()
     request = reader.request()
     assert request is not None
-    assert reader.receive(bytes([request[0] | 0x80, code])) is Answer.AWAITED
+    assert reader.receive(bytes([request[0] | 0x80, code])) is AnswerKind.AWAITED
     assert reader.request() is None
     assert not reader.bits
     assert reader.exceptions == dict.fromkeys(COUNTER, code)
@@ -100,7 +100,7 @@ def test_what_answers_no_question(answer: str) -> None:
     reader = BitReader(COUNTER)
     reader.begin()
     reader.request()
-    assert reader.receive(bytes.fromhex(answer)) is Answer.UNFIT
+    assert reader.receive(bytes.fromhex(answer)) is AnswerKind.UNFIT
 
 
 def test_a_late_answer_is_not_the_value_of_a_later_reading() -> None:
@@ -112,11 +112,11 @@ def test_a_late_answer_is_not_the_value_of_a_later_reading() -> None:
     reader.begin()
     again = device.answer(reader.request() or b"")
     assert again is not None
-    assert reader.receive(late) is Answer.AWAITED
+    assert reader.receive(late) is AnswerKind.AWAITED
     assert not reader.bits
     current = device.answer(reader.request() or b"")
     assert current is not None
-    assert reader.receive(again) is Answer.REPEATED
+    assert reader.receive(again) is AnswerKind.REPEATED
     assert not reader.bits
-    assert reader.receive(current) is Answer.AWAITED
+    assert reader.receive(current) is AnswerKind.AWAITED
     assert counter_in(reader) == device.counter

@@ -12,7 +12,7 @@ from protocols.cb.events import ReplyReceived
 from protocols.cb.frames import Frame
 from protocols.cb.messages import GetPose, Hello, Pose, Welcome, pack
 from protocols.modbus.bank import Identification, respond
-from protocols.modbus.bit_reader import Answer, BitReader
+from protocols.modbus.bit_reader import AnswerKind, BitReader
 from protocols.modbus.client_framing import ClientFraming, RtuFraming, TcpFraming
 from protocols.modbus.codes import Function
 from protocols.modbus.mbap import Adu, MbapReader
@@ -73,7 +73,7 @@ class Cell:
             (self.back if self.back.waiting else self.there).trouble(what)
         elif self.back.waiting:
             for pdu in self.framing.feed(self.back.waiting.popleft()):
-                if self.reader.receive(pdu) is Answer.AWAITED:
+                if self.reader.receive(pdu) is AnswerKind.AWAITED:
                     self._ask()
         elif self.there.waiting:
             self._answer(self.there.waiting.popleft())

@@ -6,8 +6,8 @@ from drivers.backoff import Backoff
 from drivers.errors import DeviceError, DeviceUnreachable, LinkLost
 from drivers.interfaces import LinkHealth
 from drivers.link_status import LinkReport
-from drivers.robots.abb.cb_session import Conversation
-from drivers.timing import Timing, take_turns_often
+from drivers.robots.abb.cb_session import CbConversation
+from drivers.timing import Timing, shorten_switch_interval
 from drivers.transports.transport import Connection, Transport
 from protocols.cb.client import ClientSession
 from protocols.cb.messages import Bye
@@ -22,7 +22,7 @@ class CbLink:
         self._device, self._transport, self._timing = device, transport, timing
         self._backoff = Backoff(timing.chance)
         self._report = LinkReport(timing.clock)
-        self._conversation: Conversation | None = None
+        self._conversation: CbConversation | None = None
         self._connected = asyncio.Event()
         self._known_session: int | None = None
         self._last_seq = 0
@@ -42,18 +42,18 @@ class CbLink:
     def start(self) -> None:
         """Start connecting."""
         if self._task is None:
-            take_turns_often()
-            self._task = asyncio.create_task(self._keep_connected(), name=f"link to {self._device}")
+            shorten_switch_interval()
+            self._task = asyncio.create_task(self._connect_repeatedly(), name=f"link to {self._device}")
 
-    async def connected(self, limit_s: float) -> None:
+    async def wait_connected(self, limit_s: float) -> None:
         """Wait until the link is up; raises DeviceUnreachable with the last reason."""
         waiting = asyncio.ensure_future(self._connected.wait())
-        in_time = await self._timing.done_within(waiting, limit_s)
+        in_time = await self._timing.wait_until_done(waiting, limit_s)
         waiting.cancel()
         if not in_time:
             raise self._unreachable()
 
-    def conversation(self) -> Conversation:
+    def conversation(self) -> CbConversation:
         """The current conversation; raises DeviceUnreachable."""
         if self._conversation is None:
             raise self._unreachable()
@@ -63,7 +63,7 @@ class CbLink:
         """Send BYE when connected, and stop connecting."""
         if self._conversation is not None:
             bye = asyncio.ensure_future(self._conversation.ask(Bye()))
-            await self._timing.done_within(bye, BYE_LIMIT_S)
+            await self._timing.wait_until_done(bye, BYE_LIMIT_S)
             bye.cancel()
             await asyncio.gather(bye, return_exceptions=True)
         if self._task is not None:
@@ -73,14 +73,14 @@ class CbLink:
         await asyncio.gather(*self._hanging_up)
         self._report.down("closed")
 
-    async def _keep_connected(self) -> None:
+    async def _connect_repeatedly(self) -> None:
         while True:
             try:
                 connection = await self._transport.connect()
                 error = await self._converse(connection)
             except DeviceError as unreachable:
                 error = unreachable
-            self._lost(error)
+            self._end_conversation(error)
             await self._timing.sleep(self._backoff.next_wait_s())
 
     async def _converse(self, connection: Connection) -> DeviceError:
@@ -89,7 +89,7 @@ class CbLink:
             resynchronise=self._transport.resynchronise, known_session=self._known_session, last_seq=self._last_seq
         )
         limit_s = self._transport.half_frame_limit_s
-        conversation = Conversation(self._device, connection, session, self._timing, limit_s, self._lost)
+        conversation = CbConversation(self._device, connection, session, self._timing, limit_s, self._end_conversation)
         listening = asyncio.create_task(conversation.listen(), name=f"listens to {self._device}")
         beating = asyncio.create_task(self._greet_and_keep_alive(conversation), name=f"heartbeat to {self._device}")
         try:
@@ -104,7 +104,7 @@ class CbLink:
             hanging_up.add_done_callback(self._hanging_up.discard)
             await asyncio.shield(hanging_up)  # shielded, so that a concurrent close cannot leave the port open
 
-    async def _greet_and_keep_alive(self, conversation: Conversation) -> None:
+    async def _greet_and_keep_alive(self, conversation: CbConversation) -> None:
         try:
             welcome = await conversation.greet()
         except DeviceError as error:
@@ -112,14 +112,14 @@ class CbLink:
             return
         restarted = self._known_session not in (None, welcome.session)
         self._known_session = welcome.session
-        self._backoff.succeeded()
+        self._backoff.reset()
         self._conversation = conversation
         news = "the controller restarted since the last connection, " if restarted else ""
         self._report.up(f"{news}connected in session {welcome.session}, disarmed")
         self._connected.set()
         await conversation.keep_alive()
 
-    def _lost(self, error: DeviceError) -> None:
+    def _end_conversation(self, error: DeviceError) -> None:
         self._conversation = None
         self._connected.clear()
         self._report.down(f"{error.what}: {error.fix}")

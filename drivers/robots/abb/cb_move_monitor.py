@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from drivers.errors import MoveFailed, MoveStalled
-from drivers.robots.abb.cb_status_errors import move_failed
+from drivers.robots.abb.cb_status_errors import move_failure
 from protocols.cb.codes import Flag, Status
 from protocols.cb.messages import Report
 
@@ -15,7 +15,7 @@ STALLED_AFTER_S = 5.0
 
 
 @dataclass
-class Arrival:
+class MoveMonitor:
     """Monitors the move `seq` of `device`."""
 
     device: str
@@ -23,23 +23,23 @@ class Arrival:
     _progress_per_mille: int = -1
     _advanced_at_s: float = 0.0
 
-    def reached(self, report: Report, now_s: float) -> bool:
+    def has_arrived(self, report: Report, now_s: float) -> bool:
         """Whether the arm stands at its goal. Raises MoveFailed if the move ended elsewhere, MoveStalled on a stall."""
         if report.finished_seq == self.seq:
             if report.finished_status != Status.OK:
-                raise move_failed(self.device, report.finished_status)
+                raise move_failure(self.device, report.finished_status)
             return True
         if report.progress_per_mille != self._progress_per_mille:
             self._progress_per_mille, self._advanced_at_s = report.progress_per_mille, now_s
         waited_s = now_s - self._advanced_at_s
-        if self._no_longer_known(report) and waited_s > FORGOTTEN_AFTER_S:
+        if self._is_forgotten(report) and waited_s > FORGOTTEN_AFTER_S:
             what = f"the controller stands still and does not know move {self.seq} any more"
             raise MoveFailed(self.device, what, "read the pose before going on", Status.ABORTED.name)
         if waited_s > STALLED_AFTER_S:
             raise MoveStalled(self.device, *_why_it_waits(report))
         return False
 
-    def _no_longer_known(self, report: Report) -> bool:
+    def _is_forgotten(self, report: Report) -> bool:
         stands = bool(report.flags & Flag.IN_POSITION) and not report.flags & Flag.MOVING
         return stands and report.progress_per_mille >= STANDS_PER_MILLE
 

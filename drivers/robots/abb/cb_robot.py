@@ -8,9 +8,9 @@ from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
 from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.cb_link import CbLink
-from drivers.robots.abb.cb_move_monitor import Arrival
-from drivers.robots.abb.cb_session import Answered, Conversation, Overtaken
-from drivers.robots.abb.cb_status_errors import move_failed, move_refused, request_refused
+from drivers.robots.abb.cb_move_monitor import MoveMonitor
+from drivers.robots.abb.cb_session import Answered, CbConversation, OvertakenByStop
+from drivers.robots.abb.cb_status_errors import move_failure, move_refusal, request_refusal
 from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.timing import Timing
 from drivers.transports.transport import Transport
@@ -60,9 +60,9 @@ class CbRobot:
         """Start connecting in the background."""
         self._link.start()
 
-    async def connected(self, limit_s: float) -> None:
+    async def wait_connected(self, limit_s: float) -> None:
         """Wait for the link; raises DeviceUnreachable with the reason on timeout."""
-        await self._link.connected(limit_s)
+        await self._link.wait_connected(limit_s)
 
     async def read_pose(self) -> PoseReading:
         """Pose of tool0 in wobj0, whatever tool and work object are selected at the controller."""
@@ -92,7 +92,7 @@ class CbRobot:
         """Stop now; overtakes every other request."""
         answered = await self._link.conversation().ask(Stop())
         if isinstance(answered.reply, Refused):
-            raise request_refused(self._device, "the stop", answered.reply)
+            raise request_refusal(self._device, "the stop", answered.reply)
 
     async def move_to(self, goal: MoveGoal) -> None:
         """Move and return when the arm stands at the goal. Cancellation or an error on the way stops the arm."""
@@ -113,36 +113,36 @@ class CbRobot:
         """Send BYE (the controller disarms), and stop connecting."""
         await self._link.close()
 
-    async def _read(self, request: Request, doing: str, conversation: Conversation | None = None) -> Answered:
+    async def _read(self, request: Request, doing: str, conversation: CbConversation | None = None) -> Answered:
         """Send a request that may be repeated: it is sent again when a STOP overtook it."""
         conversation = conversation or self._link.conversation()
         while True:
             try:
                 answered = await conversation.ask(request)
-            except Overtaken:
+            except OvertakenByStop:
                 continue
             if isinstance(answered.reply, Refused):
-                raise request_refused(self._device, doing, answered.reply)
+                raise request_refusal(self._device, doing, answered.reply)
             return answered
 
-    async def _begin(self, conversation: Conversation, move: Move) -> int:
+    async def _begin(self, conversation: CbConversation, move: Move) -> int:
         """Number of the accepted move. A lost answer is requested again only under the same number."""
         try:
             answered = await conversation.ask(move)
-        except Overtaken:
-            raise move_failed(self._device, Status.ABORTED) from None
+        except OvertakenByStop:
+            raise move_failure(self._device, Status.ABORTED) from None
         if isinstance(answered.reply, Refused):
-            raise move_refused(self._device, answered.reply)
+            raise move_refusal(self._device, answered.reply)
         return answered.seq
 
-    async def _arrive(self, conversation: Conversation, seq: int) -> None:
+    async def _arrive(self, conversation: CbConversation, seq: int) -> None:
         """Poll until move `seq` has ended. Bound to its conversation: a reconnect ends it as LinkLost."""
-        arrival = Arrival(self._device, seq)
+        arrival = MoveMonitor(self._device, seq)
         while True:
             await self._timing.sleep(POLL_S)
             answered = await self._read(GetStatus(), "reading the status", conversation)
             assert isinstance(answered.reply, Report)
-            if arrival.reached(answered.reply, self._timing.clock()):
+            if arrival.has_arrived(answered.reply, self._timing.clock()):
                 return
 
 
@@ -150,7 +150,7 @@ def _nothing_is_under_way(error: BaseException) -> bool:
     return isinstance(error, MoveRefused | MoveFailed) and not isinstance(error, MoveStalled)
 
 
-async def _stop_quietly(conversation: Conversation) -> None:
+async def _stop_quietly(conversation: CbConversation) -> None:
     """Send STOP while the link is up; otherwise the controller stops by itself after 2 s of silence."""
-    with contextlib.suppress(DeviceError, Overtaken):
+    with contextlib.suppress(DeviceError, OvertakenByStop):
         await conversation.ask(Stop())

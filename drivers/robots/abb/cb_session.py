@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost
-from drivers.robots.priority_lock import Turnstile
+from drivers.robots.priority_lock import PriorityLock
 from drivers.timing import Timing
 from drivers.transports.transport import Connection
 from protocols.cb.client import ClientSession
@@ -16,7 +16,7 @@ from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.messages import Hello, Ping, Refused, Reply, Request, Stop, Welcome
 
 REPLY_LIMIT_S = 2.0
-REPEAT_AFTER_S, REPEAT_AT_MOST_S = 0.25, 1.0
+REPEAT_AFTER_S, MAX_REPEAT_S = 0.25, 1.0
 """A full frame takes 83 ms at 9600 baud; an answer that takes three times as long was lost. To avoid flooding a slow
 controller, each repetition waits twice as long as the one before, and the next request starts with half of what the
 last one needed.
@@ -30,11 +30,11 @@ REFUSED_GREETINGS: dict[int, tuple[str, str]] = {
 }
 
 
-class Overtaken(Exception):
+class OvertakenByStop(Exception):
     """A STOP overtook the request, which was abandoned. Readings are sent again, a move is not."""
 
 
-Outcome = ReplyReceived | DeviceError | Overtaken
+ExchangeResult = ReplyReceived | DeviceError | OvertakenByStop
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Answered:
     asked_at_s: float
 
 
-class Conversation:
+class CbConversation:
     """Exchanges over one connection. After `lose`, every request raises the error."""
 
     def __init__(
@@ -60,8 +60,8 @@ class Conversation:
     ) -> None:
         self._device, self._connection, self._session, self._timing = device, connection, session, timing
         self._half_frame_limit_s, self._on_lost = half_frame_limit_s, on_lost
-        self._turnstile = Turnstile()
-        self._outcome: asyncio.Future[Outcome] | None = None
+        self._turnstile = PriorityLock()
+        self._outcome: asyncio.Future[ExchangeResult] | None = None
         self._stopping = False
         self._answered_at_s = timing.clock()
         self._garbage_bytes = 0
@@ -87,9 +87,9 @@ class Conversation:
         """Send a request and return the answer. Raises LinkLost or GarbledAnswer, and Overtaken for all but a STOP."""
         urgent = isinstance(request, Stop)
         if urgent and not self._stopping:
-            self._settle(Overtaken())
-        async with self._turnstile.turn(urgent=urgent):
-            self._raise_if_lost()
+            self._settle(OvertakenByStop())
+        async with self._turnstile.hold(urgent=urgent):
+            self._require_alive()
             self._stopping = urgent
             try:
                 return await self._exchange(request)
@@ -99,7 +99,7 @@ class Conversation:
                 self._session.abandon()
 
     async def _exchange(self, request: Request) -> Answered:
-        outcome: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
+        outcome: asyncio.Future[ExchangeResult] = asyncio.get_running_loop().create_future()
         self._outcome = outcome
         asked_at_s = self._timing.clock()
         try:
@@ -113,8 +113,8 @@ class Conversation:
                 self.lose(self._silence())
                 break
             await self._send(encoded)
-            if not await self._timing.done_within(outcome, min(patience_s, remaining_s)):
-                patience_s = min(2.0 * patience_s, REPEAT_AT_MOST_S)
+            if not await self._timing.wait_until_done(outcome, min(patience_s, remaining_s)):
+                patience_s = min(2.0 * patience_s, MAX_REPEAT_S)
         self._patience_s = max(patience_s / 2.0, REPEAT_AFTER_S)
         ended = outcome.result()
         if not isinstance(ended, ReplyReceived):
@@ -127,7 +127,7 @@ class Conversation:
         try:
             while not self.lost.done():
                 receiving = receiving or asyncio.ensure_future(self._connection.receive())
-                if self._session.half_frame_bytes and not await self._timing.done_within(
+                if self._session.half_frame_bytes and not await self._timing.wait_until_done(
                     receiving, self._half_frame_limit_s
                 ):
                     self._take(self._session.abandon_half_frame())
@@ -149,7 +149,7 @@ class Conversation:
                 continue
             try:
                 await self.ask(Ping())
-            except Overtaken:
+            except OvertakenByStop:
                 continue
             except GarbledAnswer as error:
                 self.lose(error)
@@ -163,7 +163,7 @@ class Conversation:
             self._on_lost(error)
         self._settle(_again(error))
 
-    def _raise_if_lost(self) -> None:
+    def _require_alive(self) -> None:
         if self.lost.done():
             raise _again(self.lost.result())
 
@@ -198,7 +198,7 @@ class Conversation:
                 case _:
                     pass  # bad checksum, late or unsolicited answer: the request is repeated after its timeout
 
-    def _settle(self, outcome: Outcome) -> None:
+    def _settle(self, outcome: ExchangeResult) -> None:
         if self._outcome is not None and not self._outcome.done():
             self._outcome.set_result(outcome)
 

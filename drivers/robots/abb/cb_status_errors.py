@@ -38,19 +38,19 @@ def _sentence(status: int) -> tuple[str, str]:
     return WHAT_TO_DO.get(status, unknown)
 
 
-def move_refused(device: str, refused: Refused) -> MoveRefused:
+def move_refusal(device: str, refused: Refused) -> MoveRefused:
     """The move did not start."""
     what, fix = _sentence(refused.status)
     return MoveRefused(device, f"the move was refused, {what}", fix, refused.name)
 
 
-def move_failed(device: str, status: int) -> MoveFailed:
+def move_failure(device: str, status: int) -> MoveFailed:
     """The move started and ended elsewhere than at its goal."""
     what, fix = _sentence(status)
     return MoveFailed(device, f"the move did not reach its goal, {what}", fix, Refused(status).name)
 
 
-def request_refused(device: str, asked: str, refused: Refused) -> RequestRefused:
+def request_refusal(device: str, asked: str, refused: Refused) -> RequestRefused:
     """A request other than a move was refused; `asked` completes "... was refused"."""
     what, fix = _sentence(refused.status)
     return RequestRefused(device, f"{asked} was refused, {what}", fix, refused.name)

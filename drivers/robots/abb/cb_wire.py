@@ -15,22 +15,22 @@ from protocols.cb.errors import FieldOutOfRange
 from protocols.cb.messages import Joints, Move, Pose, Report, pack
 
 ROTATION_TOLERANCE = 1e-6
-REACH_MM = 1e5
-CONFIGURATION_LIMIT = 2**15
+MAX_POSITION_MM = 1e5
+MAX_CONFIGURATION = 2**15
 KINDS = {"joint": MoveKind.JOINT, "linear": MoveKind.LINEAR}
 
 
 def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
     """Convert a pose reply; raises GarbledAnswer for NaN or a quaternion whose norm is off by more than 2e-3."""
     if not np.all(np.isfinite([*pose.position_mm, *pose.quaternion_wxyz, *pose.external_axes])):
-        raise _garbled(
-            device, f"a pose with a number that is none: {_told(pose.position_mm)}, {_told(pose.quaternion_wxyz)}"
+        raise _garbled_answer(
+            device, f"a pose with a number that is none: {_format(pose.position_mm)}, {_format(pose.quaternion_wxyz)}"
         )
     quaternion_wxyz = np.array(pose.quaternion_wxyz)
     try:  # SciPy normalises, so a quaternion rounded to float32 still gives a rotation
         base_R_flange = rotation_from_quaternion(quaternion_wxyz)
     except GeometryError as error:
-        raise _garbled(device, str(error)) from error
+        raise _garbled_answer(device, str(error)) from error
     return PoseReading(
         base_T_flange=transform(base_R_flange, pose.position_mm),
         posture=Configuration(*pose.configuration),
@@ -43,7 +43,7 @@ def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
 def joints_rad(device: str, joints: Joints) -> Array:
     """Axis angles (6,) in rad; raises GarbledAnswer."""
     if not np.all(np.isfinite(joints.axes_deg)):
-        raise _garbled(device, f"axis angles with a number that is none: {_told(joints.axes_deg)}")
+        raise _garbled_answer(device, f"axis angles with a number that is none: {_format(joints.axes_deg)}")
     angles_rad: Array = np.radians(np.array(joints.axes_deg, float))
     return angles_rad
 
@@ -66,9 +66,9 @@ def robot_status(report: Report, taken_at_s: float) -> RobotStatus:
 
 def move_of(device: str, goal: MoveGoal) -> Move:
     """Request for a goal; raises MoveRefused (BAD_FIELD) for a goal that cannot be encoded."""
-    wrong = _wrong_with(goal)
+    wrong = _goal_problem(goal)
     if wrong:
-        raise _not_sent(device, wrong)
+        raise _goal_error(device, wrong)
     position = goal.base_T_flange[:3, 3]
     quaternion = quaternion_from_rotation(goal.base_T_flange[:3, :3])
     move = Move(
@@ -82,11 +82,11 @@ def move_of(device: str, goal: MoveGoal) -> Move:
     try:
         pack(move)
     except FieldOutOfRange as error:
-        raise _not_sent(device, error.reason) from error
+        raise _goal_error(device, error.reason) from error
     return move
 
 
-def _wrong_with(goal: MoveGoal) -> str:
+def _goal_problem(goal: MoveGoal) -> str:
     base_T_flange = np.asarray(goal.base_T_flange, float)
     if base_T_flange.shape != (4, 4) or not np.all(np.isfinite(base_T_flange)):
         return "base_T_flange is not a 4×4 transform of finite numbers"
@@ -94,13 +94,13 @@ def _wrong_with(goal: MoveGoal) -> str:
     orthonormal = np.allclose(base_R_flange @ base_R_flange.T, np.eye(3), atol=ROTATION_TOLERANCE)
     if not orthonormal or np.linalg.det(base_R_flange) < 0 or not np.array_equal(base_T_flange[3], (0, 0, 0, 1)):
         return "base_T_flange is not a rotation and a translation"
-    if np.max(np.abs(base_T_flange[:3, 3])) > REACH_MM:
-        return f"a position beyond {REACH_MM:g} mm; positions are millimetres"
+    if np.max(np.abs(base_T_flange[:3, 3])) > MAX_POSITION_MM:
+        return f"a position beyond {MAX_POSITION_MM:g} mm; positions are millimetres"
     if not (math.isfinite(goal.speed_mm_s) and goal.speed_mm_s > 0):
         return f"a speed of {goal.speed_mm_s} mm/s"
     if len(goal.external_axes) not in (0, 6) or not np.all(np.isfinite(goal.external_axes)):
         return f"external axes {goal.external_axes}; six numbers are wanted, {UNUSED_AXIS:g} where there is none"
-    if len(goal.posture) != 4 or any(abs(quarter) >= CONFIGURATION_LIMIT for quarter in goal.posture):
+    if len(goal.posture) != 4 or any(abs(quarter) >= MAX_CONFIGURATION for quarter in goal.posture):
         return f"the configuration {tuple(goal.posture)}"
     return "" if goal.path in KINDS else f"the path {goal.path!r}; joint or linear"
 
@@ -115,13 +115,13 @@ def _six(axes: tuple[float, ...]) -> tuple[float, float, float, float, float, fl
     return a, b, c, d, e, f
 
 
-def _not_sent(device: str, wrong: str) -> MoveRefused:
+def _goal_error(device: str, wrong: str) -> MoveRefused:
     return MoveRefused(device, f"the goal was not sent: {wrong}", "correct the goal", Status.BAD_FIELD.name)
 
 
-def _told(numbers: tuple[float, ...]) -> str:
+def _format(numbers: tuple[float, ...]) -> str:
     return f"({', '.join(f'{number:.6g}' for number in numbers)})"
 
 
-def _garbled(device: str, what: str) -> GarbledAnswer:
+def _garbled_answer(device: str, what: str) -> GarbledAnswer:
     return GarbledAnswer(device, what, "nothing is done with it; look at the controller's program and the line")

@@ -18,15 +18,15 @@ import numpy as np
 from drivers.errors import DeviceTimeout, DeviceUnreachable
 from drivers.interfaces import LinkHealth, Vibration
 from drivers.link_status import LinkReport
-from drivers.timing import Timing, take_turns_often
+from drivers.timing import Timing, shorten_switch_interval
 from protocols.egm.messages import NotEgm, RobotSample, decode
 
 PORT = 6510
-KEEP = 2500
+MAX_SAMPLES = 2500
 """Ten seconds of samples."""
-LOOK_S = 0.2
+POLL_S = 0.2
 SILENT_AFTER_S = 0.5
-FEWEST = 5
+MIN_SAMPLES = 5
 SEQNO_COUNT = 2**32
 SO_TIMESTAMPNS = 35
 """linux/asm-generic/socket.h: the kernel time-stamps each packet, independent of when this thread runs."""
@@ -36,7 +36,7 @@ STREAMS = "check that the program runs EGMStreamStart, and the address and port 
 
 
 @dataclass(frozen=True, slots=True)
-class Arrival:
+class ReceivedSample:
     """A sample, and the time its packet arrived by this machine's clock."""
 
     received_at_s: float
@@ -56,13 +56,13 @@ class SampleWindow:
     """The newest samples in the controller's order. Late and repeated ones are dropped."""
 
     def __init__(self) -> None:
-        self._arrivals: deque[Arrival] = deque(maxlen=KEEP)
+        self._arrivals: deque[ReceivedSample] = deque(maxlen=MAX_SAMPLES)
 
     @property
-    def newest(self) -> Arrival | None:
+    def newest(self) -> ReceivedSample | None:
         return self._arrivals[-1] if self._arrivals else None
 
-    def add(self, arrival: Arrival) -> bool:
+    def add(self, arrival: ReceivedSample) -> bool:
         """Add a sample; returns whether it is newer than all before. After a silence any number starts a new window."""
         if (newest := self.newest) is not None:
             ahead = (arrival.sample.seqno - newest.sample.seqno) % SEQNO_COUNT
@@ -73,7 +73,7 @@ class SampleWindow:
         self._arrivals.append(arrival)
         return True
 
-    def since(self, time_s: float) -> list[Arrival]:
+    def since(self, time_s: float) -> list[ReceivedSample]:
         """Samples since `time_s`, oldest first."""
         return [arrival for arrival in list(self._arrivals) if arrival.received_at_s >= time_s]
 
@@ -117,7 +117,7 @@ class EgmMonitor:
             fix = "end the program that listens there, or correct host and port"
             raise DeviceUnreachable(self._device, f"cannot listen ({error})", fix) from error
         listening.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIMEVAL.pack(0, int(LOOK_S * 1e6)))
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIMEVAL.pack(0, int(POLL_S * 1e6)))
         self._socket = listening
         self._thread = threading.Thread(target=self._listen, args=(listening,), name=self._device, daemon=True)
         self._thread.start()
@@ -130,10 +130,10 @@ class EgmMonitor:
         if self._socket is not None:
             self._socket.close()
 
-    def arrivals(self, window_s: float) -> list[Arrival]:
+    def arrivals(self, window_s: float) -> list[ReceivedSample]:
         """Samples of the last `window_s`, oldest first. Raises DeviceTimeout when there are too few."""
         recent = self._window.since(self._timing.clock() - window_s)
-        if len(recent) < FEWEST:
+        if len(recent) < MIN_SAMPLES:
             what = f"{len(recent)} samples came within {window_s:g} s"
             raise DeviceTimeout(self._device, what, STREAMS)
         return recent
@@ -143,7 +143,7 @@ class EgmMonitor:
         return vibration_of([arrival.sample for arrival in self.arrivals(window_s)])
 
     def _listen(self, listening: socket.socket) -> None:
-        _be_woken_first()
+        _request_real_time_priority()
         clock = self._timing.clock
         while not self._ending.is_set():
             try:
@@ -159,7 +159,7 @@ class EgmMonitor:
             except NotEgm:
                 self.strangers += 1
                 continue
-            self._window.add(Arrival(_received_at_s(notes, clock), sample))
+            self._window.add(ReceivedSample(_arrival_time_s(notes, clock), sample))
 
 
 def vibration_of(samples: list[RobotSample]) -> Vibration:
@@ -178,16 +178,16 @@ def vibration_of(samples: list[RobotSample]) -> Vibration:
     )
 
 
-def _be_woken_first() -> None:
+def _request_real_time_priority() -> None:
     """Request real-time priority, where allowed (RLIMIT_RTPRIO): the thread works 0.2 ms of every 4 ms."""
-    take_turns_often()
+    shorten_switch_interval()
     with suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
 
 
-def _received_at_s(notes: list[tuple[int, int, bytes]], clock: Callable[[], float]) -> float:
+def _arrival_time_s(notes: list[tuple[int, int, bytes]], clock: Callable[[], float]) -> float:
     """Arrival time of the packet by `clock`, from the kernel's time stamp; now when there is none."""
-    noted_s = _noted_s(notes)
+    noted_s = _kernel_time_s(notes)
     for _ in range(CLOCK_TRIES):  # compares two clocks; repeated when another thread ran in between
         before_s, wall_s, after_s = clock(), time.time(), clock()
         if after_s - before_s < CLOCK_STEP_S:
@@ -196,7 +196,7 @@ def _received_at_s(notes: list[tuple[int, int, bytes]], clock: Callable[[], floa
     return before_s - age_s
 
 
-def _noted_s(notes: list[tuple[int, int, bytes]]) -> float | None:
+def _kernel_time_s(notes: list[tuple[int, int, bytes]]) -> float | None:
     """The kernel's time stamp, wall time."""
     for level, kind, content in notes:
         if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(content) >= _TIMESPEC.size:

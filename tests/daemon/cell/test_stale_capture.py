@@ -7,11 +7,11 @@ import pytest
 
 from daemon.cell.stale_capture import StaleCaptureDetector
 from daemon.errors import StaleCaptureError
-from drivers.interfaces import Frame, ScannedCloud
+from drivers.interfaces import CameraFrame, ScannedCloud
 from tests.daemon.fakes import pose_reading
 
 HERE, NEAR, ELSEWHERE, TURNED = pose_reading(0), pose_reading(0.5), pose_reading(2), pose_reading(turn_deg=1)
-VIEW = Frame(np.arange(12, dtype=np.uint8).reshape(3, 4), 0.0)
+VIEW = CameraFrame(np.arange(12, dtype=np.uint8).reshape(3, 4), 0.0)
 
 
 @pytest.mark.parametrize("then", [ELSEWHERE, TURNED])
@@ -27,7 +27,7 @@ def test_one_grey_value_makes_a_picture_new() -> None:
     novelty.check_frame(VIEW, HERE)
     other = VIEW.image.copy()
     other[2, 3] += 1
-    novelty.check_frame(Frame(other, 1.0), ELSEWHERE)
+    novelty.check_frame(CameraFrame(other, 1.0), ELSEWHERE)
 
 
 def test_from_the_same_place_a_drawn_picture_may_be_the_same() -> None:
@@ -39,7 +39,7 @@ def test_from_the_same_place_a_drawn_picture_may_be_the_same() -> None:
 def test_darkness_looks_alike_from_everywhere() -> None:
     novelty = StaleCaptureDetector("camera")
     for pose in (HERE, ELSEWHERE):
-        novelty.check_frame(Frame(np.zeros((3, 4), np.uint8), 0.0), pose)
+        novelty.check_frame(CameraFrame(np.zeros((3, 4), np.uint8), 0.0), pose)
 
 
 def test_the_same_cloud_from_another_pose_is_told() -> None:

@@ -17,7 +17,7 @@ from daemon.drift.monitor import DriftMonitor
 from daemon.drift.samples import VerificationHistory, belongs_to_chart
 from daemon.model.records import AppliedCalibration, RunRecord
 from daemon.model.run_states import RunState
-from drivers.interfaces import Frame
+from drivers.interfaces import CameraFrame
 from protocols.plc.codes import ControlBit, DriftState, PlcVerdict, StatusBit
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import FakeCamera, picture_of_the_board
@@ -33,9 +33,9 @@ class KnockedCamera(FakeCamera):
 
     knock: Array = field(default_factory=lambda: np.eye(4))
 
-    async def grab(self, newer_than_s: float) -> Frame:
+    async def grab(self, newer_than_s: float) -> CameraFrame:
         frame = await super().grab(newer_than_s)
-        return Frame(picture_of_the_board(self.robot.base_T_flange @ self.knock), frame.taken_at_s)
+        return CameraFrame(picture_of_the_board(self.robot.base_T_flange @ self.knock), frame.taken_at_s)
 
 
 def watch_of(bench: Bench) -> DriftMonitor:

@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import MoveFailed, MoveStalled
-from drivers.robots.abb.cb_move_monitor import Arrival
+from drivers.robots.abb.cb_move_monitor import MoveMonitor
 from protocols.cb.codes import Flag, Status
 from protocols.cb.messages import Report
 
@@ -16,8 +16,8 @@ def report(progress_per_mille: int, flags: Flag = Flag.MOVING, finished: tuple[i
 
 def watched(*reports: tuple[Report, float]) -> bool:
     """Whether the arm stands at its goal after reports, each with its time."""
-    arrival = Arrival("robot", OURS)
-    return [arrival.reached(told, now_s) for told, now_s in reports][-1]
+    arrival = MoveMonitor("robot", OURS)
+    return [arrival.has_arrived(told, now_s) for told, now_s in reports][-1]
 
 
 def test_a_move_is_over_when_its_number_is_named_and_no_flag_says_it_otherwise() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.robots.abb.egm_vibration import SILENT_AFTER_S, Arrival, SampleWindow
+from drivers.robots.abb.egm_vibration import SILENT_AFTER_S, ReceivedSample, SampleWindow
 from protocols.egm.messages import RobotSample
 from tests.support.cases import cases, long_enough_s
 
@@ -16,8 +16,8 @@ SAMPLE = RobotSample(0, 0, (0.0,) * 6, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 PERIOD_S = 0.004
 
 
-def arrival(seqno: int, received_at_s: float) -> Arrival:
-    return Arrival(received_at_s, replace(SAMPLE, seqno=seqno % 2**32))
+def arrival(seqno: int, received_at_s: float) -> ReceivedSample:
+    return ReceivedSample(received_at_s, replace(SAMPLE, seqno=seqno % 2**32))
 
 
 @settings(max_examples=cases(300), deadline=None)

@@ -9,7 +9,7 @@ from calibration.kinematics.arm import Configuration
 from drivers.errors import AddressNotUnderstood, DeviceUnreachable, LinkLost, MoveRefused
 from drivers.interfaces import LinkHealth, MoveGoal
 from drivers.registry import check_stop_address
-from drivers.robots.abb.rws.redundant_stop import TwoWaysToStop
+from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from tests.support.waiting import quick_timing
 
 GOAL = MoveGoal(np.eye(4), Configuration(0, 0, 0, 0))
@@ -38,8 +38,8 @@ class Way:
         await asyncio.sleep(self.answers or 0.0)
 
 
-def both(own: Way, second: Way) -> TwoWaysToStop:
-    return TwoWaysToStop(own, second, quick_timing())  # type: ignore[arg-type]
+def both(own: Way, second: Way) -> RedundantStop:
+    return RedundantStop(own, second, quick_timing())  # type: ignore[arg-type]
 
 
 async def test_a_stop_that_is_answered_leaves_the_program_alone():

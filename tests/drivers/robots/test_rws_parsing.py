@@ -15,7 +15,7 @@ from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.dialect import DIALECTS, error_in
-from drivers.robots.abb.rws.status_errors import refused
+from drivers.robots.abb.rws.status_errors import error_of_response
 from drivers.robots.abb.rws.subscription import events_in
 
 ROBTARGET = {"x": "515", "y": "0", "z": "712", "q1": "0.707106769", "q2": "0", "q3": "0.707106769", "q4": "0",
@@ -108,7 +108,7 @@ def test_two_readings_that_agree_to_two_hundredths_are_of_an_arm_that_stands(shi
     turned = {"q1": "1", "q2": "0", "q3": "0", "q4": "0"}
     after = {**turned, "x": f"{515 + shift_mm:.6f}", "q1": f"{math.cos(half):.17g}", "q2": f"{math.sin(half):.17g}"}
     before = parsing.pose("robot", {**ROBTARGET, **turned}, 1.0)
-    stood = parsing.stood(before, parsing.pose("robot", {**ROBTARGET, **after}, 2.0))
+    stood = parsing.with_standstill(before, parsing.pose("robot", {**ROBTARGET, **after}, 2.0))
     assert (stood.still, stood.taken_at_s) == (still, 2.0)
 
 
@@ -164,7 +164,7 @@ def test_whatever_comes_is_items_or_a_value_error_and_never_anything_else(conten
     ],
 )
 def test_a_refusal_is_told_by_abbs_number_or_by_the_status(status, body, kind, name):
-    error = refused("robot", "reading", status, *error_in(body))
+    error = error_of_response("robot", "reading", status, *error_in(body))
     assert type(error) is kind
     assert error.fix
     if name:

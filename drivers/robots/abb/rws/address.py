@@ -39,7 +39,7 @@ class RwsAddress:
         except ValueError as error:
             raise AddressNotUnderstood(shown, str(error), _EXAMPLE) from None
         options = dict(parse_qsl(parts.query, keep_blank_values=True))
-        wrong = _wrong_with(parts.hostname, parts.path, options)
+        wrong = _address_problem(parts.hostname, parts.path, options)
         if wrong:
             raise AddressNotUnderstood(shown, wrong, _EXAMPLE)
         return cls(
@@ -75,7 +75,7 @@ class RwsAddress:
             raise RequestRefused(device, what, "correct password_file in the address", "NO_PASSWORD") from error
 
 
-def _wrong_with(host: str | None, path: str, options: dict[str, str]) -> str:
+def _address_problem(host: str | None, path: str, options: dict[str, str]) -> str:
     unknown = sorted(options.keys() - _OPTIONS)
     checks = (
         (not host, "the host is missing"),

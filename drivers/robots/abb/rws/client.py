@@ -10,7 +10,7 @@ import httpx
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost, RequestRefused
 from drivers.robots.abb.rws.address import SCHEMES, RwsAddress
 from drivers.robots.abb.rws.dialect import DIALECTS, Dialect, error_in
-from drivers.robots.abb.rws.status_errors import refused
+from drivers.robots.abb.rws.status_errors import error_of_response
 from drivers.timing import Timing
 
 LIMIT_S, CONNECT_LIMIT_S = 5.0, 3.0
@@ -55,11 +55,11 @@ class RwsClient:
             else:
                 self._http, self.dialect = http, dialect
                 return dialect
-        raise self._telling(errors)
+        raise self._most_specific(errors)
 
     async def get(self, path: str, query: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
         """Resources at a path. Raises DeviceError."""
-        dialect = self._found()
+        dialect = self._require_dialect()
         await self._pace()
         answer = await self._ask("GET", path, {**(query or {}), **dialect.query}, headers=dialect.headers)
         try:
@@ -74,12 +74,12 @@ class RwsClient:
         """Post a form; `urgent` skips the rate limit. Raises DeviceError."""
         if not urgent:
             await self._pace()
-        return await self._ask("POST", path, query, form=form, headers=self._found().post_headers)
+        return await self._ask("POST", path, query, form=form, headers=self._require_dialect().post_headers)
 
     async def put_file(self, path: str, content: bytes) -> None:
         """Write a file below the controller's home folder. Raises DeviceError."""
         await self._pace()
-        dialect = self._found()
+        dialect = self._require_dialect()
         kind = "application/octet-stream" + (";v=2.0" if dialect.version == 2 else "")
         await self._ask(
             "PUT", f"/fileservice/{dialect.home}/{path}", {}, content=content, headers={"Content-Type": kind}
@@ -87,7 +87,7 @@ class RwsClient:
 
     async def delete(self, path: str) -> None:
         """Raises DeviceError."""
-        await self._ask("DELETE", path, {}, headers=self._found().post_headers)
+        await self._ask("DELETE", path, {}, headers=self._require_dialect().post_headers)
 
     async def close(self) -> None:
         """Log out, to free the controller's session."""
@@ -104,7 +104,7 @@ class RwsClient:
 
     def socket(self, path: str) -> tuple[str, dict[str, str], ssl.SSLContext | None]:
         """URL, headers and TLS context of a subscription's WebSocket."""
-        http, dialect = self._http, self._found()
+        http, dialect = self._http, self._require_dialect()
         assert http is not None
         cookies = "; ".join(f"{name}={value}" for name, value in http.cookies.items())
         url = self.address.url(dialect.version).replace("http", "ws", 1) + path
@@ -112,12 +112,12 @@ class RwsClient:
 
     # --- inside ---
 
-    def _found(self) -> Dialect:
+    def _require_dialect(self) -> Dialect:
         if self.dialect is None:
             raise DeviceUnreachable(self.device, "no session with the controller", "it is looked for again by itself")
         return self.dialect
 
-    def _telling(self, errors: list[DeviceError]) -> DeviceError:
+    def _most_specific(self, errors: list[DeviceError]) -> DeviceError:
         """From one error per version tried, the one that was answered, or all combined."""
         for error in errors:
             if not isinstance(error.__cause__, httpx.TransportError) or len(errors) == 1:
@@ -175,7 +175,7 @@ class RwsClient:
         form: Mapping[str, str] | None = None,
         content: bytes | None = None,
     ) -> httpx.Response:
-        self._found()
+        self._require_dialect()
         assert self._http is not None
         doing = f"{method} {path}"
         return await self._send(self._http, method, path, query, form, headers, doing, content)
@@ -203,4 +203,4 @@ class RwsClient:
             raise LinkLost(self.device, what, "it is opened again by itself") from error
         if answer.is_success:
             return answer
-        raise refused(self.device, doing, answer.status_code, *error_in(answer.content))
+        raise error_of_response(self.device, doing, answer.status_code, *error_in(answer.content))

@@ -12,16 +12,16 @@ from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.client import RwsClient
 from drivers.robots.abb.rws.dialect import DIALECTS
 from drivers.robots.abb.rws.parsing import ControllerState
-from drivers.robots.abb.rws.subscription import Event, Watch
+from drivers.robots.abb.rws.subscription import RwsEvent, Subscription
 from drivers.timing import Timing
 
 log = logging.getLogger(__name__)
 
-LOOK_EVERY_S = 2.0
+POLL_S = 2.0
 """Polling period of the panel beside the subscription, which may have fallen silent."""
-UNTOLD_LOOKS = 2
+MAX_SILENT_CHANGES = 2
 """Number of consecutive polls with changes but no event, after which the subscription is reopened."""
-_TOLD = {"ctrlstate": "controller", "opmode": "mode", "ctrlexecstate": "execution"}
+_FIELDS = {"ctrlstate": "controller", "opmode": "mode", "ctrlexecstate": "execution"}
 
 
 class RwsLink:
@@ -31,7 +31,7 @@ class RwsLink:
         self._client, self._timing = client, timing
         self._report = LinkReport(timing.clock)
         self._backoff, self._watch_backoff = Backoff(timing.chance), Backoff(timing.chance)
-        self._watch: Watch | None = None
+        self._watch: Subscription | None = None
         self._told: dict[str, str] = {}
         self.newest_event = 0
         self._up = asyncio.Event()
@@ -50,12 +50,12 @@ class RwsLink:
     def start(self) -> None:
         """Start connecting."""
         if self._task is None:
-            self._task = asyncio.create_task(self._keep_connected(), name=f"link to {self._client.device}")
+            self._task = asyncio.create_task(self._connect_repeatedly(), name=f"link to {self._client.device}")
 
-    async def connected(self, limit_s: float) -> None:
+    async def wait_connected(self, limit_s: float) -> None:
         """Wait for the controller; raises DeviceUnreachable with the reason."""
         waiting = asyncio.ensure_future(self._up.wait())
-        in_time = await self._timing.done_within(waiting, limit_s)
+        in_time = await self._timing.wait_until_done(waiting, limit_s)
         waiting.cancel()
         if not in_time:
             raise DeviceUnreachable(self._client.device, self.health.detail, "it is looked for again by itself")
@@ -90,7 +90,7 @@ class RwsLink:
             speed_ratio=parsing.number(device, speed, "speedratio"),
         )
 
-    async def _keep_connected(self) -> None:
+    async def _connect_repeatedly(self) -> None:
         while True:
             try:
                 dialect = await self._client.find()
@@ -109,29 +109,29 @@ class RwsLink:
         untold = 0
         while True:
             state = await self.read_state()
-            seen = {told: getattr(state, attribute) for told, attribute in _TOLD.items()}
+            seen = {told: getattr(state, attribute) for told, attribute in _FIELDS.items()}
             untold = untold + 1 if self.watching and any(self._told.get(k) != v for k, v in seen.items()) else 0
-            if untold >= UNTOLD_LOOKS and self._watch is not None:
+            if untold >= MAX_SILENT_CHANGES and self._watch is not None:
                 log.warning("%s: the subscription tells nothing any more: it is opened again", self._client.device)
                 await self._watch.end()
             if not self.watching:
                 self._told.update(seen)
             self._report.up(f"connected over {name}: {state}")
-            self._backoff.succeeded()
+            self._backoff.reset()
             self._up.set()
-            await self._timing.sleep(LOOK_EVERY_S)
+            await self._timing.sleep(POLL_S)
 
     async def _keep_watching(self) -> None:
         """Keep a subscription open; a controller that refuses it is only polled."""
         while True:
-            self._watch = Watch(self._client, self._heard)
+            self._watch = Subscription(self._client, self._on_event)
             try:
-                await self._watch.listen(self._watch_backoff.succeeded)
+                await self._watch.listen(self._watch_backoff.reset)
             except DeviceError as error:
                 log.info("%s", error)
             await self._timing.sleep(self._watch_backoff.next_wait_s())
 
-    def _heard(self, event: Event) -> None:
+    def _on_event(self, event: RwsEvent) -> None:
         self._told.update(event.values)
         if event.values.get("seqnum", "").isdecimal():
             self.newest_event = int(event.values["seqnum"])

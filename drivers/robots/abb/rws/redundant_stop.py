@@ -16,7 +16,7 @@ OWN_LIMIT_S = 0.5
 LINK_FAILED = (LinkLost, DeviceTimeout, DeviceUnreachable, GarbledAnswer)
 
 
-class TwoWaysToStop:
+class RedundantStop:
     """drivers.interfaces.Robot. The second way stops the whole program, which must then be started by hand."""
 
     def __init__(self, robot: Robot, second: RwsRobot, timing: Timing) -> None:
@@ -72,7 +72,7 @@ class TwoWaysToStop:
         """Stop over the robot's own link, and over the second way when that fails or is late. Raises DeviceError."""
         own = asyncio.ensure_future(self._robot.stop())
         own.add_done_callback(_retrieve)
-        if await self._timing.done_within(own, OWN_LIMIT_S) and own.exception() is None:
+        if await self._timing.wait_until_done(own, OWN_LIMIT_S) and own.exception() is None:
             return
         try:
             await self._second.stop()

@@ -56,9 +56,9 @@ class RwsRobot:
         """Start connecting in the background."""
         self._link.start()
 
-    async def connected(self, limit_s: float) -> None:
+    async def wait_connected(self, limit_s: float) -> None:
         """Wait for the controller; raises DeviceUnreachable with the reason on timeout."""
-        await self._link.connected(limit_s)
+        await self._link.wait_connected(limit_s)
 
     async def close(self) -> None:
         """Log out and stop connecting."""
@@ -133,4 +133,4 @@ class RwsRobot:
         query = {"tool": "tool0", "wobj": "wobj0", "coordinate": FRAMES[self._address.frame]}
         values = await self._link.one(f"/rw/motionsystem/mechunits/{self._address.mechunit}/robtarget", query)
         now = parsing.pose(self._device, values, asked_at_s)
-        return parsing.stood(before, now) if before is not None else now
+        return parsing.with_standstill(before, now) if before is not None else now

@@ -30,7 +30,7 @@ BY_STATUS: dict[int, tuple[str, str, str]] = {
 TOO_MANY = "its 70 sessions are taken, or it is asked more than 20 times a second"
 
 
-def refused(device: str, doing: str, status: int, code: int | None, message: str) -> DeviceError:
+def error_of_response(device: str, doing: str, status: int, code: int | None, message: str) -> DeviceError:
     """The error for a response with that HTTP status."""
     if status == 503:
         return DeviceUnreachable(

@@ -21,27 +21,29 @@ _SPAN = re.compile(r'<span class="([\w-]+)">([^<]*)</span>')
 
 
 @dataclass(frozen=True)
-class Event:
+class RwsEvent:
     """One change. `kind` is ABB's class, such as pnl-ctrlstate-ev."""
 
     kind: str
     values: dict[str, str]
 
 
-def events_in(message: str) -> list[Event]:
+def events_in(message: str) -> list[RwsEvent]:
     """Events of one message, which is always XHTML."""
     begins = [*_EVENT.finditer(message)]
     ends = [*(begin.start() for begin in begins[1:]), len(message)][: len(begins)]
     return [
-        Event(begin.group(1), {name: html.unescape(value) for name, value in _SPAN.findall(message, begin.end(), end)})
+        RwsEvent(
+            begin.group(1), {name: html.unescape(value) for name, value in _SPAN.findall(message, begin.end(), end)}
+        )
         for begin, end in zip(begins, ends, strict=True)
     ]
 
 
-class Watch:
+class Subscription:
     """A subscription to the panel, the execution state and the event log."""
 
-    def __init__(self, client: RwsClient, told: Callable[[Event], None]) -> None:
+    def __init__(self, client: RwsClient, told: Callable[[RwsEvent], None]) -> None:
         self._client, self._told = client, told
         self._connection: ClientConnection | None = None
 
