@@ -28,7 +28,7 @@ MIN_EIGENVALUE = 1e-14
 """Of a scaled matrix. The eigenvalues of a sum of squares in double precision are exact to about this much."""
 
 MIN_DETERMINED = 1e-13
-"""A smallest eigenvalue of a scaled matrix up to this cannot be told from zero: something is not determined."""
+"""A smallest eigenvalue of a scaled matrix up to this is zero within rounding: something is not determined."""
 
 RIDGE = 1e-12
 """Added to the diagonal of a scaled matrix. It is a hundred times above rounding, so that what is undetermined stays

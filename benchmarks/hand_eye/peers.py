@@ -23,7 +23,7 @@ from calibration.errors import UndeterminedError
 from calibration.pose_pairs.solve import solve_hand_eye_poses
 from calibration.preprocessing.prepare import prepare
 from calibration.problem import Setup
-from calibration.solve import estimated
+from calibration.solve import estimate_session
 from calibration.transforms import Array
 from tests.simulated.pose_pairs import Motions, PoseNoise, PoseSession, drawn_session
 from tests.simulated.sessions import Cell, CellNoise, random_cell
@@ -149,7 +149,7 @@ def mixed_squares(rng: np.random.Generator, views: int) -> Squares:
     """Of one session with pixels, of any noise and setup; nothing of one that ours refuses."""
     cell, noise = drawn_cell(rng, views, SETUPS[rng.integers(len(SETUPS))])
     try:
-        ours = estimated(cell.problem)[2].best.chain.mount_T_camera
+        ours = estimate_session(cell.problem)[2].best.chain.mount_T_camera
     except UndeterminedError:
         return {}
     return _squares(cell, prepare(cell.problem), ours, bound_of(cell, noise).covariance)
@@ -163,7 +163,7 @@ def in_bounds(squares: Squares) -> Squares:
 def cell_squares(noise: CellNoise, setup: Setup, rng: np.random.Generator, views: int) -> Squares:
     """Of one session with pixels."""
     cell = random_cell(rng, views, noise, setup=setup)
-    ours = estimated(cell.problem)[2].best.chain.mount_T_camera
+    ours = estimate_session(cell.problem)[2].best.chain.mount_T_camera
     return _squares(cell, prepare(cell.problem), ours, bound_of(cell, noise).covariance)
 
 

@@ -1,1 +1,1 @@
-"""Why a whole session is inconsistent: known causes are tried one at a time, and the one that explains it is named."""
+"""Diagnosis of an inconsistent session: known causes are tested one by one, and the one that explains it is named."""

@@ -1,4 +1,4 @@
-"""Causes that touch every robot pose alike: another convention, another unit, another order."""
+"""Hypotheses about all robot poses: another convention, another unit, another order; and the target's size."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit
-from calibration.diagnosis.hypothesis import Trial
-from calibration.diagnosis.significance import Background
-from calibration.solver.target_scale_check import SMALLEST
+from calibration.diagnosis.hypothesis import Hypothesis
+from calibration.diagnosis.significance import NoisePosterior
+from calibration.solver.target_scale_check import MIN_SCALE_ERROR
 from calibration.transforms import (
     Array,
     inverse,
@@ -27,7 +27,7 @@ from calibration.transforms import (
 
 @dataclass(frozen=True)
 class Convention:
-    """`undo`: robot poses (n, 4, 4) as they came, and the images' poses, to robot poses as they should be."""
+    """A wrong convention; `undo` corrects robot poses (n, 4, 4), given also the images' poses (n, 4, 4)."""
 
     code: str
     message: str
@@ -40,11 +40,11 @@ def _w_last(base_T_flange: Array, _: Array) -> Array:
     return transform(rotation_from_quaternion(w_first), base_T_flange[:, :3, 3])
 
 
-def _inverted(base_T_flange: Array, _: Array) -> Array:
+def _invert(base_T_flange: Array, _: Array) -> Array:
     return inverse(base_T_flange)
 
 
-def _scaled(factor: float) -> Callable[[Array, Array], Array]:
+def _scale_translations(factor: float) -> Callable[[Array, Array], Array]:
     def undo(base_T_flange: Array, _: Array) -> Array:
         return transform(base_T_flange[:, :3, :3], factor * base_T_flange[:, :3, 3])
 
@@ -57,7 +57,7 @@ def _radians_read_as_degrees(base_T_flange: Array, _: Array) -> Array:
 
 
 def _degrees_read_as_radians(base_T_flange: Array, camera_T_target: Array) -> Array:
-    """A vector of up to 180 (degrees) taken as radians has wrapped up to 28 times: the images tell how often."""
+    """Rotation vectors up to 180 (degrees) taken as radians wrap up to 28 times; the images determine how often."""
     vectors = vector_from_rotation(base_T_flange[:, :3, :3])
     wrapped = np.linalg.norm(vectors, axis=1)
     axes = vectors / np.maximum(wrapped, 1e-12)[:, None]
@@ -71,25 +71,25 @@ def _degrees_read_as_radians(base_T_flange: Array, camera_T_target: Array) -> Ar
 
 
 def _turns_that_agree(rotations: Array, seen: Array) -> NDArray[np.intp]:
-    """Of each view's readings (n, c, 3, 3) the one (n,) with which views turn by what is `seen` (n, n) between them.
+    """The index (n,) of each view's reading (n, c, 3, 3) for which angles between views agree with `seen` (n, n).
 
-    Several may agree with one view, few with all: from each reading of the first view, by steps.
+    Several readings may agree with one view, few with all, so the search starts from each reading of the first view.
     """
     from_first = np.array([_misses(rotations, first, seen[:, 0]) for first in rotations[0]])  # (c, n, c)
     starts = from_first.argmin(axis=2)
     starts[:, 0] = np.arange(len(starts))
     best_total, best = np.inf, starts[0]
     for start in starts[np.argsort(from_first[:, 1:].min(axis=2).sum(axis=1))[:UNWRAPPING_STARTS]]:
-        total, chosen = _agreed(rotations, seen, start)
+        total, chosen = _refine_choice(rotations, seen, start)
         if total < best_total:
             best_total, best = total, chosen
-        if best_total < seen.size * AGREEING_RAD:
+        if best_total < seen.size * AGREEMENT_TOLERANCE_RAD:
             break
     return np.asarray(best, np.intp)
 
 
-def _agreed(rotations: Array, seen: Array, chosen: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
-    """Each view's reading (n,) that misses all others' present ones least, again and again; and by how much in all."""
+def _refine_choice(rotations: Array, seen: Array, chosen: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
+    """The total mismatch and each view's reading (n,), after rounds of choosing the best against the present ones."""
     total = np.inf
     for _ in range(UNWRAPPING_ROUNDS):
         present = rotations[np.arange(len(chosen)), chosen]
@@ -99,27 +99,27 @@ def _agreed(rotations: Array, seen: Array, chosen: NDArray[np.intp]) -> tuple[fl
 
 
 def _misses(rotations: Array, other: Array, seen: Array) -> Array:
-    """By how much each view's readings (n, c, 3, 3) turn more or less from another view (3, 3) than is seen (n,)."""
+    """Mismatch (n, c) rad between the angle from another view (3, 3) to each reading (n, c, 3, 3) and `seen` (n,)."""
     traces = rotations.reshape(*rotations.shape[:2], 9) @ other.ravel()
     misses: Array = np.abs(np.arccos(np.clip((traces - 1) / 2, -1, 1)) - seen[:, None])
     return misses
 
 
-LARGEST_CELL_MM = 20_000.0
-"""No arm reaches further; a unit that says so is not the right one."""
+MAX_CELL_MM = 20_000.0
+"""Largest distance of a flange from its base; no arm reaches further, so a larger one means a wrong unit."""
 
 PITCH_FACTORS = (0.2, 5.0)
-"""Beyond these a unit is wrong, not the print."""
+"""Bounds of the target's scale; beyond them a unit is wrong, not the target."""
 
 SCALE_ROUNDS = 2
-"""The first weights its views by noise levels that are still too large."""
+"""Newton steps of the scale; the first uses noise levels that are still too large."""
 
 UNWRAPPING_STARTS, UNWRAPPING_ROUNDS = 8, 3
-AGREEING_RAD = float(np.radians(0.5))
-"""In the mean: no other reading will agree better."""
+AGREEMENT_TOLERANCE_RAD = float(np.radians(0.5))
+"""Mean mismatch below which the search ends."""
 
-FEWEST_NEIGHBOURS, MOST_NEIGHBOURS = 4, 40
-"""Pairs of views, one right after the other, on which a shift of the poses by one is tried."""
+MIN_NEIGHBOURS, MAX_NEIGHBOURS = 4, 40
+"""Bounds of the number of pairs of successive views on which a shift of the poses by one is tested."""
 
 CONVENTIONS = (
     Convention(
@@ -132,25 +132,25 @@ CONVENTIONS = (
         "poses-inverted",
         "the poses are inverted: they map base coordinates to the flange (flange_T_base)",
         "give base_T_flange: the flange's position and orientation in the base",
-        _inverted,
+        _invert,
     ),
     Convention(
         "poses-in-metres",
         "the robot's translations are in metres",
         "multiply every translation by 1000: translation_mm is in millimetres",
-        _scaled(1000.0),
+        _scale_translations(1000.0),
     ),
     Convention(
         "poses-in-micrometres",
         "the robot's translations are 1000 times too large",
         "divide every translation by 1000: translation_mm is in millimetres",
-        _scaled(0.001),
+        _scale_translations(0.001),
     ),
     Convention(
         "poses-in-inches",
         "the robot's translations are in inches",
         "multiply every translation by 25.4: translation_mm is in millimetres",
-        _scaled(25.4),
+        _scale_translations(25.4),
     ),
     Convention(
         "radians-read-as-degrees",
@@ -167,37 +167,37 @@ CONVENTIONS = (
 )
 
 
-def convention_trials(evidence: Evidence) -> Iterator[Trial]:
-    """One trial a convention, and the target's size if it is worth a word."""
-    yield from reading_trials(evidence)
+def convention_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
+    """One hypothesis for each convention, and one for the target's size if it differs by MIN_SCALE_ERROR."""
+    yield from reading_hypotheses(evidence)
     factor = likeliest_scale(evidence)
-    if abs(factor - 1) > SMALLEST:
+    if abs(factor - 1) > MIN_SCALE_ERROR:
         yield _pitch(evidence, factor)
 
 
-def reading_trials(evidence: Evidence, alternatives: int = len(CONVENTIONS)) -> Iterator[Trial]:
-    """One trial a convention."""
+def reading_hypotheses(evidence: Evidence, alternatives: int = len(CONVENTIONS)) -> Iterator[Hypothesis]:
+    """One hypothesis for each convention that gives poses within MAX_CELL_MM."""
     for convention in CONVENTIONS:
         corrected = evidence.with_robot_poses(convention.undo(evidence.base_T_flange, evidence.camera_T_target))
-        if np.median(np.linalg.norm(corrected.base_T_flange[:, :3, 3], axis=1)) > LARGEST_CELL_MM:
+        if np.median(np.linalg.norm(corrected.base_T_flange[:, :3, 3], axis=1)) > MAX_CELL_MM:
             continue
-        yield Trial(
+        yield Hypothesis(
             convention.code, (), corrected, evidence, convention.message, convention.fix, alternatives=alternatives
         )
 
 
-def off_by_one_trials(evidence: Evidence) -> Iterator[Trial]:
-    """Every image with the pose of the view after it, or before it, where that view is among the evidence."""
+def off_by_one_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
+    """Two hypotheses: every image has the pose of the view after it, or before it."""
     next_to = np.flatnonzero(np.diff(evidence.indices) == 1)
-    if len(next_to) < FEWEST_NEIGHBOURS:
+    if len(next_to) < MIN_NEIGHBOURS:
         return
-    next_to = next_to[np.unique(np.linspace(0, len(next_to) - 1, MOST_NEIGHBOURS).astype(np.intp))]
+    next_to = next_to[np.unique(np.linspace(0, len(next_to) - 1, MAX_NEIGHBOURS).astype(np.intp))]
     for images, poses, message in (
         (next_to, next_to + 1, "image k was taken at pose k + 1"),
         (next_to + 1, next_to, "image k was taken at pose k - 1"),
     ):
         baseline = evidence.take(images)
-        yield Trial(
+        yield Hypothesis(
             "poses-off-by-one",
             (),
             baseline.with_robot_poses(evidence.base_T_flange[poses]),
@@ -208,49 +208,49 @@ def off_by_one_trials(evidence: Evidence) -> Iterator[Trial]:
         )
 
 
-def _pitch(evidence: Evidence, factor: float) -> Trial:
-    return Trial(
+def _pitch(evidence: Evidence, factor: float) -> Hypothesis:
+    return Hypothesis(
         "wrong-pitch",
         (),
-        evidence.scaled(factor),
+        evidence.scale_target(factor),
         evidence,
         f"the target is {factor:.4f} times as large as it was said to be",
         f"measure the printed target with a ruler; multiply its pitch (and tag or square size) by {factor:.4f}",
         unknowns=1,
         bonus=3 * len(evidence) * float(np.log(factor)),
         size=factor,
-        test=partial(_resized, factor=factor),
+        test=partial(_size_p_value, factor=factor),
     )
 
 
-def _resized(scaled: Evidence, fitted: Fit, factor: float) -> float:
-    """By chance, how often would the target seem as much larger or smaller?"""
-    background = Background.of(_with_size(scaled, fitted))
-    return background.chance_of(np.log([factor]), np.eye(background.steps.shape[1])[-1:])
+def _size_p_value(scaled: Evidence, fitted: Fit, factor: float) -> float:
+    """Probability that a target of the described size appears as much larger or smaller."""
+    background = NoisePosterior.of(_with_size(scaled, fitted))
+    return background.p_value_of(np.log([factor]), np.eye(background.steps.shape[1])[-1:])
 
 
 def _with_size(scaled: Evidence, fitted: Fit) -> Fit:
-    """The logarithm of the target's size becomes the last of the shared unknowns."""
+    """The fit with the logarithm of the target's size as a further shared unknown, the last."""
     slope = np.zeros((len(scaled), 6, 1))
     slope[:, 3:, 0] = -scaled.camera_T_target[:, :3, 3]
     return replace(fitted, by_shared=np.concatenate([fitted.by_shared, slope], axis=2))
 
 
 def likeliest_scale(evidence: Evidence) -> float:
-    """By how much the target must grow for the views to be likeliest.
+    """The scale of the target at which the views are most likely.
 
-    Least squares knows no weights: where images tell directions well and distances badly, it may be off by tens of its
-    best deviations, and the noise levels take the blame.
+    Refines `target_scale`, whose unweighted least squares may be off by tens of standard deviations where the images
+    determine directions much better than distances.
     """
     size = np.log(target_scale(evidence))
     for _ in range(SCALE_ROUNDS):
-        scaled = evidence.scaled(float(np.exp(size)))
+        scaled = evidence.scale_target(float(np.exp(size)))
         size = np.clip(size + _with_size(scaled, fit(scaled)).step()[-1], *np.log(PITCH_FACTORS))
     return float(np.exp(size))
 
 
 def target_scale(evidence: Evidence) -> float:
-    """By how much the target must grow for the camera's motions to match the robot's, by least squares.
+    """The scale of the target at which the camera's motions match the robot's, by least squares.
 
     R_i t + s R_i R u_i + t_i is the target's origin in the anchor for every view: linear in (t, s, origin).
     """

@@ -1,6 +1,6 @@
-"""What every suspected cause is tried on: robot poses, and where each image alone puts the target.
+"""Evidence on which hypotheses are tested: robot poses, and the target's pose of each image with its covariance.
 
-An image tells its target's pose to within a covariance of its own, so that a trial needs no pixels any more.
+The covariances replace the pixels, so that a test is quick.
 """
 
 from dataclasses import dataclass, replace
@@ -15,16 +15,17 @@ from calibration.observations.reprojection import PixelStatistics, pixel_statist
 from calibration.problem import Problem, Setup, anchor_T_mount_of
 from calibration.transforms import Array
 
-SMALLEST_PIXEL = 1e-4
-"""Pixels that fit better than this come from a simulation; the robot's error is what remains."""
+MIN_PIXEL_SIGMA = 1e-4
+"""Floor of the pixel noise, px; only simulated pixels fit better."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """n views, called by their `indices` (n,). `covariance` (n, 6, 6) of exp(.) @ camera_T_target, [rad, mm].
+    """n views with their `indices` (n,) in the session.
 
-    `redundancy` (n,): how many pixel coordinates each view has beyond those its pose takes: its covariance is known so
-    well.
+    base_T_flange, camera_T_target : (n, 4, 4).
+    covariance : (n, 6, 6) of exp(.) @ camera_T_target, [rad, mm].
+    redundancy : (n,) pixel coordinates less the six parameters of a pose: degrees of freedom of the covariance.
     """
 
     setup: Setup
@@ -60,8 +61,8 @@ class Evidence:
         """(n, 4, 4), see `calibration.problem`."""
         return anchor_T_mount_of(self.setup, self.base_T_flange)
 
-    def scaled(self, factor: float) -> "Evidence":
-        """As if the target were `factor` times as large."""
+    def scale_target(self, factor: float) -> "Evidence":
+        """The evidence of a target `factor` times as large."""
         grow = np.repeat([1.0, factor], 3)
         camera_T_target = self.camera_T_target.copy()
         camera_T_target[:, :3, 3] *= factor
@@ -69,7 +70,7 @@ class Evidence:
 
 
 def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camera_T_target: Array) -> Evidence:
-    """From corners and each view's own pose (n, 4, 4); the pixel noise is what those poses leave."""
+    """The evidence of corners and each view's own pose (n, 4, 4), with the pixel noise from their residuals."""
     statistics = pixel_statistics(seen, camera, camera_T_target)
     pixel = pixel_deviation(statistics)
     covariance = pixel**2 * scaled_inverse(statistics.normal)
@@ -79,6 +80,6 @@ def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camer
 
 
 def pixel_deviation(statistics: PixelStatistics) -> float:
-    """One standard deviation of a pixel coordinate, from what each view's own pose leaves."""
+    """One standard deviation of a pixel coordinate, from the residuals of each view's own pose."""
     redundancy = max(float(statistics.count.sum()) - 6 * len(statistics.count), 1.0)
-    return max(float(np.sqrt(statistics.square.sum() / redundancy)), SMALLEST_PIXEL)
+    return max(float(np.sqrt(statistics.square.sum() / redundancy)), MIN_PIXEL_SIGMA)

@@ -1,4 +1,4 @@
-"""A diagnosis in words: what is wrong, how consistent the session is without and with it, what to do."""
+"""A diagnosis as findings: the cause, the robot noise without and with it, and the fix."""
 
 from collections.abc import Set
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.diagnosis.convention_hypotheses import CONVENTIONS
-from calibration.diagnosis.diagnose import GAIN, Diagnosis
+from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, Diagnosis
 from calibration.diagnosis.intrinsics_check import LensMisfit
 from calibration.diagnosis.view_hypotheses import CHANGE_CODES
 from calibration.solution import Finding, Severity
@@ -14,38 +14,38 @@ from calibration.transforms import Array, difference
 
 DISAGREE = "Robot and images disagree"
 WHOLE_SESSION = frozenset({*(convention.code for convention in CONVENTIONS), "poses-off-by-one"})
-"""Causes under which no view may be used as it came."""
+"""Causes that affect every view."""
 
-LARGEST_PRINT_ERROR = 0.01
+MAX_PRINT_SCALE_ERROR = 0.01
 """Up to a hundredth is a printer; more is a wrong number."""
 
-LARGEST_LENS_SHARE = 0.005
-"""Of the target's distance: intrinsics that misplace the target by more belong to another camera or focus."""
+MAX_LENS_SHARE = 0.005
+"""Largest shift of the target over its distance for a warning; more is an error (another camera or focus)."""
 
 MOUNT_MM, MOUNT_RAD = 25.0, float(np.radians(3.0))
-"""A mount is known this well from a drawing or a ruler."""
+"""Default tolerance of an expected mount, as from a drawing or a ruler."""
 
 
-def findings_of(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Finding, ...]:
-    """The diagnosis as a finding; `used`: indices of the views that the solution rests on."""
+def diagnosis_findings(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Finding, ...]:
+    """The diagnosis as a finding; `used`: indices of the views of the solution."""
     cause = diagnosis.cause
     message = (
         f"{cause.message}. {DISAGREE} by {_size(diagnosis.before_mm, diagnosis.before_rad)}"
         f" as they came, by {_size(diagnosis.after_mm, diagnosis.after_rad)} with this explanation"
     )
     other = diagnosis.runner_up
-    if other is not None and diagnosis.runner_up_gain > diagnosis.gain - GAIN:
+    if other is not None and diagnosis.runner_up_gain > diagnosis.gain - MIN_LOG_LIKELIHOOD_GAIN:
         message += f". Nearly as likely: {other.message}"
     return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix),)
 
 
-def compared(finding: Finding) -> str:
-    """What a diagnosis says of the session without and with its explanation."""
+def comparison_text(finding: Finding) -> str:
+    """The part of a finding's message that compares the session without and with the explanation."""
     return DISAGREE + finding.message.partition(DISAGREE)[2]
 
 
 def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
-    """An error where the solution rests on views that the cause spoils."""
+    """Severity of the cause: an error when it affects the `used` views, otherwise a warning."""
     cause = diagnosis.cause
     if cause.code in WHOLE_SESSION:
         return "error"
@@ -53,17 +53,17 @@ def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
         before = {index for index in used if index < cause.where[0]}
         return "error" if before and used - before else "warning"
     if cause.code == "wrong-pitch":
-        return "error" if abs(cause.size - 1) > LARGEST_PRINT_ERROR else "warning"
+        return "error" if abs(cause.size - 1) > MAX_PRINT_SCALE_ERROR else "warning"
     return "warning"
 
 
 def lens_findings(misfit: LensMisfit) -> tuple[Finding, ...]:
-    """The given intrinsics do not fit."""
+    """The finding that the given intrinsics do not fit."""
     matrix = misfit.camera.matrix
     return (
         Finding(
             "intrinsics-do-not-fit",
-            "error" if misfit.share > LARGEST_LENS_SHARE else "warning",
+            "error" if misfit.share > MAX_LENS_SHARE else "warning",
             f"the given intrinsics leave {misfit.before_px:.3f} px where others leave {misfit.after_px:.3f} px"
             f" (fx {matrix[0, 0]:.1f}, fy {matrix[1, 1]:.1f}, cx {matrix[0, 2]:.1f}, cy {matrix[1, 2]:.1f});"
             f" they misplace the target by {100 * misfit.share:.2f} % of its distance",
@@ -74,7 +74,7 @@ def lens_findings(misfit: LensMisfit) -> tuple[Finding, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ExpectedMount:
-    """Where X should be, and how far from there it may be."""
+    """The expected X (4, 4) and its tolerances."""
 
     mount_T_camera: Array
     within_mm: float = MOUNT_MM
@@ -82,7 +82,7 @@ class ExpectedMount:
 
 
 def mount_findings(mount_T_camera: Array, expected: ExpectedMount) -> tuple[Finding, ...]:
-    """Is X where it was expected? A tool instead of the flange in the whole session is consistent in itself."""
+    """At most one finding: X is not as expected. Poses of a tool instead of the flange are consistent otherwise."""
     off_mm, off_rad = difference(expected.mount_T_camera, mount_T_camera)
     if off_mm <= expected.within_mm and off_rad <= expected.within_rad:
         return ()

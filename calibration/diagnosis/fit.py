@@ -1,8 +1,8 @@
-"""How likely the evidence is under one assumption: maximum likelihood over X, target's pose and robot noise.
+"""Maximum likelihood of X, the target's pose and the robot noise, given the evidence under a hypothesis.
 
-Robot errors have two unknown levels (rotation, translation), so a wrong assumption shows as a large level, and two
-assumptions are compared by their likelihoods at their own best levels. X or the target's pose may change once.
-Assumptions of the same shape are fitted together: the cost is a few array operations, however many there are.
+The robot's errors have two unknown levels (rotation, translation), so a wrong hypothesis gives large levels, and two
+hypotheses are compared by their likelihoods at their own best levels. X or the target's pose may change once.
+Hypotheses of the same shape are fitted together in a few array operations.
 """
 
 from collections.abc import Sequence
@@ -33,24 +33,24 @@ from calibration.transforms import (
 )
 
 ITERATIONS = 8
-WORST = -1e15
-"""Log-likelihood of what cannot be."""
+MIN_LOG_LIKELIHOOD = -1e15
+"""Log-likelihood of an impossible state."""
 
-SETTLED = 1e-2
-"""A change of the log-likelihood that decides nothing."""
+LOG_LIKELIHOOD_TOLERANCE = 1e-2
+"""The iteration ends when the log-likelihood changes by less."""
 
-SMALLEST_VARIANCE = MIN_REPEATABILITY.levels() ** 2
+MIN_VARIANCES = MIN_REPEATABILITY.levels() ** 2
 """rad², mm²"""
 
-LARGEST_VARIANCE = np.array([1.0**2, 1e5**2])
-"""rad², mm²: beyond any robot; a wrong assumption needs no better number."""
+MAX_VARIANCES = np.array([1.0**2, 1e5**2])
+"""rad², mm²: bound of the variances, beyond those of any robot."""
 
-FIRST_VARIANCE = np.array([1e-4**2, 0.1**2])
-SMALLEST_INFORMATION = 1e-30
-"""Under a wrong assumption rounding may leave nothing at all, or less."""
+INITIAL_VARIANCES = np.array([1e-4**2, 0.1**2])
+MIN_INFORMATION = 1e-30
+"""Floor of information; under a wrong hypothesis rounding may leave zero or less."""
 
 STARTS = 16
-"""One in three ends elsewhere among motions without turns."""
+"""Random starts for motions that do not determine X; one in three leads to another optimum."""
 
 Labels = NDArray[np.intp]
 
@@ -76,16 +76,16 @@ class Fit:
 
     @property
     def robot_translation_mm(self) -> float:
-        """The robot's translation noise that this assumption needs."""
+        """One standard deviation of the robot's translation under this hypothesis."""
         return float(np.sqrt(self.variances[1]))
 
     @property
     def robot_rotation_rad(self) -> float:
-        """The robot's rotation noise that this assumption needs."""
+        """One standard deviation of the robot's rotation under this hypothesis."""
         return float(np.sqrt(self.variances[0]))
 
     def step(self) -> Array:
-        """What the shared unknowns (p,) still lack, to first order."""
+        """The next Gauss-Newton step of the shared unknowns (p,)."""
         information = inverse_or_pseudo_inverse(self.covariance)[None]
         step, _ = _step(_Linear(self.residuals[None], self.by_shared[None], self.by_robot[None]), information)
         missing: Array = step[0]
@@ -93,12 +93,12 @@ class Fit:
 
     def distances(self) -> Array:
         """Squared Mahalanobis distance (n,) of every view."""
-        return _squared(self.residuals, inverse_or_pseudo_inverse(self.covariance))
+        return _squared_distances(self.residuals, inverse_or_pseudo_inverse(self.covariance))
 
 
 @dataclass(frozen=True, eq=False)
 class _Stack:
-    """t assumptions about n views each: mounts and seen (t, n, 4, 4), covariance (t, n, 6, 6), labels (t, n)."""
+    """t hypotheses about n views each: both poses (t, n, 4, 4), covariance (t, n, 6, 6), labels (t, n)."""
 
     setup: Setup
     anchor_T_mount: Array
@@ -118,7 +118,7 @@ class _Linear:
 
 
 def fit(evidence: Evidence, x_labels: Labels | None = None, y_labels: Labels | None = None) -> Fit:
-    """`x_labels`, `y_labels` (n,): which X and which target pose holds in each view; one of each by default."""
+    """The fit; `x_labels`, `y_labels` (n,): which X and which target pose applies to each view, by default one."""
     return fits([evidence], [x_labels], [y_labels])[0]
 
 
@@ -128,28 +128,28 @@ def fits(
     y_labels: Sequence[Labels | None] | None = None,
     iterations: int = ITERATIONS,
 ) -> list[Fit]:
-    """One fit for each, all with the same number of views and of labels."""
-    stack = _stacked(evidences, x_labels or [None] * len(evidences), y_labels or [None] * len(evidences))
+    """One fit for each evidence; all must have the same numbers of views and of labels."""
+    stack = _stack_evidence(evidences, x_labels or [None] * len(evidences), y_labels or [None] * len(evidences))
     X, Y = _start(stack)
-    variances = np.tile(FIRST_VARIANCE, (len(evidences), 1))
-    # Scoring may overshoot where an assumption is wrong: the likeliest state on the way is kept.
-    before = likeliest = np.full(len(evidences), WORST)
+    variances = np.tile(INITIAL_VARIANCES, (len(evidences), 1))
+    # Scoring may overshoot under a wrong hypothesis, so the most likely state is kept.
+    before = likeliest = np.full(len(evidences), MIN_LOG_LIKELIHOOD)
     kept = X, Y, variances
     for iteration in range(iterations + 1):
-        linear = _linearised(stack, X, Y)
-        information, value = _weighted(stack, linear, variances)
+        linear = _linearise(stack, X, Y)
+        information, value = _weigh(stack, linear, variances)
         better = value > likeliest
         likeliest = np.where(better, value, likeliest)
         kept = _where(better, X, kept[0]), _where(better, Y, kept[1]), _where(better, variances, kept[2])
-        if iteration == iterations or np.all(np.abs(value - before) < SETTLED):
+        if iteration == iterations or np.all(np.abs(value - before) < LOG_LIKELIHOOD_TOLERANCE):
             break
         step, left = _step(linear, information)
         x_numbers = 6 * X.shape[1]
-        X, Y = _moved(X, step[:, :x_numbers]), _moved(Y, step[:, x_numbers:])
+        X, Y = _apply_step(X, step[:, :x_numbers]), _apply_step(Y, step[:, x_numbers:])
         variances = _variances(stack, left, linear, information)
         before = value
     X, Y, variances = kept
-    linear = _linearised(stack, X, Y)
+    linear = _linearise(stack, X, Y)
     covariance = _covariance(stack.covariance, linear.by_robot, variances)
     value = likeliest
     return [
@@ -170,9 +170,10 @@ def fits(
 
 
 def likeliest_fit(evidence: Evidence) -> Fit:
-    """The best of several fits: where motions do not determine X, the closed form starts anywhere.
+    """The best of several fits from random starts, for motions that do not determine X.
 
-    Frames turned at random change no likelihood, only that start; X and the target's pose are in turned frames.
+    The starts differ by random rotations of the frames, which do not change the likelihood; X and the target's pose
+    of the result are in those rotated frames.
     """
     turns = transform(rotation_from_vector(np.random.default_rng(0).uniform(-2, 2, (2 * STARTS, 3))), np.zeros(3))
     turned = [
@@ -182,28 +183,28 @@ def likeliest_fit(evidence: Evidence) -> Fit:
     return max(fits([evidence, *turned]), key=lambda fitted: fitted.log_likelihood)
 
 
-def predicted_base_T_flange(evidence: Evidence, fitted: Fit, view: int) -> Array:
-    """Where the robot must have stood in a view (4, 4), judging by its image and the fit."""
+def predict_base_T_flange(evidence: Evidence, fitted: Fit, view: int) -> Array:
+    """The robot's pose (4, 4) in a view as predicted by its image and the fit."""
     anchor_T_mount = fitted.anchor_T_target[0] @ inverse(fitted.mount_T_camera[0] @ evidence.camera_T_target[view])
     return base_T_flange_of(evidence.setup, anchor_T_mount)
 
 
-def applied(evidence: Evidence, fitted: Fit) -> Fit:
-    """The fit as it is, looked at from views that need not have taken part in it."""
-    stack = _stacked([evidence], [None], [None])
-    linear = _linearised(stack, fitted.mount_T_camera[None, :1], fitted.anchor_T_target[None, :1])
+def apply_fit(evidence: Evidence, fitted: Fit) -> Fit:
+    """The fit with residuals and derivatives of other views, which need not be part of it."""
+    stack = _stack_evidence([evidence], [None], [None])
+    linear = _linearise(stack, fitted.mount_T_camera[None, :1], fitted.anchor_T_target[None, :1])
     covariance = _covariance(stack.covariance, linear.by_robot, fitted.variances[None])[0]
     seen = replace(fitted, residuals=linear.residuals[0], covariance=covariance, image_covariance=evidence.covariance)
     return replace(seen, by_shared=linear.by_shared[0], by_robot=linear.by_robot[0], redundancy=evidence.redundancy)
 
 
 def residuals_of(evidence: Evidence, fitted: Fit) -> tuple[Array, Array]:
-    """Residuals (n, 6) and their covariance (n, 6, 6) of views that need not have taken part in the fit."""
-    seen = applied(evidence, fitted)
+    """Residuals (n, 6) and their covariance (n, 6, 6) of views that need not be part of the fit."""
+    seen = apply_fit(evidence, fitted)
     return seen.residuals, seen.covariance
 
 
-def _stacked(
+def _stack_evidence(
     evidences: Sequence[Evidence], x_labels: Sequence[Labels | None], y_labels: Sequence[Labels | None]
 ) -> _Stack:
     one = np.zeros(len(evidences[0]), np.intp)
@@ -218,13 +219,13 @@ def _stacked(
 
 
 def _start(stack: _Stack) -> tuple[Array, Array]:
-    """Closed form for X from the longest stretch with one X and one target pose, then the mean of what it says of Y."""
+    """X in closed form from the longest stretch with one X and one target pose, and the mean of Y with that X."""
     t, n = stack.x_labels.shape
     g, h = int(stack.x_labels.max()) + 1, int(stack.y_labels.max()) + 1
     rows = np.tile(np.arange(n), (t, 1))
     if g * h > 1:
         for index, stretch in enumerate(stack.x_labels * h + stack.y_labels):
-            # Repeating views of the stretch fills the row and changes no more than their weights.
+            # Views of the stretch are repeated to fill the row; this changes only their weights.
             rows[index] = np.resize(np.flatnonzero(stretch == np.bincount(stretch).argmax()), n)
     chosen = np.arange(t)[:, None], rows
     X = np.repeat(kronecker(stack.anchor_T_mount[chosen], stack.camera_T_target[chosen])[:, None], g, axis=1)
@@ -237,7 +238,7 @@ def _start(stack: _Stack) -> tuple[Array, Array]:
     return X, transform(u @ vt, mean[..., :3, 3])
 
 
-def _linearised(stack: _Stack, X: Array, Y: Array) -> _Linear:
+def _linearise(stack: _Stack, X: Array, Y: Array) -> _Linear:
     t, n = stack.x_labels.shape
     g, h = X.shape[1], Y.shape[1]
     rows = np.arange(t)[:, None]
@@ -253,21 +254,21 @@ def _linearised(stack: _Stack, X: Array, Y: Array) -> _Linear:
 
 
 def _covariance(by_images: Array, by_robot: Array, variances: Array) -> Array:
-    deviation = np.sqrt(np.repeat(np.maximum(variances, SMALLEST_VARIANCE), 3, axis=-1))
+    deviation = np.sqrt(np.repeat(np.maximum(variances, MIN_VARIANCES), 3, axis=-1))
     spread = by_robot * deviation[:, None, None]
     by_robots: Array = spread @ np.swapaxes(spread, -1, -2)
     return by_images + by_robots
 
 
-def _weighted(stack: _Stack, linear: _Linear, variances: Array) -> tuple[Array, Array]:
+def _weigh(stack: _Stack, linear: _Linear, variances: Array) -> tuple[Array, Array]:
     """Inverse covariance (t, n, 6, 6) and the log-likelihood (t,)."""
     covariance = _covariance(stack.covariance, linear.by_robot, variances)
     information = inverse_or_pseudo_inverse(covariance)
     sign, log_determinant = np.linalg.slogdet(covariance)
-    squared = _squared(linear.residuals, information)
+    squared = _squared_distances(linear.residuals, information)
     value = -0.5 * np.sum(log_determinant + squared, axis=-1)
-    # Rounding under a wildly wrong assumption: a negative square would be the likeliest of all.
-    return information, np.where(np.all((sign > 0) & (squared >= 0), axis=-1), value, WORST)
+    # Under a wrong hypothesis rounding may give negative squares, which would have the highest likelihood.
+    return information, np.where(np.all((sign > 0) & (squared >= 0), axis=-1), value, MIN_LOG_LIKELIHOOD)
 
 
 def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
@@ -277,7 +278,7 @@ def _step(linear: _Linear, information: Array) -> tuple[Array, Array]:
     normal = weighted @ linear.by_shared.reshape(t, 6 * n, p)
     gradient = weighted @ linear.residuals.reshape(t, 6 * n, 1)
     step = -scaled_solve(normal, gradient)[..., 0]
-    step = clip_step(np.nan_to_num(step))  # a wrong assumption may have no sensible fit
+    step = clip_step(np.nan_to_num(step))  # a wrong hypothesis may have no sensible fit
     left: Array = linear.residuals + (linear.by_shared @ step[:, None, :, None])[..., 0]
     return step, left
 
@@ -295,11 +296,11 @@ def _variances(stack: _Stack, residuals: Array, linear: _Linear, information: Ar
     spent = 6 * n / max(6 * n - shared, 1)
     explained = (seen**2 * spent - by_images).reshape(t, n, 2, 3).sum(axis=(1, 3))
     fisher = np.sum((inner**2).reshape(t, n, 2, 3, 2, 3), axis=(1, 3, 5))
-    variances: Array = np.minimum(nonnegative_variances(fisher, explained), LARGEST_VARIANCE)
+    variances: Array = np.minimum(nonnegative_variances(fisher, explained), MAX_VARIANCES)
     return variances
 
 
-def _moved(a_T_b: Array, step: Array) -> Array:
+def _apply_step(a_T_b: Array, step: Array) -> Array:
     """T @ exp(step), for stacks (t, g, 4, 4) and flat steps (t, 6 g)."""
     moved: Array = a_T_b @ transform_from_vector(step.reshape(*a_T_b.shape[:2], 6))
     return moved
@@ -310,6 +311,6 @@ def _where(chosen: NDArray[np.bool_], new: Array, old: Array) -> Array:
     return np.where(chosen.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
 
-def _squared(residuals: Array, information: Array) -> Array:
+def _squared_distances(residuals: Array, information: Array) -> Array:
     distances: Array = np.sum(residuals * (information @ residuals[..., None])[..., 0], axis=-1)
     return distances

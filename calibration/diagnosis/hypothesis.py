@@ -1,4 +1,4 @@
-"""One suspected cause, applied to the evidence: what would have to be true, and what a person should do about it."""
+"""Hypotheses about the cause of an inconsistency, and their comparison with the evidence as it is."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,23 +9,23 @@ import numpy as np
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, Labels, fit, fits
 
-TOGETHER = 2000
-"""Views fitted at once: enough to make numpy's overhead small, few enough for the cache."""
+BATCH_VIEWS = 2000
+"""Views fitted in one batch: enough to make numpy's overhead small, few enough for the cache."""
 
-SHARED = 12
+SHARED_UNKNOWNS = 12
 """Unknowns of every fit: X and the target's pose."""
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """The evidence as it would be without the fault, to be compared with `baseline`, the same images as they came.
+class Hypothesis:
+    """The evidence corrected for a suspected cause, to be compared with `baseline`, the same images uncorrected.
 
     code, where : the cause, and the views (positions in the problem) it names.
-    unknowns : free numbers the cause brings; alternatives : how many such trials there are. Both cost likelihood.
-    bonus : log-likelihood the cause brings beside the fit (a change of measure).
-    size : how large the target is under this cause, against what was said.
-    test : from the evidence as it would be and the fit to it, how often chance does the same; None where the cause is
-    another reading of the same numbers, which no chance turns into the other.
+    unknowns, alternatives : free parameters of the cause, and the number of such hypotheses; both are penalised.
+    bonus : log-likelihood of the cause besides the fit (a change of measure).
+    size : scale of the target under this cause.
+    test : p value from the corrected evidence and the fit to it; None for another reading of the same numbers, which
+        noise cannot imitate.
     """
 
     code: str
@@ -44,23 +44,23 @@ class Trial:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """`gain` in log-likelihood after paying for unknowns and alternatives, and the robot noise that is left.
+class HypothesisResult:
+    """`gain` in log-likelihood less the penalties for unknowns and alternatives, and the robot noise that is left.
 
-    `chance()`: how often a session without the fault would look as guilty of it; None as for the trial's test.
+    `p_value()`: probability that a session without the fault appears as faulty; None without a test.
     """
 
-    trial: Trial
+    hypothesis: Hypothesis
     gain: float
     robot_translation_mm: float
     robot_rotation_rad: float
-    chance: Callable[[], float] | None
+    p_value: Callable[[], float] | None
 
 
-def outcomes_of(trials: Sequence[Trial], evidence: Evidence, as_it_came: Fit) -> list[Outcome]:
-    """Fit the trials, those of one shape together, and compare each with its baseline.
+def evaluate(trials: Sequence[Hypothesis], evidence: Evidence, as_it_came: Fit) -> list[HypothesisResult]:
+    """Fit the hypotheses, those of one shape together, and compare each with its baseline.
 
-    `as_it_came` is the fit to the `evidence` that most trials start from; another baseline is fitted here.
+    `as_it_came`: the fit to `evidence`, the baseline of most hypotheses; other baselines are fitted here.
     """
     fitted: dict[int, Fit] = {}
     for group in _groups(trials):
@@ -76,46 +76,46 @@ def outcomes_of(trials: Sequence[Trial], evidence: Evidence, as_it_came: Fit) ->
     for index, trial in enumerate(trials):
         before = as_it_came.log_likelihood
         if trial.baseline is not evidence:
-            # What is wrong with every view may keep this fit from settling where the other did.
+            # A fault of every view may keep this fit from reaching the other's optimum.
             before = max(fit(trial.baseline).log_likelihood, each * len(trial.baseline))
-        outcomes.append(_outcome(trial, fitted[index], before))
+        outcomes.append(_result(trial, fitted[index], before))
     return outcomes
 
 
-def _outcome(trial: Trial, fitted: Fit, before: float) -> Outcome:
+def _result(trial: Hypothesis, fitted: Fit, before: float) -> HypothesisResult:
     n = len(trial.evidence)
     raw = fitted.log_likelihood + trial.bonus - before
     gain = few_views_factor(n, trial.unknowns) * raw - price_of(n, trial.unknowns, trial.alternatives)
-    chance = None if trial.test is None else partial(_chance, trial.test, trial, fitted)
-    return Outcome(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
+    chance = None if trial.test is None else partial(_p_value, trial.test, trial, fitted)
+    return HypothesisResult(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
 
 
-def _chance(test: Callable[[Evidence, Fit], float], trial: Trial, fitted: Fit) -> float:
+def _p_value(test: Callable[[Evidence, Fit], float], trial: Hypothesis, fitted: Fit) -> float:
     return min(trial.alternatives * test(trial.evidence, fitted), 1.0)
 
 
 def price_of(n: int, unknowns: int, alternatives: int) -> float:
-    """What free numbers cost (Schwarz, Annals of Statistics 6(2) 1978), and what having had a choice costs."""
+    """Penalty for free parameters (Schwarz, Annals of Statistics 6(2) 1978) and for the number of alternatives."""
     return float(0.5 * unknowns * np.log(6 * n) + np.log(alternatives))
 
 
 def few_views_factor(n: int, unknowns: int) -> float:
-    """By how much a likelihood ratio from n views exaggerates, because the noise is estimated from them too.
+    """Factor that corrects a log-likelihood ratio from n views, from which the noise is estimated too.
 
-    Bartlett's correction of N log(1 + k F / D), with N = 6 n residuals of which X and the target's pose took 12
+    Bartlett's correction of N log(1 + k F / D), with N = 6 n residuals, 12 of them spent on X and the target's pose
     (T. W. Anderson, An Introduction to Multivariate Statistical Analysis, 8.5).
     """
-    return max(6 * n - SHARED - 1 - unknowns / 2, 1.0) / (6 * n)
+    return max(6 * n - SHARED_UNKNOWNS - 1 - unknowns / 2, 1.0) / (6 * n)
 
 
-def _groups(trials: Sequence[Trial]) -> list[list[int]]:
-    """Trials with the same number of views and of labels, at most `TOGETHER` views in one."""
+def _groups(trials: Sequence[Hypothesis]) -> list[list[int]]:
+    """Groups of indices of hypotheses with the same numbers of views and labels, at most BATCH_VIEWS views each."""
     by_shape: dict[tuple[int, bool, bool], list[int]] = {}
     for index, trial in enumerate(trials):
         shape = len(trial.evidence), trial.x_labels is None, trial.y_labels is None
         by_shape.setdefault(shape, []).append(index)
     groups = []
     for (views, _, _), members in by_shape.items():
-        size = max(1, TOGETHER // views)
+        size = max(1, BATCH_VIEWS // views)
         groups += [members[start : start + size] for start in range(0, len(members), size)]
     return groups

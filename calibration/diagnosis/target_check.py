@@ -1,4 +1,4 @@
-"""Is it the target that was described? Asked where a session is refused: another grid leaves no view usable."""
+"""Test whether the images show another target than described, for refused sessions."""
 
 from collections.abc import Iterator
 
@@ -12,11 +12,11 @@ from calibration.solution import Finding
 
 FOREIGN_ID = "corner-id-unknown"
 MISPLACED_PX = 5.0
-"""RMS of a view: wrong intrinsics and bent boards leave less than this, another grid more."""
+"""RMS residual of a view above which it shows another target; wrong intrinsics and bent boards leave less."""
 
 
 def target_findings(problem: Problem, camera: CameraModel | None) -> Iterator[Finding]:
-    """At most one: in most views the detected points cannot be this target's."""
+    """At most one finding: in most views the detected points are not those of this target."""
     seen, refused = observe(problem)
     looked_at = sum(view.detection is not None for view in problem.views)
     foreign = sum(why.code == FOREIGN_ID for why in refused.values())

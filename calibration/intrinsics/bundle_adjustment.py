@@ -12,7 +12,7 @@ from calibration.camera import CameraModel
 from calibration.linear_algebra import MIN_DETERMINED, RIDGE, scaled_pseudo_inverse, scaled_solve
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, pixel_statistics, with_intrinsics
-from calibration.observations.view_poses import moved
+from calibration.observations.view_poses import apply_pose_steps
 from calibration.transforms import Array
 
 CENTRE_SIGMA_OF_SIZE = 0.05
@@ -54,7 +54,7 @@ def adjust(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[
         step, pose_steps = _solve(normal, damping)
         change = np.zeros(INTRINSICS)
         change[free] = step
-        trial, trial_poses = with_intrinsics(camera, change), moved(poses, pose_steps)
+        trial, trial_poses = with_intrinsics(camera, change), apply_pose_steps(poses, pose_steps)
         sane = np.all(np.isfinite(change)) and min(trial.matrix[0, 0], trial.matrix[1, 1]) > 0
         there = _normal(seen, trial, trial_poses, free, normal.variance) if sane else None
         if there is not None and there.cost <= normal.cost:

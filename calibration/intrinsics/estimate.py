@@ -122,7 +122,7 @@ def _without_outliers(seen: Observations, fit: BundleFit) -> Observations | None
     if not stray_points.any():
         return None
     weights = np.where(stray_points, 0.0, seen.weights)
-    return seen.weighted(weights).take((weights > 0).sum(axis=1) >= 4)
+    return seen.with_weights(weights).take((weights > 0).sum(axis=1) >= 4)
 
 
 def _estimate(seen: Observations, fit: BundleFit) -> CameraEstimate:

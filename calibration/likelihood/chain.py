@@ -25,7 +25,7 @@ from calibration.transforms import (
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """`corrections` (n, 6): rotation vector in rad and translation in mm, of each robot pose."""
+    """X (4, 4), the target's pose (4, 4), and n robot poses (n, 4, 4) with `corrections` (n, 6) [rad, mm]."""
 
     setup: Setup
     base_T_flange: Array
@@ -42,23 +42,23 @@ class Chain:
         anchor_T_mount = anchor_T_mount_of(self.setup, self.corrected_base_T_flange())
         return predicted_camera_T_target(anchor_T_mount, self.mount_T_camera, self.anchor_T_target)
 
-    def by_shared(self, camera_T_target: Array) -> Array:
-        """d Z by (X, Y): (n, 6, 12)."""
+    def shared_jacobian(self, camera_T_target: Array) -> Array:
+        """Derivative (n, 6, 12) of the poses Z by X and Y."""
         return derivative_by_shared(camera_T_target)
 
-    def by_correction(self, camera_T_target: Array) -> Array:
-        """d Z by the correction of its robot pose: (n, 6, 6)."""
+    def correction_jacobian(self, camera_T_target: Array) -> Array:
+        """Derivative (n, 6, 6) of each pose Z by the correction of its robot pose."""
         by_motion = derivative_by_flange(self.setup, camera_T_target, self.mount_T_camera, self.anchor_T_target)
         return by_motion @ _motion_by_vector(self.corrections)
 
     def with_corrections_from(self, camera_T_target: Array) -> "Chain":
-        """The corrections that make the chain reproduce the given poses exactly."""
+        """The chain with the corrections that reproduce the given poses (n, 4, 4) exactly."""
         anchor_T_mount = self.anchor_T_target @ inverse(self.mount_T_camera @ camera_T_target)
         base_T_flange = base_T_flange_of(self.setup, anchor_T_mount)
         return replace(self, corrections=vector_from_transform(inverse(self.base_T_flange) @ base_T_flange))
 
-    def moved(self, step: Array, corrections: Array) -> "Chain":
-        """X and Y moved by a step (..., 12), with new corrections (n, 6); one step a view gives one X a view."""
+    def apply_step(self, step: Array, corrections: Array) -> "Chain":
+        """X and Y changed by a step (..., 12), with new corrections (n, 6). A step (n, 12) gives an X for each view."""
         return Chain(
             self.setup,
             self.base_T_flange,
@@ -67,11 +67,11 @@ class Chain:
             corrections,
         )
 
-    def as_reported(self) -> "Chain":
-        """The same X and Y with the robot's poses as they came."""
+    def without_corrections(self) -> "Chain":
+        """The same X and Y with the robot's poses as reported."""
         return replace(self, corrections=np.zeros_like(self.corrections))
 
-    def of_views(self, base_T_flange: Array) -> "Chain":
+    def for_poses(self, base_T_flange: Array) -> "Chain":
         """The same X and Y for other robot poses (n, 4, 4)."""
         return replace(self, base_T_flange=base_T_flange, corrections=np.zeros((len(base_T_flange), 6)))
 

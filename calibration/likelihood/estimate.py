@@ -1,4 +1,4 @@
-"""The maximum-likelihood loop: linearise, estimate the noise, step; until the step is far below its own deviation."""
+"""Maximum-likelihood iteration: linearise, estimate the noise, step, until the step is far below its uncertainty."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,62 +8,62 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearised, solve
-from calibration.likelihood.noise_marginalisation import MOST_STATED_VIEWS, averaged
-from calibration.likelihood.systematic_errors import NO_DOUBT, Doubt
+from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearise_model, solve
+from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS, marginalise
+from calibration.likelihood.systematic_errors import NO_SYSTEMATIC_ERRORS, SystematicErrors
 from calibration.likelihood.variance_components import estimate_variances
-from calibration.observations.observations import Observations, scaled
+from calibration.observations.observations import Observations, scale_target
 from calibration.observations.reprojection import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
 from calibration.transforms import Array, inverse, vector_from_transform
 
-MOST_ITERATIONS = 25
-LEVELS_SETTLE_WITHIN = 10
-"""So few views as three may lead noise levels and X round in circles; then the levels stay, and are averaged over."""
+MAX_ITERATIONS = 25
+MAX_NOISE_ITERATIONS = 10
+"""Iterations that update the noise levels; with few views levels and X may alternate, so the levels are fixed then."""
 
-SMALL_STEP = 1e-3
-"""In units of the estimate's own standard deviation."""
+STEP_TOLERANCE_SIGMA = 1e-3
+"""The iteration ends when the RMS step is below this many standard deviations of the estimate."""
 
-Pixels = Callable[[Array, CameraModel, float], PixelStatistics]
-"""What the pixels say at poses (n, 4, 4) with a camera and a scale of the target."""
+PixelModel = Callable[[Array, CameraModel, float], PixelStatistics]
+"""Pixel statistics at poses (n, 4, 4), a camera and a scale of the target."""
 
-Free = NDArray[np.bool_]
+FreeMask = NDArray[np.bool_]
 """Which of fx fy cx cy k1 k2 p1 p2 k3 and the target's scale are unknown (10,)."""
 
-HELD = np.zeros(INTRINSICS + 1, bool)
+ALL_FIXED = np.zeros(INTRINSICS + 1, bool)
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The chain at the optimum, camera, target scale and noise, and the model linearised there with its covariance."""
+    """Chain, camera, target scale and noise at the optimum, with the model linearised there and its last step."""
 
     chain: Chain
     camera: CameraModel
     scale: float
-    free: Free
+    free: FreeMask
     variances: Variances
     model: MixedModel
     step: Step
     converged: bool
 
     def trend_variances(self) -> Array:
-        """Of a rotation and of a translation component (2,), as far as they follow the pose, in the mean of views."""
+        """Mean variances (2,) rad², mm² over the views of the part of the robot's errors that follows the pose."""
         levels = np.array([self.variances.trend_rotation, self.variances.trend_translation])
         in_the_mean: Array = levels * float(np.mean(np.sum(self.model.basis**2, axis=1)))
         return in_the_mean
 
 
-def measured(seen: Observations, free: Free) -> Pixels:
-    """The pixels themselves, with the `free` (10,) among the unknowns."""
+def exact_pixels(seen: Observations, free: FreeMask) -> PixelModel:
+    """Statistics computed from the pixels at every call, with `free` (10,) among the unknowns."""
     intrinsics, sized = free[:INTRINSICS], bool(free[INTRINSICS])
 
     def at(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
-        return pixel_statistics(scaled(seen, scale), camera, poses, free_intrinsics=intrinsics, free_scale=sized)
+        return pixel_statistics(scale_target(seen, scale), camera, poses, free_intrinsics=intrinsics, free_scale=sized)
 
     return at
 
 
-def frozen(statistics: PixelStatistics, camera_T_target: Array) -> Pixels:
-    """The pixels as a quadratic about the views' own poses: nearly exact, and no point is touched any more."""
+def quadratic_pixels(statistics: PixelStatistics, camera_T_target: Array) -> PixelModel:
+    """Statistics as a quadratic about the views' own poses (n, 4, 4): nearly exact, and much quicker."""
     own = inverse(camera_T_target)
 
     def expand(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
@@ -77,63 +77,63 @@ def frozen(statistics: PixelStatistics, camera_T_target: Array) -> Pixels:
 
 
 def estimate(
-    pixels: Pixels,
+    pixels: PixelModel,
     camera: CameraModel,
     start: Chain,
     variances: Variances,
-    free: Free = HELD,
+    free: FreeMask = ALL_FIXED,
     scale: float = 1.0,
-    doubt: Doubt = NO_DOUBT,
+    doubt: SystematicErrors = NO_SYSTEMATIC_ERRORS,
     *,
-    levels_known: bool = False,
+    fixed_noise: bool = False,
 ) -> Estimate:
-    """From a start whose corrections reproduce each view's own pose, to the maximum of the likelihood.
+    """Maximise the likelihood from a start whose corrections reproduce each view's own pose.
 
-    `levels_known`: the noise levels stay as they are.
+    `free` (10,): the unknown intrinsics and scale; `fixed_noise`: keep the noise levels at `variances`.
     """
     chain, converged, coefficients = start, False, np.zeros(0)
-    for iteration in range(MOST_ITERATIONS):
-        model = doubt.applied(linearise(pixels, chain, camera, scale), free, camera, chain.base_T_flange)
-        if not levels_known and iteration < LEVELS_SETTLE_WITHIN:
+    for iteration in range(MAX_ITERATIONS):
+        model = doubt.apply(linearise(pixels, chain, camera, scale), free, camera, chain.base_T_flange)
+        if not fixed_noise and iteration < MAX_NOISE_ITERATIONS:
             variances = estimate_variances(model, variances)
         step = solve(model, variances)
-        # Each step is from where the last one led, the trend's coefficients from nothing.
+        # Each step starts at the result of the last one, but for the trend's coefficients, which start at zero.
         change = step.b.copy()
         change[len(change) - len(coefficients) :] -= coefficients
-        coefficients = step.b[len(step.b) - 6 * model.trend :]
-        small = change @ step.information @ change < SMALL_STEP**2 * len(change)
-        # The last step is far below its deviation: taking it needs no new linearisation.
+        coefficients = step.b[len(step.b) - 6 * model.trend_terms :]
+        small = change @ step.information @ change < STEP_TOLERANCE_SIGMA**2 * len(change)
+        # The last step is far below its uncertainty, so no new linearisation is needed after it.
         corrections = model.corrections(step.K, step.b)
-        chain, camera, scale = _stepped(chain, camera, scale, free, step.b, corrections)
+        chain, camera, scale = _apply_step(chain, camera, scale, free, step.b, corrections)
         if small:
             converged = True
             break
     return Estimate(chain, camera, scale, free, variances, model, step, converged)
 
 
-def averaged_over_noise(best: Estimate) -> Estimate:
-    """The estimate with X averaged over the robot's noise levels, and the levels too where the views are very few."""
-    mean = averaged(best.model, best.variances)
-    few = len(best.model.count) <= MOST_STATED_VIEWS
+def marginalise_noise(best: Estimate) -> Estimate:
+    """The estimate with X averaged over the robot's noise levels; with few views the levels are averaged as well."""
+    mean = marginalise(best.model, best.variances)
+    few = len(best.model.count) <= MAX_PRIOR_VIEWS
     variances = mean.variances if few else best.variances
     step = solve(best.model, variances) if few else best.step
-    off = mean.b - best.step.b  # the chain already took the last step
+    off = mean.b - best.step.b  # the chain already contains the last step
     corrections = best.model.corrections(step.K, mean.b)
-    chain, camera, scale = _stepped(best.chain, best.camera, best.scale, best.free, off, corrections)
+    chain, camera, scale = _apply_step(best.chain, best.camera, best.scale, best.free, off, corrections)
     averages = replace(step, b=mean.b, covariance=mean.covariance)
     return replace(best, chain=chain, camera=camera, scale=scale, variances=variances, step=averages)
 
 
-def linearise(pixels: Pixels, chain: Chain, camera: CameraModel, scale: float) -> MixedModel:
+def linearise(pixels: PixelModel, chain: Chain, camera: CameraModel, scale: float) -> MixedModel:
     """The model around the present chain, camera and scale."""
     poses = chain.camera_T_target()
-    return linearised(pixels(poses, camera, scale), chain, poses)
+    return linearise_model(pixels(poses, camera, scale), chain, poses)
 
 
-def _stepped(
-    chain: Chain, camera: CameraModel, scale: float, free: Free, b: Array, corrections: Array
+def _apply_step(
+    chain: Chain, camera: CameraModel, scale: float, free: FreeMask, b: Array, corrections: Array
 ) -> tuple[Chain, CameraModel, float]:
-    moved = chain.moved(b[:12], corrections)
+    moved = chain.apply_step(b[:12], corrections)
     change = np.zeros(INTRINSICS + 1)
     change[free] = b[12 : 12 + np.count_nonzero(free)]
     if np.any(free[:INTRINSICS]):

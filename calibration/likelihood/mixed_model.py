@@ -3,7 +3,7 @@
 b (p,) are the shared unknowns (X, Y[, intrinsics]), c_i (6,) the correction of robot pose i. Marginalising c_i leaves
 V_i = s_px² I + U_i D U_i', and everything the estimator needs is a sum over views of 6×6 and 6×p products (the Schur
 complement over the views); V^-1 is applied by Woodbury's identity, which also holds where D is zero.
-Some of b may be known beforehand, to within a deviation of their own: they are random as c_i is, and share every sum.
+Elements of b may have a Gaussian prior, which is added to the normal equations.
 Source: D. Harville, "Maximum likelihood approaches to variance component estimation", JASA 72, 1977.
 """
 
@@ -18,15 +18,15 @@ from calibration.linear_algebra import covariance_of
 from calibration.observations.reprojection import PixelStatistics
 from calibration.transforms import Array
 
-SMALLEST_TREND = np.array([1e-7, 1e-4]) ** 2
-"""rad², mm²: below what any controller prints."""
+MIN_TREND_VARIANCES = np.array([1e-7, 1e-4]) ** 2
+"""rad², mm²: floor of the trend's variances, below the resolution of any controller."""
 
 
 @dataclass(frozen=True)
 class Variances:
-    """Of a pixel coordinate, of a robot rotation and of a robot translation component (px², rad², mm²).
+    """Variances of a pixel coordinate (px²), and of a component of a robot rotation (rad²) and translation (mm²).
 
-    `trend_rotation`, `trend_translation`: of a coefficient of the robot's errors that neighbouring poses share.
+    `trend_rotation`, `trend_translation`: of a coefficient of the part of the robot's errors that follows the pose.
     """
 
     pixel: float
@@ -41,8 +41,8 @@ class Variances:
         return deviations
 
     def trend_variances(self) -> Array:
-        """(6,) of the trend's coefficients; never quite zero, for they are divided by."""
-        both: Array = np.repeat(np.maximum([self.trend_rotation, self.trend_translation], SMALLEST_TREND), 3)
+        """Variances (6,) of the trend's coefficients, at least MIN_TREND_VARIANCES."""
+        both: Array = np.repeat(np.maximum([self.trend_rotation, self.trend_translation], MIN_TREND_VARIANCES), 3)
         return both
 
 
@@ -51,25 +51,26 @@ class MixedModel:
     """Sums of products per view, unweighted; y is the residual with the robot pose taken as reported.
 
     `by_robot` (n, 6, 6 + p + 1): U' [U, A, y]; `squares` (n, q + 1, q + 1): [A, y]' [A, y], without the trend.
-    `known` (p,): inverse variances of what is known of b beforehand, about `-offset` (p,). Of the robot's corrections
-    a part follows the `basis` (n, m) over the views: its 6 m coefficients end b, their variances are noise levels.
+    `prior_information` (p,): inverse variances of the prior of b, whose mean is `-prior_offset` (p,). A part of the
+    robot's corrections follows the `basis` (n, m) over the views; its 6 m coefficients are the last elements of b,
+    and their variances are noise levels.
     """
 
     by_robot: Array
     squares: Array
     count: Array
-    known: Array
-    offset: Array
+    prior_information: Array
+    prior_offset: Array
     basis: Array
 
     @property
-    def shared(self) -> int:
-        """p"""
-        return len(self.known)
+    def unknowns(self) -> int:
+        """Number of shared unknowns, p."""
+        return len(self.prior_information)
 
     @property
-    def trend(self) -> int:
-        """m"""
+    def trend_terms(self) -> int:
+        """Number of trend terms, m; 0 without a trend."""
         return int(self.basis.shape[1])
 
     @property
@@ -86,50 +87,55 @@ class MixedModel:
     def total(self) -> Array:
         """[A, y]' [A, y] over all views (p + 1, p + 1)."""
         total: Array = self.squares.sum(axis=0)
-        if not self.trend:
+        if not self.trend_terms:
             return total
-        n, m, q = len(self.count), self.trend, len(total) - 1
+        n, m, q = len(self.count), self.trend_terms, len(total) - 1
         follow = (self.basis.T @ self.by_robot.reshape(n, -1)).reshape(6 * m, -1)  # sum of basis U' [U, A, y]
         both = (self.basis[:, :, None] * self.basis[:, None]).reshape(n, m * m)
         own = (both.T @ self.UU.reshape(n, 36)).reshape(m, m, 6, 6).transpose(0, 2, 1, 3).reshape(6 * m, 6 * m)
-        return _bordered(total, np.delete(follow[:, 6:], slice(q, q + 6 * m), axis=1), own)
+        return _insert_columns(total, np.delete(follow[:, 6:], slice(q, q + 6 * m), axis=1), own)
 
-    def of_views(self) -> Array:
+    def per_view(self) -> Array:
         """[A, y]' [A, y] (n, p + 1, p + 1) of each view."""
-        if not self.trend:
+        if not self.trend_terms:
             return self.squares
-        n, m, q = len(self.count), self.trend, self.squares.shape[1] - 1
+        n, m, q = len(self.count), self.trend_terms, self.squares.shape[1] - 1
         follow = (self.basis[:, :, None, None] * self.by_robot[:, None]).reshape(n, 6 * m, -1)
         own = (follow[:, :, None, :6] * self.basis[:, None, :, None]).reshape(n, 6 * m, 6 * m)
-        return _bordered(self.squares, np.delete(follow[:, :, 6:], slice(q, q + 6 * m), axis=2), own)
+        return _insert_columns(self.squares, np.delete(follow[:, :, 6:], slice(q, q + 6 * m), axis=2), own)
 
-    def only(self, shared: NDArray[np.bool_]) -> "MixedModel":
-        """Without the unknowns that are not chosen (p,); for a model without a trend."""
+    def select(self, shared: NDArray[np.bool_]) -> "MixedModel":
+        """The model with the chosen (p,) unknowns only; for a model without a trend."""
         columns = np.append(shared, True)
         return replace(
             self,
             by_robot=self.by_robot[:, :, np.append(np.ones(6, bool), columns)],
             squares=self.squares[:, columns][:, :, columns],
-            known=self.known[shared],
-            offset=self.offset[shared],
+            prior_information=self.prior_information[shared],
+            prior_offset=self.prior_offset[shared],
         )
 
-    def known_information(self, variances: Variances) -> Array:
-        """(p,)"""
-        if not self.trend:
-            return self.known
-        return np.concatenate([self.known[: -6 * self.trend], np.tile(1 / variances.trend_variances(), self.trend)])
+    def full_prior_information(self, variances: Variances) -> Array:
+        """Inverse prior variances (p,), including those of the trend's coefficients."""
+        if not self.trend_terms:
+            return self.prior_information
+        return np.concatenate(
+            [
+                self.prior_information[: -6 * self.trend_terms],
+                np.tile(1 / variances.trend_variances(), self.trend_terms),
+            ]
+        )
 
     def corrections(self, K: Array, b: Array) -> Array:
         """The prediction (n, 6) of every correction given b (p,)."""
         own: Array = -(K @ (self.UAy @ np.append(b, 1.0))[..., None])[..., 0]
-        if not self.trend:
+        if not self.trend_terms:
             return own
-        shared: Array = self.basis @ b[self.shared - 6 * self.trend :].reshape(self.trend, 6)
+        shared: Array = self.basis @ b[self.unknowns - 6 * self.trend_terms :].reshape(self.trend_terms, 6)
         return own + shared
 
 
-def _bordered(squares: Array, across: Array, own: Array) -> Array:
+def _insert_columns(squares: Array, across: Array, own: Array) -> Array:
     """[A, y]' [A, y] (..., q + 1, q + 1) with more columns between A and y: `across` is T' [A, y], `own` T' T."""
     q, t = squares.shape[-1] - 1, own.shape[-1]
     order = np.concatenate([np.arange(q), q + 1 + np.arange(t), [q]])
@@ -139,14 +145,14 @@ def _bordered(squares: Array, across: Array, own: Array) -> Array:
     return bordered
 
 
-def linearised(statistics: PixelStatistics, chain: Chain, camera_T_target: Array) -> MixedModel:
+def linearise_model(statistics: PixelStatistics, chain: Chain, camera_T_target: Array) -> MixedModel:
     """The model around the present chain, whose poses are `camera_T_target`."""
     n, k = statistics.gradient.shape
     p = 12 + k - 6
-    # How pose, intrinsics and residual follow [robot pose, shared unknowns, 1].
+    # Derivatives of pose, intrinsics and residual by [robot pose, shared unknowns, 1].
     by = np.zeros((n, k + 1, 6 + p + 1))
-    robot = by[:, :6, :6] = chain.by_correction(camera_T_target)
-    by[:, :6, 6:18] = chain.by_shared(camera_T_target)
+    robot = by[:, :6, :6] = chain.correction_jacobian(camera_T_target)
+    by[:, :6, 6:18] = chain.shared_jacobian(camera_T_target)
     by[:, 6:, 18:] = np.eye(k - 5)
     # The residual as if the corrections were zero: y = r - U c.
     by[:, :6, -1] = -(robot @ chain.corrections[..., None])[..., 0]
@@ -155,22 +161,22 @@ def linearised(statistics: PixelStatistics, chain: Chain, camera_T_target: Array
         by_robot=np.swapaxes(robot, 1, 2) @ sums[:, :6],
         squares=np.swapaxes(by[:, :, 6:], 1, 2) @ sums[:, :, 6:],
         count=statistics.count,
-        known=np.zeros(p),
-        offset=np.zeros(p),
+        prior_information=np.zeros(p),
+        prior_offset=np.zeros(p),
         basis=np.zeros((n, 0)),
     )
 
 
 def with_trend(model: MixedModel, basis: Array) -> MixedModel:
-    """The same, with corrections that follow the `basis` (n, m) over the views beside those of each view alone."""
+    """The model with a trend: corrections that follow the `basis` (n, m), besides those of the single views."""
     n, m = basis.shape
     follow = (model.UU[:, :, None] * basis[:, None, :, None]).reshape(n, 6, 6 * m)
     zeros = np.zeros(6 * m)
     return replace(
         model,
         by_robot=np.concatenate([model.by_robot[:, :, :-1], follow, model.by_robot[:, :, -1:]], axis=2),
-        known=np.concatenate([model.known, zeros]),
-        offset=np.concatenate([model.offset, zeros]),
+        prior_information=np.concatenate([model.prior_information, zeros]),
+        prior_offset=np.concatenate([model.prior_offset, zeros]),
         basis=basis,
     )
 
@@ -191,29 +197,26 @@ class Step:
 
 
 def solve(model: MixedModel, variances: Variances) -> Step:
-    """Generalised least squares for b."""
+    """Generalised least squares for b at the given variances."""
     K = woodbury(model, variances)
-    p = model.shared
+    p = model.unknowns
     KUAy = K @ model.UAy
-    marginal = (model.total - summed_products(model.UAy, KUAy)) / variances.pixel
-    known = model.known_information(variances)
+    marginal = (model.total - sum_products(model.UAy, KUAy)) / variances.pixel
+    known = model.full_prior_information(variances)
     information = marginal[:p, :p] + np.diag(known)
-    gradient = marginal[:p, p] + known * model.offset
+    gradient = marginal[:p, p] + known * model.prior_offset
     covariance = covariance_of(information)
     return Step(-covariance @ gradient, information, gradient, covariance, K, KUAy)
 
 
-def of_views(model: MixedModel, variances: Variances, step: Step) -> tuple[Array, Array]:
-    """Each view's part (n, p, p) and (n, p) of the marginal normal equations at b = 0.
-
-    What is known beforehand is in the sums only.
-    """
-    p = model.shared
-    marginal = (model.of_views() - np.swapaxes(model.UAy, 1, 2) @ step.KUAy) / variances.pixel
+def per_view_equations(model: MixedModel, variances: Variances, step: Step) -> tuple[Array, Array]:
+    """Each view's part (n, p, p) and (n, p) of the marginal normal equations at b = 0, without the prior."""
+    p = model.unknowns
+    marginal = (model.per_view() - np.swapaxes(model.UAy, 1, 2) @ step.KUAy) / variances.pixel
     return marginal[:, :p, :p], marginal[:, :p, p]
 
 
-def summed_products(left: Array, right: Array) -> Array:
+def sum_products(left: Array, right: Array) -> Array:
     """sum_n left_n' right_n (..., p, q) of (n, k, p) and (..., n, k, q)."""
     n, k, p = left.shape
     summed: Array = left.reshape(n * k, p).T @ right.reshape(*right.shape[:-3], n * k, right.shape[-1])

@@ -1,12 +1,11 @@
-"""How well given poses will determine X, before anything has moved.
+"""Predicted uncertainty of X for given poses, before any view is taken.
 
 The maximum-likelihood estimate has the covariance of the Cramér-Rao bound, the inverse of the information
 
     F = sum_i A_i' V_i^-1 A_i        V_i = s_px² I + U_i D U_i'        A by (X, target's pose[, intrinsics])
 
-where U_i D U_i' is the robot's error in view i: the very sums that the estimator makes (calibration.likelihood), at
-the poses that are planned. Sources: Strobl & Hirzinger, IROS 2006 (the model); Nahvi & Hollerbach, ICRA 1996 (the
-idea of choosing poses by it).
+where U_i D U_i' is the robot's error in view i: the same sums as in the estimator, at the planned poses. Sources:
+Strobl & Hirzinger, IROS 2006 (the model); Nahvi & Hollerbach, ICRA 1996 (the choice of poses by it).
 """
 
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.mixed_model import Variances, linearised, of_views, solve
+from calibration.likelihood.mixed_model import Variances, linearise_model, per_view_equations, solve
 from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import Observations
 from calibration.observations.pose_model import predicted_camera_T_target
@@ -41,7 +40,7 @@ class ExpectedNoise:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is known, or guessed, before looking. Frames as in `calibration.problem`."""
+    """The scene that is planned for: known or guessed. Frames as in `calibration.problem`."""
 
     setup: Setup
     target: Target
@@ -53,7 +52,7 @@ class Scene:
 
     @property
     def unknowns(self) -> int:
-        """X, the target's pose, and the intrinsics when they are free."""
+        """Number of unknowns: X, the target's pose, and the intrinsics when they are free."""
         return 21 if self.intrinsics_free else 12
 
     def camera_T_target(self, base_T_flange: Array) -> Array:
@@ -63,7 +62,7 @@ class Scene:
 
 
 def predict(scene: Scene, base_T_flange: Array) -> Uncertainty:
-    """What views from the poses (n, 4, 4) will tell of X. Infinite where they do not determine it."""
+    """The predicted uncertainty of X from views at the poses (n, 4, 4); infinite where they do not determine it."""
     information = view_information(scene, base_T_flange).sum(axis=0)
     return prediction_of(scene, information, median_distance_mm(scene, base_T_flange))
 
@@ -100,12 +99,12 @@ def view_information(scene: Scene, base_T_flange: Array) -> Array:
     statistics = pixel_statistics(
         _whole_target(scene, base_T_flange), scene.camera, camera_T_target, free_intrinsics=scene.intrinsics_free
     )
-    model, variances = linearised(statistics, chain, camera_T_target), scene.noise.variances()
-    return of_views(model, variances, solve(model, variances))[0]
+    model, variances = linearise_model(statistics, chain, camera_T_target), scene.noise.variances()
+    return per_view_equations(model, variances, solve(model, variances))[0]
 
 
 def _whole_target(scene: Scene, base_T_flange: Array) -> Observations:
-    """Every point of the target, in every view; where in the image does not matter here."""
+    """Observations of every point of the target in every view; the pixels are not used and set to 0."""
     n, m = len(base_T_flange), len(scene.target.points_mm)
     points = np.broadcast_to(scene.target.points_mm, (n, m, 3))
     ids = np.broadcast_to(np.arange(m), (n, m))

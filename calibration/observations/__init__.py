@@ -1,1 +1,1 @@
-"""Image points of the target: what was seen in each view, its reprojection residuals, the target pose it implies."""
+"""Image points of the target: usable corners of every view, reprojection residuals, the target's pose in each view."""

@@ -1,4 +1,4 @@
-"""The corners of a session as arrays over views, and which views have none that can be used."""
+"""The corners of a session as arrays over views, and the reasons why the other views are unusable."""
 
 from dataclasses import dataclass, replace
 
@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 from calibration.problem import Problem
 from calibration.transforms import Array
 
-NARROWEST_PX = 2.0
-"""A target seen narrower than this has no pose worth the name."""
+MIN_WIDTH_PX = 2.0
+"""Least width of the detected points in the image; below it the target's pose is not determined."""
 
-FURTHEST_MM = 1e8
-"""Of a flange from its base. Even poses in micrometres are nearer, whose unit the diagnosis can tell."""
+MAX_DISTANCE_MM = 1e8
+"""Largest distance of a flange from its base. Poses in micrometres pass, for the diagnosis to identify the unit."""
 
-LARGEST_SKEW = 1e-3
-"""Of a rotation's columns: those of any quaternion of unit length are a thousand million times better."""
+MAX_SKEW = 1e-3
+"""Largest error of R R' - I of a rotation; that of a unit quaternion is a thousand million times smaller."""
 
-FEWEST_CORNERS = 4
+MIN_CORNERS = 4
 """Four points of a plane determine its pose; fewer do not."""
 
 
@@ -25,9 +25,12 @@ FEWEST_CORNERS = 4
 class Observations:
     """n views of up to m points; views with fewer are padded with weight 0.
 
-    `positions` (n,) in `problem.views`; `base_T_flange` (n, 4, 4); `ids` and `points_mm` (n, m, 3) on the target;
-    `pixels` (n, m, 2); `weights` (n, m), 1 where a corner is used and 0 elsewhere; `present` (n, m), 1 where
-    there is one.
+    positions : (n,) in `problem.views`.
+    base_T_flange : (n, 4, 4).
+    ids, points_mm : (n, m) and (n, m, 3), on the target.
+    pixels : (n, m, 2).
+    weights : (n, m), 0 where a corner is not used.
+    present : (n, m), 1 where there is a corner, 0 in the padding.
     """
 
     positions: NDArray[np.intp]
@@ -45,64 +48,64 @@ class Observations:
         """Only the chosen views."""
         return Observations(*(array[chosen] for array in vars(self).values()))
 
-    def weighted(self, weights: Array) -> "Observations":
+    def with_weights(self, weights: Array) -> "Observations":
         """The same corners with other weights (n, m)."""
         return replace(self, weights=weights)
 
 
-def scaled(seen: Observations, scale: float) -> Observations:
-    """The same pictures of a target `scale` times as large."""
+def scale_target(seen: Observations, scale: float) -> Observations:
+    """The same pixels of a target `scale` times as large."""
     return seen if scale == 1.0 else replace(seen, points_mm=scale * seen.points_mm)
 
 
 @dataclass(frozen=True)
-class Unusable:
-    """Why a view takes no part: a code and a sentence."""
+class UnusableReason:
+    """Why a view is not used: a stable code and a sentence."""
 
     code: str
     what: str
 
 
-def observe(problem: Problem) -> tuple[Observations, dict[int, Unusable]]:
-    """Everything usable, and by position in `problem.views` why the rest is not."""
+def observe(problem: Problem) -> tuple[Observations, dict[int, UnusableReason]]:
+    """The usable views, and the reason by position in `problem.views` for the others."""
     poses = np.array([view.base_T_flange for view in problem.views], float).reshape(-1, 4, 4)
     finite = np.all(np.isfinite(poses), axis=(1, 2))
     rigid = np.zeros(len(poses), bool)
-    rigid[finite] = _rigid(poses[finite])
-    refused: dict[int, Unusable] = {}
+    rigid[finite] = _rigid_mask(poses[finite])
+    refused: dict[int, UnusableReason] = {}
     whole: list[tuple[int, NDArray[np.intp], Array]] = []
     for position, view in enumerate(problem.views):
         if view.detection is None:
-            why = Unusable(*(view.missing or ("target-not-found", "the target was not found in the image")))
+            why = UnusableReason(*(view.missing or ("target-not-found", "the target was not found in the image")))
         elif not finite[position]:
-            why = Unusable("pose-not-finite", "the robot's pose holds a number that is not finite")
+            why = UnusableReason("pose-not-finite", "the robot's pose holds a number that is not finite")
         elif not rigid[position]:
-            why = Unusable("pose-not-rigid", "the robot's pose is no rotation and a place that an arm can reach")
+            why = UnusableReason("pose-not-rigid", "the robot's pose is no rotation and a place that an arm can reach")
         else:
             ids, pixels = np.asarray(view.detection.ids), np.asarray(view.detection.corners_px, float)
             if len(ids) == len(pixels):
                 whole.append((position, ids, pixels))
                 continue
-            why = Unusable("corners-damaged", f"{len(ids)} ids for {len(pixels)} corners")
+            why = UnusableReason("corners-damaged", f"{len(ids)} ids for {len(pixels)} corners")
         refused[position] = why
-    seen, by_corners = _corners(problem, poses, whole)
+    seen, by_corners = _usable_corners(problem, poses, whole)
     return seen, refused | by_corners
 
 
-def _rigid(base_T_flange: Array) -> NDArray[np.bool_]:
-    """Which poses (n, 4, 4) are a proper rotation and a place within reach (n,)?"""
+def _rigid_mask(base_T_flange: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of the poses (n, 4, 4) that are a proper rotation and a translation up to MAX_DISTANCE_MM."""
     turns, places = base_T_flange[:, :3, :3], base_T_flange[:, :3, 3]
-    within = (np.abs(places).max(axis=1) <= FURTHEST_MM) & (np.abs(turns).max(axis=(1, 2)) <= 2.0)
+    within = (np.abs(places).max(axis=1) <= MAX_DISTANCE_MM) & (np.abs(turns).max(axis=(1, 2)) <= 2.0)
     turns = np.where(within[:, None, None], turns, 0.0)
     skewed = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    rigid: NDArray[np.bool_] = within & (skewed < LARGEST_SKEW) & (np.linalg.det(turns) > 0)
+    rigid: NDArray[np.bool_] = within & (skewed < MAX_SKEW) & (np.linalg.det(turns) > 0)
     return rigid
 
 
-def _corners(
+def _usable_corners(
     problem: Problem, poses: Array, whole: list[tuple[int, NDArray[np.intp], Array]]
-) -> tuple[Observations, dict[int, Unusable]]:
-    """The views (position, ids, pixels) whose corners can be used, and why the others cannot; all views at once."""
+) -> tuple[Observations, dict[int, UnusableReason]]:
+    """The views (position, ids, pixels) with usable corners, and the reasons for the others; all views at once."""
     n, k = len(whole), len(problem.target.points_mm)
     row = np.repeat(np.arange(n), [len(ids) for _, ids, _ in whole])
     ids = np.concatenate([np.zeros(0, np.intp), *(ids for _, ids, _ in whole)]).astype(np.intp)
@@ -110,7 +113,7 @@ def _corners(
     known = (ids >= 0) & (ids < k)
     times = np.bincount(row[known] * k + ids[known], minlength=n * k).reshape(n, k)
     size = np.array(problem.image_size)
-    # Not a number is not inside either.
+    # NaN compares false, so it is not inside.
     inside = known & np.all((pixels > -size[0]) & (pixels < 2 * size), axis=1)
     row, ids, pixels, unknown = row[inside], ids[inside], pixels[inside], np.bincount(row[~known], minlength=n)
     count = np.bincount(row, minlength=n)
@@ -118,10 +121,10 @@ def _corners(
     causes = (
         (unknown > 0, "corner-id-unknown", f"a corner id is outside 0..{k - 1}"),
         (times.max(axis=1, initial=0) > 1, "corner-id-repeated", "the same corner id stands twice"),
-        (count < FEWEST_CORNERS, "too-few-corners", f"{{}} usable corners; a view needs {FEWEST_CORNERS} or more"),
+        (count < MIN_CORNERS, "too-few-corners", f"{{}} usable corners; a view needs {MIN_CORNERS} or more"),
         (wide_mm < 1e-6 * long_mm, "corners-on-a-line", "all corners lie on one line of the target"),
         (
-            _extents(pixels, row, count)[1] < NARROWEST_PX,
+            _extents(pixels, row, count)[1] < MIN_WIDTH_PX,
             "edge-on",
             "all corners lie on one line of the image: the target is seen edge-on",
         ),
@@ -130,29 +133,29 @@ def _corners(
     kept = np.ones(n, bool)
     for there, code, what in causes:
         for bad in np.flatnonzero(there & kept):
-            refused[whole[bad][0]] = Unusable(code, what.format(count[bad]))
+            refused[whole[bad][0]] = UnusableReason(code, what.format(count[bad]))
         kept &= ~there
     used = kept[row]
     positions = np.array([position for position, _, _ in whole], np.intp)[kept]
     of_kept = (np.cumsum(kept) - 1)[row[used]]
-    return _padded(problem, positions, poses, of_kept, ids[used], pixels[used]), refused
+    return _pad(problem, positions, poses, of_kept, ids[used], pixels[used]), refused
 
 
 def _extents(points: Array, row: NDArray[np.intp], count: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Singular values (n,) of each row's points (m, 2) about their mean: root of summed squares along and across."""
+    """Both singular values (n,) of each view's points (c, 2) about their mean; `row` (c,), `count` (n,) of points."""
 
-    def summed(values: Array) -> Array:
+    def row_sums(values: Array) -> Array:
         return np.bincount(row, values, minlength=len(count)).astype(float, copy=False)
 
     some = np.maximum(count, 1)
-    x, y = (points[:, axis] - (summed(points[:, axis]) / some)[row] for axis in range(2))
-    xx, xy, yy = summed(x * x), summed(x * y), summed(y * y)
+    x, y = (points[:, axis] - (row_sums(points[:, axis]) / some)[row] for axis in range(2))
+    xx, xy, yy = row_sums(x * x), row_sums(x * y), row_sums(y * y)
     longer = (xx + yy + np.hypot(xx - yy, 2 * xy)) / 2
     across = np.maximum(xx * yy - xy * xy, 0.0) / np.maximum(longer, 1e-300)
     return np.sqrt(longer), np.sqrt(across)
 
 
-def _padded(
+def _pad(
     problem: Problem,
     positions: NDArray[np.intp],
     poses: Array,
@@ -160,7 +163,7 @@ def _padded(
     ids: NDArray[np.intp],
     pixels: Array,
 ) -> Observations:
-    """Corners (c,) that lie one view after the other, as arrays over views."""
+    """Corners (c,) in order of their views as arrays over views."""
     n = len(positions)
     count = np.bincount(row, minlength=n)
     start = np.cumsum(count) - count

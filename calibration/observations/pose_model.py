@@ -1,4 +1,4 @@
-"""Where the target should be before the camera, by X, the target's pose and the robot's, and the derivatives of that.
+"""The target's pose in the camera predicted by X, the target's pose and the robot's, with its derivatives.
 
     camera_T_target = inverse(anchor_T_mount @ mount_T_camera) @ anchor_T_target
 
@@ -14,11 +14,11 @@ from calibration.problem import Setup
 from calibration.transforms import Array, adjoint, inverse, vector_from_transform
 
 MAX_STEP = np.repeat([0.5, 2000.0], 3)
-"""rad, mm: larger than errors of any start within a cell."""
+"""rad, mm: bound of a step, larger than the error of any initial guess within a cell."""
 
 
 def predicted_camera_T_target(anchor_T_mount: Array, mount_T_camera: Array, anchor_T_target: Array) -> Array:
-    """(..., 4, 4)"""
+    """The predicted camera_T_target (..., 4, 4)."""
     return inverse(anchor_T_mount @ mount_T_camera) @ anchor_T_target
 
 
@@ -41,7 +41,7 @@ def pose_residuals(predicted_T: Array, seen_T: Array) -> Array:
 
 
 def clip_step(step: Array) -> Array:
-    """Steps (..., p) of one pose after the other [rad, mm], each number clipped to MAX_STEP.
+    """Steps (..., p) of one pose after the other [rad, mm], each element clipped to ± MAX_STEP (trust region).
 
     A last number that begins no whole pose, the logarithm of a scale, is clipped as an angle.
     """

@@ -1,9 +1,9 @@
-"""What the pixels of every view say, condensed to one small matrix a view.
+"""Reprojection residuals and derivatives of all views, summed to one normal matrix for each view.
 
 Residuals are predicted minus measured pixels; their derivatives are by the view's pose (6: exp(.) @ camera_T_target,
 [rotation rad, translation mm]) and, when they are free, by the intrinsics (9: fx fy cx cy k1 k2 p1 p2 k3) and by the
-target's relative scale (1). `free_intrinsics` says which: all, none, or some of them (9,).
-All views are one padded batch, so the cost is a few array operations however many views there are.
+target's relative scale (1). `free_intrinsics` selects all, none, or some of them (9,).
+All views are one padded batch, so that the number of array operations does not depend on the number of views.
 """
 
 from collections.abc import Iterator
@@ -17,8 +17,8 @@ from calibration.observations.observations import Observations
 from calibration.transforms import Array, map_points
 
 INTRINSICS = 9
-NEAREST_MM = 1e-3
-"""A point at or behind the camera is treated as this near: its enormous residual drives it back."""
+MIN_DEPTH_MM = 1e-3
+"""A point at or behind the camera is moved to this depth; its large residual then moves it back in front."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +45,8 @@ class PixelStatistics:
 
 
 def pixel_residuals(seen: Observations, camera: CameraModel, camera_T_target: Array) -> Array:
-    """Predicted minus measured (n, m, 2), in px."""
-    points = _in_front(map_points(camera_T_target, seen.points_mm))
+    """Predicted minus measured pixels (n, m, 2), at poses camera_T_target (n, 4, 4)."""
+    points = _clip_depth(map_points(camera_T_target, seen.points_mm))
     return camera.project(points.reshape(-1, 3)).reshape(seen.pixels.shape) - seen.pixels
 
 
@@ -58,7 +58,7 @@ def pixel_statistics(
     free_intrinsics: bool | NDArray[np.bool_] = False,
     free_scale: bool = False,
 ) -> PixelStatistics:
-    """The sums of every view at the given poses (n, 4, 4)."""
+    """The sums of every view at the poses camera_T_target (n, 4, 4)."""
     columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, free_scale=free_scale)
     columns = columns.reshape(*columns.shape[:2], 2 * columns.shape[3])
     count = 2 * np.count_nonzero(seen.weights, axis=1).astype(float)
@@ -86,10 +86,10 @@ def _columns(
     free_intrinsics: bool | NDArray[np.bool_],
     free_scale: bool,
 ) -> Array:
-    """The same as (n, k + 1, 2, m): every derivative lies in one piece, which is what makes it quick."""
+    """`pixel_rows` as (n, k + 1, 2, m); every derivative is contiguous in memory, for speed."""
     arms = camera_T_target[:, :3, :3] @ np.swapaxes(seen.points_mm, 1, 2)
     x, y, z = np.moveaxis(arms + camera_T_target[:, :3, 3:], 1, 0)
-    z = np.maximum(z, NEAREST_MM)
+    z = np.maximum(z, MIN_DEPTH_MM)
     u, v = x / z, y / z
     chosen = np.flatnonzero(np.broadcast_to(free_intrinsics, INTRINSICS))
     columns = np.empty((len(x), 6 + len(chosen) + free_scale + 1, 2, x.shape[1]))
@@ -115,15 +115,15 @@ def _columns(
     return columns
 
 
-def _in_front(points: Array) -> Array:
-    points[..., 2] = np.maximum(points[..., 2], NEAREST_MM)
+def _clip_depth(points: Array) -> Array:
+    points[..., 2] = np.maximum(points[..., 2], MIN_DEPTH_MM)
     return points
 
 
 def _by_intrinsics(
     chosen: NDArray[np.intp], focal: tuple[float, float], x: Array, y: Array, along: Array, across: Array
 ) -> Iterator[tuple[Array | float, Array | float]]:
-    """Of both pixel coordinates, at ideal coordinates x, y and distorted ones along, across."""
+    """Derivatives of both pixel coordinates by the `chosen` intrinsics, at ideal x, y and distorted along, across."""
     fx, fy = focal
     by_focal_and_centre = ((along, 0.0), (0.0, across), (1.0, 0.0), (0.0, 1.0))
     yield from (by_focal_and_centre[which] for which in chosen if which < len(by_focal_and_centre))
@@ -137,7 +137,7 @@ def _by_intrinsics(
 
 
 def with_intrinsics(camera: CameraModel, change: Array) -> CameraModel:
-    """The camera with its nine intrinsics changed by (9,)."""
+    """The camera with `change` (9,) added to its intrinsics."""
     matrix = camera.matrix.copy()
     matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += change[:4]
     return CameraModel(matrix, camera.distortion + change[4:], camera.image_size)

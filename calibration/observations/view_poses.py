@@ -1,7 +1,7 @@
-"""Where the target stood before the camera in every view, from that view's pixels alone.
+"""The target's pose in the camera in every view, from the pixels of that view alone.
 
-A plane seen from far away or small has two poses that fit almost alike; both are given, the better first. Source:
-Collins and Bartoli, "Infinitesimal plane-based pose estimation", 2014.
+A plane seen from far away, or a small one, has two poses that fit almost equally well; both are returned, the better
+first. Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", 2014.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.errors import DetectionError
 from calibration.linear_algebra import scaled_solve
-from calibration.observations.observations import FEWEST_CORNERS, Observations, observe
+from calibration.observations.observations import MIN_CORNERS, Observations, observe
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
@@ -23,7 +23,7 @@ SAME_POSE_RAD = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class PoseCandidate:
-    """`rms_px`: distance between predicted and seen points, root of the mean square."""
+    """A pose (4, 4) and its RMS distance in px between predicted and measured points."""
 
     camera_T_target: Array
     rms_px: float
@@ -32,7 +32,7 @@ class PoseCandidate:
 def target_pose(camera: CameraModel, target: Target, detection: Detection) -> tuple[PoseCandidate, ...]:
     """One or two refined poses in front of the camera, the better first.
 
-    Raises DetectionError with the code of what is wrong with the points, or `no-pose`.
+    Raises DetectionError with the code of `observe` for unusable points, or `no-pose`.
     """
     view = View(0, np.eye(4), detection)
     seen, refused = observe(Problem("eye-in-hand", target, camera, camera.image_size, (view,)))
@@ -52,30 +52,30 @@ def target_pose(camera: CameraModel, target: Target, detection: Detection) -> tu
     return tuple(candidates)
 
 
-def moved(a_T_b: Array, step: Array) -> Array:
+def apply_pose_steps(a_T_b: Array, step: Array) -> Array:
     """exp(step) @ a_T_b for steps (n, 6) of [rotation rad, translation mm]."""
     return transform_from_vector(step) @ a_T_b
 
 
 def candidate_poses(seen: Observations, camera: CameraModel) -> tuple[Array, Array]:
-    """The two poses (n, 2, 4, 4) of camera_T_target that a plane allows, and their RMS errors (n, 2) in px.
+    """The two poses camera_T_target (n, 2, 4, 4) that a plane allows, and their RMS errors (n, 2) in px.
 
-    A pose that is out of the question is not refined.
+    The better is first. A pose that is much worse before refinement is not refined.
     """
     n = len(seen)
-    poses = _both(seen, camera.normalise(seen.pixels.reshape(-1, 2)).reshape(seen.pixels.shape))
+    poses = _ippe_poses(seen, camera.normalise(seen.pixels.reshape(-1, 2)).reshape(seen.pixels.shape))
     errors = _rms(seen.take(np.repeat(np.arange(n), 2)), camera, poses.reshape(-1, 4, 4)).reshape(n, 2)
-    possible = errors <= POSSIBLE * errors.min(axis=1, keepdims=True) + POSSIBLE_PX
+    possible = errors <= MAX_ERROR_RATIO * errors.min(axis=1, keepdims=True) + MAX_EXTRA_ERROR_PX
     rows, which = np.nonzero(possible)
     views = seen if np.array_equal(rows, np.arange(n)) else seen.take(rows)
-    refined = refined_poses(views, camera, poses[rows, which])
+    refined = refine_poses(views, camera, poses[rows, which])
     poses[rows, which], errors[rows, which] = refined, _rms(views, camera, refined)
     order = np.argsort(errors, axis=1)
     return np.take_along_axis(poses, order[:, :, None, None], axis=1), np.take_along_axis(errors, order, axis=1)
 
 
-POSSIBLE, POSSIBLE_PX = 5.0, 3.0
-"""A pose whose error before refinement is larger than this by the better one's stays the worse one."""
+MAX_ERROR_RATIO, MAX_EXTRA_ERROR_PX = 5.0, 3.0
+"""A pose is refined while its error is at most the better one's times the first plus the second number."""
 
 
 def _rms(seen: Observations, camera: CameraModel, poses: Array) -> Array:
@@ -84,51 +84,51 @@ def _rms(seen: Observations, camera: CameraModel, poses: Array) -> Array:
     return rms
 
 
-NOWHERE = transform(np.eye(3), [0.0, 0.0, 1000.0])
-"""Where a target stands whose corners no pose explains; its errors tell."""
+FALLBACK_POSE = transform(np.eye(3), [0.0, 0.0, 1000.0])
+"""The pose of a target without a solution; its large errors exclude the view."""
 
 
-def _both(seen: Observations, xy: Array) -> Array:
+def _ippe_poses(seen: Observations, xy: Array) -> Array:
     """The two poses (n, 2, 4, 4) by Collins & Bartoli's IPPE, from ideal coordinates xy (n, m, 2)."""
     used = (seen.weights > 0) & np.all(np.isfinite(xy), axis=2)
     turns, places, found = np.zeros((len(seen), 2, 3)), np.zeros((len(seen), 2, 3)), np.zeros(len(seen), bool)
-    for row in np.flatnonzero(np.count_nonzero(used, axis=1) >= FEWEST_CORNERS):
+    for row in np.flatnonzero(np.count_nonzero(used, axis=1) >= MIN_CORNERS):
         chosen = used[row]
         for method in PLANAR_METHODS:
             _, rotations, translations, _ = cv2.solvePnPGeneric(
-                seen.points_mm[row, chosen], xy[row, chosen], IDEAL, None, flags=method
+                seen.points_mm[row, chosen], xy[row, chosen], IDEAL_CAMERA_MATRIX, None, flags=method
             )
             if len(rotations) and np.all(np.isfinite([*rotations, *translations])):
                 found[row] = True
                 turns[row] = rotations[0][:, 0], rotations[-1][:, 0]
                 places[row] = translations[0][:, 0], translations[-1][:, 0]
                 break
-    poses = np.broadcast_to(NOWHERE, (len(seen), 2, 4, 4)).copy()
+    poses = np.broadcast_to(FALLBACK_POSE, (len(seen), 2, 4, 4)).copy()
     poses[found] = transform(rotation_from_vector(turns[found]), places[found])
     return poses
 
 
-IDEAL = np.eye(3)
-"""The camera matrix of ideal coordinates."""
+IDEAL_CAMERA_MATRIX = np.eye(3)
+"""Camera matrix of ideal normalised coordinates."""
 
 PLANAR_METHODS = (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE)
 """OpenCV's IPPE gives NaN for 3 % of exact data of some views; the second finds one of the two poses then."""
 
 
-SETTLED = 1e-7
-"""rad, mm: a step that changes nothing."""
+STEP_TOLERANCE = 1e-7
+"""rad, mm: the refinement ends when the largest step is shorter."""
 
 
-def refined_poses(seen: Observations, camera: CameraModel, camera_T_target: Array, iterations: int = 6) -> Array:
+def refine_poses(seen: Observations, camera: CameraModel, camera_T_target: Array, iterations: int = 6) -> Array:
     """The poses (n, 4, 4) that minimise each view's reprojection error, by Gauss-Newton from the given ones."""
     before = 0.0
     for _ in range(iterations):
         statistics = pixel_statistics(seen, camera, camera_T_target)
         step = -scaled_solve(statistics.normal, statistics.gradient[..., None])[..., 0]
-        camera_T_target = moved(camera_T_target, step)
+        camera_T_target = apply_pose_steps(camera_T_target, step)
         longest = float(np.max(np.abs(step), initial=0.0))
-        # Gauss-Newton converges linearly: the next step would be shorter by as much as this one was.
-        if longest < SETTLED or (longest < before and longest**2 < SETTLED * before):
+        # Gauss-Newton converges linearly: the ratio of the last two steps predicts the length of the next.
+        if longest < STEP_TOLERANCE or (longest < before and longest**2 < STEP_TOLERANCE * before):
             break
         before = longest
     return camera_T_target

@@ -1,4 +1,4 @@
-"""The likeliest X where every view errs for itself.
+"""The most likely X when the errors of the views are independent.
 
 Heavy tails are a multivariate t with its weights (t + 6) / (t + d²): K. Lange, R. Little & J. Taylor, "Robust
 statistical modeling using the t distribution", JASA 84, 1989.
@@ -13,75 +13,78 @@ from scipy.stats import f as f_distribution
 
 from calibration.linear_algebra import covariance_of
 from calibration.observations.pose_model import clip_step
-from calibration.pose_pairs.noise_models import CAMERAS, Sources, robot
+from calibration.pose_pairs.noise_models import CAMERAS, Sources, robot_sources
 from calibration.pose_pairs.reml_optimizer import (
     Moments,
     State,
-    climbed,
-    first_variances,
     floor_variances,
-    spent_on,
+    initial_variances,
+    maximise,
+    restriction_term,
 )
-from calibration.pose_pairs.residuals import Chain, Linearised, PosePairs, linearise
+from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, ScaledChain, linearise
 from calibration.transforms import Array
 
-OUTLYING = 1e-4
-"""One honest view in so many is called an outlier."""
+OUTLIER_PROBABILITY = 1e-4
+"""Probability that a correct view is called an outlier."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseFit:
-    """The likeliest chain under a model of the noise, and how likely (restricted) that makes the poses.
+    """The most likely chain under a model of the noise, with its restricted log-likelihood.
 
-    `covariance` (p, p) of [X 6, Y 6, log scale]; `variances` by source, rad² or mm²; `tails`: degrees of freedom.
+    covariance : (p, p) of [X 6, Y 6, log scale].
+    variances : by source, rad² or mm².
+    tail_dof : degrees of freedom of the t distribution of the errors, infinite for normal ones.
+    camera : the kind of camera noise, a key of CAMERAS or RANDOM_WALK.
     """
 
-    chain: Chain
+    chain: ScaledChain
     covariance: Array
     variances: dict[str, float]
     log_likelihood: float
-    tails: float
+    tail_dof: float
     camera: str
 
     def evidence(self, views: int) -> float:
-        """For choosing between models: every level and the tails cost what G. Schwarz, Ann. Stat. 6(2), 1978, says."""
-        levels = len(self.variances) + bool(np.isfinite(self.tails))
+        """Score for choosing between models: log-likelihood less the penalty of G. Schwarz, Ann. Stat. 6(2), 1978."""
+        levels = len(self.variances) + bool(np.isfinite(self.tail_dof))
         return self.log_likelihood - 0.5 * levels * float(np.log(6 * views))
 
 
-def fit_white(pairs: PosePairs, start: Chain, camera: str, tails: float) -> PoseFit:
-    """`camera` is one of `CAMERAS`; `tails` degrees of freedom of the views' errors, infinite for normal ones."""
+def fit_independent_noise(pairs: PosePairs, start: ScaledChain, camera: str, tails: float) -> PoseFit:
+    """The most likely fit from a start; `camera` one of CAMERAS, `tails` degrees of freedom of the views' errors."""
     sources = _sources(linearise(pairs, start), camera)
-    first = first_variances(linearise(pairs, start).residuals, list(sources.values()))
-    best = climbed(lambda chain, variances: _state(pairs, chain, variances, camera, tails), start, first)
+    first = initial_variances(linearise(pairs, start).residuals, list(sources.values()))
+    best = maximise(lambda chain, variances: _state(pairs, chain, variances, camera, tails), start, first)
     named = dict(zip(sources, best.variances.tolist(), strict=True))
     return PoseFit(best.chain, best.covariance, named, best.log_likelihood, tails, camera)
 
 
 def distances_of(pairs: PosePairs, fitted: PoseFit) -> Array:
-    """Squared Mahalanobis distance (n,) of views that need not have taken part in the fit."""
+    """Squared Mahalanobis distance (n,) of views, whether or not they are part of the fit."""
     at = linearise(pairs, fitted.chain)
     sources = _sources(at, fitted.camera)
     variances = np.array([fitted.variances[name] for name in sources])
-    return _squared(at.residuals, _information(list(sources.values()), variances, at.scale))
+    return _squared_distances(at.residuals, _information(list(sources.values()), variances, at.scale))
 
 
-def outlying(tails: float, views: int) -> float:
-    """The squared distance that one honest view in ten thousand exceeds; few `views` know the levels poorly."""
+def outlier_limit(tails: float, views: int) -> float:
+    """The squared distance that a correct view exceeds with OUTLIER_PROBABILITY; larger for few `views`."""
     redundancy = max(3 * views - 6, 3)
-    return 6 * float(f_distribution.isf(OUTLYING, 6, min(tails, redundancy)))
+    return 6 * float(f_distribution.isf(OUTLIER_PROBABILITY, 6, min(tails, redundancy)))
 
 
-def _sources(at: Linearised, camera: str) -> Sources:
-    model: Callable[[Linearised], Sources] = CAMERAS[camera]
-    return robot(at) | model(at)
+def _sources(at: LinearisedPairs, camera: str) -> Sources:
+    model: Callable[[LinearisedPairs], Sources] = CAMERAS[camera]
+    return robot_sources(at) | model(at)
 
 
-def _state(pairs: PosePairs, chain: Chain, variances: Array, camera: str, tails: float) -> State:
+def _state(pairs: PosePairs, chain: ScaledChain, variances: Array, camera: str, tails: float) -> State:
     at = linearise(pairs, chain)
     directions = list(_sources(at, camera).values())
     information = _information(directions, variances, at.scale)
-    distances = _squared(at.residuals, information)
+    distances = _squared_distances(at.residuals, information)
     weights = (tails + 6) / (tails + distances) if np.isfinite(tails) else np.ones(len(pairs))
     weighted = ((information * weights[:, None, None]) @ at.by_shared).reshape(-1, at.by_shared.shape[2])
     normal = weighted.T @ at.by_shared.reshape(weighted.shape)
@@ -89,8 +92,8 @@ def _state(pairs: PosePairs, chain: Chain, variances: Array, camera: str, tails:
     step = clip_step(-covariance @ (weighted.T @ at.residuals.reshape(-1)))
     left = at.residuals + at.by_shared @ step
     moments = _moments(directions, information, weights, left, at, covariance)
-    value = _log_likelihood(information, distances, tails) + spent_on(normal)
-    return State(chain, variances, value, covariance, chain.moved(step), moments)
+    value = _log_likelihood(information, distances, tails) + restriction_term(normal)
+    return State(chain, variances, value, covariance, chain.apply_step(step), moments)
 
 
 def _information(directions: list[Array], variances: Array, scale: float) -> Array:
@@ -98,7 +101,7 @@ def _information(directions: list[Array], variances: Array, scale: float) -> Arr
     return np.asarray(np.linalg.inv(spread @ np.swapaxes(spread, 1, 2) + np.diag(floor_variances(scale))), np.float64)
 
 
-def _squared(residuals: Array, information: Array) -> Array:
+def _squared_distances(residuals: Array, information: Array) -> Array:
     distances: Array = np.sum(residuals * (information @ residuals[..., None])[..., 0], axis=1)
     return distances
 
@@ -112,7 +115,7 @@ def _log_likelihood(information: Array, distances: Array, tails: float) -> float
 
 
 def _moments(
-    directions: list[Array], information: Array, weights: Array, left: Array, at: Linearised, covariance: Array
+    directions: list[Array], information: Array, weights: Array, left: Array, at: LinearisedPairs, covariance: Array
 ) -> Moments:
     starts = np.cumsum([0, *(direction.shape[2] for direction in directions)])[:-1]
     spread = np.concatenate(directions, axis=2)  # (n, 6, K), every source's columns side by side

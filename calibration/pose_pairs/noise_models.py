@@ -1,22 +1,22 @@
-"""What may be wrong with a pair of poses: the robot in every case, and four kinds of camera.
+"""Noise models of pairs of poses: the robot's, and four kinds of camera.
 
-A model names sources of error. Each source has one unknown level and, per view, the directions (6, k) in which it acts
-on the residual (`calibration.pose_pairs.residuals`).
+A model consists of sources of error. Each source has one unknown level and, for each view, the directions (6, k) in
+which it acts on the residual (`calibration.pose_pairs.residuals`).
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from calibration.pose_pairs.residuals import Linearised
+from calibration.pose_pairs.residuals import LinearisedPairs
 from calibration.transforms import Array
 
 Sources = dict[str, Array]
 """Directions (n, 6, k) by source."""
 
 
-def robot(at: Linearised) -> Sources:
-    """Errors of the flange's pose in its own frame, and turns of the whole arm about its base."""
+def robot_sources(at: LinearisedPairs) -> Sources:
+    """Errors of the flange's pose in its own frame, and rotations of the whole arm about its base."""
     return {
         "robot rotation": at.by_flange[:, :, :3],
         "robot translation": at.by_flange[:, :, 3:],
@@ -24,8 +24,8 @@ def robot(at: Linearised) -> Sources:
     }
 
 
-def detected(at: Linearised) -> Sources:
-    """A target seen with errors of one size: its turn, its place across the line of sight and along it."""
+def detection_sources(at: LinearisedPairs) -> Sources:
+    """A target detected with errors of constant size: orientation, position across the line of sight and along it."""
     sight, across = _sight(at.predicted[:, :3, 3])
     return {
         "camera rotation": _turn(np.broadcast_to(np.eye(3), (len(sight), 3, 3))),
@@ -34,10 +34,11 @@ def detected(at: Linearised) -> Sources:
     }
 
 
-def imaged(at: Linearised) -> Sources:
-    """A target of which the image is noisy: errors grow with the distance, that of the depth with its square.
+def image_sources(at: LinearisedPairs) -> Sources:
+    """A target detected in a noisy image: errors grow with the distance, that of the depth with its square.
 
-    Tilts show less than turns about the line of sight: an edge moved by a tilt moves along the sight.
+    Tilt has its own level, separate from roll about the line of sight: a tilt moves an edge along the sight, where it
+    shows less.
     """
     distance = np.linalg.norm(at.predicted[:, :3, 3], axis=1)
     ratio = (distance / max(float(distance.mean()), 1e-9))[:, None, None]
@@ -50,14 +51,18 @@ def imaged(at: Linearised) -> Sources:
     }
 
 
-def tracked(at: Linearised) -> Sources:
-    """A camera that knows its own pose in its surroundings, with errors of one size."""
+def tracking_sources(at: LinearisedPairs) -> Sources:
+    """A camera that tracks its own pose in its surroundings, with errors of constant size."""
     return {"camera rotation": at.by_camera[:, :, :3], "camera lateral": at.by_camera[:, :, 3:]}
 
 
-CAMERAS: dict[str, Callable[[Linearised], Sources]] = {"detected": detected, "imaged": imaged, "tracked": tracked}
-DRIFTING = "drifting"
-"""As `tracked`, with errors that add up from view to view: `calibration.pose_pairs.random_walk_noise`."""
+CAMERAS: dict[str, Callable[[LinearisedPairs], Sources]] = {
+    "detected": detection_sources,
+    "imaged": image_sources,
+    "tracked": tracking_sources,
+}
+RANDOM_WALK = "drifting"
+"""As `tracking_sources`, with errors that add up from view to view: `calibration.pose_pairs.random_walk_noise`."""
 
 
 def _sight(translation: Array) -> tuple[Array, Array]:

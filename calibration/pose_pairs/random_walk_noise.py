@@ -1,8 +1,8 @@
-"""The likeliest X where the camera's errors add up from view to view, as in odometry.
+"""The most likely X when the camera's errors add up from view to view, as in odometry.
 
-Seen from the target's frame such an error is a sum of steps, so that the differences of successive views hold one step
-each, and the target's pose drops out. What robot and camera have for every view alone is shared by two differences: the
-covariance has blocks beside its diagonal, and is handled whole (at most a few hundred views).
+In the target's frame such an error is a sum of steps, so that differences of successive views contain one step each,
+and the target's pose drops out. Independent errors of a view are part of two differences: the covariance is block
+tridiagonal, and is treated as a dense matrix (for at most a few hundred views).
 """
 
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ from calibration.closed_forms.kronecker import as_rotation
 from calibration.linear_algebra import covariance_of
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
-from calibration.pose_pairs.noise_models import DRIFTING
+from calibration.pose_pairs.noise_models import RANDOM_WALK
 from calibration.pose_pairs.reml_optimizer import (
     Moments,
     State,
-    climbed,
-    first_variances,
     floor_variances,
-    spent_on,
+    initial_variances,
+    maximise,
+    restriction_term,
 )
-from calibration.pose_pairs.residuals import Chain, PosePairs, linearise
+from calibration.pose_pairs.residuals import PosePairs, ScaledChain, linearise
 from calibration.transforms import Array, transform
 
-FEWEST_VIEWS = 8
+MIN_VIEWS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class _Blocks:
 
 @dataclass(frozen=True, eq=False)
 class _Differences:
-    """Residuals (m, 6), derivatives (m, 6, p), and the covariance that one unit of every source causes."""
+    """Residuals (m, 6), derivatives (m, 6, p), and the covariance by one unit of variance of every source."""
 
     residuals: Array
     by_shared: Array
@@ -56,17 +56,17 @@ class _Differences:
     shares: dict[str, _Blocks]
 
 
-def fit_drift(pairs: PosePairs, start: Chain) -> PoseFit:
-    """White errors of robot and camera, and a walk of the camera; the target's pose is the first view's."""
+def fit_random_walk(pairs: PosePairs, start: ScaledChain) -> PoseFit:
+    """The fit with independent errors of robot and camera and a random walk of the camera; Y from the first view."""
     chosen = np.r_[0:6] if pairs.metric else np.r_[0:6, 12:13]
     steps = _differences(pairs, start, chosen)
-    first = first_variances(steps.residuals, list(steps.directions.values()))
-    best = climbed(lambda chain, variances: _state(pairs, chain, variances, chosen), start, first)
+    first = initial_variances(steps.residuals, list(steps.directions.values()))
+    best = maximise(lambda chain, variances: _state(pairs, chain, variances, chosen), start, first)
     named = dict(zip(steps.shares, best.variances.tolist(), strict=True))
-    return PoseFit(best.chain, _with_target(best.covariance, chosen), named, best.log_likelihood, np.inf, DRIFTING)
+    return PoseFit(best.chain, _with_target(best.covariance, chosen), named, best.log_likelihood, np.inf, RANDOM_WALK)
 
 
-def _state(pairs: PosePairs, chain: Chain, variances: Array, chosen: NDArray[np.intp]) -> State:
+def _state(pairs: PosePairs, chain: ScaledChain, variances: Array, chosen: NDArray[np.intp]) -> State:
     steps = _differences(pairs, chain, chosen)
     residuals, by_shared = steps.residuals.reshape(-1), steps.by_shared.reshape(-1, len(chosen))
     shares = [share.sparse() for share in steps.shares.values()]
@@ -80,14 +80,16 @@ def _state(pairs: PosePairs, chain: Chain, variances: Array, chosen: NDArray[np.
     step = clip_step(-covariance @ (weighted.T @ residuals))
     moments = _moments(shares, information, weighted, residuals + by_shared @ step, covariance, floor)
     square = float(np.linalg.slogdet(total)[1] + residuals @ information @ residuals)
-    # The first view, of which no difference is taken, has lengths in the camera's unit too.
+    # The scale of the first view's lengths, of which no difference is taken.
     value = -0.5 * square - 0.5 * len(residuals) * float(np.log(2 * np.pi)) - 3 * float(np.log(chain.scale))
-    return State(chain, variances, value + spent_on(normal), covariance, _moved(pairs, chain, chosen, step), moments)
+    return State(
+        chain, variances, value + restriction_term(normal), covariance, _apply_step(pairs, chain, chosen, step), moments
+    )
 
 
-def _differences(pairs: PosePairs, chain: Chain, chosen: NDArray[np.intp]) -> _Differences:
+def _differences(pairs: PosePairs, chain: ScaledChain, chosen: NDArray[np.intp]) -> _Differences:
     at = linearise(pairs, chain)
-    # What moves the target's pose moves all residuals, seen from the target, alike.
+    # In the target's frame a change of the target's pose changes all residuals alike.
     by_target = at.by_shared[:, :, 6:12]
     to_target = np.asarray(np.linalg.inv(by_target), np.float64)
     back = by_target[1:]
@@ -119,21 +121,21 @@ def _of_steps(directions: Array) -> _Blocks:
     return _Blocks(directions @ np.swapaxes(directions, 1, 2), np.zeros((len(directions) - 1, 6, 6)))
 
 
-def _moved(pairs: PosePairs, chain: Chain, chosen: NDArray[np.intp], step: Array) -> Chain:
-    """X and the scale by a step, and the target where the first view then has it."""
+def _apply_step(pairs: PosePairs, chain: ScaledChain, chosen: NDArray[np.intp], step: Array) -> ScaledChain:
+    """The chain with X and the scale changed by a step, and the target's pose from the first view."""
     whole = np.zeros(12 if pairs.metric else 13)
     whole[chosen] = step
-    moved = chain.moved(whole)
+    moved = chain.apply_step(whole)
     seen = pairs.camera_T_target[0].copy()
     seen[:3, 3] /= moved.scale
     first = pairs.anchor_T_mount()[0] @ moved.mount_T_camera @ seen
-    return Chain(moved.mount_T_camera, transform(as_rotation(first[:3, :3]), first[:3, 3]), moved.scale)
+    return ScaledChain(moved.mount_T_camera, transform(as_rotation(first[:3, :3]), first[:3, 3]), moved.scale)
 
 
 def _moments(
     shares: list[sparse.bsr_matrix], information: Array, weighted: Array, left: Array, covariance: Array, floor: Array
 ) -> Moments:
-    """As in `calibration.pose_pairs.independent_noise`, for a covariance that is not one block a view."""
+    """As in `calibration.pose_pairs.independent_noise`, for a covariance that is not block diagonal."""
     through = [np.asarray(share @ information) for share in shares]
     rows = np.array([t.reshape(-1) for t in through])
     pulled = information @ left
@@ -147,7 +149,7 @@ def _moments(
 
 
 def _with_target(covariance: Array, chosen: NDArray[np.intp]) -> Array:
-    """Rows and columns for the target's pose, which differences do not tell."""
+    """The covariance with zero rows and columns for the target's pose, which differences do not determine."""
     whole = np.zeros((len(chosen) + 6, len(chosen) + 6))
     whole[np.ix_(chosen, chosen)] = covariance
     return whole

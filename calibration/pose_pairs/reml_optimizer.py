@@ -1,9 +1,9 @@
-"""Up the restricted likelihood of a chain and of the variances of its noise.
+"""Maximises the restricted likelihood (REML) of a chain and of its noise variances.
 
-Fisher scoring settles in a few rounds, and overshoots from afar: what it makes worse is repeated with the slower
-multiplicative rule that cannot (H. Zhou, L. Hu, J. Zhou & K. Lange, "MM algorithms for variance components models",
-J. Comput. Graph. Stat. 28(2), 2019). Restricted likelihood: S. Searle, G. Casella & C. McCulloch, "Variance
-Components", 1992, ch. 6.
+Fisher scoring converges in a few rounds but may overshoot; a step that lowers the likelihood is replaced by the slower
+MM step, which cannot (H. Zhou, L. Hu, J. Zhou & K. Lange, "MM algorithms for variance components models", J. Comput.
+Graph. Stat. 28(2), 2019). Restricted likelihood: S. Searle, G. Casella & C. McCulloch, "Variance Components", 1992,
+ch. 6.
 """
 
 from collections.abc import Callable
@@ -13,29 +13,33 @@ import numpy as np
 from scipy.optimize import nnls
 
 from calibration.linear_algebra import unit_diagonal
-from calibration.pose_pairs.residuals import Chain
+from calibration.pose_pairs.residuals import ScaledChain
 from calibration.transforms import Array
 
-ROUNDS = 20
-SETTLED = 1e-2
-"""A change of the log-likelihood that decides nothing."""
+MAX_ROUNDS = 20
+LOG_LIKELIHOOD_TOLERANCE = 1e-2
+"""The iteration ends when the log-likelihood gains less."""
 
-FLOOR = np.repeat([1e-6, 1e-3], 3) ** 2
-"""rad², mm²: below what any controller or camera prints."""
+MIN_VARIANCES = np.repeat([1e-6, 1e-3], 3) ** 2
+"""rad², mm²: below the resolution of any controller or camera."""
 
-SMALLEST_EIGENVALUE = 1e-9
+MIN_EIGENVALUE = 1e-9
 
 
 def floor_variances(scale: float) -> Array:
-    """Variances (6,) of a residual that are always there; lengths in the camera's own unit."""
-    return np.asarray(FLOOR * np.repeat([1.0, scale**2], 3), np.float64)
+    """Variances (6,) that are added to every residual; lengths in the camera's unit."""
+    return np.asarray(MIN_VARIANCES * np.repeat([1.0, scale**2], 3), np.float64)
 
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Per source (g,): the weighted `squares` left, what was `spent` on the unknowns, and what is expected.
+    """Terms of the variance update, for each source (g,).
 
-    Expected is `fisher` @ variances, and of one unit of a source alone `trace`, all without the floor.
+    squares : weighted squares of the residuals that are left.
+    spent : the part of them absorbed by the unknowns.
+    floor : the part due to MIN_VARIANCES.
+    trace : expected squares by one unit of a source alone.
+    fisher : (g, g), expected squares are `fisher` @ variances.
     """
 
     squares: Array
@@ -44,50 +48,50 @@ class Moments:
     trace: Array
     fisher: Array
 
-    def scored(self) -> Array:
-        """The variances, none below zero, with which the squares are what one expects."""
+    def fisher_update(self) -> Array:
+        """The non-negative variances (g,) for which squares and expected squares agree: Fisher scoring."""
         scaled, scale = unit_diagonal(self.fisher)
         values, vectors = np.linalg.eigh(scaled)
-        # Sources that act alike are told apart by nothing: least squares with the square root of what is left of it.
-        root = np.sqrt(np.maximum(values, SMALLEST_EIGENVALUE))
+        # Sources that act alike are not separable: least squares with the root of the floored Fisher matrix.
+        root = np.sqrt(np.maximum(values, MIN_EIGENVALUE))
         explained = scale * (self.squares + self.spent - self.floor)
         return np.asarray(scale * nnls(root[:, None] * vectors.T, vectors.T @ explained / root)[0])
 
-    def surely(self, variances: Array) -> Array:
-        """Variances nearer to the likeliest than these."""
+    def mm_update(self, variances: Array) -> Array:
+        """The variances (g,) after one MM step, which never lowers the likelihood."""
         expected = np.maximum(self.trace - self.spent, 1e-12 * self.trace + 1e-300)
         return np.asarray(variances * np.sqrt(np.maximum(self.squares, 0.0) / expected))
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A chain, its noise and their log-likelihood; `better` is the chain one Gauss-Newton step on."""
+    """A chain, its noise and their log-likelihood; `next_chain` is one Gauss-Newton step further."""
 
-    chain: Chain
+    chain: ScaledChain
     variances: Array
     log_likelihood: float
     covariance: Array
-    better: Chain
+    next_chain: ScaledChain
     moments: Moments
 
 
-def climbed(state_at: Callable[[Chain, Array], State], chain: Chain, variances: Array) -> State:
-    """The likeliest state found from a start."""
+def maximise(state_at: Callable[[ScaledChain, Array], State], chain: ScaledChain, variances: Array) -> State:
+    """The state of highest log-likelihood found from a start."""
     here = state_at(chain, variances)
-    for _ in range(ROUNDS):
-        there = state_at(here.better, here.moments.scored())
+    for _ in range(MAX_ROUNDS):
+        there = state_at(here.next_chain, here.moments.fisher_update())
         if there.log_likelihood < here.log_likelihood:
-            there = state_at(here.better, here.moments.surely(here.variances))
+            there = state_at(here.next_chain, here.moments.mm_update(here.variances))
         gained = there.log_likelihood - here.log_likelihood
         if gained > 0:
             here = there
-        if gained < SETTLED:
+        if gained < LOG_LIKELIHOOD_TOLERANCE:
             break
     return here
 
 
-def first_variances(residuals: Array, directions: list[Array]) -> Array:
-    """Every source of a kind takes the same share of what the start leaves (n, 6)."""
+def initial_variances(residuals: Array, directions: list[Array]) -> Array:
+    """Initial variances (g,): an equal share of the start's residuals (n, 6) for every source of a kind."""
     rotation, translation = np.median(residuals[:, :3] ** 2) + 1e-12, np.median(residuals[:, 3:] ** 2) + 1e-6
     size = np.array([np.mean(direction**2, axis=(0, 2)) for direction in directions])
     turns, shifts = size[:, :3].sum(axis=1), size[:, 3:].sum(axis=1)
@@ -98,6 +102,6 @@ def first_variances(residuals: Array, directions: list[Array]) -> Array:
     return share / 2
 
 
-def spent_on(normal: Array) -> float:
-    """What the unknowns with this normal matrix take from the log-likelihood."""
+def restriction_term(normal: Array) -> float:
+    """The term of the restricted log-likelihood for unknowns with this normal matrix (p, p)."""
     return 0.5 * float(len(normal) * np.log(2 * np.pi) - np.linalg.slogdet(normal)[1])

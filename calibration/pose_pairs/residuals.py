@@ -1,4 +1,4 @@
-"""How far a camera's poses are from what X, the target's pose and a scale say, with derivatives.
+"""Residuals of pairs of poses and their derivatives by X, the target's pose and a scale.
 
 The camera sees `camera_T_target = inverse(anchor_T_mount @ X) @ Y`, lengths multiplied by `scale`. A residual is
 predicted less seen, of the target in the camera: [rotation vector in rad, translation of its origin in mm].
@@ -17,9 +17,9 @@ from calibration.transforms import Array, adjoint, inverse, skew, transform, tra
 
 @dataclass(frozen=True, eq=False)
 class PosePairs:
-    """n views: where the robot says its flange is, and where the camera says the target is (n, 4, 4).
+    """n views: the robot's poses and the camera's poses of the target, both (n, 4, 4).
 
-    `metric` is False where the camera's lengths are known up to a common factor only (one moving camera, no target).
+    `metric` is False when the camera's lengths have an unknown common factor (a single moving camera without target).
     """
 
     setup: Setup
@@ -40,26 +40,28 @@ class PosePairs:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
-    """`mount_T_camera`, `anchor_T_target` (4, 4); the camera's millimetres are `scale` true ones."""
+class ScaledChain:
+    """`mount_T_camera`, `anchor_T_target` (4, 4); `scale`: length in the camera's poses over true length."""
 
     mount_T_camera: Array
     anchor_T_target: Array
     scale: float = 1.0
 
-    def moved(self, step: Array) -> "Chain":
-        """By [X 6, Y 6] or [X 6, Y 6, log scale]."""
+    def apply_step(self, step: Array) -> "ScaledChain":
+        """The chain changed by a step [X 6, Y 6] or [X 6, Y 6, log scale]."""
         X = self.mount_T_camera @ transform_from_vector(step[:6])
         Y = self.anchor_T_target @ transform_from_vector(step[6:12])
-        return Chain(X, Y, self.scale * float(np.exp(step[12])) if len(step) > 12 else self.scale)
+        return ScaledChain(X, Y, self.scale * float(np.exp(step[12])) if len(step) > 12 else self.scale)
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
-    """Residuals (n, 6) and derivatives (n, 6, p); `predicted` (n, 4, 4) with the camera's own lengths.
+class LinearisedPairs:
+    """Residuals (n, 6) and their derivatives at a chain.
 
-    `by_camera`, `by_flange`, `by_base` (n, 6, 6): what a small motion [rotation, translation] of the camera, of the
-    flange and of the robot's base does to them. `scale` is the chain's.
+    by_shared : (n, 6, p) by the chain's parameters.
+    predicted : (n, 4, 4) poses of the target, with the camera's lengths.
+    by_camera, by_flange, by_base : (n, 6, 6) by a small motion [rotation, translation] of each frame.
+    scale : the chain's.
     """
 
     residuals: Array
@@ -71,8 +73,8 @@ class Linearised:
     scale: float
 
 
-def linearise(pairs: PosePairs, chain: Chain) -> Linearised:
-    """At a chain."""
+def linearise(pairs: PosePairs, chain: ScaledChain) -> LinearisedPairs:
+    """Residuals and derivatives at a chain."""
     X, Y = chain.mount_T_camera, chain.anchor_T_target
     metric = predicted_camera_T_target(pairs.anchor_T_mount(), X, Y)
     predicted = metric.copy()
@@ -84,7 +86,7 @@ def linearise(pairs: PosePairs, chain: Chain) -> Linearised:
     columns = [by_camera @ derivative_by_shared(metric)]
     if not pairs.metric:
         columns.append(np.concatenate([np.zeros((len(pairs), 3, 1)), predicted[:, :3, 3:]], axis=1))
-    return Linearised(
+    return LinearisedPairs(
         np.concatenate([vector_from_rotation(turn), shift], axis=1),
         np.concatenate(columns, axis=2),
         predicted,
@@ -96,13 +98,13 @@ def linearise(pairs: PosePairs, chain: Chain) -> Linearised:
 
 
 def _of_motion(camera_T_target: Array, motion: Array, scale: float) -> Array:
-    """Residuals' change for `exp(motion) @ camera_T_target`."""
+    """Derivative of the residuals for `exp(motion) @ camera_T_target`."""
     moved = scale * (motion[:, 3:] - skew(camera_T_target[:, :3, 3]) @ motion[:, :3])
     return np.concatenate([motion[:, :3], moved], axis=1)
 
 
-def closed_form(pairs: PosePairs) -> Chain:
-    """A start: rotation in Kronecker form, then translations (and the scale) where the target scatters least."""
+def initial_chain(pairs: PosePairs) -> ScaledChain:
+    """The initial chain: rotation by `kronecker`, then translation (and scale) of least target scatter."""
     mount, seen = pairs.anchor_T_mount(), pairs.camera_T_target
     X = kronecker(mount, seen)
     scale = 1.0
@@ -117,4 +119,6 @@ def closed_form(pairs: PosePairs) -> Chain:
         seen = seen.copy()
         seen[:, :3, 3] *= factor
     targets = mount @ X @ seen
-    return Chain(X, transform(as_rotation(targets[:, :3, :3].mean(axis=0)), targets[:, :3, 3].mean(axis=0)), scale)
+    return ScaledChain(
+        X, transform(as_rotation(targets[:, :3, :3].mean(axis=0)), targets[:, :3, 3].mean(axis=0)), scale
+    )

@@ -1,8 +1,8 @@
 """X from pairs of poses alone, for sources that give no pixels: trackers, odometry, another program's detections.
 
-Maximum likelihood over X, the target's pose, a scale where the camera knows none, and the noise: what kind of camera it
-is (`calibration.pose_pairs.noise_models`), how large each of its errors and the robot's are, and how heavy their tails.
-Views that disagree are left out. What the motions do not tell is refused.
+Maximum likelihood over X, the target's pose, a scale where the camera has none, and the noise: the kind of camera
+(`calibration.pose_pairs.noise_models`), the levels of its errors and the robot's, and the weight of their tails.
+Views that disagree are left out. Motions that do not determine X are refused.
 """
 
 from dataclasses import dataclass
@@ -12,36 +12,40 @@ from numpy.typing import NDArray
 
 from calibration.errors import UndeterminedError
 from calibration.observability import describe_axis, require_observable, summarise_motion
-from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_white, outlying
-from calibration.pose_pairs.noise_marginalisation import MOST_VIEWS, averaged
+from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_independent_noise, outlier_limit
+from calibration.pose_pairs.noise_marginalisation import MAX_VIEWS, marginalise
 from calibration.pose_pairs.noise_models import CAMERAS
-from calibration.pose_pairs.random_walk_noise import FEWEST_VIEWS, fit_drift
-from calibration.pose_pairs.residuals import PosePairs, closed_form
+from calibration.pose_pairs.random_walk_noise import MIN_VIEWS, fit_random_walk
+from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.problem import Setup
 from calibration.solver.least_median import agreeing_views
 from calibration.transforms import Array
 
-MOST_ROUNDS = 4
+MAX_ROUNDS = 4
 REACH_MM = 100.0
-"""Views vote with four points this far from the target's origin."""
+"""Half the side of the square of points about the target's origin in which distances between views are measured."""
 
-FEWEST_VOTERS = 6
-"""Of five views three are a majority, and any three agree with themselves: honest views would be dropped too often."""
+MIN_VOTERS = 6
+"""Least views for a vote: of five, three are a majority that always agrees with itself."""
 
 TAILS = (np.inf, 4.0)
-LEAST_AXIS_SPREAD = float(np.tan(np.radians(0.5)))
-"""Of two turns whose axes are one degree apart; unlike the widest angle it is not fooled by small, noisy turns."""
+MIN_AXIS_SPREAD = float(np.tan(np.radians(0.5)))
+"""Axis spread of two rotations with axes one degree apart; weighted, so that small noisy rotations count less."""
 
-LARGEST_SCALE_DOUBT = 0.1
-"""One standard deviation, as a share of the scale; beyond it X's translation is a guess."""
+MAX_SCALE_SIGMA = 0.1
+"""Largest standard deviation of the scale, relative; beyond it X's translation is not determined."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseSolution:
-    """`mount_T_camera` (4, 4), `anchor_T_target` (4, 4), `used` (n,); `covariance` (12, 12) of both, [rad, mm] each.
+    """The result of `solve_hand_eye_poses`.
 
-    The covariance is of `pose @ exp(.)`. `scale`: the camera's millimetres in true ones. `camera` is the kind of noise
-    that explains it best, `deviations` are one standard deviation per axis and source, in rad or mm.
+    mount_T_camera, anchor_T_target : (4, 4).
+    covariance : (12, 12) of both, of `pose @ exp(.)`, [rad, mm] each.
+    used : (n,) mask of the views that agree.
+    scale : length in the camera's poses over true length.
+    camera : the kind of noise that explains the views best.
+    deviations : one standard deviation per axis and source, rad or mm.
     """
 
     mount_T_camera: Array
@@ -63,19 +67,19 @@ def solve_hand_eye_poses(
     _require_poses(base_T_flange, camera_T_target)
     pairs = PosePairs(setup, base_T_flange, camera_T_target, metric)
     used = _agreeing(pairs)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         _require_axes(base_T_flange[used])
         likeliest = _likeliest(pairs.take(used))
         distances = distances_of(pairs, likeliest)
-        agreeing = distances < outlying(likeliest.tails, int(used.sum()))
+        agreeing = distances < outlier_limit(likeliest.tail_dof, int(used.sum()))
         if np.array_equal(agreeing, used) or agreeing.sum() <= len(used) // 2:
             break
         used = agreeing
-    if used.sum() >= FEWEST_VIEWS:
-        drifting = fit_drift(pairs.take(used), likeliest.chain)
+    if used.sum() >= MIN_VIEWS:
+        drifting = fit_random_walk(pairs.take(used), likeliest.chain)
         likeliest = max(likeliest, drifting, key=lambda one: one.evidence(int(used.sum())))
-    if used.sum() <= MOST_VIEWS and likeliest.camera in CAMERAS and not np.isfinite(likeliest.tails):
-        likeliest = averaged(pairs.take(used), likeliest)
+    if used.sum() <= MAX_VIEWS and likeliest.camera in CAMERAS and not np.isfinite(likeliest.tail_dof):
+        likeliest = marginalise(pairs.take(used), likeliest)
     _require_scale(pairs, likeliest)
     return PoseSolution(
         likeliest.chain.mount_T_camera,
@@ -89,14 +93,14 @@ def solve_hand_eye_poses(
 
 
 def _likeliest(pairs: PosePairs) -> PoseFit:
-    start = closed_form(pairs)
-    tails = TAILS if len(pairs) >= FEWEST_VIEWS else TAILS[:1]
-    fitted = [fit_white(pairs, start, camera, t) for camera in CAMERAS for t in tails]
+    start = initial_chain(pairs)
+    tails = TAILS if len(pairs) >= MIN_VIEWS else TAILS[:1]
+    fitted = [fit_independent_noise(pairs, start, camera, t) for camera in CAMERAS for t in tails]
     return max(fitted, key=lambda one: one.evidence(len(pairs)))
 
 
 def _require_scale(pairs: PosePairs, fitted: PoseFit) -> None:
-    if not pairs.metric and not np.sqrt(fitted.covariance[12, 12]) < LARGEST_SCALE_DOUBT:
+    if not pairs.metric and not np.sqrt(fitted.covariance[12, 12]) < MAX_SCALE_SIGMA:
         raise UndeterminedError(
             "scale-undetermined",
             "the camera hardly moves compared with its errors: how long its millimetres are is not determined",
@@ -105,12 +109,12 @@ def _require_scale(pairs: PosePairs, fitted: PoseFit) -> None:
 
 
 def _agreeing(pairs: PosePairs) -> NDArray[np.bool_]:
-    if len(pairs) < FEWEST_VOTERS:
+    if len(pairs) < MIN_VOTERS:
         return np.ones(len(pairs), bool)
     seen = pairs.camera_T_target
     if not pairs.metric:
         seen = seen.copy()
-        seen[:, :3, 3] /= closed_form(pairs).scale
+        seen[:, :3, 3] /= initial_chain(pairs).scale
     points = REACH_MM * np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
     return agreeing_views(pairs.anchor_T_mount(), seen, points)
 
@@ -130,7 +134,7 @@ def _require_poses(base_T_flange: Array, camera_T_target: Array) -> None:
 def _require_axes(base_T_flange: Array) -> None:
     require_observable(base_T_flange)
     motion = summarise_motion(base_T_flange)
-    if motion.axis_spread < LEAST_AXIS_SPREAD:
+    if motion.axis_spread < MIN_AXIS_SPREAD:
         axis = describe_axis(motion.main_axis, base_T_flange)
         raise UndeterminedError(
             "parallel-axes",

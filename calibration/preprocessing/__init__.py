@@ -1,1 +1,1 @@
-"""Before the estimate: outlying corners, planar pose ambiguity, image weights, target shape."""
+"""Steps before the estimate: corner outliers, planar pose ambiguity, image weights, target shape."""

@@ -1,7 +1,7 @@
-"""Sharp pictures count for more: every view's own pixel noise, as far as it can be told from chance.
+"""Weights of the views by their pixel noise, shrunk towards the common noise (empirical Bayes).
 
-A view's residuals about its own pose estimate its noise from 2 m - 6 numbers. How far the views really differ is
-estimated from how far these estimates scatter beyond chi-square, and each is drawn towards the common level by as much.
+A view's residuals about its own pose estimate its noise from 2 m - 6 numbers. The true spread between views is
+estimated from the excess of these estimates' scatter over chi-square; it decides how far each is shrunk.
 Source: G. Smyth, "Linear models and empirical Bayes methods", Stat. Appl. Genet. Mol. Biol. 3(1) 2004, section 6.
 """
 
@@ -13,20 +13,20 @@ from calibration.observations.observations import Observations
 from calibration.observations.reprojection import pixel_residuals
 from calibration.transforms import Array
 
-FEWEST_VIEWS = 6
-"""Fewer do not tell how far views differ."""
+MIN_VIEWS = 6
+"""Fewer views do not determine the spread between views."""
 
-LARGEST_RATIO = 30.0
-"""A single view's variance counts as at least this much smaller or larger than the common one."""
+MAX_RATIO = 30.0
+"""Bound of the ratio between the common variance and a view's, either way."""
 
 BIAS_PX = 0.02
-"""What a detector is off by in a whole view at once, which no scatter within the view shows."""
+"""Standard deviation of a detector's error common to a whole view, which the scatter within a view does not show."""
 
 
-def weighted_by_view(seen: Observations, camera: CameraModel, camera_T_target: Array) -> Observations:
-    """The observations with each view's corners weighted by its own noise; unchanged when the views are alike."""
+def weight_by_view_noise(seen: Observations, camera: CameraModel, camera_T_target: Array) -> Observations:
+    """The observations with corners weighted by their view's noise; unchanged when the views do not differ."""
     redundancy = 2.0 * np.count_nonzero(seen.weights, axis=1) - 6
-    if len(seen) < FEWEST_VIEWS or np.any(redundancy < 2):
+    if len(seen) < MIN_VIEWS or np.any(redundancy < 2):
         return seen
     square = np.sum(seen.weights[..., None] * pixel_residuals(seen, camera, camera_T_target) ** 2, axis=(1, 2))
     if np.any(square <= 0):
@@ -39,14 +39,14 @@ def weighted_by_view(seen: Observations, camera: CameraModel, camera_T_target: A
     drawn = BIAS_PX**2 + (redundancy * variances + known * float(np.exp(np.mean(np.log(variances))))) / (
         redundancy + known
     )
-    ratio = np.clip((BIAS_PX**2 + common) / drawn, 1 / LARGEST_RATIO, LARGEST_RATIO)
-    # Kept so that the weighted residuals have the common variance.
+    ratio = np.clip((BIAS_PX**2 + common) / drawn, 1 / MAX_RATIO, MAX_RATIO)
+    # Scaled so that the weighted residuals keep the common variance.
     ratio *= common * redundancy.sum() / float(ratio @ square)
-    return seen.weighted(seen.weights * ratio[:, None])
+    return seen.with_weights(seen.weights * ratio[:, None])
 
 
 def _prior_redundancy(logs: Array, redundancy: Array) -> float:
-    """d0 with trigamma(d0 / 2) = var(log s²) - mean trigamma(d / 2); infinite when the views differ by chance only."""
+    """d0 with trigamma(d0 / 2) = var(log s²) - mean trigamma(d / 2); infinite without a significant spread of views."""
     polygamma = scipy.special.polygamma
     chance = polygamma(1, redundancy / 2)
     excess = float(np.var(logs, ddof=1) - np.mean(chance))

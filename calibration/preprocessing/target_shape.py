@@ -1,10 +1,10 @@
-"""The target as it is, not as it was drawn: printed a little off, glued on a little bowed.
+"""Estimation of the target's true shape, which may differ from the description by printing errors and bending.
 
-When the same points miss in the same direction in view after view, the target and not the noise is the cause. Then
-every point gets an offset of its own, with two unknown levels (in the plane and out of it) estimated as variance
-components, together with the views' poses and, when they are free, the intrinsics: a self-calibrating bundle
-adjustment from the pixels alone (D. Brown, "The bundle adjustment - progress and prospects", 1976). The levels also
-fix what pixels cannot see: where the target is, how it lies and how large it is stay as drawn, in the mean.
+Residuals of a point that agree over many views come from the target, not from noise. Then every point gets an offset,
+with two unknown standard deviations (in the plane and out of it) estimated as variance components, together with the
+views' poses and, where free, the intrinsics: a self-calibrating bundle adjustment from the pixels alone (D. Brown,
+"The bundle adjustment - progress and prospects", 1976). The prior of the offsets also fixes what pixels do not
+determine: position, orientation and size of the target stay as described, in the mean.
 """
 
 from dataclasses import dataclass, replace
@@ -16,32 +16,32 @@ from calibration.camera import CameraModel
 from calibration.linear_algebra import covariance_of, scaled_inverse, unit_diagonal
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, pixel_rows, with_intrinsics
-from calibration.observations.view_poses import moved
+from calibration.observations.view_poses import apply_pose_steps
 from calibration.transforms import Array
 
-FEWEST_VIEWS = 6
-MOST_POINTS = 600
-"""Beyond, the dense system over all points takes seconds."""
+MIN_VIEWS = 6
+MAX_POINTS = 600
+"""Most points; with more, the dense system over all points takes seconds."""
 
-MOST_TEST_VIEWS = 30
-CONVINCING = 8.0
-"""Deviations of the test under a perfect target: never by chance."""
+MAX_TEST_VIEWS = 30
+MIN_TEST_SIGMA = 8.0
+"""Threshold of the score test, in its standard deviations under an exact target."""
 
 ITERATIONS = 12
-SETTLED = 3e-3
+STEP_TOLERANCE = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
 class TargetShape:
-    """How far the target's points are from the drawing: RMS of a coordinate in its plane, and out of it."""
+    """Deviation of the target's points from the description: RMS per coordinate in its plane, and out of it."""
 
     in_plane_mm: float
     out_of_plane_mm: float
 
 
 @dataclass(frozen=True, eq=False)
-class Shaped:
-    """The observations of the target as it is, with poses and camera that fit them."""
+class ShapeFit:
+    """The observations with the target's estimated points, and the poses (n, 4, 4) and camera that fit them."""
 
     seen: Observations
     camera: CameraModel
@@ -49,27 +49,27 @@ class Shaped:
     shape: TargetShape
 
 
-def deviates(seen: Observations, camera: CameraModel, camera_T_target: Array, free: NDArray[np.bool_]) -> bool:
-    """Do the points miss in common, beyond what noise can do? A score test at the drawn shape.
+def shape_deviates(seen: Observations, camera: CameraModel, camera_T_target: Array, free: NDArray[np.bool_]) -> bool:
+    """Whether residuals agree over views by more than noise explains: a score test at the described shape.
 
     With g the gradient by the offsets and S its information once poses and intrinsics are free, g' diag(S)^-1 g has
     the mean s² tr(...) and variance 2 s⁴ |...|² under a perfect target.
     """
-    if len(seen) < FEWEST_VIEWS or seen.ids.max(initial=0) >= MOST_POINTS:
+    if len(seen) < MIN_VIEWS or seen.ids.max(initial=0) >= MAX_POINTS:
         return False
-    few = np.unique(np.linspace(0, len(seen) - 1, MOST_TEST_VIEWS).astype(np.intp))
+    few = np.unique(np.linspace(0, len(seen) - 1, MAX_TEST_VIEWS).astype(np.intp))
     system = _system(seen.take(few), camera, camera_T_target[few], free)
     correlation, scale = unit_diagonal(system.information)
     unseen = np.diagonal(system.information) < 1e-9 * np.diagonal(system.information).max()
     scale[unseen], correlation[unseen], correlation[:, unseen] = 0.0, 0.0, 0.0
     statistic = np.sum((scale * system.gradient) ** 2) / system.variance
-    return bool(statistic - np.trace(correlation) > CONVINCING * np.sqrt(2 * np.sum(correlation**2)))
+    return bool(statistic - np.trace(correlation) > MIN_TEST_SIGMA * np.sqrt(2 * np.sum(correlation**2)))
 
 
-def shaped(
+def estimate_shape(
     seen: Observations, camera: CameraModel, camera_T_target: Array, free: NDArray[np.bool_], drawn_mm: Array
-) -> Shaped:
-    """The target's points (k, 3) from all views, near the drawing `drawn_mm` (k, 3)."""
+) -> ShapeFit:
+    """The target's points from all views, with a prior about the described points `drawn_mm` (k, 3)."""
     offsets = np.zeros(drawn_mm.shape)
     levels = np.array([0.1, 0.1]) ** 2
     poses, now = camera_T_target, seen
@@ -80,20 +80,20 @@ def shaped(
         step = -covariance @ (system.gradient + weight * offsets.ravel())
         offsets = offsets + step.reshape(-1, 3)
         levels = _levels(offsets, levels, system.variance * np.diagonal(covariance).reshape(-1, 3))
-        pose_steps, camera_step = system.back_substituted(step)
-        poses = moved(poses, pose_steps)
+        pose_steps, camera_step = system.back_substitute(step)
+        poses = apply_pose_steps(poses, pose_steps)
         change = np.zeros(INTRINSICS)
         change[free] = camera_step
         camera = with_intrinsics(camera, change)
         now = replace(seen, points_mm=seen.points_mm + offsets[seen.ids])
-        if np.sqrt(np.mean(step**2)) < SETTLED * np.sqrt(np.mean(offsets**2)):
+        if np.sqrt(np.mean(step**2)) < STEP_TOLERANCE * np.sqrt(np.mean(offsets**2)):
             break
     in_plane, out_of_plane = np.sqrt(np.mean(offsets[:, :2] ** 2)), np.sqrt(np.mean(offsets[:, 2] ** 2))
-    return Shaped(now, camera, poses, TargetShape(float(in_plane), float(out_of_plane)))
+    return ShapeFit(now, camera, poses, TargetShape(float(in_plane), float(out_of_plane)))
 
 
 def _levels(offsets: Array, levels: Array, variances: Array) -> Array:
-    """Foerstner's update: squared offsets over their redundancy, in the plane and out of it (mm²)."""
+    """Variances (2,) mm² in the plane and out of it by Foerstner's update: squared offsets over their redundancy."""
     squares = np.array([np.sum(offsets[:, :2] ** 2), np.sum(offsets[:, 2] ** 2)])
     counts = np.array([2.0, 1.0]) * len(offsets)
     spent = np.array([np.sum(variances[:, :2]), np.sum(variances[:, 2])]) / levels
@@ -103,7 +103,7 @@ def _levels(offsets: Array, levels: Array, variances: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Normal equations by the offsets (3k, 3k), once poses and intrinsics are eliminated; `variance` of a pixel."""
+    """Normal equations of the offsets (3k, 3k) with poses and intrinsics eliminated; `variance` of a pixel in px²."""
 
     information: Array
     gradient: Array
@@ -114,7 +114,7 @@ class _System:
     camera_gradient: Array
     camera_offsets: Array
 
-    def back_substituted(self, offsets: Array) -> tuple[Array, Array]:
+    def back_substitute(self, offsets: Array) -> tuple[Array, Array]:
         """Steps of the poses (n, 6) and of the free intrinsics that go with a step of the offsets (3k,)."""
         camera = -(self.camera_gradient + self.camera_offsets @ offsets)
         return -(self.pose_gradient + self.pose_offsets @ offsets + self.pose_camera @ camera), camera
@@ -167,7 +167,7 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
 
 
 def _by_id(seen: Observations, values: Array, k: int) -> Array:
-    """Values (n, m, ...) of corners sorted by the points' ids (n, k, ...); an id stands at most once in a view."""
+    """Values (n, m, ...) of corners arranged by point id (n, k, ...); an id occurs at most once in a view."""
     if seen.ids.shape[1] == k and np.array_equal(seen.ids, np.broadcast_to(np.arange(k), seen.ids.shape)):
         return values
     result = np.zeros((len(seen), k, *values.shape[2:]))

@@ -1,4 +1,4 @@
-"""A closed form asked for by name, in the place of the maximum-likelihood estimate, with its own uncertainty."""
+"""Solution by a named closed form instead of maximum likelihood, with its own uncertainty by simulation."""
 
 from dataclasses import dataclass, replace
 
@@ -12,75 +12,75 @@ from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.estimate import Estimate
 from calibration.linear_algebra import covariance_of
 from calibration.observability import require_observable
-from calibration.observations.observations import scaled
+from calibration.observations.observations import scale_target
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
-from calibration.observations.view_poses import moved, refined_poses
-from calibration.preprocessing.prepare import Prepared
+from calibration.observations.view_poses import apply_pose_steps, refine_poses
+from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import anchor_T_mount_of
 from calibration.solution import HoldOut
-from calibration.solver.initial_guess import closed_form_chain
+from calibration.solver.initial_guess import chain_from_mount
 from calibration.solver.view_outliers import Selection
 from calibration.transforms import Array, inverse, transform_from_vector, vector_from_transform
 
 THREE_POSE = "three-pose"
-DRAWS_TIMES_VIEWS, FEWEST_DRAWS, MOST_DRAWS = 3000, 16, 100
-"""The covariance's own error is 1 / sqrt(2 draws); methods over all pairs are slow for many views."""
+DRAWS_TIMES_VIEWS, MIN_DRAWS, MAX_DRAWS = 3000, 16, 100
+"""Draws of the simulation: the relative error of a variance is sqrt(2 / draws); fewer for many views, for speed."""
 
-MOST_HELD_OUT = 30
+MAX_HELD_OUT_VIEWS = 30
 SEED = 1
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedForm:
-    """`selection.best` holds the closed form's chain; `covariance` (6, 6) of X by drawing from the estimated noise."""
+    """`selection.best` with the closed form's chain; `covariance` (6, 6) of X by simulation at the estimated noise."""
 
     selection: Selection
     covariance: Array
     hold_out: HoldOut | None
 
 
-def closed_form_solution(prepared: Prepared, selection: Selection, method: str) -> ClosedForm:
-    """The method on the views that agree; the seed's on the first three of them. Raises UndeterminedError."""
+def solve_closed_form(prepared: PreparedSession, selection: Selection, method: str) -> ClosedForm:
+    """The method on the views that agree; three-pose on the first three of them. Raises UndeterminedError."""
     used = selection.used.copy()
     if method == THREE_POSE:
         used[np.flatnonzero(used)[3:]] = False
         require_observable(prepared.seen.base_T_flange[used])
     best = selection.best
     rows = _at(prepared.take(used), best)
-    chain = _solved(rows, method)
+    chain = _solve_chain(rows, method)
     covariance = _covariance(rows, best, chain, method)
     held_out = _hold_out(rows, best, method) if len(rows.seen) > 3 else None
     return ClosedForm(Selection(used, replace(best, chain=chain)), covariance, held_out)
 
 
-def _at(rows: Prepared, best: Estimate) -> Prepared:
-    """With the estimated camera and target scale."""
-    seen = scaled(rows.seen, best.scale)
+def _at(rows: PreparedSession, best: Estimate) -> PreparedSession:
+    """The session at the estimated camera and target scale, with the poses refined."""
+    seen = scale_target(rows.seen, best.scale)
     return replace(
-        rows, seen=seen, camera=best.camera, camera_T_target=refined_poses(seen, best.camera, rows.camera_T_target)
+        rows, seen=seen, camera=best.camera, camera_T_target=refine_poses(seen, best.camera, rows.camera_T_target)
     )
 
 
-def _solved(rows: Prepared, method: str) -> Chain:
+def _solve_chain(rows: PreparedSession, method: str) -> Chain:
     try:
         mount_T_camera = CLOSED_FORMS[method](rows.anchor_T_mount, rows.camera_T_target)
     except GeometryError as error:
         raise UndeterminedError(f"{method}-failed", str(error), "use the method auto, or other poses") from None
-    return closed_form_chain(rows, mount_T_camera)
+    return chain_from_mount(rows, mount_T_camera)
 
 
-def _covariance(rows: Prepared, best: Estimate, chain: Chain, method: str) -> Array:
+def _covariance(rows: PreparedSession, best: Estimate, chain: Chain, method: str) -> Array:
     """Scatter of the method's X when the views' own poses and the robot's are drawn anew from the estimated noise."""
     rng = np.random.default_rng(SEED)
     n = len(rows.seen)
     by_pixels = covariance_of(pixel_statistics(rows.seen, rows.camera, rows.camera_T_target).normal)
     image = np.linalg.cholesky(best.variances.pixel * by_pixels)
     robot = best.variances.deviations()
-    exact = chain.as_reported().camera_T_target()
-    draws = int(np.clip(DRAWS_TIMES_VIEWS // n, FEWEST_DRAWS, MOST_DRAWS))
+    exact = chain.without_corrections().camera_T_target()
+    draws = int(np.clip(DRAWS_TIMES_VIEWS // n, MIN_DRAWS, MAX_DRAWS))
     steps = []
     for _ in range(draws):
-        poses = moved(exact, (image @ rng.standard_normal((n, 6, 1)))[..., 0])
+        poses = apply_pose_steps(exact, (image @ rng.standard_normal((n, 6, 1)))[..., 0])
         base_T_flange = rows.seen.base_T_flange @ transform_from_vector(robot * rng.standard_normal((n, 6)))
         anchor_T_mount = anchor_T_mount_of(rows.setup, base_T_flange)
         step = inverse(chain.mount_T_camera) @ CLOSED_FORMS[method](anchor_T_mount, poses)
@@ -88,13 +88,13 @@ def _covariance(rows: Prepared, best: Estimate, chain: Chain, method: str) -> Ar
     return np.cov(np.array(steps).T)
 
 
-def _hold_out(rows: Prepared, best: Estimate, method: str) -> HoldOut:
-    """Cross-validation as in `likelihood`: at most thirty views are left out, the rest solved by the method."""
+def _hold_out(rows: PreparedSession, best: Estimate, method: str) -> HoldOut:
+    """Cross-validation: at most thirty views are left out in turn and predicted by the method's X of the others."""
     n = len(rows.seen)
     distances: list[Array] = []
     pixels: list[Array] = []
-    for row in np.unique(np.linspace(0, n - 1, min(n, MOST_HELD_OUT)).astype(np.intp)):
-        chain = _solved(rows.take(np.delete(np.arange(n), row)), method)
+    for row in np.unique(np.linspace(0, n - 1, min(n, MAX_HELD_OUT_VIEWS)).astype(np.intp)):
+        chain = _solve_chain(rows.take(np.delete(np.arange(n), row)), method)
         view = rows.take(np.array([row]))
         there = Chain(
             chain.setup, view.seen.base_T_flange, chain.mount_T_camera, chain.anchor_T_target, np.zeros((1, 6))

@@ -1,4 +1,4 @@
-"""What the solver did to the input and assumed on the way, as findings for people. Whether it matters: `verdict`."""
+"""Findings on what the solver changed in the input and what it assumed; `verdict` decides on acceptance."""
 
 from collections.abc import Iterator
 
@@ -6,33 +6,35 @@ import numpy as np
 
 from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.kinematics.robot_accuracy import PRIOR_NOISE
-from calibration.likelihood.noise_marginalisation import MOST_STATED_VIEWS
+from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS
 from calibration.observability import distinct_stations
-from calibration.preprocessing.prepare import IMAGE_DISAGREES, Prepared
+from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession
 from calibration.problem import Problem
 from calibration.solution import Finding
 from calibration.solver.closed_form import THREE_POSE
-from calibration.solver.initial_guess import Start
+from calibration.solver.initial_guess import InitialGuess
 from calibration.solver.view_outliers import Selection
 
-LARGEST_SCALE_ERROR = 0.01
-"""Up to a hundredth is a printer; more is a wrong number."""
+MAX_PRINT_SCALE_ERROR = 0.01
+"""Largest scale error of a printer; a larger one is a wrong number in the description."""
 
 
-def findings_of(problem: Problem, prepared: Prepared, start: Start, selection: Selection) -> tuple[Finding, ...]:
-    """In the order in which the solver met them."""
+def solver_findings(
+    problem: Problem, prepared: PreparedSession, start: InitialGuess, selection: Selection
+) -> tuple[Finding, ...]:
+    """The solver's findings, in the order of its steps."""
     return (
         *_images(problem, prepared),
         *_target(prepared, selection),
-        *_shared_errors(prepared, selection),
+        *_systematic_errors(prepared, selection),
         *_poses(problem, prepared, selection),
         *_estimate(prepared, start, selection),
     )
 
 
-def _images(problem: Problem, prepared: Prepared) -> Iterator[Finding]:
+def _images(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
     by_reason: dict[tuple[str, str], list[int]] = {}
-    for position, why in sorted(prepared.refused.items()):
+    for position, why in sorted(prepared.unusable.items()):
         by_reason.setdefault((why.code, why.what), []).append(problem.views[position].index)
     for (code, what), indices in by_reason.items():
         fix = "check lighting, focus and that the whole target is in view, or leave these views out"
@@ -44,8 +46,8 @@ def _images(problem: Problem, prepared: Prepared) -> Iterator[Finding]:
             "corners-left-out", "info", f"{left_out} corners lie too far from where their view's others put them",
             "nothing, unless they are many: then look at the images for glare and blur",
         )  # fmt: skip
-    if np.any(prepared.turned):
-        indices = [problem.views[position].index for position in prepared.seen.positions[prepared.turned]]
+    if np.any(prepared.board_turned):
+        indices = [problem.views[position].index for position in prepared.seen.positions[prepared.board_turned]]
         yield Finding(
             "board-turned",
             "warning",
@@ -54,7 +56,7 @@ def _images(problem: Problem, prepared: Prepared) -> Iterator[Finding]:
         )
 
 
-def _target(prepared: Prepared, selection: Selection) -> Iterator[Finding]:
+def _target(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
     if prepared.shape is not None:
         yield Finding(
             "target-not-as-drawn",
@@ -67,17 +69,17 @@ def _target(prepared: Prepared, selection: Selection) -> Iterator[Finding]:
         size = "larger" if share > 0 else "smaller"
         yield Finding(
             "target-scale",
-            "error" if abs(share) > LARGEST_SCALE_ERROR else "warning",
+            "error" if abs(share) > MAX_PRINT_SCALE_ERROR else "warning",
             f"measured by the robot's travel, the target is {100 * abs(share):.2f} % {size} than described;"
             " the solution uses the measured size",
             "measure the target's pitch over its whole length with a ruler and correct the description",
         )
 
 
-def _shared_errors(prepared: Prepared, selection: Selection) -> Iterator[Finding]:
-    best, doubt = selection.best, prepared.doubt
-    if doubt.given is not None:
-        right, down = best.camera.matrix[:2, 2] - doubt.given.matrix[:2, 2]
+def _systematic_errors(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
+    best, doubt = selection.best, prepared.systematic_errors
+    if doubt.given_camera is not None:
+        right, down = best.camera.matrix[:2, 2] - doubt.given_camera.matrix[:2, 2]
         yield Finding(
             "principal-point-off",
             "info",
@@ -98,7 +100,7 @@ def _shared_errors(prepared: Prepared, selection: Selection) -> Iterator[Finding
         )
 
 
-def _poses(problem: Problem, prepared: Prepared, selection: Selection) -> Iterator[Finding]:
+def _poses(problem: Problem, prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
     positions = prepared.seen.positions
     if not np.all(selection.used):
         indices = [problem.views[position].index for position in positions[~selection.used]]
@@ -119,15 +121,15 @@ def _poses(problem: Problem, prepared: Prepared, selection: Selection) -> Iterat
         )
 
 
-def _estimate(prepared: Prepared, start: Start, selection: Selection) -> Iterator[Finding]:
-    if start.elsewhere:
+def _estimate(prepared: PreparedSession, start: InitialGuess, selection: Selection) -> Iterator[Finding]:
+    if start.other_optima:
         yield Finding(
             "starts-disagree",
-            "error" if start.as_likely else "warning",
-            f"started from {', '.join(start.elsewhere)} the solution ends elsewhere; "
+            "error" if start.ambiguous else "warning",
+            f"started from {', '.join(start.other_optima)} the solution ends elsewhere; "
             + (
                 "both are about as likely, and which is right is not certain"
-                if start.as_likely
+                if start.ambiguous
                 else "the likelier one is given"
             ),
             "add views with larger turns about different axes",
@@ -139,7 +141,7 @@ def _estimate(prepared: Prepared, start: Start, selection: Selection) -> Iterato
             "the estimate did not settle",
             "look at the views' errors for one that does not belong, or add views",
         )
-    if np.count_nonzero(selection.used) <= MOST_STATED_VIEWS:
+    if np.count_nonzero(selection.used) <= MAX_PRIOR_VIEWS:
         translation_mm, rotation_deg = PRIOR_NOISE.translation_mm, np.degrees(PRIOR_NOISE.rotation_rad)
         yield Finding(
             "noise-assumed",
@@ -150,8 +152,8 @@ def _estimate(prepared: Prepared, start: Start, selection: Selection) -> Iterato
         )
 
 
-def method_findings(method: str, rows: Prepared) -> tuple[Finding, ...]:
-    """What the seed's method says of itself."""
+def method_findings(method: str, rows: PreparedSession) -> tuple[Finding, ...]:
+    """Findings of a closed form on its own accuracy; only three-pose has one."""
     if method != THREE_POSE:
         return ()
     seed = solve_three_pose(rows.anchor_T_mount, rows.camera_T_target)

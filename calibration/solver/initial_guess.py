@@ -1,4 +1,4 @@
-"""Where maximum likelihood starts: several closed forms, which should all lead to the same place."""
+"""Initial guess of the maximum-likelihood estimate, from several closed forms that should lead to one optimum."""
 
 from dataclasses import dataclass
 
@@ -8,24 +8,24 @@ from calibration.closed_forms.kronecker import as_rotation
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.errors import UndeterminedError
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.estimate import Estimate, estimate, frozen
+from calibration.likelihood.estimate import Estimate, estimate, quadratic_pixels
 from calibration.likelihood.mixed_model import Variances
-from calibration.likelihood.variance_components import SMALLEST_PIXEL_VARIANCE
+from calibration.likelihood.variance_components import MIN_PIXEL_VARIANCE
 from calibration.observations.reprojection import PixelStatistics, pixel_statistics
-from calibration.preprocessing.prepare import Prepared
+from calibration.preprocessing.prepare import PreparedSession
 from calibration.transforms import Array, transform
 
-STARTS = ("kronecker", "daniilidis", "tsai", "horaud")
-"""Rotation first by four different means, one of them with translation at once."""
+START_METHODS = ("kronecker", "daniilidis", "tsai", "horaud")
+"""Closed forms to start from: three that solve the rotation first, one that solves both at once."""
 
-MOST_VIEWS = 20
-"""The starts are compared on this many views: the basin they lie in does not depend on more."""
+MAX_VIEWS = 20
+"""Most views on which the starts are compared; more do not change the optimum they lead to."""
 
-SAME_OPTIMUM = 3.0
-"""Two optima closer than this many deviations are one."""
+SAME_OPTIMUM_SIGMA = 3.0
+"""Two optima closer than this many standard deviations of X are one."""
 
-DECISIVE = 4.6
-"""Log-likelihood by which the better of two optima is believed: a hundred times as likely."""
+MIN_LOG_LIKELIHOOD_LEAD = 4.6
+"""Lead in log-likelihood from which the better of two optima is certain: a hundred times as likely."""
 
 NO_START = (
     "contradictory-input",
@@ -35,50 +35,50 @@ NO_START = (
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
-    """The best optimum over the pixels' quadratic, and which closed forms (names) ended elsewhere.
+class InitialGuess:
+    """The best optimum of the quadratic model of the pixels.
 
-    `as_likely`: another optimum explains the views about as well, so that nobody knows which is right.
+    `other_optima`: closed forms (names) that lead to another optimum; `ambiguous`: one of those is about as likely.
     """
 
     chain: Chain
     variances: Variances
-    elsewhere: tuple[str, ...]
-    as_likely: bool = False
+    other_optima: tuple[str, ...]
+    ambiguous: bool = False
 
 
-def best_start(prepared: Prepared) -> Start:
-    """The likeliest of the optima that the closed forms lead to."""
-    few = prepared.take(np.unique(np.linspace(0, len(prepared.seen) - 1, MOST_VIEWS).astype(np.intp)))
+def find_initial_guess(prepared: PreparedSession) -> InitialGuess:
+    """The most likely of the optima that the closed forms lead to. Raises UndeterminedError `contradictory-input`."""
+    few = prepared.take(np.unique(np.linspace(0, len(prepared.seen) - 1, MAX_VIEWS).astype(np.intp)))
     statistics = pixel_statistics(few.seen, few.camera, few.camera_T_target)
-    pixels = frozen(statistics, few.camera_T_target)
+    pixels = quadratic_pixels(statistics, few.camera_T_target)
     found: dict[str, Estimate] = {}
-    for name in STARTS:
-        chain = closed_form_chain(few, CLOSED_FORMS[name](few.anchor_T_mount, few.camera_T_target))
+    for name in START_METHODS:
+        chain = chain_from_mount(few, CLOSED_FORMS[name](few.anchor_T_mount, few.camera_T_target))
         if not np.all(np.isfinite(chain.mount_T_camera)):
             continue
         if found:
-            # With the levels known, whether it leads to the same place takes a few steps only.
+            # With the noise levels fixed, a few steps show whether it leads to the same optimum.
             first = next(iter(found.values()))
-            there = estimate(pixels, few.camera, chain, first.variances, levels_known=True)
-            if there.converged and _apart(first, there) < SAME_OPTIMUM:
+            there = estimate(pixels, few.camera, chain, first.variances, fixed_noise=True)
+            if there.converged and _distance_sigma(first, there) < SAME_OPTIMUM_SIGMA:
                 found[name] = first
                 continue
-        found[name] = estimate(pixels, few.camera, chain, first_variances(statistics, chain))
+        found[name] = estimate(pixels, few.camera, chain, initial_variances(statistics, chain))
     if not found:
         raise UndeterminedError(*NO_START)
     scatter = {name: robot_scatter(best.chain) for name, best in found.items()}
     likeliest = min(scatter, key=lambda name: scatter[name])
     best = found[likeliest]
-    elsewhere = tuple(name for name, other in found.items() if _apart(best, other) > SAME_OPTIMUM)
+    elsewhere = tuple(name for name, other in found.items() if _distance_sigma(best, other) > SAME_OPTIMUM_SIGMA)
     # Two levels of 3 n residuals each: their log-likelihood is -3/2 n times the logarithms of their squares.
     behind = [1.5 * len(few.seen) * (scatter[name] - scatter[likeliest]) for name in elsewhere]
-    chain = closed_form_chain(prepared, best.chain.mount_T_camera)
-    return Start(chain, best.variances, elsewhere, min(behind, default=np.inf) < DECISIVE)
+    chain = chain_from_mount(prepared, best.chain.mount_T_camera)
+    return InitialGuess(chain, best.variances, elsewhere, min(behind, default=np.inf) < MIN_LOG_LIKELIHOOD_LEAD)
 
 
-def closed_form_chain(prepared: Prepared, mount_T_camera: Array) -> Chain:
-    """The target's pose as the views have it in the mean, and the corrections that explain what remains."""
+def chain_from_mount(prepared: PreparedSession, mount_T_camera: Array) -> Chain:
+    """The chain of an X (4, 4): the target's mean pose over the views, and the corrections that explain the rest."""
     seen = prepared.anchor_T_mount @ mount_T_camera @ prepared.camera_T_target
     anchor_T_target = transform(as_rotation(seen[:, :3, :3].mean(axis=0)), seen[:, :3, 3].mean(axis=0))
     base_T_flange = prepared.seen.base_T_flange
@@ -87,22 +87,22 @@ def closed_form_chain(prepared: Prepared, mount_T_camera: Array) -> Chain:
     return chain.with_corrections_from(prepared.camera_T_target)
 
 
-def first_variances(statistics: PixelStatistics, chain: Chain) -> Variances:
-    """Noise levels from what each view's own pose (its pixels' `statistics`) and the chain's corrections leave."""
+def initial_variances(statistics: PixelStatistics, chain: Chain) -> Variances:
+    """Noise levels from the pixel residuals of each view's own pose (`statistics`) and from the chain's corrections."""
     redundancy = max(float(statistics.count.sum()) - 6 * len(statistics.count), 1.0)
-    pixel = max(float(statistics.square.sum()) / redundancy, SMALLEST_PIXEL_VARIANCE)
+    pixel = max(float(statistics.square.sum()) / redundancy, MIN_PIXEL_VARIANCE)
     rotation, translation = np.median(chain.corrections[:, :3] ** 2), np.median(chain.corrections[:, 3:] ** 2)
     return Variances(pixel, 2.2 * float(rotation), 2.2 * float(translation))  # median of chi² with one degree: 0.455
 
 
 def robot_scatter(chain: Chain) -> float:
-    """The corrections' volume: the product of their two levels, which the likelihood falls with."""
+    """Logarithm of the product of the corrections' two variances; the likelihood falls with it."""
     rotation, translation = np.mean(chain.corrections[:, :3] ** 2), np.mean(chain.corrections[:, 3:] ** 2)
     return float(np.log(rotation + 1e-14) + np.log(translation + 1e-8))
 
 
-def _apart(best: Estimate, other: Estimate) -> float:
-    """Distance of another optimum from the best in the best's deviations of X."""
+def _distance_sigma(best: Estimate, other: Estimate) -> float:
+    """Distance of another optimum from the best, in the standard deviations of X at the best."""
     step = np.linalg.inv(best.chain.mount_T_camera) @ other.chain.mount_T_camera
     vector = np.concatenate([(step - step.T)[[2, 0, 1], [1, 2, 0]] / 2, step[:3, 3]])
     information = np.linalg.pinv(best.step.covariance[:6, :6])

@@ -1,7 +1,7 @@
-"""The largest part of a session that agrees with itself: least median of squares over triples of views.
+"""The largest consistent part of a session, by least median of squares over triples of views.
 
-P. Rousseeuw, "Least median of squares regression", JASA 79, 1984. Three views give X and the target's pose; the other
-views vote with the distance between where they see the target's points and where the triple has them.
+P. Rousseeuw, "Least median of squares regression", JASA 79, 1984. Three views give X and the target's pose; the score
+of a triple is the median over all views of the distance between the target's points seen and predicted.
 """
 
 from itertools import combinations
@@ -12,23 +12,26 @@ from numpy.typing import NDArray
 from calibration.closed_forms.kronecker import as_rotation, kronecker
 from calibration.transforms import Array
 
-FEWEST_VIEWS = 4
-"""Three views are one triple: nobody is left to vote."""
+MIN_VIEWS = 4
+"""Three views are one triple, without other views to check it."""
 
-MOST_TRIPLES = 50
+MAX_TRIPLES = 50
 CANDIDATE_TRIPLES = 600
-"""Of this many triples drawn, those with the best spread of axes are tried."""
+"""Triples drawn at random, of which the MAX_TRIPLES with the best spread of axes are evaluated."""
 
-OUTLYING = 4.0
-"""In robust deviations; generous, because a triple's own error adds to the views'."""
+OUTLIER_SIGMA = 4.0
+"""Threshold in robust standard deviations; wide, because a triple's own error adds to the views'."""
 
 SEED = 1
 
 
 def agreeing_views(anchor_T_mount: Array, camera_T_target: Array, points_mm: Array) -> NDArray[np.bool_]:
-    """Which views (n,) agree with the best triple, then with all that agreed. `points_mm` (k, 3) on the target."""
+    """Mask (n,) of the views that agree with the best triple, refined with all that agree.
+
+    Poses (n, 4, 4); `points_mm` (k, 3) on the target, whose extreme points measure the distances.
+    """
     n = len(anchor_T_mount)
-    if n < FEWEST_VIEWS:
+    if n < MIN_VIEWS:
         return np.ones(n, bool)
     corners = points_mm[[0, -1]] if len(points_mm) < 4 else points_mm[_extremes(points_mm)]
     triples = _spread_triples(anchor_T_mount[:, :3, :3])
@@ -48,7 +51,7 @@ def _within(distances: Array, n: int) -> NDArray[np.bool_]:
     middle = float(np.sort(distances)[majority - 1])
     # Rousseeuw's finite-sample factor; a distance of six summed squares has its median near its deviation.
     scale = middle * (1 + 5 / max(n - 3, 1))
-    return distances <= OUTLYING * max(scale, 1e-6)
+    return distances <= OUTLIER_SIGMA * max(scale, 1e-6)
 
 
 def _extremes(points_mm: Array) -> list[int]:
@@ -57,22 +60,22 @@ def _extremes(points_mm: Array) -> list[int]:
 
 
 def _spread_triples(rotations: Array) -> NDArray[np.intp]:
-    """Triples of views (t, 3) whose turns have the best spread of axes."""
+    """Triples of views (t, 3) with the best spread of rotation axes."""
     n = len(rotations)
     if n <= 12:
         triples = np.array(list(combinations(range(n), 3)))
     else:
         rng = np.random.default_rng(SEED)
         triples = np.argpartition(rng.random((CANDIDATE_TRIPLES, n)), 2, axis=1)[:, :3]
-    # The second singular value of the stacked (R_A - I) says how well the worse translation is determined.
+    # The smallest singular value of the stacked (R_A - I) measures how well the translation is determined.
     turned = rotations[triples] - rotations[triples].mean(axis=1, keepdims=True)
     stacked = turned.reshape(len(triples), 9, 3)
     spread = np.linalg.eigvalsh(np.swapaxes(stacked, 1, 2) @ stacked)[:, 0]
-    return triples[np.argsort(-spread)[:MOST_TRIPLES]]
+    return triples[np.argsort(-spread)[:MAX_TRIPLES]]
 
 
 def _distances(anchor_T_mount: Array, camera_T_target: Array, groups: NDArray[np.intp], corners: Array) -> Array:
-    """RMS distance in the anchor (g, n) between each view's corners and those of each group's solution."""
+    """RMS distance (g, n) mm in the anchor between the target's corners by each view and by each group's solution."""
     n, g = len(anchor_T_mount), len(groups)
     mount_T_camera = kronecker(anchor_T_mount[groups], camera_T_target[groups])
     # The upper three rows of anchor_T_target (n, g, 3, 4), all views and groups in two products.

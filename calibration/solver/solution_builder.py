@@ -1,4 +1,4 @@
-"""What the estimator found, put into a Solution."""
+"""Assembly of a Solution from the estimate."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,32 +8,34 @@ from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.predicted_uncertainty import uncertainty_of, working_points_mm
 from calibration.observability import describe_axis, summarise_motion
-from calibration.observations.observations import Observations, Unusable, observe, scaled
+from calibration.observations.observations import Observations, UnusableReason, observe, scale_target
 from calibration.observations.reprojection import pixel_residuals
-from calibration.observations.view_poses import refined_poses
-from calibration.preprocessing.prepare import Prepared
+from calibration.observations.view_poses import refine_poses
+from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import Problem
 from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
-from calibration.solver.closed_form import closed_form_solution
-from calibration.solver.findings import findings_of, method_findings
-from calibration.solver.initial_guess import Start
+from calibration.solver.closed_form import solve_closed_form
+from calibration.solver.findings import method_findings, solver_findings
+from calibration.solver.initial_guess import InitialGuess
 from calibration.solver.view_outliers import Selection
 from calibration.transforms import Array, map_points
 
 
-def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start, selection: Selection) -> Solution:
-    """The whole answer of a session that determines X. Raises UndeterminedError when a closed form cannot."""
-    findings = findings_of(problem, prepared, start, selection)
+def build_solution(
+    problem: Problem, method: str, prepared: PreparedSession, start: InitialGuess, selection: Selection
+) -> Solution:
+    """The solution of a session that determines X. Raises UndeterminedError when the closed form `method` fails."""
+    findings = solver_findings(problem, prepared, start, selection)
     agreeing = selection.used
-    closed_form = None if method == "auto" else closed_form_solution(prepared, selection, method)
+    closed_form = None if method == "auto" else solve_closed_form(prepared, selection, method)
     if closed_form is not None:
         selection = closed_form.selection
         findings += method_findings(method, prepared.take(selection.used))
     best, rows = selection.best, prepared.take(selection.used)
-    real = scaled(rows.seen, best.scale)
+    real = scale_target(rows.seen, best.scale)
     own_poses = rows.camera_T_target
     if np.any(best.free):
-        own_poses = refined_poses(real, best.camera, own_poses)
+        own_poses = refine_poses(real, best.camera, own_poses)
     centre = problem.target.points_mm.mean(axis=0, keepdims=True)
     distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
     covariance = best.step.covariance[:6, :6] if closed_form is None else closed_form.covariance
@@ -53,8 +55,8 @@ def solution_of(problem: Problem, method: str, prepared: Prepared, start: Start,
     )
 
 
-def refused_solution(problem: Problem, method: str, why: UndeterminedError) -> Solution:
-    """No transform, and the reason."""
+def undetermined_solution(problem: Problem, method: str, why: UndeterminedError) -> Solution:
+    """A solution without a transform, with the reason as its finding."""
     seen, refused = observe(problem)
     motion = summarise_motion(seen.base_T_flange)
     return Solution(
@@ -80,7 +82,7 @@ def _noise(best: Estimate) -> Noise:
     return Noise(*(float(np.sqrt(level)) for level in (levels.pixel, levels.rotation, levels.translation)))
 
 
-def _observability(problem: Problem, rows: Prepared, best: Estimate, covariance: Array) -> Observability:
+def _observability(problem: Problem, rows: PreparedSession, best: Estimate, covariance: Array) -> Observability:
     motion = summarise_motion(rows.seen.base_T_flange)
     weakest = np.linalg.eigh(covariance[3:, 3:])[1][:, -1]
     direction = best.chain.mount_T_camera[:3, :3] @ weakest
@@ -93,15 +95,15 @@ def _observability(problem: Problem, rows: Prepared, best: Estimate, covariance:
 
 
 def _views(
-    problem: Problem, prepared: Prepared, selection: Selection, agreeing: NDArray[np.bool_], own_poses: Array
+    problem: Problem, prepared: PreparedSession, selection: Selection, agreeing: NDArray[np.bool_], own_poses: Array
 ) -> tuple[ViewResult, ...]:
     best, rows = selection.best, prepared.take(selection.used)
-    residuals = pixel_residuals(scaled(rows.seen, best.scale), best.camera, best.chain.camera_T_target())
-    errors = base_errors(scaled(rows.seen, best.scale), best.chain.as_reported(), own_poses)
-    results = [_without_numbers(problem, position, why) for position, why in prepared.refused.items()]
+    residuals = pixel_residuals(scale_target(rows.seen, best.scale), best.camera, best.chain.camera_T_target())
+    errors = base_errors(scale_target(rows.seen, best.scale), best.chain.without_corrections(), own_poses)
+    results = [_without_numbers(problem, position, why) for position, why in prepared.unusable.items()]
     for row in np.flatnonzero(~selection.used):
         reason = "beyond-the-first-three" if agreeing[row] else "pose-disagrees"
-        results.append(_rejected(problem, prepared, int(row), best, reason))
+        results.append(_outlier_result(problem, prepared, int(row), best, reason))
     reprojection_px, base_error_mm = _rms(rows.seen, residuals), _rms(rows.seen, errors)
     for kept, position in enumerate(rows.seen.positions):
         view = problem.views[position]
@@ -109,8 +111,8 @@ def _views(
             ViewResult(
                 index=view.index,
                 image=view.image,
-                status="corrected" if rows.turned[kept] else "used",
-                reason="board-turned" if rows.turned[kept] else None,
+                status="corrected" if rows.board_turned[kept] else "used",
+                reason="board-turned" if rows.board_turned[kept] else None,
                 reprojection_px=float(reprojection_px[kept]),
                 base_error_mm=float(base_error_mm[kept]),
                 robot_correction=(best.chain.corrections[kept, 3:], best.chain.corrections[kept, :3]),
@@ -119,9 +121,9 @@ def _views(
     return tuple(sorted(results, key=lambda result: result.index))
 
 
-def _rejected(problem: Problem, prepared: Prepared, row: int, best: Estimate, reason: str) -> ViewResult:
+def _outlier_result(problem: Problem, prepared: PreparedSession, row: int, best: Estimate, reason: str) -> ViewResult:
     only = prepared.take(np.array([row]))
-    chain = best.chain.of_views(only.seen.base_T_flange)
+    chain = best.chain.for_poses(only.seen.base_T_flange)
     errors = base_errors(only.seen, chain, only.camera_T_target)
     residuals = pixel_residuals(only.seen, best.camera, chain.camera_T_target())
     correction = chain.with_corrections_from(only.camera_T_target).corrections[0]
@@ -138,14 +140,14 @@ def _rejected(problem: Problem, prepared: Prepared, row: int, best: Estimate, re
 
 
 def _rms(seen: Observations, errors: Array) -> Array:
-    """Over each view's used corners (n,), of errors (n, m, 2 or 3)."""
+    """RMS (n,) over each view's used corners of errors (n, m, 2 or 3)."""
     used = seen.weights > 0
     squares = np.where(used, np.sum(errors * errors, axis=-1), 0.0)
     rms: Array = np.sqrt(squares.sum(axis=1) / np.count_nonzero(used, axis=1))
     return rms
 
 
-def _without_numbers(problem: Problem, position: int, why: Unusable | None) -> ViewResult:
+def _without_numbers(problem: Problem, position: int, why: UnusableReason | None) -> ViewResult:
     view = problem.views[position]
     status, reason = ("used", None) if why is None else ("rejected", why.code)
     return ViewResult(view.index, view.image, status, reason, None, None, None)  # type: ignore[arg-type]

@@ -1,70 +1,76 @@
-"""Does the whole session err in common: is the given principal point off, do the robot's errors follow its pose?
+"""Test for errors that all views share: an offset of the given principal point, robot errors that follow the pose.
 
-Both models are tried where a score test says that they might explain something, and taken up only where the restricted
-likelihood, which pays for every unknown, is convinced; because an unneeded unknown costs accuracy. Under a session
-without such errors a likelihood ratio exceeds e^g with a chance below e^-g (Markov's inequality).
+Each model is fitted where a score test finds that it might explain something, and adopted only where the restricted
+likelihood, which penalises every unknown, improves by MIN_LOG_LIKELIHOOD_GAIN, because an unneeded unknown costs
+accuracy. Without such errors a likelihood ratio exceeds e^g with a probability below e^-g (Markov's inequality).
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from calibration.likelihood.augmented_model import Widened
+from calibration.likelihood.augmented_model import AugmentedModel
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.mixed_model import MixedModel, Variances, solve, with_trend
-from calibration.likelihood.noise_marginalisation import averaged, log_restricted
-from calibration.likelihood.systematic_errors import CENTRE, NO_DOUBT, Doubt, trend_basis
+from calibration.likelihood.noise_marginalisation import marginalise, restricted_log_likelihood
+from calibration.likelihood.systematic_errors import CENTRE_INDICES, NO_SYSTEMATIC_ERRORS, SystematicErrors, trend_basis
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, squared_distances
 from calibration.observations.reprojection import INTRINSICS
-from calibration.preprocessing.prepare import Prepared
+from calibration.preprocessing.prepare import PreparedSession
 from calibration.solver.view_outliers import Selection
 
-FEWEST_VIEWS, FEWEST_TREND_VIEWS = 5, 12
-"""A trend has 36 coefficients; fewer views do not tell it from chance."""
+MIN_VIEWS, MIN_TREND_VIEWS = 5, 12
+"""Least views for the principal point and for the trend, which has 36 coefficients."""
 
-GAIN = 6.0
-"""Log-likelihood: by chance less than once in 400 sessions."""
+MIN_LOG_LIKELIHOOD_GAIN = 6.0
+"""Least gain of log-likelihood for adopting a model; exceeded by chance in less than one of 400 sessions."""
 
-OFF = 0.1
-"""How likely a given principal point is off beforehand: one camera in ten."""
+PRIOR_OFF_PROBABILITY = 0.1
+"""Prior probability that a given principal point is off."""
 
-OUT_OF_THE_QUESTION = -6.0
-"""Log-likelihood: the estimate's noise levels may have taken some of the blame, but not so much."""
+MIN_FIRST_LOG_RATIO = -6.0
+"""Log-likelihood difference, at the noise levels of the exact-camera model, below which the model with a shifted
+principal point is not fitted at all: no re-estimated noise makes up for more."""
 
-What = tuple[bool, bool]
-"""Whether the centre is doubted, whether a trend is."""
+Assumption = tuple[bool, bool]
+"""(principal point unknown, trend of the robot's errors)."""
 
-Assumptions = dict[What, MixedModel]
+Models = dict[Assumption, MixedModel]
 
-NOTHING, CENTRE_OFF, TREND, BOTH = (False, False), (True, False), (False, True), (True, True)
+NEITHER, CENTRE_OFF, TREND, BOTH = (False, False), (True, False), (False, True), (True, True)
 
-WORTH_A_TRIAL_CENTRE, WORTH_A_TRIAL_TREND = 8.0, 2.0
-"""Chi-square of two; deviations of a score test. Low, for the noise has taken the blame so far."""
+MIN_CENTRE_CHI2, MIN_TREND_SIGMA = 8.0, 2.0
+"""Thresholds of the score tests: chi-square with two degrees of freedom; standard deviations. Low, since at this point
+the noise levels still contain the error."""
 
 
-def assumptions(prepared: Prepared, wider: Widened) -> Assumptions:
-    """The session at the estimate, under each assumption that it has enough views to look at."""
+def build_models(prepared: PreparedSession, wider: AugmentedModel) -> Models:
+    """The linearised session at the estimate, under each assumption for which there are enough views."""
     best = wider.best
     base_T_flange = best.chain.base_T_flange
-    plain = wider.freeing(best.free)
-    models = {NOTHING: plain}
+    plain = wider.restrict_to(best.free)
+    models = {NEITHER: plain}
     if not np.any(best.free[:INTRINSICS]):
         free = best.free.copy()
-        free[list(CENTRE)] = True
-        models[CENTRE_OFF] = Doubt(prepared.camera).applied(wider.freeing(free), free, best.camera, base_T_flange)
-    if len(base_T_flange) >= FEWEST_TREND_VIEWS:
+        free[list(CENTRE_INDICES)] = True
+        models[CENTRE_OFF] = SystematicErrors(prepared.camera).apply(
+            wider.restrict_to(free), free, best.camera, base_T_flange
+        )
+    if len(base_T_flange) >= MIN_TREND_VIEWS:
         models[TREND] = with_trend(plain, trend_basis(base_T_flange))
     return models
 
 
-def shared_errors(prepared: Prepared, selection: Selection, models: Assumptions) -> tuple[Doubt, Variances]:
-    """Which of the two are there beyond doubt, and the noise levels that go with them."""
+def find_systematic_errors(
+    prepared: PreparedSession, selection: Selection, models: Models
+) -> tuple[SystematicErrors, Variances]:
+    """The systematic errors that are significant, and the noise levels estimated with them."""
     best, n = selection.best, int(np.count_nonzero(selection.used))
-    neither = NO_DOUBT, best.variances
-    if n < FEWEST_VIEWS:
+    neither = NO_SYSTEMATIC_ERRORS, best.variances
+    if n < MIN_VIEWS:
         return neither
-    worth = {what: model for what, model in models.items() if _worth_a_trial(what, model, models[NOTHING], best)}
+    worth = {what: model for what, model in models.items() if _passes_score_test(what, model, models[NEITHER], best)}
     if len(worth) < 2:
         return neither
     if CENTRE_OFF in models and TREND in models:
@@ -72,34 +78,36 @@ def shared_errors(prepared: Prepared, selection: Selection, models: Assumptions)
     levels = {what: _levels(model, best) for what, model in worth.items()}
     scores = {what: _score(model, levels[what], n) for what, model in worth.items()}
     centre, trend = likeliest = max(scores, key=lambda what: scores[what])
-    if scores[likeliest] - scores[NOTHING] < GAIN:
+    if scores[likeliest] - scores[NEITHER] < MIN_LOG_LIKELIHOOD_GAIN:
         return neither
-    return Doubt(prepared.camera if centre else None, trend), levels[likeliest]
+    return SystematicErrors(prepared.camera if centre else None, trend), levels[likeliest]
 
 
-def doubted(prepared: Prepared, doubt: Doubt) -> Prepared:
-    """The same session with what is doubted unknown."""
+def with_systematic_errors(prepared: PreparedSession, doubt: SystematicErrors) -> PreparedSession:
+    """The session with the parameters of these errors among the unknowns."""
     free = prepared.free.copy()
-    free[list(CENTRE)] |= doubt.given is not None
-    return replace(prepared, free=free, doubt=doubt)
+    free[list(CENTRE_INDICES)] |= doubt.given_camera is not None
+    return replace(prepared, free=free, systematic_errors=doubt)
 
 
-def doubting_the_centre(prepared: Prepared, selection: Selection, models: Assumptions) -> Selection:
-    """The same X, its covariance widened by the chance that the given principal point is off after all.
+def widen_by_centre_error(prepared: PreparedSession, selection: Selection, models: Models) -> Selection:
+    """The same X with its covariance widened by the posterior probability that the given principal point is off.
 
-    How likely that is, and where X would be then, is what experience and the data say: the uncertainty holds also where
-    the data cannot tell. X itself is moved by what is beyond doubt only.
+    Probability and shift of X follow from PRIOR_OFF_PROBABILITY and the data, so that the uncertainty also holds where
+    the data do not decide. X itself is changed only by significant errors.
     """
-    best, trend = selection.best, prepared.doubt.trend
-    if prepared.doubt.given is not None or CENTRE_OFF not in models:
+    best, trend = selection.best, prepared.systematic_errors.trend
+    if prepared.systematic_errors.given_camera is not None or CENTRE_OFF not in models:
         return selection
-    trend = trend and TREND in models  # views that were rejected since may leave too few to tell
-    exact_model, off_model = (models[TREND], _both(models)) if trend else (models[NOTHING], models[CENTRE_OFF])
-    at_first_sight = log_restricted(off_model, best.variances) - log_restricted(exact_model, best.variances)
-    if at_first_sight < OUT_OF_THE_QUESTION:
+    trend = trend and TREND in models  # rejected views may leave too few for a trend
+    exact_model, off_model = (models[TREND], _both(models)) if trend else (models[NEITHER], models[CENTRE_OFF])
+    at_first_sight = restricted_log_likelihood(off_model, best.variances) - restricted_log_likelihood(
+        exact_model, best.variances
+    )
+    if at_first_sight < MIN_FIRST_LOG_RATIO:
         return selection
-    exact, off = (averaged(model, estimate_variances(model, best.variances)) for model in (exact_model, off_model))
-    odds = np.log(OFF / (1 - OFF)) + off.log_evidence - exact.log_evidence
+    exact, off = (marginalise(model, estimate_variances(model, best.variances)) for model in (exact_model, off_model))
+    odds = np.log(PRIOR_OFF_PROBABILITY / (1 - PRIOR_OFF_PROBABILITY)) + off.log_evidence - exact.log_evidence
     share = float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
     shift = off.b[:12] - exact.b[:12]
     wider = off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift)
@@ -108,23 +116,23 @@ def doubting_the_centre(prepared: Prepared, selection: Selection, models: Assump
     return replace(selection, best=replace(best, step=replace(best.step, covariance=covariance)))
 
 
-def _both(models: Assumptions) -> MixedModel:
+def _both(models: Models) -> MixedModel:
     return with_trend(models[CENTRE_OFF], models[TREND].basis)
 
 
-def _worth_a_trial(what: What, model: MixedModel, plain: MixedModel, best: Estimate) -> bool:
+def _passes_score_test(what: Assumption, model: MixedModel, plain: MixedModel, best: Estimate) -> bool:
     if what == CENTRE_OFF:
         return _centre_moves(model, best)
     if what == TREND:
-        return _trend_shows(model, plain.shared, best)
-    return what == NOTHING
+        return _trend_shows(model, plain.unknowns, best)
+    return what == NEITHER
 
 
 def _centre_moves(model: MixedModel, best: Estimate) -> bool:
     step = solve(model, best.variances)
-    columns = np.flatnonzero(model.known > 0)
+    columns = np.flatnonzero(model.prior_information > 0)
     moved, doubt = step.b[columns], step.covariance[np.ix_(columns, columns)]
-    return bool(squared_distances(moved, doubt) > WORTH_A_TRIAL_CENTRE)
+    return bool(squared_distances(moved, doubt) > MIN_CENTRE_CHI2)
 
 
 def _trend_shows(model: MixedModel, p: int, best: Estimate) -> bool:
@@ -132,25 +140,25 @@ def _trend_shows(model: MixedModel, p: int, best: Estimate) -> bool:
 
     `p`: the unknowns before the trend's coefficients.
     """
-    step, known = solve(model, best.variances), model.known_information(best.variances)
-    information, gradient = step.information - np.diag(known), step.gradient - known * model.offset
+    step, known = solve(model, best.variances), model.full_prior_information(best.variances)
+    information, gradient = step.information - np.diag(known), step.gradient - known * model.prior_offset
     across = information[p:, :p] @ covariance_of(information[:p, :p])
     score = gradient[p:] - across @ gradient[:p]
     spread = information[p:, p:] - across @ information[:p, p:]
     scale = np.where(np.diagonal(spread) > 1e-9 * np.diagonal(information)[p:], np.diagonal(spread), np.inf) ** -0.5
     correlation = scale[:, None] * spread * scale
     above = float(np.sum((scale * score) ** 2) - np.trace(correlation))
-    return above > WORTH_A_TRIAL_TREND * float(np.sqrt(2 * np.sum(correlation**2)))
+    return above > MIN_TREND_SIGMA * float(np.sqrt(2 * np.sum(correlation**2)))
 
 
 def _levels(model: MixedModel, best: Estimate) -> Variances:
-    """The likeliest noise levels; a trend's are sought from those of each view alone."""
+    """The most likely noise levels; those of a trend start from the levels of the single views."""
     first = best.variances
-    if model.trend:
+    if model.trend_terms:
         first = replace(first, trend_rotation=first.rotation + 1e-12, trend_translation=first.translation + 1e-6)
     return estimate_variances(model, first)
 
 
 def _score(model: MixedModel, levels: Variances, views: int) -> float:
-    """The log-likelihood; a trend's two more levels are paid for by Schwarz's criterion."""
-    return log_restricted(model, levels) - (float(np.log(6 * views)) if model.trend else 0.0)
+    """The restricted log-likelihood, less Schwarz's penalty for the two further levels of a trend."""
+    return restricted_log_likelihood(model, levels) - (float(np.log(6 * views)) if model.trend_terms else 0.0)

@@ -1,8 +1,8 @@
-"""Is the target as large as it was said to be? The robot measures it.
+"""Test of the target's size against the robot's travel.
 
-A printer that scales by half a percent, or a pitch typed wrong, makes every distance before the camera wrong by the
-same share; the robot's travel is in true millimetres and tells. Only a share that is far beyond chance is taken up,
-because an unneeded unknown costs accuracy.
+A printer that scales by half a percent, or a mistyped pitch, makes every distance from the camera wrong by the same
+share, while the robot's travel is in true millimetres. Only a significant share is adopted, because an unneeded
+unknown costs accuracy.
 """
 
 from dataclasses import replace
@@ -10,39 +10,39 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from calibration.likelihood.augmented_model import Widened
+from calibration.likelihood.augmented_model import AugmentedModel
 from calibration.likelihood.mixed_model import solve
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.observations.reprojection import INTRINSICS
-from calibration.preprocessing.prepare import Prepared
+from calibration.preprocessing.prepare import PreparedSession
 from calibration.transforms import Array
 
-FEWEST_VIEWS = 6
-CHANCE = 1e-5
-SMALLEST = 2e-4
-"""Less than this share is paper that breathes."""
+MIN_VIEWS = 6
+FALSE_ALARM_PROBABILITY = 1e-5
+MIN_SCALE_ERROR = 2e-4
+"""Scale errors below it are ignored; paper changes by as much with humidity."""
 
-LARGEST = 0.5
-"""More than this share is a unit, not a print: the robot's or the target's numbers are not in millimetres."""
+MAX_SCALE_ERROR = 0.5
+"""A scale error above it is a wrong unit of the robot or the target, not a printing error."""
 
 
-def scale_error(wider: Widened) -> float:
-    """By what share the target is larger than described (negative: smaller); 0 when that is not beyond doubt."""
+def scale_error(wider: AugmentedModel) -> float:
+    """Share by which the target is larger than described (negative: smaller); 0 when it is not significant."""
     best, views = wider.best, len(wider.model.count)
-    if views < FEWEST_VIEWS or best.free[INTRINSICS]:
+    if views < MIN_VIEWS or best.free[INTRINSICS]:
         return 0.0
     free = best.free.copy()
     free[INTRINSICS] = True
-    model = wider.freeing(free)
-    # A wrong scale looks like a poor robot: the noise is estimated anew with the scale free.
+    model = wider.restrict_to(free)
+    # A wrong scale inflates the robot's noise, so the noise is estimated again with the scale free.
     step = solve(model, estimate_variances(model, best.variances))
     share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
-    beyond_doubt = abs(share) > deviation * float(scipy.stats.t.isf(CHANCE / 2, 3 * views - 7))
-    return share if beyond_doubt and SMALLEST < abs(share) < LARGEST else 0.0
+    beyond_doubt = abs(share) > deviation * float(scipy.stats.t.isf(FALSE_ALARM_PROBABILITY / 2, 3 * views - 7))
+    return share if beyond_doubt and MIN_SCALE_ERROR < abs(share) < MAX_SCALE_ERROR else 0.0
 
 
-def with_scale(prepared: Prepared, share: float) -> Prepared:
-    """The same session with the target's scale unknown, starting from the given share."""
+def with_scale(prepared: PreparedSession, share: float) -> PreparedSession:
+    """The session with the target's scale unknown, starting from 1 + `share`."""
     free = prepared.free.copy()
     free[INTRINSICS] = True
     poses: Array = prepared.camera_T_target.copy()

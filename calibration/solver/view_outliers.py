@@ -1,4 +1,4 @@
-"""Views whose robot pose disagrees with what their image and all other views say."""
+"""Rejection of views whose robot pose disagrees with their image and all other views."""
 
 from dataclasses import dataclass
 
@@ -7,75 +7,80 @@ import scipy
 from numpy.typing import NDArray
 
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.estimate import Estimate, averaged_over_noise, estimate, measured
-from calibration.likelihood.leave_one_out import disagreement, leave_one_out, outside_disagreement
+from calibration.likelihood.estimate import Estimate, estimate, exact_pixels, marginalise_noise
+from calibration.likelihood.leave_one_out import leave_one_out, squared_outside_distances, squared_view_distances
 from calibration.likelihood.mixed_model import Variances
-from calibration.preprocessing.prepare import Prepared
-from calibration.solver.initial_guess import closed_form_chain
+from calibration.preprocessing.prepare import PreparedSession
+from calibration.solver.initial_guess import chain_from_mount
 from calibration.solver.least_median import agreeing_views
 
-CHANCE = 1e-4
-"""A clean session loses a view this often, whatever the number of views."""
+FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability of rejecting any view of a clean session, whatever the number of views."""
 
-MOST_ROUNDS = 20
+MAX_ROUNDS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """`used` (n,): the views that agree, and the estimate from them."""
+    """The views that agree, `used` (n,), and the estimate from them."""
 
     used: NDArray[np.bool_]
     best: Estimate
 
 
-def agreeing_rows(prepared: Prepared) -> NDArray[np.bool_]:
-    """A first, robust choice (n,) before anything is estimated; all when there is no majority that agrees."""
-    agreeing = agreeing_views(prepared.anchor_T_mount, prepared.camera_T_target, prepared.drawn_mm)
-    return agreeing if np.count_nonzero(agreeing) >= fewest(len(agreeing)) else np.ones(len(agreeing), bool)
+def agreeing_rows(prepared: PreparedSession) -> NDArray[np.bool_]:
+    """A first, robust choice (n,) of views before the estimate; all when no majority agrees."""
+    agreeing = agreeing_views(prepared.anchor_T_mount, prepared.camera_T_target, prepared.nominal_mm)
+    return agreeing if np.count_nonzero(agreeing) >= min_remaining(len(agreeing)) else np.ones(len(agreeing), bool)
 
 
-def fewest(n: int) -> int:
-    """The least number of views of n that may remain: a majority, and three."""
+def min_remaining(n: int) -> int:
+    """The least number of n views that must remain: a majority, and three."""
     return max(3, n // 2 + 1)
 
 
-def select(prepared: Prepared, used: NDArray[np.bool_], chain: Chain, variances: Variances) -> Selection:
-    """Estimate, take back views that fit after all, drop the one that fits least, until nothing changes."""
+def select_views(prepared: PreparedSession, used: NDArray[np.bool_], chain: Chain, variances: Variances) -> Selection:
+    """Estimate from the `used` views, readmit views that fit, drop the one that fits worst, until nothing changes.
+
+    `chain`, `variances`: the start. Returns the final choice with the noise marginalised.
+    """
     seen_before: set[bytes] = set()
     used = used.copy()
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         rows = prepared.take(used)
-        pixels = measured(rows.seen, prepared.free)
-        start = closed_form_chain(rows, chain.mount_T_camera)
-        best = estimate(pixels, prepared.camera, start, variances, prepared.free, prepared.scale, prepared.doubt)
+        pixels = exact_pixels(rows.seen, prepared.free)
+        start = chain_from_mount(rows, chain.mount_T_camera)
+        best = estimate(
+            pixels, prepared.camera, start, variances, prepared.free, prepared.scale, prepared.systematic_errors
+        )
         chain, variances = best.chain, best.variances
         seen_before.add(used.tobytes())
-        changed = _changed(prepared, used, best)
+        changed = _update_used(prepared, used, best)
         if np.array_equal(changed, used) or changed.tobytes() in seen_before:
             break
         used = changed
-    return Selection(used, averaged_over_noise(best))
+    return Selection(used, marginalise_noise(best))
 
 
-def _changed(prepared: Prepared, used: NDArray[np.bool_], best: Estimate) -> NDArray[np.bool_]:
+def _update_used(prepared: PreparedSession, used: NDArray[np.bool_], best: Estimate) -> NDArray[np.bool_]:
     n, changed = len(used), used.copy()
     limit = _limit(int(np.count_nonzero(used)), n)
     if not np.all(used):
         outside = prepared.take(~used)
-        back = outside_disagreement(best, outside.seen, outside.camera_T_target) / 6 < limit
+        back = squared_outside_distances(best, outside.seen, outside.camera_T_target) / 6 < limit
         if np.any(back):
             changed[np.flatnonzero(~used)[back]] = True
             return changed
-    if np.count_nonzero(used) > fewest(n):
+    if np.count_nonzero(used) > min_remaining(n):
         left_out = leave_one_out(best)
-        by_shared = best.chain.by_shared(best.chain.camera_T_target())
-        distances = disagreement(best, left_out, by_shared) / 6
+        by_shared = best.chain.shared_jacobian(best.chain.camera_T_target())
+        distances = squared_view_distances(best, left_out, by_shared) / 6
         if distances.max() > limit:
             changed[np.flatnonzero(used)[np.argmax(distances)]] = False
     return changed
 
 
 def _limit(used: int, n: int) -> float:
-    """What six normal errors, scaled by an estimate of their own size, exceed by chance alone (Fisher's F)."""
+    """Limit of a squared distance / 6 at FALSE_ALARM_PROBABILITY over n views: a quantile of Fisher's F."""
     redundancy = max(3 * used - 6, 3)
-    return float(scipy.stats.f.isf(CHANCE / n, 6, redundancy))
+    return float(scipy.stats.f.isf(FALSE_ALARM_PROBABILITY / n, 6, redundancy))

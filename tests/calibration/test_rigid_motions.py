@@ -8,7 +8,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from calibration.problem import Problem, Setup
-from calibration.solve import estimated
+from calibration.solve import estimate_session
 from calibration.targets import Chessboard
 from calibration.transforms import (
     Array,
@@ -54,7 +54,7 @@ def moved(problem: Problem, left: Array, right: Array) -> Problem:
 
 
 def solved(problem: Problem) -> tuple[Array, Array]:
-    chain = estimated(problem)[2].best.chain
+    chain = estimate_session(problem)[2].best.chain
     return chain.mount_T_camera, chain.anchor_T_target
 
 

@@ -12,9 +12,9 @@ from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.observations.observations import observe
 from calibration.observations.reprojection import pixel_residuals, pixel_rows, with_intrinsics
-from calibration.observations.view_poses import moved
+from calibration.observations.view_poses import apply_pose_steps
 from calibration.problem import Setup
-from calibration.solve import METHODS, estimated, solve_hand_eye
+from calibration.solve import METHODS, estimate_session, solve_hand_eye
 from calibration.transforms import inverse, vector_from_rotation
 from calibration.verdict import judge
 from tests.simulated.sessions import CellNoise, random_cell
@@ -57,7 +57,7 @@ def test_maximum_likelihood_beats_the_closed_forms(setup: Setup) -> None:
     squares = {"auto": 0.0, "park": 0.0, "daniilidis": 0.0, "kronecker": 0.0}
     for seed in range(12):
         truth = cell(100 + seed, 12, SHARP, setup=setup)
-        prepared, _, selection = estimated(truth.problem)
+        prepared, _, selection = estimate_session(truth.problem)
         solved = {"auto": selection.best.chain.mount_T_camera} | {
             name: CLOSED_FORMS[name](prepared.anchor_T_mount, prepared.camera_T_target)
             for name in squares
@@ -89,7 +89,7 @@ def test_errors_are_as_large_as_the_uncertainty_says() -> None:
     for seed in range(60):
         views, camera_given = (3, 4, 6, 10, 20)[seed % 5], seed % 3 > 0 or seed % 5 < 2
         truth = cell(200 + seed, views, COARSE, setup=SETUPS[seed % 2], camera_given=camera_given)
-        best = estimated(truth.problem)[2].best
+        best = estimate_session(truth.problem)[2].best
         off = inverse(truth.mount_T_camera) @ best.chain.mount_T_camera
         error = np.concatenate([vector_from_rotation(off[:3, :3]), off[:3, 3]])
         normalised.append(error / np.sqrt(np.diagonal(best.step.covariance)[:6]))
@@ -110,7 +110,7 @@ def test_an_exact_robot_is_used_as_one(views: int) -> None:
             ExpectedNoise(0.1, 0.0, 0.0),
         )
         bound = predict(scene, np.array([view.base_T_flange for view in truth.problem.views])).translation_mm
-        X = estimated(truth.problem)[2].best.chain.mount_T_camera
+        X = estimate_session(truth.problem)[2].best.chain.mount_T_camera
         ratios.append(error_of(X, truth)[0] / np.linalg.norm(bound))
     assert np.sqrt(np.mean(np.square(ratios))) < 1.4
 
@@ -119,7 +119,7 @@ def test_levels_that_run_in_circles_end_in_a_solution_all_the_same() -> None:
     rng = np.random.default_rng([77, 270])
     rng.random(4)
     noise = CellNoise(0.06041995651922655, 0.0006380877668203255, 0.4302306349338385)
-    assert estimated(random_cell(rng, 3, noise, setup="eye-to-hand").problem)[2].best.converged
+    assert estimate_session(random_cell(rng, 3, noise, setup="eye-to-hand").problem)[2].best.converged
 
 
 def test_the_uncertainty_is_what_the_planner_predicted() -> None:
@@ -140,20 +140,22 @@ def test_derivatives_are_those_of_the_residuals(setup: Setup) -> None:
     chain = Chain(setup, seen.base_T_flange, truth.mount_T_camera, truth.anchor_T_target, 0.05 * rng.random((4, 6)))
     poses = chain.camera_T_target()
     rows = pixel_rows(seen, truth.camera, poses, free_intrinsics=True, free_scale=True)
-    by_shared = rows[..., :6] @ chain.by_shared(poses)[:, None]
-    by_correction = rows[..., :6] @ chain.by_correction(poses)[:, None]
+    by_shared = rows[..., :6] @ chain.shared_jacobian(poses)[:, None]
+    by_correction = rows[..., :6] @ chain.correction_jacobian(poses)[:, None]
     tiny = 1e-6
 
     def numeric(changed: Chain) -> np.ndarray:
         return (pixel_residuals(seen, truth.camera, changed.camera_T_target()) - rows[..., -1]) / tiny
 
     for k in range(12):
-        assert np.allclose(numeric(chain.moved(tiny * np.eye(12)[k], chain.corrections)), by_shared[..., k], atol=2e-2)
+        assert np.allclose(
+            numeric(chain.apply_step(tiny * np.eye(12)[k], chain.corrections)), by_shared[..., k], atol=2e-2
+        )
     for k in range(6):
-        changed = chain.moved(np.zeros(12), chain.corrections + tiny * np.eye(6)[k])
+        changed = chain.apply_step(np.zeros(12), chain.corrections + tiny * np.eye(6)[k])
         assert np.allclose(numeric(changed), by_correction[..., k], atol=2e-2)
     for k in range(6):
-        pixels = pixel_residuals(seen, truth.camera, moved(poses, tiny * np.tile(np.eye(6)[k], (4, 1))))
+        pixels = pixel_residuals(seen, truth.camera, apply_pose_steps(poses, tiny * np.tile(np.eye(6)[k], (4, 1))))
         assert np.allclose((pixels - rows[..., -1]) / tiny, rows[..., k], atol=2e-2)
     for k in range(9):
         camera = with_intrinsics(truth.camera, tiny * np.eye(9)[k])
@@ -164,13 +166,13 @@ def test_derivatives_are_those_of_the_residuals(setup: Setup) -> None:
 def test_the_hold_out_error_is_what_solving_without_the_view_gives() -> None:
     problem = cell(7, 12, COARSE).problem
     solution = solve_hand_eye(problem)
-    prepared, _, _ = estimated(problem)
+    prepared, _, _ = estimate_session(problem)
     squares = []
     for left_out in range(12):
         rest = replace(problem, views=tuple(view for view in problem.views if view.index != left_out))
-        chain = estimated(rest)[2].best.chain
+        chain = estimate_session(rest)[2].best.chain
         row = prepared.take(np.array([left_out]))
-        there = chain.of_views(row.seen.base_T_flange)
+        there = chain.for_poses(row.seen.base_T_flange)
         squares.append(np.sum(base_errors(row.seen, there, row.camera_T_target) ** 2, axis=-1))
     assert solution.hold_out is not None
     assert solution.hold_out.base_error_mm == pytest.approx(float(np.sqrt(np.mean(squares))), rel=0.05)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from calibration.likelihood.augmented_model import widened
-from calibration.likelihood.estimate import linearise, measured
-from calibration.likelihood.mixed_model import MixedModel, Variances, of_views, solve, with_trend
-from calibration.likelihood.systematic_errors import CENTRE, trend_basis
+from calibration.likelihood.augmented_model import augment_model
+from calibration.likelihood.estimate import exact_pixels, linearise
+from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve, with_trend
+from calibration.likelihood.systematic_errors import CENTRE_INDICES, trend_basis
 from calibration.observations.reprojection import INTRINSICS
-from calibration.preprocessing.prepare import Prepared
-from calibration.solve import estimated
+from calibration.preprocessing.prepare import PreparedSession
+from calibration.solve import estimate_session
 from calibration.solver.view_outliers import Selection
 from tests.simulated.spoiled_sessions import cell
 
@@ -17,38 +17,40 @@ LEVELS = Variances(0.01, 1e-7, 0.01, 1e-8, 1e-3)
 
 
 @pytest.fixture(scope="module", params=["eye-in-hand", "eye-to-hand"])
-def solved(request: pytest.FixtureRequest) -> tuple[Prepared, Selection]:
-    prepared, _, selection = estimated(cell(41, 14, setup=request.param).problem)
+def solved(request: pytest.FixtureRequest) -> tuple[PreparedSession, Selection]:
+    prepared, _, selection = estimate_session(cell(41, 14, setup=request.param).problem)
     return prepared, selection
 
 
-def by_pixels(solved: tuple[Prepared, Selection], *columns: int) -> MixedModel:
+def by_pixels(solved: tuple[PreparedSession, Selection], *columns: int) -> MixedModel:
     prepared, selection = solved
     best, free = selection.best, selection.best.free.copy()
     free[list(columns)] = True
-    return linearise(measured(prepared.take(selection.used).seen, free), best.chain, best.camera, best.scale)
+    return linearise(exact_pixels(prepared.take(selection.used).seen, free), best.chain, best.camera, best.scale)
 
 
-@pytest.mark.parametrize("columns", [(), CENTRE, (INTRINSICS,), (*CENTRE, INTRINSICS)])
-def test_a_part_of_the_widest_model_is_that_model(solved: tuple[Prepared, Selection], columns: tuple[int, ...]) -> None:
+@pytest.mark.parametrize("columns", [(), CENTRE_INDICES, (INTRINSICS,), (*CENTRE_INDICES, INTRINSICS)])
+def test_a_part_of_the_widest_model_is_that_model(
+    solved: tuple[PreparedSession, Selection], columns: tuple[int, ...]
+) -> None:
     prepared, selection = solved
     free = selection.best.free.copy()
     free[list(columns)] = True
-    part = widened(prepared.take(selection.used).seen, selection.best).freeing(free)
+    part = augment_model(prepared.take(selection.used).seen, selection.best).restrict_to(free)
     alone = by_pixels(solved, *columns)
-    for name in ("by_robot", "squares", "count", "known", "offset"):
+    for name in ("by_robot", "squares", "count", "prior_information", "prior_offset"):
         np.testing.assert_allclose(getattr(part, name), getattr(alone, name), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("follows", [False, True])
-def test_what_the_views_say_adds_up(solved: tuple[Prepared, Selection], follows: bool) -> None:
-    model = by_pixels(solved, *CENTRE)
+def test_what_the_views_say_adds_up(solved: tuple[PreparedSession, Selection], follows: bool) -> None:
+    model = by_pixels(solved, *CENTRE_INDICES)
     if follows:
         model = with_trend(model, trend_basis(solved[1].best.chain.base_T_flange))
-    np.testing.assert_allclose(model.total, model.of_views().sum(axis=0), rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(model.total, model.per_view().sum(axis=0), rtol=1e-9, atol=1e-6)
     step = solve(model, LEVELS)
-    information, gradient = of_views(model, LEVELS, step)
-    known = model.known_information(LEVELS)
+    information, gradient = per_view_equations(model, LEVELS, step)
+    known = model.full_prior_information(LEVELS)
     scale = np.sqrt(np.diagonal(step.information))
     np.testing.assert_allclose(
         (information.sum(axis=0) + np.diag(known)) / np.outer(scale, scale),

@@ -11,10 +11,10 @@ import numpy as np
 from scipy.stats import f as fisher
 from scipy.stats import ncx2
 
-from calibration.diagnosis.diagnose import CHANCE
+from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, applied, residuals_of
-from calibration.diagnosis.intrinsics_check import WORTH_SAYING
+from calibration.diagnosis.fit import Fit, apply_fit, residuals_of
+from calibration.diagnosis.intrinsics_check import MIN_REPORTED_SHARE
 from calibration.diagnosis.view_hypotheses import change_points
 from calibration.observations.reprojection import INTRINSICS, pixel_statistics
 from calibration.preprocessing.prepare import prepare
@@ -74,7 +74,7 @@ class Linear:
         evidence, fitted = clean_fit(problem)
         if noise is not None:
             levels = np.square([np.radians(noise.robot_deg), noise.robot_mm])
-            fitted = applied(evidence, replace(fitted, variances=levels))
+            fitted = apply_fit(evidence, replace(fitted, variances=levels))
         root = np.linalg.inv(np.linalg.cholesky(fitted.covariance))
         by_shared = (root @ fitted.by_shared).reshape(6 * len(evidence), -1)
         orthonormal = np.linalg.qr(by_shared)[0]
@@ -163,7 +163,7 @@ def mistyped_reach(problem: Problem, slip: Slip, noise: Noise | None) -> Reach:
     spoilt = np.flatnonzero(np.any(poses_of(slip.at(1.0).problem) != poses_of(problem), axis=(1, 2)))[0]
     view = int(np.flatnonzero(linear.evidence.indices == problem.views[spoilt].index)[0])
     drawn, levels = _drawn(linear, degrees)
-    limit = float(fisher.isf(CHANCE / (7 * len(linear.evidence)), 1, degrees))
+    limit = float(fisher.isf(FALSE_ALARM_PROBABILITY / (7 * len(linear.evidence)), 1, degrees))
     by_noise, by_slip, own = directions.T @ drawn, directions.T @ unit, unit @ drawn
     right = []
     for size in SIZES:
@@ -182,7 +182,7 @@ def moved_reach(problem: Problem, slip: Slip, noise: Noise | None) -> Reach:
     # The subspace that the slip itself lies in: its own side, its own view.
     right_one = int(np.argmax([np.linalg.norm(basis.T @ unit) for basis in bases]))
     drawn, levels = _drawn(linear, degrees)
-    limit = 6 * float(fisher.isf(CHANCE / len(bases), 6, degrees))
+    limit = 6 * float(fisher.isf(FALSE_ALARM_PROBABILITY / len(bases), 6, degrees))
     by_noise = np.array([basis.T @ drawn for basis in bases])
     by_slip = np.array([basis.T @ unit for basis in bases])[..., None]
     right = []
@@ -198,7 +198,7 @@ def scale_reach(problem: Problem, slip: Slip, noise: Noise | None) -> Reach:
     slope = linear.slope_of(problem, slip)
     degrees = linear.degrees(slope)
     drawn, levels = _drawn(linear, degrees)
-    own, limit = slope @ drawn / np.linalg.norm(slope), float(fisher.isf(CHANCE, 1, degrees))
+    own, limit = slope @ drawn / np.linalg.norm(slope), float(fisher.isf(FALSE_ALARM_PROBABILITY, 1, degrees))
     right = [float(np.mean((own + size) ** 2 / levels > limit)) for size in SIZES]
     return Reach(np.array(right), 1 / float(np.linalg.norm(slope)))
 
@@ -213,6 +213,6 @@ def lens_reach(problem: Problem, change: Array, pixel: float) -> Reach:
     deviation = pixel / float(np.sqrt(change @ (sums.normal[:, 6:, 6:] - across).sum(axis=0) @ change))
     moved_mm = np.linalg.norm((by_change @ change)[:, 3:], axis=1)
     share = float(np.median(moved_mm / np.linalg.norm(prepared.camera_T_target[:, :3, 3], axis=1)))
-    limit = float(ncx2.isf(CHANCE, INTRINSICS, 1e-12))
+    limit = float(ncx2.isf(FALSE_ALARM_PROBABILITY, INTRINSICS, 1e-12))
     right = [float(ncx2.sf(limit, INTRINSICS, size**2)) for size in SIZES]
-    return Reach(np.array(right), deviation, 2 * WORTH_SAYING / (share * deviation))
+    return Reach(np.array(right), deviation, 2 * MIN_REPORTED_SHARE / (share * deviation))

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from calibration.problem import Problem
-from calibration.solver.target_scale_check import SMALLEST
+from calibration.solver.target_scale_check import MIN_SCALE_ERROR
 from calibration.transforms import Array
 from tests.simulated.detectable_faults import Reach, lens_reach, mistyped_reach, moved_reach, scale_reach
 from tests.simulated.faults import (
@@ -44,7 +44,7 @@ FOCAL, K1 = np.repeat([1.0, 0.0], [2, 7]), np.eye(9)[4]
 LEAST_MM = 0.1
 """Ten times what the best robots repeat: less is no fault, however exact a simulated robot is."""
 
-LEAST_SHARE = 2 * SMALLEST
+LEAST_SHARE = 2 * MIN_SCALE_ERROR
 """Of the target's size: less is paper that breathes."""
 
 

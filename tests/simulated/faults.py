@@ -8,7 +8,7 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import Evidence, evidence_of
 from calibration.diagnosis.fit import Fit, fit
-from calibration.diagnosis.view_hypotheses import CHANGED
+from calibration.diagnosis.view_hypotheses import CHANGES
 from calibration.preprocessing.prepare import prepare
 from calibration.problem import Detection, Problem, Setup, View
 from calibration.targets import Charuco
@@ -243,7 +243,7 @@ def _changed(problem: Problem, after: int, spoil: Callable[[Array], Array], what
     poses = poses_of(problem)
     poses[after:] = spoil(poses[after:])
     code = CHANGED_CODES[problem.setup, what]
-    (change,) = (change for change in CHANGED[problem.setup] if change.code == code)
+    (change,) = (change for change in CHANGES[problem.setup] if change.code == code)
     return Fault(with_poses(problem, poses), frozenset({code}), (change.message.format(after),), after)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.problem import Problem
-from calibration.solve import estimated, solve_hand_eye
+from calibration.solve import estimate_session, solve_hand_eye
 from calibration.transforms import transform
 from tests.simulated.fault_kinds import Session
 from tests.simulated.faults import SETUPS, Noise, poses_of, simulated_session, with_poses
@@ -46,5 +46,5 @@ def real_session(name: str) -> Problem | None:
     agreeing = {result.index for result in solution.views if result.status != "rejected"}
     views = tuple(view for view in problem.views if view.index in agreeing)
     clean = replace(problem, views=views, camera=solution.camera)
-    poses, size = poses_of(clean), estimated(problem)[2].best.scale
+    poses, size = poses_of(clean), estimate_session(problem)[2].best.scale
     return with_poses(clean, transform(poses[:, :3, :3], poses[:, :3, 3] / size))

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.pose_pairs.residuals import Chain, PosePairs, linearise
+from calibration.pose_pairs.residuals import PosePairs, ScaledChain, linearise
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
 from tests.simulated.sessions import looking
 
@@ -45,7 +45,7 @@ def drawn_session(rng: np.random.Generator, n: int, noise: PoseNoise, motions: M
     told = stands @ _errors(rng, n, noise.robot_deg, noise.robot_mm)
     off = _errors(rng, n, noise.camera_deg, noise.camera_mm)
     found = transform(off[:, :3, :3] @ seen[:, :3, :3], seen[:, :3, 3] + off[:, :3, 3])
-    return PoseSession(told, found, X, _bound(PosePairs("eye-in-hand", stands, seen), Chain(X, Y), noise))
+    return PoseSession(told, found, X, _bound(PosePairs("eye-in-hand", stands, seen), ScaledChain(X, Y), noise))
 
 
 def _anyhow(rng: np.random.Generator) -> Array:
@@ -59,7 +59,7 @@ def _errors(rng: np.random.Generator, n: int, deg: float, mm: float) -> Array:
     )
 
 
-def _bound(truth: PosePairs, chain: Chain, noise: PoseNoise) -> Array:
+def _bound(truth: PosePairs, chain: ScaledChain, noise: PoseNoise) -> Array:
     at = linearise(truth, chain)
     robot = at.by_flange * np.repeat([np.radians(noise.robot_deg), noise.robot_mm], 3)
     camera = np.diag(np.repeat([np.radians(noise.camera_deg), noise.camera_mm], 3) ** 2)

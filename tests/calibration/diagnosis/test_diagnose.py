@@ -12,8 +12,8 @@ from calibration.diagnosis.diagnose import Diagnosis, diagnose
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.findings import ExpectedMount, mount_findings, severity_of
 from calibration.diagnosis.fit import fit, fits
-from calibration.diagnosis.screening import suspicious
-from calibration.diagnosis.view_hypotheses import y_changed
+from calibration.diagnosis.screening import needs_diagnosis
+from calibration.diagnosis.view_hypotheses import y_change_p_value
 from calibration.problem import Setup
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
@@ -93,7 +93,7 @@ def test_the_noise_of_the_robot_is_found() -> None:
 
 
 def test_the_size_of_the_target_is_measured_by_the_robot() -> None:
-    assert target_scale(evidence(8, 15).scaled(1 / 1.25)) == pytest.approx(1.25, rel=2e-3)
+    assert target_scale(evidence(8, 15).scale_target(1 / 1.25)) == pytest.approx(1.25, rel=2e-3)
 
 
 @pytest.mark.parametrize("n", [60, 250])
@@ -109,12 +109,12 @@ def test_many_views_are_thinned_and_the_one_at_fault_is_found_all_the_same(n: in
 @pytest.mark.parametrize("size_mm", [0.6, 0.8, 1.0])
 def test_the_gate_opens_for_what_the_diagnosis_names_in_many_views(size_mm: float) -> None:
     spoilt = mistyped_at(evidence(20, 40, ORDINARY), 9, size_mm)
-    assert diagnose(spoilt, CENTRE_MM) is None or suspicious(spoilt, fit(spoilt))
+    assert diagnose(spoilt, CENTRE_MM) is None or needs_diagnosis(spoilt, fit(spoilt))
 
 
 def test_the_gate_stays_shut_for_most_clean_sessions_of_many_views() -> None:
     sessions = [evidence(seed, 40, ORDINARY) for seed in range(40, 50)]
-    assert sum(suspicious(session, fit(session)) for session in sessions) <= 3
+    assert sum(needs_diagnosis(session, fit(session)) for session in sessions) <= 3
 
 
 def test_fewer_than_five_views_blame_nobody() -> None:
@@ -205,7 +205,7 @@ def test_the_size_of_the_target_is_the_likeliest_where_images_tell_distances_bad
     """Least squares, without weights, errs there by more than what is to be found."""
     off = []
     for seed in range(4):
-        seen = evidence(seed, 15, Noise(0.5, 0, 0)).scaled(1 / 1.002)
+        seen = evidence(seed, 15, Noise(0.5, 0, 0)).scale_target(1 / 1.002)
         off.append((likeliest_scale(seen) - 1.002, target_scale(seen) - 1.002))
     likeliest, least_squares = np.sqrt(np.mean(np.square(off), axis=0))
     assert likeliest < 2e-4 < least_squares
@@ -213,8 +213,8 @@ def test_the_size_of_the_target_is_the_likeliest_where_images_tell_distances_bad
 
 def test_a_target_that_is_only_warm_is_nobody_s_fault() -> None:
     exact = evidence(5, 20, Noise(0.002, 0, 0))
-    assert diagnose(exact.scaled(1 / 1.00015), CENTRE_MM) is None
-    assert named(exact.scaled(1 / 1.0008)).cause.code == "wrong-pitch"
+    assert diagnose(exact.scale_target(1 / 1.00015), CENTRE_MM) is None
+    assert named(exact.scale_target(1 / 1.0008)).cause.code == "wrong-pitch"
 
 
 def test_two_views_between_which_a_change_cannot_be_told_are_both_named() -> None:
@@ -232,6 +232,6 @@ def test_chances_in_clean_sessions_are_evenly_spread() -> None:
     """Among few views too, whose noise is known from themselves only."""
     after = np.arange(6) >= 3
     changed = [fit(evidence(seed, 6, ORDINARY), None, after.astype(np.intp)) for seed in range(100, 160)]
-    chances = np.array([y_changed(evidence(0, 6), fitted) for fitted in changed])
+    chances = np.array([y_change_p_value(evidence(0, 6), fitted) for fitted in changed])
     assert 0.3 < np.mean(chances < 0.5) < 0.7
     assert np.mean(chances < 0.05) < 0.12

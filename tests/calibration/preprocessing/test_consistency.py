@@ -7,8 +7,8 @@ import pytest
 
 from calibration.problem import Detection, Problem
 from calibration.solution import Solution
-from calibration.solve import estimated, solve_hand_eye
-from calibration.solver.solution_builder import solution_of
+from calibration.solve import estimate_session, solve_hand_eye
+from calibration.solver.solution_builder import build_solution
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, transform
 from calibration.verdict import judge
@@ -154,10 +154,10 @@ def test_clean_sessions_raise_no_alarm() -> None:
 @pytest.mark.parametrize(("as_likely", "severity"), [(False, "warning"), (True, "error")])
 def test_starts_that_end_elsewhere_are_part_of_the_verdict(as_likely: bool, severity: str) -> None:
     truth = cell(31, 6)
-    prepared, start, selection = estimated(truth.problem)
-    assert not start.elsewhere
-    torn = replace(start, elsewhere=("tsai",), as_likely=as_likely)
-    solution = solution_of(truth.problem, "auto", prepared, torn, selection)
+    prepared, start, selection = estimate_session(truth.problem)
+    assert not start.other_optima
+    torn = replace(start, other_optima=("tsai",), ambiguous=as_likely)
+    solution = build_solution(truth.problem, "auto", prepared, torn, selection)
     verdict = judge(truth.problem, solution)
     finding = next(finding for finding in verdict.findings if finding.code == "starts-disagree")
     assert finding.severity == severity and "tsai" in finding.message
