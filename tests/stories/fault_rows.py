@@ -75,8 +75,8 @@ ROWS = (
     _lost("link-close"),
     _lost("link-reset"),
     _lost("link-half-open", SILENT_S),
-    _goes_on("link-reply-lost", "nothing: it is asked again under its number, and done once"),
-    _goes_on("link-deaf-once", "nothing: it is asked again"),
+    _goes_on("link-reply-lost", "nothing: the request is repeated under its number and executed once"),
+    _goes_on("link-deaf-once", "nothing: the request is repeated"),
     _damaged("link-bit-flip"),
     _lost("link-request-bit-flip"),
     _goes_on("link-duplicate", "nothing: the second reply is dropped"),
@@ -85,10 +85,10 @@ ROWS = (
     _damaged("link-only-garbage"),
     _lost("link-restart"),
     _goes_on("serial-noise", "nothing: it is skipped", serial=True),
-    _goes_on("serial-half-frame", "nothing: it is asked again", serial=True),
-    _goes_on("serial-doubled-byte", "nothing: it is asked again", serial=True),
-    _goes_on("serial-break", "nothing: it is asked again", serial=True),
-    _goes_on("serial-magic-in-noise", "nothing: it is asked again", serial=True),
+    _goes_on("serial-half-frame", "nothing: the request is repeated", serial=True),
+    _goes_on("serial-doubled-byte", "nothing: the request is repeated", serial=True),
+    _goes_on("serial-break", "nothing: the request is repeated", serial=True),
+    _goes_on("serial-magic-in-noise", "nothing: the request is repeated", serial=True),
     _fails("robot-emergency-stop", "move-failed", "the emergency stop is pressed", "make the cell safe, release it"),
     _fails("robot-motors-off", "move-failed", "the motors are off", "switch the motors on"),
     _fails("robot-manual-mode", "move-failed", "not in automatic mode", "switch to automatic"),
@@ -102,7 +102,7 @@ ROWS = (
     _goes_on("robot-wrong-configuration", "nothing: each move names its own configuration"),
     _goes_on("robot-clock-jump", "nothing: the controller's clock is not relied on"),
     _fails("camera-late", "device-timeout", "no answer in 5 s", "check that the device is on", DEVICE_S),
-    _goes_on("camera-away", "nothing: it is asked again"),
+    _goes_on("camera-away", "nothing: the request is repeated"),
     _fails("camera-repeated", "same-again", "the same picture again", "takes a new picture for each request"),
     _fails("camera-stale", "device-timeout", "older than asked for", "goes on taking pictures", DEVICE_S),
     _left_out("camera-black", "the image is black"),
@@ -113,11 +113,11 @@ ROWS = (
     _fails("camera-empty-file", "garbled-answer", "the answer is empty", "check the device and the URL"),
     _left_out("camera-target-hidden", "view 1"),
     _goes_on("scanner-late", "nothing, within `[scanner] limit_s`", job="scan"),
-    _goes_on("scanner-away", "nothing: it is asked again", job="scan"),
+    _goes_on("scanner-away", "nothing: the request is repeated", job="scan"),
     _fails("scanner-repeated", "same-again", "the same cloud again", "takes a new cloud for each request", job="scan"),
     _fails("scanner-stale", "device-timeout", "older than asked for", "goes on", DEVICE_S, job="scan"),
     _fails("scanner-empty", "nothing-measured", "the cloud has no points", "within the scanner's range", job="scan"),
-    _goes_on("scanner-nan", "nothing: points that are none are left out", job="scan"),
+    _goes_on("scanner-nan", "nothing: points that are not finite are left out", job="scan"),
     _fails("scanner-half-file", "garbled-answer", "not a whole cloud file", "whole PLY or PCD", job="scan"),
 )
 
@@ -138,12 +138,16 @@ VIEW_ROWS = (
     ViewRow("rws-401", "request-refused", "user or password is refused", "password_file"),
     ViewRow("rws-406", "request-refused", "no media type of ours will do", "set version= in the address"),
     ViewRow("rws-503", "device-unreachable", "it answers 503, its 70 sessions are taken", "close other clients"),
-    ViewRow("rws-410", None, "nothing: views need no mastership; an upload of modules is told that there is none"),
+    ViewRow("rws-410", None, "nothing: views need no mastership; an upload of modules is refused, since there is none"),
     ViewRow("rws-slow", None, "nothing: it takes longer", within_s=12.0),
     ViewRow("rws-garbage", "garbled-answer", "no answer of RWS 2.0", "check that the address is a controller's"),
     ViewRow("rws-sessions-exhausted", "device-unreachable", "its 70 sessions are taken", "close other clients"),
-    ViewRow("rws-mastership-held", None, "nothing: views need no mastership; an upload of modules is told who has it"),
-    ViewRow("rws-subscription-gone", None, "nothing: it is noticed, told in the log, and opened again"),
+    ViewRow(
+        "rws-mastership-held",
+        None,
+        "nothing: views need no mastership; an upload of modules is refused with its holder",
+    ),
+    ViewRow("rws-subscription-gone", None, "nothing: it is detected, logged, and opened again"),
     ViewRow("egm-silent", "device-timeout", "samples came within 0.25 s", MUTE),
     ViewRow("egm-loss", None, "nothing: four packets of five are enough"),
     ViewRow("egm-garbage", "device-timeout", "samples came within 0.25 s", MUTE),
@@ -151,16 +155,15 @@ VIEW_ROWS = (
     ViewRow("rws-other-tool", None, "nothing: poses are asked for in tool0 and wobj0 by name"),
 )
 
-HEADING = """# What goes wrong, and what handeyed says
+HEADING = """# Faults, and what handeyed reports
 
 Each fault can be set on the mock cell when it starts (`handeyed mock run --fault NAME`) and while it runs
-(`POST /faults/NAME` on its control port; `DELETE` mends it). Here it strikes a run between its first station and its
-last. Whatever happens: the arm then stands, is disarmed, and moves on a new, explicit start only; what was captured
-stays stored. A calibration that is not accepted is not put in force.
+(`POST /faults/NAME` on its control port; `DELETE` clears it). In this table it occurs between the first and the last station of a run.
+In every case the arm then stands still, disarmed, and moves only on a new, explicit start; captured data stay stored. A calibration that is not accepted is not put in force.
 
 `pytest tests/stories/test_faults.py` tries every row; `python -m tests.stories.fault_rows` writes this page.
 
-| fault | what happens | the run | what the operator reads | what to do | told within |
+| fault | what happens | the run | what the operator reads | what to do | reported within |
 |---|---|---|---|---|---|
 """
 
@@ -168,11 +171,11 @@ stays stored. A calibration that is not accepted is not put in force.
 VIEW_HEADING = """
 ## Robot Web Services and EGM
 
-Over them nothing is ever commanded: whatever happens, the arm stands where the operator jogged it. They strike here
-when a view is asked for by hand; the run waits on, and when the fault is mended the next view is taken.
+Nothing is commanded over them: in every case the arm stands where the operator jogged it. In this table the fault occurs
+when a view is requested by hand; the run keeps waiting, and after the fault is cleared the next view is taken.
 `pytest tests/stories/test_faults_of_services.py` tries every row over RWS 2.0 with EGM beside it.
 
-| fault | what happens | the view | what the operator reads | what to do | told within |
+| fault | what happens | the view | what the operator reads | what to do | reported within |
 |---|---|---|---|---|---|
 """
 
