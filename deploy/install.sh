@@ -1,6 +1,6 @@
 #!/bin/sh
 # Installs handeyed from this source tree into /opt/handeyed, as a systemd service. Run it again to update or repair:
-# a release that is already there is kept, the settings in /etc/handeyed are never overwritten, nothing stored is touched.
+# an installed release is kept, settings in /etc/handeyed are never overwritten, stored data are unchanged.
 #
 #   sudo deploy/install.sh              install or update; restarts the service only when it runs
 #   sudo deploy/install.sh --rollback   go back to the release before this one
@@ -65,7 +65,7 @@ build() { # $1: folder of the release
 }
 
 prune() { # keep the newest, and never the current or the previous one
-    # shellcheck disable=SC2012 # release names are our own hexadecimal digits
+    # shellcheck disable=SC2012 # release names are hexadecimal digits
     for release in $(ls -1dt "$ROOT"/releases/* | tail -n +$((KEEP + 1))); do
         case "$release" in
         "$(readlink "$ROOT/current")" | "$(readlink "$ROOT/previous" || true)") ;;

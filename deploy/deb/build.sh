@@ -10,7 +10,7 @@ DIST=${1:-$SOURCE/dist}
 PYTHON=${PYTHON:-python3}
 
 MAINTAINER="${DEBFULLNAME:-handeyed engineers} <${DEBEMAIL:-handeyed@example.org}>"
-# dpkg-deb takes its time stamps from it, too: the same commit gives the same package.
+# dpkg-deb also takes its time stamps from it, so that the same commit gives the same package.
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git -C "$SOURCE" log -1 --format=%ct 2>/dev/null || date +%s)}
 export SOURCE_DATE_EPOCH
 
@@ -24,7 +24,7 @@ release=/opt/handeyed/releases/$version
 
 "$SOURCE/deploy/release.sh" "$root$release"
 
-# A virtual environment knows its own path and its interpreter's: both become those of the machine it goes to.
+# A virtual environment contains its own path and its interpreter's: both are rewritten for the target machine.
 "$root$release/bin/pip" uninstall --quiet --disable-pip-version-check --yes setuptools pip
 find "$root$release" -name __pycache__ -type d -prune -exec rm -rf {} +
 find "$root$release" -name direct_url.json -delete

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs the package in a fresh Debian (debootstrap), asks it for its version, its settings and a calibration against
-# the mock cell as the service's user, removes and purges it, and says what is left. Run as root.
+# Installs the package in a fresh Debian (debootstrap), checks version, settings and a calibration against
+# the mock cell as the service's user, removes and purges it, and reports what remains. Run as root.
 #
 #   deploy/deb/try.sh dist/handeyed_*.deb [CHROOT]     CHROOT: a Debian made before, else one is made and deleted
 set -eu

@@ -8,7 +8,7 @@ MODULE CELL_comm
   CONST num CELL_STANDS := 0.01;
 
   VAR socketdev cell_server;
-  ! Two places: the client is cell_peer{cell_who}, a guest waits at cell_peer{cell_other}.
+  ! Two sockets: the client is cell_peer{cell_who}, a waiting one is cell_peer{cell_other}.
   VAR socketdev cell_peer{2};
   VAR num cell_who := 1;
   VAR num cell_other := 2;
@@ -46,7 +46,7 @@ MODULE CELL_comm
   VAR num cell_status := 0;
   VAR num cell_pos := 0;
 
-  ! The newest request and its reply: asked again, it is answered from here.
+  ! The newest request and its reply: a repeated request is answered from here.
   VAR rawbytes cell_last_request;
   VAR rawbytes cell_last_reply;
   VAR num cell_last_seq := 0;
@@ -59,7 +59,7 @@ MODULE CELL_comm
   VAR jointtarget cell_seen;
 
   FUNC num cell_fletcher(VAR rawbytes data, num count)
-    ! Over bytes 1 to 10 and the payload. Of 1022 bytes low is at most 260610: high stays below 2^23, exact in a num.
+    ! Fletcher-16 of bytes 1 to 10 and the payload. For 1022 bytes low is at most 260610: high stays below 2^23, exact in a num.
     VAR num low := 0;
     VAR num high := 0;
     VAR num value := 0;
@@ -174,7 +174,7 @@ MODULE CELL_comm
   ENDFUNC
 
   FUNC num cell_axis_progress(num start, num goal, num now, num best)
-    ! Of the axis that has the longest way: how much is done, per mille; best carries the way so far.
+    ! Progress per mille of the axis with the longest way; best carries the way so far.
     IF Abs(goal - start) <= best RETURN -1;
     RETURN Trunc(1000 * Abs(now - start) / Abs(goal - start));
   ERROR
@@ -208,7 +208,7 @@ MODULE CELL_comm
   ENDFUNC
 
   FUNC num cell_apart(jointtarget one, jointtarget other)
-    ! How far two postures are apart: the axes' differences added, in degrees.
+    ! Distance of two postures: sum of the axes' differences, in degrees.
     VAR num sum := 0;
     sum := Abs(one.robax.rax_1 - other.robax.rax_1) + Abs(one.robax.rax_2 - other.robax.rax_2);
     sum := sum + Abs(one.robax.rax_3 - other.robax.rax_3) + Abs(one.robax.rax_4 - other.robax.rax_4);
@@ -218,7 +218,7 @@ MODULE CELL_comm
   ENDFUNC
 
   FUNC bool cell_repeated()
-    ! Is the request, byte for byte, the one before?
+    ! Whether the request equals the one before, byte for byte.
     VAR num count := 0;
     VAR num new := 0;
     VAR num old := 0;
@@ -261,7 +261,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_reset()
-    ! A PERS outlives a restart: nothing of it may be believed now.
+    ! A PERS outlives a restart: reset everything.
     cell_session := (cell_session MOD 65535) + 1;
     cell_armed := FALSE;
     cell_busy := FALSE;
@@ -303,7 +303,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_accept()
-    ! The guest that waits becomes the client; else whoever connects.
+    ! The waiting connection becomes the client, otherwise the next one.
     cell_open := TRUE;
     IF cell_has_guest THEN
       cell_other := cell_who;
@@ -341,7 +341,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_step()
-    ! Bytes towards a whole frame, or the frame.
+    ! Receive bytes until a frame is complete.
     VAR num missing := 12;
     IF cell_have >= 12 missing := 12 + cell_len;
     missing := missing - cell_have;
@@ -366,7 +366,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_take_socket(num missing)
-    ! Never ask for more than is there, but for one byte: a time-out then loses nothing.
+    ! Never request more than has arrived, except one byte: a timeout then loses nothing.
     VAR num count := 1;
     cell_got := 0;
     count := SocketPeek(cell_peer{cell_who});
@@ -390,7 +390,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_take_line(num missing)
-    ! A few bytes at a time, so that nothing else waits for long.
+    ! A few bytes at a time, so that nothing else is delayed for long.
     VAR num most := 16;
     IF missing < most most := missing;
     cell_got := 0;
@@ -412,7 +412,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_check_head()
-    ! What cannot begin a frame is not waited for.
+    ! Skip bytes that cannot begin a frame.
     VAR bool looking := TRUE;
     VAR num value := 0;
     WHILE looking AND cell_open DO
@@ -436,7 +436,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_drop()
-    ! The frame stays half, or its sum is wrong: TCP ends, a line looks behind its first byte.
+    ! Incomplete frame or wrong sum: TCP closes, a serial line searches behind its first byte.
     cell_shift;
     IF cell_open cell_check_head;
     ClkReset cell_quiet;
@@ -609,7 +609,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_await_motion()
-    ! A stopped move belongs to the client before; its end is not reported to this one, and nothing of it moves any more.
+    ! A stopped move belongs to the previous client: its end is not reported to this one, and it does not continue.
     cell_busy := FALSE;
     WaitUntil DOutput(cell_do_running) = 0 OR (NOT cell_abort) \MaxTime:=1.5 \PollRate:=0.04;
   ERROR
@@ -727,7 +727,7 @@ MODULE CELL_comm
     WaitUntil cell_verdict <> 0 \MaxTime:=1 \PollRate:=0.04;
     cell_status := cell_verdict;
   ERROR
-    ! The motion task is late. What is refused here must not begin after all.
+    ! The motion task is late. A move refused here must not begin later.
     IF ERRNO = ERR_WAIT_MAXTIME THEN
       cell_armed := FALSE;
       cell_abort_status := CB_WRONG_MODE;
@@ -741,7 +741,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_read_goal()
-    ! Everything that can be wrong with a goal, but for its reach.
+    ! Checks of a goal, except its reach.
     VAR num norm := 0;
     cell_status := CB_SPEED;
     IF NOT cell_finite(60) RETURN;
@@ -783,7 +783,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_stop(num reason)
-    ! Tell the motion task to stop; its trap does.
+    ! Request a stop of the motion task, which its trap carries out.
     IF cell_busy AND (NOT cell_done) AND (NOT cell_abort) THEN
       cell_abort_status := reason;
       cell_abort := TRUE;
@@ -794,7 +794,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_ring()
-    ! Wake the trap of the motion task. What rings while that task is stopped is lost.
+    ! Trigger the trap of the motion task. An interrupt during a stop of that task is lost.
     cell_bell := 1 - cell_bell;
     ClkReset cell_rung;
     ClkStart cell_rung;
@@ -820,7 +820,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_supervise()
-    ! The motion task: may it move, does it run, has it heard of the abort?
+    ! Supervise the motion task: permission to move, running, abort answered.
     IF (cell_armed OR cell_busy) AND cell_forbidden() <> CB_OK THEN
       cell_halt cell_forbidden();
       IF cell_busy cell_hold;
@@ -836,7 +836,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_hold()
-    ! A move that was interrupted would go on when its task is started, one that is late begin: not before it was dropped.
+    ! Hold motion until a move is dropped: an interrupted one would continue at the next start, a late one would begin.
     IF cell_held RETURN;
     cell_held := TRUE;
     StopMove \AllMotionTasks;
@@ -852,7 +852,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_take_over()
-    ! The motion task is stopped and cannot tell how its move ended: it has when the arm stands.
+    ! The motion task is stopped and cannot report how its move ended: report it once the arm stands still.
     VAR jointtarget now;
     IF (NOT cell_busy) AND (NOT cell_moving) RETURN;
     IF ClkRead(cell_sampled) < 0.1 RETURN;
@@ -881,7 +881,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_tick()
-    ! What nobody asks for: switches, silence, the end of a move, a second client.
+    ! Periodic work: switches, silence, the end of a move, a second client.
     cell_supervise;
     IF cell_watched AND ClkRead(cell_heard) >= CELL_HEARTBEAT THEN
       cell_watched := FALSE;
@@ -904,7 +904,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_tell(string what)
-    ! For the event log of the controller.
+    ! Write to the event log of the controller.
     ErrWrite \I, "handeyed", what;
   ERROR
     RAISE;
@@ -921,7 +921,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_look_for_guest()
-    ! One client: a second one is told BUSY, unless the first has gone silent.
+    ! One client: a second one is answered BUSY, unless the first has fallen silent.
     IF cell_has_guest THEN
       cell_answer_guest;
       RETURN;
@@ -978,7 +978,7 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_refuse(num status)
-    ! A refusal by the link itself: it is not remembered.
+    ! A refusal by the link itself: it is not stored.
     cell_keep := FALSE;
     cell_status := status;
     cell_send;

@@ -1,9 +1,9 @@
 MODULE CELL_motion
-  ! The motion task (T_ROB1): one move at a time, stopped by cell_abort when cell_bell rings.
+  ! The motion task (T_ROB1): one move at a time, stopped by cell_abort when cell_bell changes.
   VAR intnum cell_abort_intno;
 
   PROC main()
-    ! Deaf until the arm stands and the abort is answered: a bell rung meanwhile would begin the wait anew, for ever.
+    ! No interrupt until the arm stands and the abort is answered: it would restart the wait again and again.
     IDelete cell_abort_intno;
     ConfJ \On;
     ConfL \On;

@@ -158,8 +158,9 @@ VIEW_ROWS = (
 HEADING = """# Faults, and what handeyed reports
 
 Each fault can be set on the mock cell when it starts (`handeyed mock run --fault NAME`) and while it runs
-(`POST /faults/NAME` on its control port; `DELETE` clears it). In this table it occurs between the first and the last station of a run.
-In every case the arm then stands still, disarmed, and moves only on a new, explicit start; captured data stay stored. A calibration that is not accepted is not put in force.
+(`POST /faults/NAME` on its control port; `DELETE` clears it). In this table it occurs
+between the first and the last station of a run. In every case the arm then stands still, disarmed, and moves only
+on a new, explicit start; captured data stay stored. A calibration that is not accepted is not put in force.
 
 `pytest tests/stories/test_faults.py` tries every row; `python -m tests.stories.fault_rows` writes this page.
 
@@ -171,8 +172,8 @@ In every case the arm then stands still, disarmed, and moves only on a new, expl
 VIEW_HEADING = """
 ## Robot Web Services and EGM
 
-Nothing is commanded over them: in every case the arm stands where the operator jogged it. In this table the fault occurs
-when a view is requested by hand; the run keeps waiting, and after the fault is cleared the next view is taken.
+Nothing is commanded over them: in every case the arm stands where the operator jogged it. In this table the fault
+occurs when a view is requested by hand; the run keeps waiting, and after the fault is cleared the next view is taken.
 `pytest tests/stories/test_faults_of_services.py` tries every row over RWS 2.0 with EGM beside it.
 
 | fault | what happens | the view | what the operator reads | what to do | reported within |
