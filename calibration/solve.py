@@ -13,7 +13,7 @@ from calibration.preprocessing.prepare import PreparedSession, prepare, update_t
 from calibration.problem import Problem
 from calibration.solution import Solution
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
-from calibration.solver.solution_builder import build_solution, undetermined_solution
+from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.systematic_error_check import (
     build_models,
     find_systematic_errors,
@@ -50,9 +50,9 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
             prepared, start, selection = estimate_session(problem)
             solution = build_solution(problem, method, prepared, start, selection)
     except UndeterminedError as undetermined:
-        return diagnose_solution(problem, undetermined_solution(problem, method, undetermined))
+        return diagnose_solution(problem, solution_without_x(problem, method, undetermined))
     except (np.linalg.LinAlgError, ArithmeticError):
-        return diagnose_solution(problem, undetermined_solution(problem, method, UndeterminedError(*CONTRADICTORY)))
+        return diagnose_solution(problem, solution_without_x(problem, method, UndeterminedError(*CONTRADICTORY)))
     return diagnose_solution(problem, solution, prepared)
 
 
@@ -75,9 +75,9 @@ def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, S
     if selection.best is not wider.best:
         wider = augment_model(prepared.take(selection.used).seen, selection.best)
     models = build_models(prepared, wider)
-    doubt, levels = find_systematic_errors(prepared, selection, models)
-    if doubt:
-        prepared = with_systematic_errors(prepared, doubt)
+    errors, levels = find_systematic_errors(prepared, selection, models)
+    if errors:
+        prepared = with_systematic_errors(prepared, errors)
         selection = select_views(prepared, selection.used, selection.best.chain, levels)
         models = build_models(prepared, augment_model(prepared.take(selection.used).seen, selection.best))
     return prepared, start, widen_by_centre_error(prepared, selection, models)

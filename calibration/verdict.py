@@ -69,10 +69,10 @@ def robot_findings(noise: Noise, limits: VerdictLimits, fix: str) -> Iterator[Fi
         yield Finding("robot-noise", "warning", f"the robot's poses scatter by {translation_mm:.2g} mm{and_turns}", fix)
 
 
-def rejection_findings(rejected: int, views: int, limits: VerdictLimits, doubt: str, fix: str) -> Iterator[Finding]:
-    """When too large a share of `views` was `rejected` for contradicting the others; `doubt` ends the sentence."""
+def rejection_findings(rejected: int, views: int, limits: VerdictLimits, suffix: str, fix: str) -> Iterator[Finding]:
+    """When too large a share of `views` was `rejected` for contradicting the others; `suffix` ends the sentence."""
     if rejected > limits.rejected_share * views:
-        what = f"{rejected} of {views} views contradict the others{doubt}"
+        what = f"{rejected} of {views} views contradict the others{suffix}"
         yield Finding("many-rejected", "error", what, fix)
 
 
@@ -112,9 +112,9 @@ def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Itera
 def _rejections(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     seen = [view for view in solution.views if view.status != "rejected" or view.reason in CONTRADICTIONS]
     rejected = sum(view.status == "rejected" for view in seen)
-    doubt = ": which of the two are right is not certain"
+    suffix = ": which of the two are right is not certain"
     fix = "check the reported poses and the target, and run the calibration again"
-    return rejection_findings(rejected, len(seen), limits, doubt, fix)
+    return rejection_findings(rejected, len(seen), limits, suffix, fix)
 
 
 def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:

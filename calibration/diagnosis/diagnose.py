@@ -81,10 +81,12 @@ def diagnose(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
 def _diagnose_convention(evidence: Evidence) -> Diagnosis | None:
     """The diagnosis of motions that do not determine X: only another convention can be found."""
     sample = evidence.take(evenly_spaced(len(evidence), MAX_VIEWS))
-    trials = [trial for trial in reading_hypotheses(sample) if _is_observable(trial.evidence.base_T_flange)]
-    as_it_came = likeliest_fit(sample)
-    outcomes = _best_of_each(evaluate(trials, sample, as_it_came))
-    return _diagnosis(as_it_came, [outcome for outcome in outcomes if outcome.gain >= MIN_LOG_LIKELIHOOD_GAIN])
+    hypotheses = [
+        hypothesis for hypothesis in reading_hypotheses(sample) if _is_observable(hypothesis.evidence.base_T_flange)
+    ]
+    uncorrected = likeliest_fit(sample)
+    results = _best_of_each(evaluate(hypotheses, sample, uncorrected))
+    return _diagnosis(uncorrected, [result for result in results if result.gain >= MIN_LOG_LIKELIHOOD_GAIN])
 
 
 def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
@@ -92,29 +94,29 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis 
     suspects = find_suspects(evidence, few, fit(evidence.take(few)))
     rows = few if len(few) == len(evidence) else np.union1d(few, suspects.rows)
     sample = evidence.take(rows)
-    as_it_came = fit(sample)
+    uncorrected = fit(sample)
     among = np.searchsorted(rows, suspects.rows).tolist()
-    trials = [
+    hypotheses = [
         *convention_hypotheses(sample),
         *off_by_one_hypotheses(evidence),
         *pose_swap_hypotheses(sample, among, suspects.half),
         *board_turn_hypotheses(sample, among, target_centre_mm),
         *change_hypotheses(sample, change_points(len(sample))),
     ]
-    outcomes = [
-        *evaluate(trials, sample, as_it_came),
-        *pose_entry_results(sample, among, as_it_came.log_likelihood),
+    results = [
+        *evaluate(hypotheses, sample, uncorrected),
+        *pose_entry_results(sample, among, uncorrected.log_likelihood),
     ]
     # The views left out of the sample count as alternatives.
-    best_of_each = _best_of_each(outcomes)
-    found = [outcome for outcome in best_of_each if _is_significant(outcome, len(evidence), len(sample))]
+    best_of_each = _best_of_each(results)
+    found = [result for result in best_of_each if _is_significant(result, len(evidence), len(sample))]
     if found and found[0].hypothesis.code in CHANGE_CODES:
         found[0] = (
             _locate_change(evidence, found[0])
             if len(sample) < len(evidence)
-            else _with_alternative_views(found[0], outcomes)
+            else _with_alternative_views(found[0], results)
         )
-    return _diagnosis(as_it_came, found)
+    return _diagnosis(uncorrected, found)
 
 
 def _is_observable(base_T_flange: Array) -> bool:
@@ -126,7 +128,7 @@ def _is_observable(base_T_flange: Array) -> bool:
     return True
 
 
-def _diagnosis(as_it_came: Fit, found: Sequence[HypothesisResult]) -> Diagnosis | None:
+def _diagnosis(uncorrected: Fit, found: Sequence[HypothesisResult]) -> Diagnosis | None:
     """The diagnosis from results in descending order of their gain; the second is the runner-up."""
     if not found:
         return None
@@ -136,28 +138,28 @@ def _diagnosis(as_it_came: Fit, found: Sequence[HypothesisResult]) -> Diagnosis 
         best.gain,
         others[0].hypothesis if others else None,
         others[0].gain if others else -np.inf,
-        as_it_came.robot_translation_mm,
+        uncorrected.robot_translation_mm,
         best.robot_translation_mm,
-        as_it_came.robot_rotation_rad,
+        uncorrected.robot_rotation_rad,
         best.robot_rotation_rad,
     )
 
 
-def _best_of_each(outcomes: list[HypothesisResult]) -> list[HypothesisResult]:
+def _best_of_each(results: list[HypothesisResult]) -> list[HypothesisResult]:
     """The result with the largest gain for each code, in descending order."""
     best: dict[str, HypothesisResult] = {}
-    for outcome in sorted((o for o in outcomes if np.isfinite(o.gain)), key=lambda outcome: -outcome.gain):
-        best.setdefault(outcome.hypothesis.code, outcome)
+    for result in sorted((o for o in results if np.isfinite(o.gain)), key=lambda result: -result.gain):
+        best.setdefault(result.hypothesis.code, result)
     return list(best.values())
 
 
-def _is_significant(outcome: HypothesisResult, views: int, tried: int) -> bool:
+def _is_significant(result: HypothesisResult, views: int, tried: int) -> bool:
     """Whether a result is significant, with the `views` that were not `tried` counted as alternatives."""
     left_out = views / tried
-    gain = outcome.gain - np.log(left_out)
-    if outcome.p_value is None:
+    gain = result.gain - np.log(left_out)
+    if result.p_value is None:
         return bool(gain >= MIN_LOG_LIKELIHOOD_GAIN)
-    return bool(gain > 0) and outcome.p_value() * left_out < FALSE_ALARM_PROBABILITY
+    return bool(gain > 0) and result.p_value() * left_out < FALSE_ALARM_PROBABILITY
 
 
 def _locate_change(evidence: Evidence, found: HypothesisResult) -> HypothesisResult:
@@ -171,22 +173,24 @@ def _locate_change(evidence: Evidence, found: HypothesisResult) -> HypothesisRes
         near = near[(near >= MIN_VIEWS_PER_SIDE) & (near <= n - MIN_VIEWS_PER_SIDE)]
         rows = np.union1d(evenly_spaced(n, MAX_VIEWS), near)
         sample = evidence.take(rows)
-        trials = change_hypotheses(sample, np.searchsorted(rows, near).tolist())
-        outcomes = evaluate([trial for trial in trials if trial.code == found.hypothesis.code], sample, fit(sample))
-        found = _with_alternative_views(max(outcomes, key=lambda outcome: outcome.gain), outcomes)
+        hypotheses = change_hypotheses(sample, np.searchsorted(rows, near).tolist())
+        results = evaluate(
+            [hypothesis for hypothesis in hypotheses if hypothesis.code == found.hypothesis.code], sample, fit(sample)
+        )
+        found = _with_alternative_views(max(results, key=lambda result: result.gain), results)
         row = int(np.flatnonzero(evidence.indices == found.hypothesis.where[0])[0])
         gap = step if step > 1 else 0
     return found
 
 
-def _with_alternative_views(best: HypothesisResult, outcomes: Sequence[HypothesisResult]) -> HypothesisResult:
+def _with_alternative_views(best: HypothesisResult, results: Sequence[HypothesisResult]) -> HypothesisResult:
     """The same change, its message naming all views before which it may have happened."""
-    trial, limit = best.hypothesis, best.gain - np.log(MIN_LIKELIHOOD_RATIO)
-    alike = {o.hypothesis.where[0] for o in outcomes if o.hypothesis.code == trial.code and o.gain > limit} - {
-        trial.where[0]
+    hypothesis, limit = best.hypothesis, best.gain - np.log(MIN_LIKELIHOOD_RATIO)
+    alike = {o.hypothesis.where[0] for o in results if o.hypothesis.code == hypothesis.code and o.gain > limit} - {
+        hypothesis.where[0]
     }
-    (change,) = (change for change in CHANGES[trial.evidence.setup] if change.code == trial.code)
-    return replace(best, hypothesis=replace(trial, message=change_message(change, [trial.where[0], *alike])))
+    (change,) = (change for change in CHANGES[hypothesis.evidence.setup] if change.code == hypothesis.code)
+    return replace(best, hypothesis=replace(hypothesis, message=change_message(change, [hypothesis.where[0], *alike])))
 
 
 def evenly_spaced(n: int, most: int) -> NDArray[np.intp]:

@@ -57,41 +57,41 @@ class HypothesisResult:
     p_value: Callable[[], float] | None
 
 
-def evaluate(trials: Sequence[Hypothesis], evidence: Evidence, as_it_came: Fit) -> list[HypothesisResult]:
+def evaluate(hypotheses: Sequence[Hypothesis], evidence: Evidence, uncorrected: Fit) -> list[HypothesisResult]:
     """Fit the hypotheses, those of one shape together, and compare each with its baseline.
 
-    `as_it_came`: the fit to `evidence`, the baseline of most hypotheses; other baselines are fitted here.
+    `uncorrected`: the fit to `evidence`, the baseline of most hypotheses; other baselines are fitted here.
     """
     fitted: dict[int, Fit] = {}
-    for group in _groups(trials):
-        chosen = [trials[index] for index in group]
+    for group in _groups(hypotheses):
+        chosen = [hypotheses[index] for index in group]
         after = fits(
-            [trial.evidence for trial in chosen],
-            [trial.x_labels for trial in chosen],
-            [trial.y_labels for trial in chosen],
+            [hypothesis.evidence for hypothesis in chosen],
+            [hypothesis.x_labels for hypothesis in chosen],
+            [hypothesis.y_labels for hypothesis in chosen],
         )
         fitted |= dict(zip(group, after, strict=True))
-    each = as_it_came.log_likelihood / len(evidence)
-    outcomes = []
-    for index, trial in enumerate(trials):
-        before = as_it_came.log_likelihood
-        if trial.baseline is not evidence:
+    each = uncorrected.log_likelihood / len(evidence)
+    results = []
+    for index, hypothesis in enumerate(hypotheses):
+        before = uncorrected.log_likelihood
+        if hypothesis.baseline is not evidence:
             # A fault of every view may keep this fit from reaching the other's optimum.
-            before = max(fit(trial.baseline).log_likelihood, each * len(trial.baseline))
-        outcomes.append(_result(trial, fitted[index], before))
-    return outcomes
+            before = max(fit(hypothesis.baseline).log_likelihood, each * len(hypothesis.baseline))
+        results.append(_result(hypothesis, fitted[index], before))
+    return results
 
 
-def _result(trial: Hypothesis, fitted: Fit, before: float) -> HypothesisResult:
-    n = len(trial.evidence)
-    raw = fitted.log_likelihood + trial.bonus - before
-    gain = few_views_factor(n, trial.unknowns) * raw - price_of(n, trial.unknowns, trial.alternatives)
-    chance = None if trial.test is None else partial(_p_value, trial.test, trial, fitted)
-    return HypothesisResult(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
+def _result(hypothesis: Hypothesis, fitted: Fit, before: float) -> HypothesisResult:
+    n = len(hypothesis.evidence)
+    raw = fitted.log_likelihood + hypothesis.bonus - before
+    gain = few_views_factor(n, hypothesis.unknowns) * raw - price_of(n, hypothesis.unknowns, hypothesis.alternatives)
+    chance = None if hypothesis.test is None else partial(_p_value, hypothesis.test, hypothesis, fitted)
+    return HypothesisResult(hypothesis, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
 
 
-def _p_value(test: Callable[[Evidence, Fit], float], trial: Hypothesis, fitted: Fit) -> float:
-    return min(trial.alternatives * test(trial.evidence, fitted), 1.0)
+def _p_value(test: Callable[[Evidence, Fit], float], hypothesis: Hypothesis, fitted: Fit) -> float:
+    return min(hypothesis.alternatives * test(hypothesis.evidence, fitted), 1.0)
 
 
 def price_of(n: int, unknowns: int, alternatives: int) -> float:
@@ -108,11 +108,11 @@ def few_views_factor(n: int, unknowns: int) -> float:
     return max(6 * n - SHARED_UNKNOWNS - 1 - unknowns / 2, 1.0) / (6 * n)
 
 
-def _groups(trials: Sequence[Hypothesis]) -> list[list[int]]:
+def _groups(hypotheses: Sequence[Hypothesis]) -> list[list[int]]:
     """Groups of indices of hypotheses with the same numbers of views and labels, at most BATCH_VIEWS views each."""
     by_shape: dict[tuple[int, bool, bool], list[int]] = {}
-    for index, trial in enumerate(trials):
-        shape = len(trial.evidence), trial.x_labels is None, trial.y_labels is None
+    for index, hypothesis in enumerate(hypotheses):
+        shape = len(hypothesis.evidence), hypothesis.x_labels is None, hypothesis.y_labels is None
         by_shape.setdefault(shape, []).append(index)
     groups = []
     for (views, _, _), members in by_shape.items():

@@ -67,9 +67,9 @@ def lens_misfit(
     if by_chance > max_p_value or after > MAX_RATIO_TO_SHAPE * otherwise_px:
         return None
     # The shift along the axis is as uncertain as the focal length.
-    doubt = float(np.sqrt(found.covariance[0, 0]) / found.camera.matrix[0, 0])
-    matters = share > max(MIN_REPORTED_SHARE, doubt) or before > MIN_REPORTED_RATIO * after
-    return LensMisfit(found.camera, moved, before, after, share, matters)
+    focal_sigma = float(np.sqrt(found.covariance[0, 0]) / found.camera.matrix[0, 0])
+    significant = share > max(MIN_REPORTED_SHARE, focal_sigma) or before > MIN_REPORTED_RATIO * after
+    return LensMisfit(found.camera, moved, before, after, share, significant)
 
 
 def _step_p_value(seen: Observations, camera: CameraModel, poses: Array) -> float:

@@ -71,10 +71,10 @@ def pose_entry_results(evidence: Evidence, suspects: Sequence[int], baseline: fl
         best = _best(_whole_pose(rest), numbers)
         raw = without[suspect] - 0.5 * best.misfit - baseline
         gain = few_views_factor(n, best.unknowns) * raw - price_of(n, best.unknowns, best.alternatives)
-        trial = Hypothesis("pose-mistyped", (int(view.indices[0]),), view, view, best.message, FIX)
+        hypothesis = Hypothesis("pose-mistyped", (int(view.indices[0]),), view, view, best.message, FIX)
         slopes = np.array([number.slope for number in numbers if number.slope is not None])
         chance = partial(_p_value, rest, slopes)
-        yield HypothesisResult(trial, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
+        yield HypothesisResult(hypothesis, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
 
 
 FIX = "read that pose on the controller again; if it is right, the arm had not settled, or the image is bad"

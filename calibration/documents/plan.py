@@ -28,7 +28,7 @@ class NoiseExpectedDocument(Document):
 
 
 class LimitsDocument(Document):
-    """Where the planner may look from; see `calibration.planning.viewpoints.Limits`."""
+    """Where the planner may look from; see `calibration.planning.viewpoints.ViewpointLimits`."""
 
     tilt_deg: Annotated[float, Field(gt=0, le=75)] = 45.0
     roll_deg: Annotated[float, Field(ge=0, le=180)] = 180.0
@@ -53,7 +53,7 @@ class LimitsDocument(Document):
 
 
 class PlanDocument(Document):
-    """The question. `views` are poses somebody else chose (assess); `robot` names an arm whose reach is checked."""
+    """The input: scene, limits, number of poses. `views`: given poses to assess; `robot`: an arm whose reach counts."""
 
     schema_version: Literal[1]
     target: TargetDocument

@@ -9,7 +9,7 @@ From the smallest to the largest (translation, rotation), and what each is for:
     MAX_USUAL_NOISE      1.0 mm,  0.1 deg     an estimated level above it is reported
     ABSOLUTE_NOISE       1.0 mm,  0.15 deg    assumed over a metre where no calibration has estimated it
 
-The first two bound what is estimated, the last two bound what is believed. The planner's default is below the prior's
+The first two are floors of estimates, the last two bounds of what is usual. The planner's default is below the prior's
 median: it is the user's statement about one robot, which the estimate replaces once there are enough views.
 """
 

@@ -83,7 +83,7 @@ def estimate(
     variances: Variances,
     free: FreeMask = ALL_FIXED,
     scale: float = 1.0,
-    doubt: SystematicErrors = NO_SYSTEMATIC_ERRORS,
+    systematic_errors: SystematicErrors = NO_SYSTEMATIC_ERRORS,
     *,
     fixed_noise: bool = False,
 ) -> Estimate:
@@ -93,7 +93,7 @@ def estimate(
     """
     chain, converged, coefficients = start, False, np.zeros(0)
     for iteration in range(MAX_ITERATIONS):
-        model = doubt.apply(linearise(pixels, chain, camera, scale), free, camera, chain.base_T_flange)
+        model = systematic_errors.apply(linearise(pixels, chain, camera, scale), free, camera, chain.base_T_flange)
         if not fixed_noise and iteration < MAX_NOISE_ITERATIONS:
             variances = estimate_variances(model, variances)
         step = solve(model, variances)

@@ -59,8 +59,8 @@ def marginalise(model: MixedModel, variances: Variances) -> Marginal:
     estimates = np.maximum(np.sqrt([variances.rotation, variances.translation]), 1e-2 * PRIOR_NOISE.levels())
     branches = [np.array(present) for present in product((True, False), repeat=2)]
     first = _at_levels(model, variances, np.array([np.where(present, estimates, 0.0) for present in branches]))
-    worth = first.log_likelihood > first.log_likelihood.max() - MAX_LOG_LIKELIHOOD_DEFICIT
-    nodes = [_nodes(model, variances, estimates, present) for present in np.array(branches)[worth]]
+    kept = first.log_likelihood > first.log_likelihood.max() - MAX_LOG_LIKELIHOOD_DEFICIT
+    nodes = [_nodes(model, variances, estimates, present) for present in np.array(branches)[kept]]
     deviations, log_weights = (np.concatenate(parts) for parts in zip(*nodes, strict=True))
     found = _at_levels(model, variances, deviations)
     logs = log_weights + found.log_likelihood

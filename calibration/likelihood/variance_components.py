@@ -84,8 +84,11 @@ def _trend(model: MixedModel, variances: Variances, step: Step) -> Array:
     m = model.trend_terms
     if not m:
         return np.zeros(2)
-    coefficients, doubt = step.b[-6 * m :].reshape(m, 6), np.diagonal(step.covariance)[-6 * m :].reshape(m, 6)
-    spent = (doubt / variances.trend_variances()).sum(axis=0).reshape(2, 3).sum(axis=1)
+    coefficients, posterior_variances = (
+        step.b[-6 * m :].reshape(m, 6),
+        np.diagonal(step.covariance)[-6 * m :].reshape(m, 6),
+    )
+    spent = (posterior_variances / variances.trend_variances()).sum(axis=0).reshape(2, 3).sum(axis=1)
     squares = (coefficients**2).sum(axis=0).reshape(2, 3).sum(axis=1)
     levels: Array = squares / np.maximum(3 * m - spent, 1e-3)
     return levels

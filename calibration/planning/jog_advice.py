@@ -78,7 +78,7 @@ def advise(
     except UndeterminedError:
         return _advise_without_x(problem)
     now_mm = float(belief.predicted_mm) if np.isfinite(belief.predicted_mm) else None
-    enough = GOAL_REACHED if now_mm is not None and _goal_reached(belief, stop) else ""
+    enough = GOAL_REACHED if now_mm is not None and _meets_goal(belief, stop) else ""
     taken = np.array([view.base_T_flange for view in problem.views if view.detection is not None])
     found = _best_jog(belief.scene, prior.covariance(), limits, taken, base_T_flange_now, reachable)
     if found is None:
@@ -91,7 +91,7 @@ def advise(
     return Advice(enough + _instruction(turns, pose[:3, 3] - base_T_flange_now[:3, 3]), pose, now_mm, planned_mm)
 
 
-def _goal_reached(belief: SceneBelief, stop: StoppingRule) -> bool:
+def _meets_goal(belief: SceneBelief, stop: StoppingRule) -> bool:
     known_mm = max(belief.estimated_mm, belief.predicted_mm)
     return stop.views_left <= 0 if stop.uncertainty_mm is None else known_mm <= stop.uncertainty_mm
 
@@ -101,12 +101,12 @@ def _best_jog(
     prior_covariance: Array,
     limits: ViewpointLimits,
     taken: Array,
-    here: Array,
+    base_T_flange_now: Array,
     reachable: Reachable | None,
 ) -> tuple[tuple[Turn, ...], Array, float | None] | None:
     """The best turns, the pose (4, 4) they lead to, and its predicted mm; None when the limits allow none."""
     choices = tuple(_turn_choices())
-    poses = np.array([_turn_and_centre(scene, limits, here, turns) for turns in choices])
+    poses = np.array([_turn_and_centre(scene, limits, base_T_flange_now, turns) for turns in choices])
     keep = within_limits(scene, limits, poses) & (_tilts_rad(scene, poses) <= limits.tilt_rad)
     if reachable is not None:
         keep[keep] = reachable(poses[keep])
@@ -137,12 +137,12 @@ def _turn_choices() -> "list[tuple[Turn, ...]]":
     return single + double
 
 
-def _turn_and_centre(scene: Scene, limits: ViewpointLimits, here: Array, turns: tuple[Turn, ...]) -> Array:
+def _turn_and_centre(scene: Scene, limits: ViewpointLimits, base_T_flange_now: Array, turns: tuple[Turn, ...]) -> Array:
     """The flange's pose (4, 4) after `turns` about its own axes, shifted to bring the target to the image's middle."""
-    rotation = here[:3, :3]
+    rotation = base_T_flange_now[:3, :3]
     for axis, angle_deg in turns:
         rotation = rotation @ rotation_from_vector(np.radians(angle_deg) * np.array(AXES[axis]))
-    distance_mm = float(np.clip(median_distance_mm(scene, here[None]), *limits.distance_mm))
+    distance_mm = float(np.clip(median_distance_mm(scene, base_T_flange_now[None]), *limits.distance_mm))
     centre = map_points(scene.anchor_T_target, scene.target.points_mm.mean(axis=0, keepdims=True))[0]
     camera_R = rotation @ scene.mount_T_camera[:3, :3]
     camera_at = centre - distance_mm * camera_R[:, 2]

@@ -99,7 +99,7 @@ def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0) ->
 
 
 def sigma_points(a_T_b: Array, covariance: Array) -> list[Array]:
-    """Twelve poses (4, 4) at `SIGMAS` along the principal axes of `covariance` (6, 6) of [rad, mm], a_T_b @ exp(.)."""
+    """Twelve poses (4, 4) at ± SIGMA_FACTOR along the principal axes of `covariance` (6, 6), [rad, mm] of exp(.)."""
     scale = np.repeat([LEVER_ARM_MM, 1.0], 3)
     floor = np.diag(np.repeat([MIN_SIGMA_RAD**2, MIN_SIGMA_MM**2], 3))
     values, axes = np.linalg.eigh((covariance + floor) * np.outer(scale, scale))

@@ -52,7 +52,7 @@ class PlanComparison:
         centre = problem.target.points_mm.mean(axis=0, keepdims=True)
         distances = np.linalg.norm(map_points(camera_T_target, centre), axis=-1)
         nearest, furthest = float(MIN_DISTANCE_FACTOR * distances.min()), float(MAX_DISTANCE_FACTOR * distances.max())
-        return cls(ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest)), _estimated_noise(solution) or stated)
+        return cls(ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest)), _noise_estimate(solution) or stated)
 
     def findings(self, problem: Problem, solution: Solution) -> Iterator[Finding]:
         """At most one finding, `better-poses`; both uncertainties are predicted at the same noise, X and target.
@@ -86,7 +86,7 @@ class PlanComparison:
         )
 
 
-def _estimated_noise(solution: Solution) -> ExpectedNoise | None:
+def _noise_estimate(solution: Solution) -> ExpectedNoise | None:
     noise = solution.noise
     if solution.observability.views_used < MIN_VIEWS_FOR_NOISE:
         return None

@@ -52,7 +52,7 @@ def _images(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
             "board-turned",
             "warning",
             f"{_views(indices)}: the board was read the wrong way round; the corners were renumbered",
-            "use a target whose orientation can be told, a ChArUco board or a grid with a large dot",
+            "use a target with an unambiguous orientation: a ChArUco board or a grid with a large dot",
         )
 
 
@@ -77,9 +77,9 @@ def _target(prepared: PreparedSession, selection: Selection) -> Iterator[Finding
 
 
 def _systematic_errors(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
-    best, doubt = selection.best, prepared.systematic_errors
-    if doubt.given_camera is not None:
-        right, down = best.camera.matrix[:2, 2] - doubt.given_camera.matrix[:2, 2]
+    best, errors = selection.best, prepared.systematic_errors
+    if errors.given_camera is not None:
+        right, down = best.camera.matrix[:2, 2] - errors.given_camera.matrix[:2, 2]
         yield Finding(
             "principal-point-off",
             "info",
@@ -88,7 +88,7 @@ def _systematic_errors(prepared: PreparedSession, selection: Selection) -> Itera
             "calibrate the camera anew; half a pixel in both says that its program counts from the first pixel's"
             " corner, where (0, 0) is the middle of it here",
         )
-    if doubt.trend:
+    if errors.trend:
         follows = np.sqrt(best.trend_variances())
         yield Finding(
             "robot-trend",
@@ -146,7 +146,7 @@ def _estimate(prepared: PreparedSession, start: InitialGuess, selection: Selecti
         yield Finding(
             "noise-assumed",
             "info",
-            f"{np.count_nonzero(selection.used)} views cannot tell the robot's noise well: levels around"
+            f"{np.count_nonzero(selection.used)} views do not determine the robot's noise well: levels around"
             f" {translation_mm:g} mm and {rotation_deg:g} degrees were assumed as likely",
             "take eight or more views to have it measured",
         )
@@ -156,14 +156,14 @@ def method_findings(method: str, rows: PreparedSession) -> tuple[Finding, ...]:
     """Findings of a closed form on its own accuracy; only three-pose has one."""
     if method != THREE_POSE:
         return ()
-    seed = solve_three_pose(rows.anchor_T_mount, rows.camera_T_target)
+    three_pose = solve_three_pose(rows.anchor_T_mount, rows.camera_T_target)
     return (
         Finding(
             "three-pose",
             "info",
-            f"Eq. 7 gave a matrix {seed.distance_from_rotation:.2g} from a rotation (Frobenius norm),"
+            f"Eq. 7 gave a matrix {three_pose.distance_from_rotation:.2g} from a rotation (Frobenius norm),"
             " which was projected to one;"
-            f" the axes of the two motions are {np.degrees(seed.axis_angle_rad):.1f} degrees apart;"
+            f" the axes of the two motions are {np.degrees(three_pose.axis_angle_rad):.1f} degrees apart;"
             " the paper's X is camera_T_flange, the inverse of the transform given here",
             "use the method auto, which is more accurate from the same views",
         ),

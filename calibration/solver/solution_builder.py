@@ -55,7 +55,7 @@ def build_solution(
     )
 
 
-def undetermined_solution(problem: Problem, method: str, why: UndeterminedError) -> Solution:
+def solution_without_x(problem: Problem, method: str, why: UndeterminedError) -> Solution:
     """A solution without a transform, with the reason as its finding."""
     seen, refused = observe(problem)
     motion = summarise_motion(seen.base_T_flange)

@@ -70,24 +70,26 @@ def find_systematic_errors(
     neither = NO_SYSTEMATIC_ERRORS, best.variances
     if n < MIN_VIEWS:
         return neither
-    worth = {what: model for what, model in models.items() if _passes_score_test(what, model, models[NEITHER], best)}
-    if len(worth) < 2:
+    candidates = {
+        what: model for what, model in models.items() if _passes_score_test(what, model, models[NEITHER], best)
+    }
+    if len(candidates) < 2:
         return neither
     if CENTRE_OFF in models and TREND in models:
-        worth[BOTH] = _both(models)
-    levels = {what: _levels(model, best) for what, model in worth.items()}
-    scores = {what: _score(model, levels[what], n) for what, model in worth.items()}
+        candidates[BOTH] = _both(models)
+    levels = {what: _levels(model, best) for what, model in candidates.items()}
+    scores = {what: _score(model, levels[what], n) for what, model in candidates.items()}
     centre, trend = likeliest = max(scores, key=lambda what: scores[what])
     if scores[likeliest] - scores[NEITHER] < MIN_LOG_LIKELIHOOD_GAIN:
         return neither
     return SystematicErrors(prepared.camera if centre else None, trend), levels[likeliest]
 
 
-def with_systematic_errors(prepared: PreparedSession, doubt: SystematicErrors) -> PreparedSession:
+def with_systematic_errors(prepared: PreparedSession, errors: SystematicErrors) -> PreparedSession:
     """The session with the parameters of these errors among the unknowns."""
     free = prepared.free.copy()
-    free[list(CENTRE_INDICES)] |= doubt.given_camera is not None
-    return replace(prepared, free=free, systematic_errors=doubt)
+    free[list(CENTRE_INDICES)] |= errors.given_camera is not None
+    return replace(prepared, free=free, systematic_errors=errors)
 
 
 def widen_by_centre_error(prepared: PreparedSession, selection: Selection, models: Models) -> Selection:
@@ -131,8 +133,8 @@ def _passes_score_test(what: Assumption, model: MixedModel, plain: MixedModel, b
 def _centre_moves(model: MixedModel, best: Estimate) -> bool:
     step = solve(model, best.variances)
     columns = np.flatnonzero(model.prior_information > 0)
-    moved, doubt = step.b[columns], step.covariance[np.ix_(columns, columns)]
-    return bool(squared_distances(moved, doubt) > MIN_CENTRE_CHI2)
+    shift, covariance = step.b[columns], step.covariance[np.ix_(columns, columns)]
+    return bool(squared_distances(shift, covariance) > MIN_CENTRE_CHI2)
 
 
 def _trend_shows(model: MixedModel, p: int, best: Estimate) -> bool:

@@ -37,8 +37,8 @@ def scale_error(wider: AugmentedModel) -> float:
     # A wrong scale inflates the robot's noise, so the noise is estimated again with the scale free.
     step = solve(model, estimate_variances(model, best.variances))
     share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
-    beyond_doubt = abs(share) > deviation * float(scipy.stats.t.isf(FALSE_ALARM_PROBABILITY / 2, 3 * views - 7))
-    return share if beyond_doubt and MIN_SCALE_ERROR < abs(share) < MAX_SCALE_ERROR else 0.0
+    significant = abs(share) > deviation * float(scipy.stats.t.isf(FALSE_ALARM_PROBABILITY / 2, 3 * views - 7))
+    return share if significant and MIN_SCALE_ERROR < abs(share) < MAX_SCALE_ERROR else 0.0
 
 
 def with_scale(prepared: PreparedSession, share: float) -> PreparedSession:

@@ -55,14 +55,14 @@ def select_views(prepared: PreparedSession, used: NDArray[np.bool_], chain: Chai
         )
         chain, variances = best.chain, best.variances
         seen_before.add(used.tobytes())
-        changed = _update_used(prepared, used, best)
+        changed = _update_selection(prepared, used, best)
         if np.array_equal(changed, used) or changed.tobytes() in seen_before:
             break
         used = changed
     return Selection(used, marginalise_noise(best))
 
 
-def _update_used(prepared: PreparedSession, used: NDArray[np.bool_], best: Estimate) -> NDArray[np.bool_]:
+def _update_selection(prepared: PreparedSession, used: NDArray[np.bool_], best: Estimate) -> NDArray[np.bool_]:
     n, changed = len(used), used.copy()
     limit = _limit(int(np.count_nonzero(used)), n)
     if not np.all(used):
