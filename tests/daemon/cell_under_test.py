@@ -21,6 +21,7 @@ from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.server import Server
 from daemon.store.store import Store
 from tests.daemon.fakes import CAMERA, FakeCamera, FakeRobot, FakeScanner, poses_around_the_target
+from tests.support.waiting import LIMIT_S
 
 
 def pose_json(base_T_flange: Any) -> dict[str, Any]:
@@ -59,7 +60,7 @@ class Bench:
     scanner: FakeScanner
     url: str = ""
 
-    async def run_over(self, location: str, within_s: float = 20.0) -> dict[str, Any]:
+    async def run_over(self, location: str, within_s: float = LIMIT_S) -> dict[str, Any]:
         """The run when it has ended."""
         answer = await self.client.get(location, params={"wait": within_s})
         run: dict[str, Any] = answer.json()
@@ -100,10 +101,10 @@ async def serving(
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     server = Server(application, announced.set_result, door)
     task = asyncio.create_task(server.listen())
-    await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=10)
+    await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
     url = announced.result()
     try:
-        async with httpx.AsyncClient(base_url=url, timeout=30) as client:
+        async with httpx.AsyncClient(base_url=url, timeout=2 * LIMIT_S) as client:
             yield Bench(application, server, client, parts.robot, parts.camera, parts.scanner, url)
     finally:
         server.should_exit = True

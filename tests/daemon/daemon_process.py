@@ -9,6 +9,8 @@ from pathlib import Path
 
 import httpx
 
+from tests.support.waiting import LIMIT_S
+
 SETTINGS = """
 [robot]
 address = "tcp://127.0.0.1:9"
@@ -37,11 +39,11 @@ async def a_daemon(folder: Path) -> AsyncIterator[tuple[asyncio.subprocess.Proce
     command = [sys.executable, "-m", "daemon.cli", "serve", str(folder / "handeyed.toml"), "--ready-file", str(ready)]
     process = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.DEVNULL)
     try:
-        async with asyncio.timeout(40):
+        async with asyncio.timeout(LIMIT_S):
             while not (ready.exists() and ready.read_text()):
                 assert process.returncode is None
                 await asyncio.sleep(0.02)
-        async with httpx.AsyncClient(base_url=json.loads(ready.read_text())["url"], timeout=30) as client:
+        async with httpx.AsyncClient(base_url=json.loads(ready.read_text())["url"], timeout=LIMIT_S) as client:
             yield process, client
     finally:
         if process.returncode is None:

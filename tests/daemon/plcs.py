@@ -13,6 +13,7 @@ from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind
 from tests.daemon.cell_under_test import Bench
+from tests.support.waiting import LIMIT_S
 
 MOVING = {"port": 0, "writers": ["127.0.0.1"], "motion": True}
 """[plc] of a PLC that may move the arm."""
@@ -56,7 +57,7 @@ class Ladder:
         answer = await self.client.write_register(0, int(control))
         assert not answer.isError(), answer
 
-    async def waits(self, wanted: StatusBit, unwanted: StatusBit = NONE, within_s: float = 20.0) -> StatusBit:
+    async def waits(self, wanted: StatusBit, unwanted: StatusBit = NONE, within_s: float = LIMIT_S) -> StatusBit:
         async with asyncio.timeout(within_s):
             while True:
                 status = await self.status()
@@ -87,7 +88,9 @@ class Ladder:
 @asynccontextmanager
 async def ladder(bench: Bench) -> AsyncIterator[Ladder]:
     """A PLC that is connected."""
-    client = AsyncModbusTcpClient("127.0.0.1", port=plc_of(bench).tcp.port, timeout=10, retries=0, reconnect_delay=0)
+    client = AsyncModbusTcpClient(
+        "127.0.0.1", port=plc_of(bench).tcp.port, timeout=LIMIT_S, retries=0, reconnect_delay=0
+    )
     assert await client.connect()
     try:
         yield Ladder(client)

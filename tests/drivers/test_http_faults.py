@@ -1,5 +1,6 @@
 """What a driver says when an HTTP device misbehaves."""
 
+import asyncio
 import threading
 import time
 
@@ -11,7 +12,7 @@ from drivers.errors import AnswerTooLarge, DeviceTimeout, DeviceUnreachable, Gar
 from drivers.http_source import age_s
 from tests.drivers.http_devices import Answer, http_device
 from tests.drivers.pictures import PNG
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, SkippableTime, eventually
 
 FAULTS = {
     "empty body": (Answer(b""), GarbledAnswer, "the answer is empty"),
@@ -30,10 +31,14 @@ FAULTS = {
 
 @pytest.mark.parametrize(("answer", "error", "message"), FAULTS.values(), ids=FAULTS.keys())
 async def test_each_fault_has_its_error(answer, error, message):
+    clock = SkippableTime()
     with http_device(answer) as device:
-        camera = HttpCamera(device.url, limit_s=0.4, max_bytes=4096)
+        camera = HttpCamera(device.url, clock.timing, limit_s=LIMIT_S, max_bytes=4096)
+        grabbing = asyncio.create_task(camera.grab(clock.clock() - 30))
+        await eventually(lambda: grabbing.done() or device.asked > 1)
+        clock.skip(2 * LIMIT_S)
         with pytest.raises(error, match=message):
-            await camera.grab(time.monotonic() - 30)
+            await grabbing
         await camera.close()
 
 
@@ -48,7 +53,7 @@ async def test_a_device_that_hangs():
 
 async def test_it_is_asked_again_until_the_picture_is_fresh():
     with http_device(Answer(PNG, headers={"X-Taken-At-Age-S": "0.5"})) as device:
-        camera = HttpCamera(device.url)
+        camera = HttpCamera(device.url, limit_s=LIMIT_S)
         moment_s = time.monotonic()
         frame = await camera.grab(moment_s)
         assert frame.taken_at_s > moment_s

@@ -19,7 +19,9 @@ DOOR_OPEN = InterlockSignal("door not open", "discrete-input", 1, allows=False)
 
 
 @asynccontextmanager
-async def interlocks_of(device: Terminal, *signals: InterlockSignal, limit_s: float = 5.0) -> AsyncIterator[Interlocks]:
+async def interlocks_of(
+    device: Terminal, *signals: InterlockSignal, limit_s: float = 20.0
+) -> AsyncIterator[Interlocks]:
     interlocks = Interlocks(f"tcp://127.0.0.1:{device.port}", 1, signals, limit_s)
     try:
         yield interlocks
@@ -83,7 +85,7 @@ async def test_a_device_that_says_nothing_forbids_motion_in_time_and_is_asked_ag
 async def test_a_device_that_is_gone_forbids_motion_and_may_come_back() -> None:
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         port = nobody.getsockname()[1]
-    interlocks = Interlocks(f"tcp://127.0.0.1:{port}", 1, (GATE, PART), 2.0)
+    interlocks = Interlocks(f"tcp://127.0.0.1:{port}", 1, (GATE, PART), 20.0)
     readings = await interlocks.readings()
     assert [reading.allows for reading in readings] == [False, False]
     assert "nobody answers" in readings[0].why

@@ -12,7 +12,7 @@ from protocols.egm.messages import decode
 from tests.foreign.client_checks import held_by
 from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.rws_cell import ACCEPT_2, RwsCell, rws_cell
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 PATH = "/rw/motionsystem/mechunits/ROB_1/robtarget?tool=tool0&wobj=wobj0&coordinate=Wobj"
 
@@ -21,7 +21,7 @@ async def told_by_all(cell: RwsCell, robot: CbRobot) -> list[list[str]]:
     """The pose as each tells it, in printed digits."""
     names = list(held_by(cell))
     digest = httpx.DigestAuth("Default User", "robotics")
-    async with httpx.AsyncClient(verify=False, trust_env=False) as client:
+    async with httpx.AsyncClient(verify=False, trust_env=False, timeout=LIMIT_S) as client:
         first = (await client.get(f"{cell.first}{PATH}&json=1", auth=digest)).json()["_embedded"]["_state"][0]
         answer = await client.get(f"{cell.second}{PATH}", auth=("Admin", "robotics"), headers=ACCEPT_2)
     second = answer.json()["state"][0]

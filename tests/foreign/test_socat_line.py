@@ -11,7 +11,7 @@ import pytest
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.transports.serial_line import SerialTransport
 from tests.mock_robot.running_cell import running_cell as cell_with_a_line
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 
 @pytest.mark.skipif(shutil.which("socat") is None, reason="socat is not installed: apt-get install socat")
@@ -35,4 +35,4 @@ async def test_the_cb_link_runs_over_a_pair_of_ptys_that_socat_joins(tmp_path: P
                 await robot.close()
         finally:
             socat.terminate()
-            await asyncio.wait_for(socat.wait(), 10.0)
+            await asyncio.wait_for(socat.wait(), LIMIT_S)

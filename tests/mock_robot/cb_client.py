@@ -11,8 +11,7 @@ from protocols.cb import messages as cb
 from protocols.cb.client import ClientSession
 from protocols.cb.codes import Status
 from protocols.cb.events import ClientEvent, ReplyReceived
-
-PATIENCE_S = 10.0
+from tests.support.waiting import LIMIT_S
 
 
 @dataclass
@@ -29,7 +28,7 @@ class CbClient:
         return await self.is_answered()
 
     async def is_answered(self) -> cb.Reply:
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(LIMIT_S):
             while True:
                 for event in await self.hears():
                     if isinstance(event, ReplyReceived):
@@ -53,7 +52,7 @@ class CbClient:
         if isinstance(reply, cb.Refused):
             return Status(reply.status)
         seq = self.session.last_seq
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(LIMIT_S):
             while True:
                 report = await self.asks(cb.GetStatus())
                 assert isinstance(report, cb.Report)

@@ -23,6 +23,7 @@ from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cell import MockCell, Ports, RobotProgram
 from mock_robot.truth.truth import CellTruth
 from protocols.cb.codes import Command
+from tests.support.waiting import LIMIT_S
 
 ROOT = Path(__file__).parents[2]
 
@@ -104,20 +105,20 @@ class CellProcess:
     async def presses_emergency_stop(self, pressed: bool = True) -> None:
         await self._ask("POST", "/emergency-stop", {"pressed": pressed})
 
-    async def ends(self, within_s: float = 10.0) -> int:
+    async def ends(self, within_s: float = LIMIT_S) -> int:
         """SIGTERM; the exit code."""
         self.process.terminate()
         return await asyncio.wait_for(self.process.wait(), within_s)
 
     async def _ask(self, method: str, path: str, body: Any = None) -> Any:
-        async with httpx.AsyncClient(base_url=self.announcement["control"], trust_env=False) as client:
+        async with httpx.AsyncClient(base_url=self.announcement["control"], trust_env=False, timeout=LIMIT_S) as client:
             response = await client.request(method, path, json=body)
         response.raise_for_status()
         return response.json()
 
 
 @asynccontextmanager
-async def cell_process(*arguments: str, within_s: float = 30.0) -> AsyncIterator[CellProcess]:
+async def cell_process(*arguments: str, within_s: float = LIMIT_S) -> AsyncIterator[CellProcess]:
     """`python -m mock_robot run ...`, ready; it ends with this block, or when the tests' process dies."""
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "mock_robot", "run", "--with-parent", *arguments, stdin=PIPE, stdout=PIPE, cwd=ROOT

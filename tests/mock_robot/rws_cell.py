@@ -13,6 +13,7 @@ from mock_robot.cell import MockCell, Ports
 from mock_robot.links.cb_program import Controller
 from mock_robot.rws.world import World
 from mock_robot.truth.truth import CellTruth
+from tests.support.waiting import LIMIT_S
 
 Result = TypeVar("Result")
 ACCEPT_2 = {"Accept": "application/hal+json;v=2.0"}
@@ -51,12 +52,16 @@ class RwsCell:
 
     def client_1(self, user: str = "Default User", password: str = "robotics") -> httpx.Client:
         """A client that knows the rules of 1.0."""
-        return httpx.Client(base_url=self.first, auth=httpx.DigestAuth(user, password), trust_env=False)
+        return httpx.Client(
+            base_url=self.first, auth=httpx.DigestAuth(user, password), trust_env=False, timeout=LIMIT_S
+        )
 
     def client_2(self, password: str = "robotics") -> httpx.Client:
         """A client that knows the rules of 2.0."""
         auth = ("Admin", password)
-        return httpx.Client(base_url=self.second, auth=auth, verify=False, headers=ACCEPT_2, trust_env=False)
+        return httpx.Client(
+            base_url=self.second, auth=auth, verify=False, headers=ACCEPT_2, trust_env=False, timeout=LIMIT_S
+        )
 
 
 async def _started(**options: Any) -> RwsCell:

@@ -29,7 +29,7 @@ from protocols.cb.events import SessionChanged
 from tests.mock_robot.cb_client import over_serial, over_tcp
 from tests.mock_robot.controller_client import AWAY, HOME, move_to
 from tests.mock_robot.running_cell import RunningCell, cell_process, running_cell
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 PROGRAMS = pytest.mark.parametrize("program", ["rapid", "python"])
 
@@ -141,7 +141,7 @@ async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str, progra
 async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None:
     async with (
         robot_only() as cell,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as client,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False, timeout=LIMIT_S) as client,
     ):
         state = (await client.get("/state")).json()
         assert state["moves_commanded"] == 0
@@ -175,7 +175,7 @@ async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None
 async def test_the_control_port_says_what_is_wrong(method: str, path: str, status: int, says: str) -> None:
     async with (
         robot_only() as cell,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as client,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False, timeout=LIMIT_S) as client,
     ):
         response = await client.request(method, path)
         assert response.status_code == status
@@ -187,8 +187,8 @@ async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switc
     imprecise = CellTruth.from_seed(7, noise=CellNoise(robot_translation_mm=1.0, robot_rotation_deg=0.1))
     async with (
         running_cell(truth=imprecise) as cell,
-        httpx.AsyncClient(base_url=str(cell.announcement.devices_url), trust_env=False) as devices,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False) as client,
+        httpx.AsyncClient(base_url=str(cell.announcement.devices_url), trust_env=False, timeout=LIMIT_S) as devices,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False, timeout=LIMIT_S) as client,
     ):
         announced = cell.announcement.document()
         assert (await devices.get(announced["scanner"])).content.startswith(b"ply")
@@ -260,13 +260,13 @@ async def test_the_process_ends_when_its_parent_closes_standard_input() -> None:
     async with cell_process("--robot-only") as cell:
         assert cell.process.stdin is not None
         cell.process.stdin.close()
-        assert await asyncio.wait_for(cell.process.wait(), 10.0) == 0
+        assert await asyncio.wait_for(cell.process.wait(), LIMIT_S) == 0
 
 
 async def test_sigint_ends_it_too() -> None:
     async with cell_process("--robot-only") as cell:
         os.kill(cell.process.pid, signal.SIGINT)
-        assert await asyncio.wait_for(cell.process.wait(), 10.0) == 0
+        assert await asyncio.wait_for(cell.process.wait(), LIMIT_S) == 0
 
 
 def test_truth_and_faults_are_printed_on_request(capsys: pytest.CaptureFixture[str]) -> None:

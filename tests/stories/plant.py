@@ -1,11 +1,10 @@
 """A whole plant for stories: the mock cell, the daemon, an operator with an HTTP client, joined by real sockets."""
 
 import asyncio
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from mock_robot.announcement import Announcement
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.truth_sheet import cell_sheet
 from tests.mock_robot.running_cell import RunningCell, running_cell
+from tests.support.waiting import LIMIT_S
 
 TEXT = {"accept": "text/plain"}
 
@@ -60,7 +60,11 @@ def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
             "settling": {"gap_s": 0.01, "translation_mm": 0.5, "rotation_deg": 0.05},
         },
         "camera": {"address": f"{cell.devices_url}/camera/snapshot.png", "intrinsics": sheet["camera"]},
-        "scanner": {"address": f"{cell.devices_url}/scanner/cloud.ply", "poses": sheet["scan_poses"]},
+        "scanner": {
+            "address": f"{cell.devices_url}/scanner/cloud.ply",
+            "poses": sheet["scan_poses"],
+            "limit_s": LIMIT_S,
+        },
         "target": sheet["target"],
         "calibration": {
             "flange_T_camera_guess": sheet["flange_T_camera_guess"],
@@ -119,12 +123,12 @@ class Operator:
         found: dict[str, Any] = (await self.client.get(run["links"]["self"])).json()
         return found
 
-    async def waits_for_the_end_of(self, run: dict[str, Any], within_s: float = 60.0) -> dict[str, Any]:
+    async def waits_for_the_end_of(self, run: dict[str, Any], within_s: float = LIMIT_S) -> dict[str, Any]:
         ended: dict[str, Any] = (await self.client.get(run["links"]["self"], params={"wait": within_s})).json()
         assert ended["over"], ended
         return ended
 
-    async def waits_until_station(self, run: dict[str, Any], station: int, within_s: float = 30.0) -> None:
+    async def waits_until_station(self, run: dict[str, Any], station: int, within_s: float = LIMIT_S) -> None:
         """Listens to the events, as a page would."""
         async with (
             asyncio.timeout(within_s),
@@ -134,7 +138,7 @@ class Operator:
                 if line.startswith("data:") and f'"station": {station},' in line and run["id"] in line:
                     return
 
-    async def waits_until(self, run: dict[str, Any], state: str, station: int, within_s: float = 30.0) -> None:
+    async def waits_until(self, run: dict[str, Any], state: str, station: int, within_s: float = LIMIT_S) -> None:
         """Listens to the events until the run is in that state, with so many stations done."""
         async with (
             asyncio.timeout(within_s),
@@ -145,12 +149,11 @@ class Operator:
                 if line.startswith("data:") and told in line and run["id"] in line:
                     return
 
-    async def waits_until_ready(self, within_s: float = 20.0) -> None:
+    async def waits_until_ready(self, within_s: float = LIMIT_S) -> None:
         """The devices are dialled in the background."""
-        ends_s = time.monotonic() + within_s
-        while not (ready := (await self.client.get("/ready")).json())["calibrate"]["ready"]:
-            assert time.monotonic() < ends_s, ready
-            await asyncio.sleep(0.02)
+        async with asyncio.timeout(within_s):
+            while not (await self.client.get("/ready")).json()["calibrate"]["ready"]:  # noqa: ASYNC110 - it happens behind HTTP
+                await asyncio.sleep(0.02)
 
 
 @dataclass
@@ -169,15 +172,19 @@ class Plant:
 
 
 @asynccontextmanager
-async def daemon_for(cell: RunningCell, folder: Path, **changes: Any) -> AsyncIterator[Plant]:
+async def daemon_for(
+    cell: RunningCell, folder: Path, *, camera_limit_s: float = LIMIT_S, **changes: Any
+) -> AsyncIterator[Plant]:
     """The daemon beside a cell that runs already."""
-    application = build(settings_of(cell.announcement, folder, **changes), open_devices)
+    application = build(
+        settings_of(cell.announcement, folder, **changes), partial(open_devices, camera_limit_s=camera_limit_s)
+    )
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     server = Server(application, announced.set_result)
     task = asyncio.create_task(server.listen())
     try:
-        await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=20)
-        async with httpx.AsyncClient(base_url=announced.result(), timeout=90) as client:
+        await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
+        async with httpx.AsyncClient(base_url=announced.result(), timeout=2 * LIMIT_S) as client:
             operator = Operator(client)
             await operator.waits_until_ready()
             yield Plant(cell, application, operator, folder, announced.result())

@@ -17,7 +17,7 @@ from mock_robot.cabinet.panel import Mode
 from mock_robot.truth.score import score_calibration
 from tests.stories.jogging import SMALL_PICTURES_MM, jogs, jogs_and_waits, settled, where_next
 from tests.stories.plant import Plant, plant, small_pictures
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 ROOT = Path(__file__).parents[2]
 BLIND = ("z", 30.0), ("x", 20.0), ("y", 20.0)
@@ -78,7 +78,7 @@ class Typist:
 
     async def reads(self, says: str) -> str:
         assert self.process.stderr is not None
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(LIMIT_S):
             while line := (await self.process.stderr.readline()).decode():
                 if says in line:
                     return line
@@ -93,7 +93,7 @@ class Typist:
         """Exit status and answer; nobody types any more."""
         assert self.process.stdin is not None
         self.process.stdin.close()
-        out, _ = await asyncio.wait_for(self.process.communicate(), 60)
+        out, _ = await asyncio.wait_for(self.process.communicate(), LIMIT_S)
         assert self.process.returncode is not None
         return self.process.returncode, out.decode()
 

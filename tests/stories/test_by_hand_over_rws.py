@@ -12,11 +12,12 @@ from mock_robot.cabinet.panel import Mode
 from mock_robot.truth.score import score_calibration
 from tests.stories.jogging import SMALL_PICTURES_MM, jogs_and_waits, where_next
 from tests.stories.rws_plant import by_rws
+from tests.support.waiting import LIMIT_S
 
 
 async def takes_a_view(ask: httpx.AsyncClient, run: dict[str, Any]) -> dict[str, Any]:
     """As an operator does: again when it comes too early after the jog, which EGM still remembers."""
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(LIMIT_S):
         while (answer := await ask.post(run["links"]["stations"])).status_code == 409:
             assert answer.json()["code"] == "not-still"
     assert answer.status_code == 200, answer.text

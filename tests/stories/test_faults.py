@@ -8,7 +8,7 @@ import pytest
 
 from tests.stories.fault_rows import ROWS, SUMMARIES, Row, page
 from tests.stories.plant import Plant, plant, small_pictures
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 DOCS = Path(__file__).parents[2] / "docs"
 PATIENCE = 5.0
@@ -26,8 +26,15 @@ def test_the_page_of_faults_is_this_table() -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.fault)
 async def test_what_a_fault_does(row: Row, tmp_path: Path) -> None:
-    scanner = {"limit_s": 5 if row.within_s else 60}
-    async with plant(tmp_path, time_scale=40, truth=small_pictures(7), serial=row.serial, scanner=scanner) as story:
+    limit_s = 5.0 if row.code == "device-timeout" else LIMIT_S
+    async with plant(
+        tmp_path,
+        time_scale=40,
+        truth=small_pictures(7),
+        serial=row.serial,
+        camera_limit_s=limit_s,
+        scanner={"limit_s": limit_s},
+    ) as story:
         ended = await _struck_by(row, story)
         _told_as_the_row_says(row, ended)
         await _verdict_as_the_row_says(row, ended, story)

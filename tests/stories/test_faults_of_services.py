@@ -9,6 +9,7 @@ import pytest
 
 from tests.stories.fault_rows import SERVICES, VIEW_ROWS, ViewRow
 from tests.stories.rws_plant import by_rws
+from tests.support.waiting import LIMIT_S
 
 PATIENCE = 10.0
 """Test machines are busy: what the table says of time is for a PC that is not."""
@@ -29,7 +30,7 @@ async def test_what_a_fault_does(row: ViewRow, tmp_path: Path) -> None:
             assert row.tells in told["detail"]
             assert row.fix in told["fix"]
         story.cell.clear_faults()
-        async with asyncio.timeout(30.0):
+        async with asyncio.timeout(LIMIT_S):
             await _told(story.operator.client, run, None)
         assert story.cell.controller.arm.departures == 0
 

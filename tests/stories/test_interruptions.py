@@ -16,7 +16,7 @@ import pytest
 from protocols.cb.codes import Command
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.stories.plant import Operator, plant, poses_taught_for, settings_of, small_pictures
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 ROOT = Path(__file__).parents[2]
 
@@ -127,9 +127,9 @@ class Process:
 
     def __init__(self, process: asyncio.subprocess.Process, url: str) -> None:
         self.process, self.url = process, url
-        self.operator = Operator(httpx.AsyncClient(base_url=url, timeout=60))
+        self.operator = Operator(httpx.AsyncClient(base_url=url, timeout=2 * LIMIT_S))
 
-    async def ends(self, within_s: float) -> int:
+    async def ends(self, within_s: float = LIMIT_S) -> int:
         return await asyncio.wait_for(self.process.wait(), within_s)
 
 
@@ -151,7 +151,7 @@ async def daemon_process(folder: Path, settings: dict[str, Any]) -> AsyncIterato
         sys.executable, "-c", program, str(config), str(ready), cwd=ROOT, stdout=asyncio.subprocess.DEVNULL
     )
     try:
-        await eventually(lambda: ready.exists() or process.returncode is not None, within_s=30)
+        await eventually(lambda: ready.exists() or process.returncode is not None)
         running = Process(process, json.loads(ready.read_text())["url"])
         try:
             yield running
@@ -171,7 +171,7 @@ async def test_killed_in_mid_run_the_daemon_says_so_after_its_restart_and_the_ar
             run = await daemon.operator.starts("/calibrate", count=6)
             await daemon.operator.waits_until_station(run, 2)
             daemon.process.kill()
-            await daemon.ends(10)
+            await daemon.ends()
         async with daemon_process(tmp_path, settings) as daemon:
             seen = await daemon.operator.sees(run)
             assert (seen["state"], seen["cause"]["code"]) == ("failed", "interrupted")
@@ -194,9 +194,9 @@ async def test_sigterm_in_mid_run_aborts_it_ends_event_streams_and_leaves_the_ar
                 lines = events.aiter_lines()
                 assert (await anext(lines)).startswith(":")
                 daemon.process.send_signal(signal.SIGTERM)
-                async with asyncio.timeout(2):
+                async with asyncio.timeout(LIMIT_S):
                     last = [line async for line in lines if line.startswith("data:")][-1]
-            assert await daemon.ends(10) == 0
+            assert await daemon.ends() == 0
             moves = cell.commanded_moves
         assert '"state": "aborted"' in last
         assert run["id"] in last

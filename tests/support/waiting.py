@@ -3,9 +3,14 @@
 import asyncio
 import heapq
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from typing import TypeVar
 
+from drivers.errors import DeviceTimeout
 from drivers.timing import Timing
+
+Answer = TypeVar("Answer")
 
 LIMIT_S = 60.0
 """Long enough for a machine whose cores are all busy with something else."""
@@ -17,6 +22,14 @@ async def eventually(condition: Callable[[], bool], limit_s: float = LIMIT_S) ->
     while not condition():
         assert time.monotonic() < deadline_s, "it did not happen in time"
         await asyncio.sleep(0.002)
+
+
+async def patiently(ask: Callable[[], Awaitable[Answer]]) -> Answer:
+    """What a device answers when it is asked again after each DeviceTimeout; other errors are raised."""
+    async with asyncio.timeout(LIMIT_S):
+        while True:
+            with suppress(DeviceTimeout):
+                return await ask()
 
 
 def eventually_blocking(condition: Callable[[], bool], limit_s: float = LIMIT_S) -> None:
@@ -34,6 +47,25 @@ def quick_timing(factor: float = 4.0) -> Timing:
         await asyncio.sleep(duration_s / factor)
 
     return Timing(clock=lambda: time.monotonic() * factor, sleep=sleep, chance=lambda: 0.5)
+
+
+class SkippableTime:
+    """Real time, of which a test may skip some: a generous limit is over at once when it has been skipped."""
+
+    def __init__(self) -> None:
+        self._skipped_s = 0.0
+
+    @property
+    def timing(self) -> Timing:
+        return Timing(clock=self.clock, chance=lambda: 0.5)
+
+    def clock(self) -> float:
+        """Seconds, monotonic."""
+        return time.monotonic() + self._skipped_s
+
+    def skip(self, duration_s: float) -> None:
+        """Let the clock jump; sleeps under way take as long as before."""
+        self._skipped_s += duration_s
 
 
 class FakeTime:

@@ -4,10 +4,15 @@ import asyncio
 
 import httpx
 
+from tests.support.waiting import LIMIT_S
+
 
 async def read_events(client: httpx.AsyncClient, until: str, last_event_id: str) -> list[dict[str, str]]:
     events: list[dict[str, str]] = [{}]
-    async with asyncio.timeout(10), client.stream("GET", "/events", headers={"last-event-id": last_event_id}) as answer:
+    async with (
+        asyncio.timeout(LIMIT_S),
+        client.stream("GET", "/events", headers={"last-event-id": last_event_id}) as answer,
+    ):
         async for line in answer.aiter_lines():
             key, _, value = line.partition(": ")
             if key:

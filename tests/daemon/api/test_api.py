@@ -18,6 +18,7 @@ from tests.daemon.api.event_stream import read_events
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, pose_json, serving, settings_for
 from tests.daemon.fakes import poses_around_the_target
+from tests.support.waiting import LIMIT_S
 
 OPENAPI = Path(__file__).parents[3] / "docs" / "openapi.json"
 HERE = "regenerate it: python -m tests.daemon.openapi_file"
@@ -165,7 +166,7 @@ async def test_a_body_over_the_limit_is_refused_before_it_is_read(tmp_path: Path
         url = urlsplit(bench.url)
         reader, writer = await asyncio.open_connection(url.hostname, url.port)
         writer.write(f"POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5000001\r\n\r\n".encode())
-        answer = await asyncio.wait_for(reader.read(), 5)
+        answer = await asyncio.wait_for(reader.read(), LIMIT_S)
         assert b" 413 " in answer.splitlines()[0]
         assert b"body-too-large" in answer
         writer.close()
@@ -182,7 +183,7 @@ async def test_a_body_without_a_length_is_cut_off_at_the_limit(bench: Bench) -> 
         writer.write(b"10000\r\n" + b" " * 0x10000 + b"\r\n")
         sent += 0x10000
         await asyncio.sleep(0)
-    assert b" 413 " in (await asyncio.wait_for(answer, 5)).splitlines()[0]
+    assert b" 413 " in (await asyncio.wait_for(answer, LIMIT_S)).splitlines()[0]
     writer.close()
 
 
@@ -291,7 +292,7 @@ async def test_an_event_stream_ends_when_the_daemon_stops(tmp_path: Path) -> Non
         lines = answer.aiter_lines()
         assert (await anext(lines)).startswith(":")
         bench.application.begin_stop("the test")
-        async with asyncio.timeout(2):
+        async with asyncio.timeout(LIMIT_S):
             assert [line async for line in lines] == [""]
 
 

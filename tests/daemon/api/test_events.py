@@ -10,11 +10,12 @@ from daemon.runtime.event_bus import MAX_EVENTS, RESTART_GAP, BusEvent, EventBus
 from tests.daemon.api.event_stream import read_events
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.records import a_run
+from tests.support.waiting import LIMIT_S
 
 
 async def heard(log: EventBus, after: int, until: int) -> list[BusEvent]:
     events: list[BusEvent] = []
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(LIMIT_S):
         async for event in log.listen(after):
             assert event is not None
             events.append(event)

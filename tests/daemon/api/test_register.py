@@ -17,7 +17,7 @@ from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import LAZ, OCTETS, PLY, POSE, cloud, in_base, laz_of
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 
 async def test_a_cloud_comes_back_in_the_base_frame(bench: Bench) -> None:
@@ -95,7 +95,7 @@ async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothin
             await eventually(lambda: not bench.server.server_state.connections)
             received = 0
             with contextlib.suppress(ConnectionResetError):
-                async with asyncio.timeout(10):
+                async with asyncio.timeout(LIMIT_S):
                     while piece := await loop.sock_recv(client, 1 << 20):
                         received += len(piece)
         assert received < len(body), "what the sockets held, and no more"

@@ -18,6 +18,7 @@ from daemon.cli.demo_run.processes import ChildProcess, start_child
 from daemon.cli.demo_run.settings_file import settings_text
 from tests.daemon.cli.running import handeyed
 from tests.support.terminal import started
+from tests.support.waiting import LIMIT_S
 
 FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
 
@@ -64,7 +65,7 @@ def test_calibrate_prints_the_verdict_of_the_run(running: Running) -> None:
     assert (ran.status, ran.err) == (0, "")
     document = CalibrationDocument.model_validate_json(ran.out)
     assert document.verdict.accepted
-    stored = httpx.get(f"{running.url}/calibrations/{document.id}").json()
+    stored = httpx.get(f"{running.url}/calibrations/{document.id}", timeout=LIMIT_S).json()
     assert stored["flange_T_camera"] == json.loads(ran.out)["flange_T_camera"]
 
 
@@ -79,24 +80,24 @@ def test_calibrate_in_words_says_whether_it_is_in_force(running: Running) -> Non
 def test_ctrl_c_stops_the_arm(running: Running) -> None:
     command = [sys.executable, "-m", "daemon.cli", "calibrate", "--url", running.url, "--count", "6"]
     with started(command) as asking:
-        while (run := httpx.get(f"{running.url}/runs?limit=1").json()["runs"][0])["over"]:
+        while (run := httpx.get(f"{running.url}/runs?limit=1", timeout=LIMIT_S).json()["runs"][0])["over"]:
             assert asking.poll() is None
             time.sleep(0.02)
         asking.send_signal(signal.SIGINT)
-        asking.communicate(timeout=30)
+        asking.communicate(timeout=LIMIT_S)
 
     assert asking.returncode == 130
-    assert httpx.get(f"{running.url}/runs/{run['id']}?wait=20").json()["state"] == "aborted"
-    assert httpx.get(f"{running.url}/robot").json()["armed"] is False
+    assert httpx.get(f"{running.url}/runs/{run['id']}?wait=20", timeout=LIMIT_S).json()["state"] == "aborted"
+    assert httpx.get(f"{running.url}/robot", timeout=LIMIT_S).json()["armed"] is False
 
 
 def test_a_calibration_folder_of_the_daemon_can_be_solved_again(running: Running) -> None:
-    run = httpx.get(f"{running.url}/runs").json()["runs"][-1]["id"]
+    run = httpx.get(f"{running.url}/runs", timeout=LIMIT_S).json()["runs"][-1]["id"]
 
     ran = handeyed("solve", running.settings.parent / "store" / "runs" / run, "--json")
 
     again = CalibrationDocument.model_validate_json(ran.out)
-    first = CalibrationDocument.model_validate(httpx.get(f"{running.url}/calibrations/{run}").json())
+    first = CalibrationDocument.model_validate(httpx.get(f"{running.url}/calibrations/{run}", timeout=LIMIT_S).json())
     assert again.flange_T_camera is not None and first.flange_T_camera is not None
     assert again.flange_T_camera.translation_mm == pytest.approx(first.flange_T_camera.translation_mm, abs=1e-6)
 
@@ -190,11 +191,11 @@ def test_check_says_what_to_do_where_nobody_answers(alone: tuple[ChildProcess, P
 def test_check_sees_a_robot_that_would_not_move(alone: tuple[ChildProcess, Path]) -> None:
     mock, settings = alone
     pressed = f"{mock.announcement['control']}/faults/robot-emergency-stop"
-    httpx.post(pressed).raise_for_status()
+    httpx.post(pressed, timeout=LIMIT_S).raise_for_status()
     try:
         ran = handeyed("check", settings)
     finally:
-        httpx.delete(pressed).raise_for_status()
+        httpx.delete(pressed, timeout=LIMIT_S).raise_for_status()
 
     assert ran.status == 1
     assert "FAIL  robot     answers, but emergency stop is pressed" in ran.out

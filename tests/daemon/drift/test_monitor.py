@@ -22,7 +22,7 @@ from protocols.plc.codes import ControlBit, DriftState, PlcVerdict, StatusBit
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import FakeCamera, picture_of_the_board
 from tests.daemon.plcs import MOVING, ladder, value_of
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 QUICK = {"learn": 2, "runs_between_false_alarms": 1000}
 
@@ -89,7 +89,7 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
         metrics = (await bench.client.get("/metrics")).text
         assert "\nhandeyed_drift_alarm 1\n" in metrics
         assert "\nhandeyed_drift_verifications 5\n" in metrics
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(LIMIT_S):
             async for event in bench.application.events.listen(heard):
                 if event is not None and event.kind == "drift":
                     break
@@ -101,7 +101,7 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
         assert run["result"]["applied"]
         await eventually(lambda: watch.report.alarm is None)
         assert [alarm["raised"] for alarm in await alarms_in(bench)] == [True, False]
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(LIMIT_S):
             async for event in bench.application.events.listen(heard):
                 if event is not None and event.kind == "drift" and event.data["standing"] == "learning":
                     break

@@ -17,6 +17,7 @@ from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.clouds import OCTETS, POSE, cloud, in_base
 from tests.daemon.http.tls_files import certificate, trusting
+from tests.support.waiting import LIMIT_S
 
 CLOUDS, POINTS = 3, 300_000
 
@@ -26,7 +27,7 @@ CLOUDS, POINTS = 3, 300_000
 def test_clouds_at_the_same_time(tmp_path: Path, loops: Callable[[], asyncio.AbstractEventLoop], secured: bool) -> None:
     async def moved(url: str, verify: ssl.SSLContext | bool, key: str, number: int) -> Array:
         content = cloud(POINTS, seed=number).astype("<f4").tobytes()
-        async with httpx.AsyncClient(base_url=url, verify=verify, timeout=60, headers=bearer(key)) as client:
+        async with httpx.AsyncClient(base_url=url, verify=verify, timeout=LIMIT_S, headers=bearer(key)) as client:
             answer = await client.post("/register", params={"pose": POSE}, content=content, headers=OCTETS)
         assert answer.status_code == 200, answer.text
         return np.frombuffer(answer.content, "<f4").reshape(-1, 3)

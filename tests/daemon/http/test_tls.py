@@ -22,7 +22,7 @@ from daemon.http.connections import ConnectionLimiter, HttpLimits
 from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.http.tls_files import certificate, trusting
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.7", "cell-7.plant.example", "0"])
@@ -41,16 +41,16 @@ async def test_others_are_served_over_tls_and_asked_for_a_key_from_the_start(tmp
     async with serving(settings_for(tmp_path / "store", server=server)) as bench:
         assert bench.url.startswith("https://0.0.0.0:")
         url = bench.url.replace("0.0.0.0", "localhost")
-        async with httpx.AsyncClient(base_url=url, verify=trusting(tmp_path / "tls"), timeout=20) as client:
+        async with httpx.AsyncClient(base_url=url, verify=trusting(tmp_path / "tls"), timeout=LIMIT_S) as client:
             assert (await client.get("/health")).status_code == 200
             assert (await client.get("/runs")).json()["code"] == "key-missing"  # though there are none yet
             code = bench.application.key_service.code.text
             key = (await client.post("/setup", json={"code": code})).json()["key"]
             assert (await client.get("/runs", headers=bearer(key))).status_code == 200
-        async with httpx.AsyncClient(base_url=url) as suspicious:
+        async with httpx.AsyncClient(base_url=url, timeout=LIMIT_S) as suspicious:
             with pytest.raises(httpx.ConnectError, match=r"(?i)certificate"):
                 await suspicious.get("/health")
-        async with httpx.AsyncClient(base_url=url.replace("https", "http")) as plain:
+        async with httpx.AsyncClient(base_url=url.replace("https", "http"), timeout=LIMIT_S) as plain:
             with pytest.raises(httpx.HTTPError):
                 await plain.get("/health")
 
@@ -64,13 +64,13 @@ async def test_old_protocols_are_not_spoken(tmp_path: Path) -> None:
             warnings.simplefilter("ignore", DeprecationWarning)
             old.minimum_version, old.maximum_version = ssl.TLSVersion.TLSv1, ssl.TLSVersion.TLSv1_1
         url = bench.url.replace("127.0.0.1", "localhost")
-        async with httpx.AsyncClient(base_url=url, verify=old) as client:
+        async with httpx.AsyncClient(base_url=url, verify=old, timeout=LIMIT_S) as client:
             with pytest.raises(httpx.ConnectError):
                 await client.get("/health")
         for version in (ssl.TLSVersion.TLSv1_2, ssl.TLSVersion.TLSv1_3):
             exactly = trusting(tmp_path / "tls")
             exactly.minimum_version = exactly.maximum_version = version
-            async with httpx.AsyncClient(base_url=url, verify=exactly) as client:
+            async with httpx.AsyncClient(base_url=url, verify=exactly, timeout=LIMIT_S) as client:
                 assert (await client.get("/runs", headers=bearer(key))).status_code == 200
 
 
@@ -93,12 +93,14 @@ def test_handshakes_that_never_end_make_room_and_are_cut_off(
                 writer.write(sent)
                 half.append((reader, writer))
             for _ in range(5):
-                async with httpx.AsyncClient(base_url=url, verify=trusting(tmp_path / "tls"), timeout=20) as client:
+                async with httpx.AsyncClient(
+                    base_url=url, verify=trusting(tmp_path / "tls"), timeout=LIMIT_S
+                ) as client:
                     assert (await client.get("/health")).status_code == 200
                 assert len(door.handshakes) + len(bench.server.server_state.connections) <= limits.connections
             for reader, writer in half:
                 with suppress(ConnectionError):
-                    assert await asyncio.wait_for(reader.read(), 10) == b""
+                    assert await asyncio.wait_for(reader.read(), LIMIT_S) == b""
                 writer.close()
             await eventually(lambda: not door.handshakes and not door.waiting)
 
@@ -122,7 +124,7 @@ def at_once(port: int, trust: ssl.SSLContext) -> bytes:
     """The end of a handshake and a whole request in one send."""
     incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
     tls = trust.wrap_bio(incoming, outgoing, server_hostname="localhost")
-    with socket.create_connection(("127.0.0.1", port), timeout=20) as connection:
+    with socket.create_connection(("127.0.0.1", port), timeout=LIMIT_S) as connection:
 
         def heard() -> None:
             connection.sendall(outgoing.read())

@@ -24,6 +24,7 @@ from protocols.plc.events import CellStatus, RegistersWritten
 from protocols.plc.handshake import Handshake, Rules, react
 from protocols.plc.image import register_image
 from protocols.plc.registers import SIZE
+from tests.support.waiting import LIMIT_S
 
 CLOSED_WITHIN_S = 1.0
 
@@ -112,7 +113,7 @@ async def _connection(port: int, chance: random.Random, frames: int, tally: Tall
     answers = MbapReader()
     found: list[Adu] = []
     with contextlib.suppress(TimeoutError, ConnectionError):
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(LIMIT_S):
             while len(found) < len(adus) and (data := await reader.read(65536)):
                 found += answers.feed(data)
     good = sum(_answers(answer, adu) for answer, adu in zip(found, adus, strict=False))

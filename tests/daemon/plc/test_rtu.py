@@ -12,7 +12,7 @@ from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.plc.foreign_clients import needs_mbpoll, output_of
 from tests.daemon.plcs import MOVING, Ladder, plc_of, value_of
 from tests.support.serial_pair import cable
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 
 def with_line(port: str) -> dict[str, object]:
@@ -23,8 +23,8 @@ async def test_a_calibration_over_rtu(tmp_path: Path) -> None:
     async with cable() as (ours, theirs), serving(settings_for(tmp_path, plc=with_line(ours))) as bench:
         rtu = plc_of(bench).rtu
         assert rtu is not None
-        await asyncio.wait_for(rtu.opened.wait(), 10)
-        client = AsyncModbusSerialClient(theirs, baudrate=115200, timeout=5, retries=0, reconnect_delay=0)
+        await asyncio.wait_for(rtu.opened.wait(), LIMIT_S)
+        client = AsyncModbusSerialClient(theirs, baudrate=115200, timeout=LIMIT_S, retries=0, reconnect_delay=0)
         assert await client.connect()
         try:
             plc = Ladder(OfUnit(client, 7))
@@ -67,7 +67,7 @@ async def test_mbpoll_over_rtu(tmp_path: Path) -> None:
     async with cable() as (ours, theirs), serving(settings_for(tmp_path, plc=with_line(ours))) as bench:
         rtu = plc_of(bench).rtu
         assert rtu is not None
-        await asyncio.wait_for(rtu.opened.wait(), 10)
+        await asyncio.wait_for(rtu.opened.wait(), LIMIT_S)
         base = ("mbpoll", "-m", "rtu", "-a", "7", "-b", "115200", "-P", "none", "-0", "-1", "-o", "5")
         out = await output_of(*base, "-t", "3:float", "-B", "-r", "24", theirs)
         assert "123.456" in out

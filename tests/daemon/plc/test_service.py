@@ -17,6 +17,7 @@ from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, poses_around_the_target
 from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
+from tests.support.waiting import LIMIT_S
 
 C, S = ControlBit, StatusBit
 
@@ -238,7 +239,7 @@ async def test_the_word_order_is_the_settings(tmp_path: Path, order: WordOrder) 
 async def test_the_heartbeat_goes_on(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
         counts = set()
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(LIMIT_S):
             while len(counts) < 3:
                 counts.add(value_of(await plc.image(), "heartbeat_out"))
 

@@ -19,6 +19,7 @@ from daemon.store.store import Store
 from drivers.errors import DeviceTimeout
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, poses_around_the_target
+from tests.support.waiting import LIMIT_S
 
 TEXT = {"accept": "text/plain"}
 POSES = poses_around_the_target(6)
@@ -249,7 +250,7 @@ async def test_aborted_in_the_middle_of_a_view_both_who_asked_are_told(tmp_path:
 
         hand.bench.camera.grab = slowly  # type: ignore[method-assign]
         taking = asyncio.create_task(hand.takes(POSES[0]))
-        await asyncio.wait_for(looked.wait(), 5)
+        await asyncio.wait_for(looked.wait(), LIMIT_S)
         assert (await hand.bench.client.post(hand.run["links"]["abort"])).json()["state"] == "aborted"
         told = await taking
         assert (told.status_code, told.json()["code"]) == (409, "run-over")

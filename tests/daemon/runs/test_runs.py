@@ -18,6 +18,7 @@ from daemon.store.store import Store
 from drivers.errors import DeviceTimeout, GarbledAnswer, LinkLost, MoveRefused
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import Gate, poses_around_the_target
+from tests.support.waiting import LIMIT_S
 
 TEXT = {"accept": "text/plain"}
 
@@ -56,7 +57,7 @@ async def test_a_second_calibrate_is_told_who_holds_the_cell(tmp_path: Path) -> 
     parts.robot.before_move = gate = Gate(2)
     async with serving(settings_for(tmp_path), parts) as bench:
         first = (await bench.client.post("/calibrate")).json()
-        await asyncio.wait_for(gate.reached.wait(), 5)
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
         for path in ("/calibrate", "/verify", "/calibrate?wait=5"):
             second = await bench.client.post(path)
             if path != "/verify":
@@ -105,7 +106,7 @@ async def test_abort_stops_and_disarms_and_nothing_moves_afterwards(tmp_path: Pa
     parts.robot.before_move = gate = Gate(3)
     async with serving(settings_for(tmp_path), parts) as bench:
         run = (await bench.client.post("/calibrate")).json()
-        await asyncio.wait_for(gate.reached.wait(), 5)
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
         stopped = await bench.client.post(f"/runs/{run['id']}/abort")
         assert stopped.json()["state"] == "aborted"
         assert stopped.json()["cause"]["what"] == "aborted by a request over REST after station 2 of 5"

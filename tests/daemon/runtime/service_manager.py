@@ -3,6 +3,8 @@
 import asyncio
 import socket
 
+from tests.support.waiting import LIMIT_S
+
 
 class Manager:
     """systemd's end of NOTIFY_SOCKET."""
@@ -11,6 +13,6 @@ class Manager:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self.socket.bind(address)
 
-    async def hears(self, limit_s: float = 5.0) -> str:
+    async def hears(self, limit_s: float = LIMIT_S) -> str:
         async with asyncio.timeout(limit_s):
             return (await asyncio.get_running_loop().sock_recv(self.socket, 4096)).decode()

@@ -11,6 +11,7 @@ import pytest
 
 from daemon.runtime.metrics import Metric, exposition, process_families
 from tests.daemon.cell_under_test import serving, settings_for
+from tests.support.waiting import LIMIT_S
 
 DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
 NAME = re.compile(r"\b(handeyed_\w+|process_\w+|up)\b(?=[{\[ ])")
@@ -31,7 +32,7 @@ async def page_of_a_cell_that_has_worked(folder: Path) -> str:
 
 def promtool(*arguments: str, text: str = "", cwd: Path | None = None) -> str:
     command = ["promtool", *arguments]
-    done = subprocess.run(command, check=False, input=text, text=True, capture_output=True, cwd=cwd, timeout=60)
+    done = subprocess.run(command, check=False, input=text, text=True, capture_output=True, cwd=cwd, timeout=LIMIT_S)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout + done.stderr
 

@@ -16,6 +16,7 @@ from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import LAZ, OCTETS, PLY, POSES, cloud, in_base, laz_of
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.daemon.scans.scan_folders import a_scan, names
+from tests.support.waiting import LIMIT_S
 
 FLANGES = [
     transform(rotation_from_vector([np.pi, 0.1 * k, 0.05 * k]), [800.0 + 20 * k, -10.0 * k, 700]) for k in range(3)
@@ -56,7 +57,7 @@ async def test_a_scan_asked_to_refine_does_so_while_views_come_and_tells_how_far
     assert len(report["views"]) == 3
     assert report["rms_mm"]["after"] < 0.5 * report["rms_mm"]["before"]
     assert all(view["correction"] for view in report["views"])
-    told = await asyncio.wait_for(registrations_told(bench, views=3), 10)
+    told = await asyncio.wait_for(registrations_told(bench, views=3), LIMIT_S)
     assert {event["scan_id"] for event in told} == {scan["id"]}
     whole = [event["state"] for event in told if event["views"] == 3]
     assert whole[:4] == ["reading", "reading", "reading", "registering"]

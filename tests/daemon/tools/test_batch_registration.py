@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
 from tests.support.terminal import on_terminal
+from tests.support.waiting import eventually_blocking
 
 pytest.importorskip("fsspec")
 
@@ -100,9 +100,7 @@ def test_killed_in_the_middle_it_goes_on_where_it_stopped(tmp_path: Path, archiv
     out = tmp_path / "out"
     arguments = command(archive, calibration, out, "--scheduler", "here", "--json")
     with subprocess.Popen([sys.executable, "-m", "daemon.cli", *arguments], stdout=subprocess.DEVNULL) as process:
-        limit = time.monotonic() + 30
-        while len(list(out.rglob(MANIFEST_NAME))) < 2 and time.monotonic() < limit:
-            time.sleep(0.002)
+        eventually_blocking(lambda: len(list(out.rglob(MANIFEST_NAME))) >= 2)
         process.send_signal(signal.SIGKILL)
     finished = {file.parent.relative_to(out).as_posix() for file in out.rglob(MANIFEST_NAME)}
     assert 2 <= len(finished) < 16

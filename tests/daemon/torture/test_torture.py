@@ -11,6 +11,7 @@ from tests.daemon.cell_under_test import pose_json, serving, settings_for
 from tests.daemon.fakes import poses_around_the_target
 from tests.daemon.torture.ledger import Ledger, Lost, Request
 from tests.daemon.torture.torture import Torture
+from tests.support.waiting import LIMIT_S
 
 TWO_POSES = [pose_json(pose) for pose in poses_around_the_target(2)]
 
@@ -59,7 +60,7 @@ async def test_a_daemon_that_forgets_is_found_out(tmp_path: Path) -> None:
         def work() -> None:
             import httpx
 
-            with httpx.Client(base_url=bench.url, timeout=30) as client:
+            with httpx.Client(base_url=bench.url, timeout=LIMIT_S) as client:
                 ledger.sent["scan"] += 1
                 ledger.acknowledged(scan, scan.send(client), client)
                 ledger.check(client, kept, None)

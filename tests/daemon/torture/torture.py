@@ -24,6 +24,7 @@ from tests.daemon.clouds import POSE
 from tests.daemon.fakes import ply_of
 from tests.daemon.torture.ledger import Ledger, Lost, Request
 from tests.daemon.torture.tortured_daemon import STATIONS, WARM, daemon_process
+from tests.support.waiting import LIMIT_S
 
 ROUNDS_A_STORE = 25
 
@@ -97,7 +98,7 @@ class Torture:
             return f"{place}, while starting"
         self.report.ready_s.append(time.monotonic() - began_s)
         try:
-            with httpx.Client(base_url=url, timeout=60, verify=False, trust_env=False) as client:
+            with httpx.Client(base_url=url, timeout=LIMIT_S, verify=False, trust_env=False) as client:
                 self._work(client, moves)
         except httpx.HTTPError:
             return place

@@ -7,6 +7,8 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from tests.support.waiting import LIMIT_S
+
 
 @dataclass
 class Receiver:
@@ -17,7 +19,7 @@ class Receiver:
     got: list[tuple[dict[str, str], bytes]] = field(default_factory=list)
     arrived: asyncio.Condition = field(default_factory=asyncio.Condition)
 
-    async def has(self, count: int, within_s: float = 15.0) -> list[dict[str, Any]]:
+    async def has(self, count: int, within_s: float = LIMIT_S) -> list[dict[str, Any]]:
         """The bodies, when so many requests have come."""
         async with asyncio.timeout(within_s), self.arrived:
             await self.arrived.wait_for(lambda: len(self.got) >= count)

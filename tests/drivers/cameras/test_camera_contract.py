@@ -16,7 +16,7 @@ from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
 from drivers.interfaces import Camera
 from tests.drivers.http_devices import Answer, http_device
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually, patiently
 
 SIZE = (64, 48)
 
@@ -107,8 +107,8 @@ each_camera = pytest.mark.parametrize("kind", SCENES)
 
 
 @contextlib.asynccontextmanager
-async def scene_of(kind, tmp_path, **options):
-    with SCENES[kind](tmp_path, **options) as scene:
+async def scene_of(kind, tmp_path, limit_s=LIMIT_S, **options):
+    with SCENES[kind](tmp_path, limit_s=limit_s, **options) as scene:
         scene.camera.start()
         try:
             yield scene
@@ -150,7 +150,7 @@ async def test_what_it_shows_now_and_not_what_it_showed_before(kind, tmp_path):
 @each_camera
 async def test_a_stale_picture_is_never_handed_out(kind, tmp_path):
     async with scene_of(kind, tmp_path, limit_s=0.3) as scene:
-        await scene.camera.grab(0.0)
+        await patiently(lambda: scene.camera.grab(0.0))
         scene.goes_away()
         later_s = time.monotonic() + 0.7
         with pytest.raises((DeviceTimeout, DeviceUnreachable)):
@@ -161,7 +161,7 @@ async def test_a_stale_picture_is_never_handed_out(kind, tmp_path):
 async def test_another_size_than_the_intrinsics_is_refused(kind, tmp_path):
     async with scene_of(kind, tmp_path, image_size=(640, 480), limit_s=0.8) as scene:
         with pytest.raises(GarbledAnswer, match="64×48, expected 640×480"):
-            await scene.camera.grab(0.0)
+            await patiently(lambda: scene.camera.grab(0.0))
 
 
 @each_camera
@@ -195,7 +195,7 @@ async def test_a_camera_that_is_not_there(make, tmp_path, capfd):
 async def test_a_camera_that_comes_back_is_found(tmp_path):
     with http_device(Answer(png())) as device:
         port = device.port
-    camera = HttpCamera(f"http://127.0.0.1:{port}/now")
+    camera = HttpCamera(f"http://127.0.0.1:{port}/now", limit_s=LIMIT_S)
     camera.start()
     with http_device(Answer(png()), port):
         assert (await camera.grab(0.0)).image.shape == (48, 64, 3)
@@ -204,7 +204,7 @@ async def test_a_camera_that_comes_back_is_found(tmp_path):
 
 async def test_a_video_that_ends_is_opened_again(tmp_path):
     write_video(tmp_path / "short.avi", frames=3)
-    camera = VideoCamera(str(tmp_path / "short.avi"))
+    camera = VideoCamera(str(tmp_path / "short.avi"), limit_s=LIMIT_S)
     camera.start()
     first = await camera.grab(0.0)
     await eventually(lambda: not camera.link.connected)

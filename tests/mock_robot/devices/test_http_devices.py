@@ -22,6 +22,7 @@ from mock_robot.scene.printed_target import print_target
 from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.score_ply import UnreadablePly, read_points
 from mock_robot.truth.truth import NO_NOISE, CellTruth
+from tests.support.waiting import LIMIT_S
 
 TRUTH = CellTruth.from_seed(7, noise=NO_NOISE)
 PICTURE, CLOUD = "/camera/snapshot.png", "/scanner/cloud.ply"
@@ -45,7 +46,7 @@ class Cell:
 
     def __init__(self, app: DeviceApp) -> None:
         self.app = app
-        self.client = httpx.AsyncClient(transport=httpx.ASGITransport(app=app), base_url="http://mock")
+        self.client = httpx.AsyncClient(transport=httpx.ASGITransport(app=app), base_url="http://mock", timeout=LIMIT_S)
 
     async def ask(self, path: str) -> httpx.Response:
         return await self.client.get(path)

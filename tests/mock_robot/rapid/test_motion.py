@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from mock_robot.rapid.configuration import instances
 from mock_robot.rapid.controller import DEPLOYED, RapidController
 from mock_robot.rapid.errors import RapidProgramError
 from tests.mock_robot.controller_client import ARM, AWAY, HOME
+from tests.support.waiting import eventually_blocking
 
 SYS = """SYS:CFG_1.0:5:0::
 CAB_TASKS:
@@ -97,13 +98,6 @@ def stage(controller: RapidController) -> float:
     return float(controller.memory["stage"].value)
 
 
-def until(holds: Any, within_s: float = 10.0) -> None:
-    ends_s = monotonic() + within_s
-    while not holds():
-        assert monotonic() < ends_s, "it did not happen in time"
-        sleep(0.002)
-
-
 def joints_of(controller: RapidController) -> np.ndarray:
     joints: np.ndarray = controller.unit.joints_now()
     return joints
@@ -117,7 +111,7 @@ def test_moves_end_where_they_are_sent_and_the_program_goes_on_then(tmp_path: Pa
     found := CalcJointT(CRobT(\\Tool:=tool0 \\WObj:=wobj0), tool0 \\WObj:=wobj0);
     IF Abs(found.robax.rax_5 - home.robax.rax_5) < 0.001 stage := 2;"""
     with running(tmp_path, program(body)) as controller:
-        until(lambda: stage(controller) == 2)
+        eventually_blocking(lambda: stage(controller) == 2)
         np.testing.assert_allclose(joints_of(controller), HOME, atol=1e-5)
         assert controller.moves_accepted == 2
 
@@ -132,7 +126,7 @@ def test_moves_end_where_they_are_sent_and_the_program_goes_on_then(tmp_path: Pa
 )
 def test_a_move_that_cannot_be_stops_the_program_with_abbs_number(tmp_path: Path, body: str, code: int) -> None:
     with running(tmp_path, program(body + "\nstage := 1;")) as controller:
-        until(lambda: not controller.panel.program_running)
+        eventually_blocking(lambda: not controller.panel.program_running)
         assert [entry.code for entry in controller.log] == [code]
         assert stage(controller) == 0
         assert controller.arm.departures == 0
@@ -140,9 +134,9 @@ def test_a_move_that_cannot_be_stops_the_program_with_abbs_number(tmp_path: Path
 
 def test_a_path_is_cleared_only_of_an_arm_that_was_stopped(tmp_path: Path) -> None:
     with running(tmp_path, program("MoveAbsJ away, v100, fine, tool0;", "ClearPath;"), time_scale=1.0) as controller:
-        until(controller.unit.is_moving)
+        eventually_blocking(controller.unit.is_moving)
         controller.memory["bell"].value = 1.0
-        until(lambda: not controller.panel.program_running)
+        eventually_blocking(lambda: not controller.panel.program_running)
         assert "StopMove comes first" in controller.log[0].text
 
 
@@ -152,19 +146,19 @@ def test_a_target_out_of_reach_is_an_error_one_can_handle(tmp_path: Path) -> Non
     found := CalcJointT(goal, tool0);
     IF stage < 0 stage := 7;"""
     with running(tmp_path, program(body)) as controller:
-        until(lambda: stage(controller) == 7)
+        eventually_blocking(lambda: stage(controller) == 7)
         assert controller.panel.program_running
 
 
 def test_a_trap_runs_during_a_move_and_the_move_goes_on(tmp_path: Path) -> None:
     body = "MoveAbsJ away, v100, fine, tool0;\n    stage := stage + 1;"
     with running(tmp_path, program(body), time_scale=2.0) as controller:
-        until(controller.unit.is_moving)
+        eventually_blocking(controller.unit.is_moving)
         controller.memory["bell"].value = 1.0
-        until(lambda: stage(controller) == 90)
+        eventually_blocking(lambda: stage(controller) == 90)
         assert controller.unit.is_moving()
         controller.time_scale, controller.started_at_s = 200.0, monotonic() - controller.unit.now_s() / 200.0
-        until(lambda: stage(controller) == 91)
+        eventually_blocking(lambda: stage(controller) == 91)
         np.testing.assert_allclose(joints_of(controller), AWAY, atol=1e-5)
 
 
@@ -175,11 +169,11 @@ def test_a_stopped_move_goes_on_with_startmove_unless_its_path_is_cleared(
     trap = f"StopMove;\n    {clears}\n    stage := 50;\n    WaitTime 1;\n    StartMove;"
     body = "MoveAbsJ away, v100, fine, tool0;\n    stage := stage + 1;"
     with running(tmp_path, program(body, trap), time_scale=4.0) as controller:
-        until(controller.unit.is_moving)
+        eventually_blocking(controller.unit.is_moving)
         controller.memory["bell"].value = 1.0
-        until(lambda: stage(controller) == 50)
+        eventually_blocking(lambda: stage(controller) == 50)
         assert not controller.unit.is_moving()
-        until(lambda: stage(controller) == 51, 20.0)
+        eventually_blocking(lambda: stage(controller) == 51)
         if ends_at is None:
             assert np.abs(joints_of(controller) - AWAY).max() > 0.01
         else:
@@ -190,16 +184,17 @@ def test_what_was_interrupted_goes_on_when_the_program_is_started_again(tmp_path
     """As on a controller. The shipped program must not rely on anything else."""
     body = "MoveAbsJ away, v1000, fine, tool0;\n    stage := 1;"
     with running(tmp_path, program(body), time_scale=1.0) as controller:
-        until(controller.unit.is_moving)
+        eventually_blocking(controller.unit.is_moving)
         controller.press_emergency_stop(True, monotonic())
-        until(lambda: not controller.unit.is_moving())
+        eventually_blocking(lambda: not controller.unit.is_moving())
         standing = joints_of(controller)
         controller.press_emergency_stop(False, monotonic())
         controller.switch_motors(True, monotonic())
-        sleep(0.05)
+        departures = controller.arm.departures
         np.testing.assert_array_equal(joints_of(controller), standing)
+        assert (controller.arm.departures, controller.unit.is_moving()) == (departures, False)
         controller.run_program(True, monotonic())
-        until(lambda: stage(controller) == 1)
+        eventually_blocking(lambda: stage(controller) == 1)
         np.testing.assert_allclose(joints_of(controller), AWAY, atol=1e-5)
 
 
@@ -209,20 +204,20 @@ def test_another_task_holds_all_motion_until_it_lets_go(tmp_path: Path) -> None:
     )
     with running(tmp_path, program(body)) as controller:
         controller.memory["order"].value = 1.0
-        until(lambda: controller.memory["count"].value == 1)
+        eventually_blocking(lambda: controller.memory["count"].value == 1)
         controller.memory["stage"].value = 1.0
-        until(lambda: controller.moves_accepted == 1)
+        eventually_blocking(lambda: controller.moves_accepted == 1)
         assert controller.arm.departures == 0
         controller.memory["order"].value = 2.0
-        until(lambda: stage(controller) == 2)
+        eventually_blocking(lambda: stage(controller) == 2)
         assert controller.arm.departures == 1
 
 
 def test_a_restart_keeps_pers_and_nothing_else(tmp_path: Path) -> None:
     with running(tmp_path, program("stage := stage + 1;")) as controller:
-        until(lambda: stage(controller) == 1)
+        eventually_blocking(lambda: stage(controller) == 1)
         controller.restart(monotonic())
-        until(lambda: stage(controller) == 2)
+        eventually_blocking(lambda: stage(controller) == 2)
 
 
 def test_a_configuration_that_nobody_understands_is_refused_by_name(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.mastership import POLL_LIMIT_S
 from mock_robot.rws.sessions import BURST, IDLE_S, MAX_SESSIONS, Session, Sessions, SessionsExhausted
 from tests.mock_robot.rws_cell import FORM_2, RwsCell, rws_cell_apart
+from tests.support.waiting import LIMIT_S
 
 START = {"regain": "continue", "execmode": "continue", "cycle": "once", "condition": "none", "stopatbp": "disabled",
          "alltaskbytsp": "false"}  # fmt: skip
@@ -38,7 +39,7 @@ def code_2(answer: httpx.Response) -> tuple[int, int]:
 
 
 def test_rws_1_wants_a_digest_and_then_lives_on_its_cookies(cell: RwsCell) -> None:
-    with httpx.Client(base_url=cell.first) as stranger:
+    with httpx.Client(base_url=cell.first, timeout=LIMIT_S) as stranger:
         challenge = stranger.get("/rw/panel/ctrlstate")
         assert challenge.status_code == 401
         assert 'realm="validusers@robapi.abb"' in challenge.headers["www-authenticate"]
@@ -51,7 +52,7 @@ def test_rws_1_wants_a_digest_and_then_lives_on_its_cookies(cell: RwsCell) -> No
         assert cell.cell.rws.first.sessions.count == 1
     with cell.client_1(password="guess") as liar:
         assert liar.get("/rw/panel/ctrlstate").status_code == 401
-    with httpx.Client(base_url=cell.first, auth=("Default User", "robotics")) as basic:
+    with httpx.Client(base_url=cell.first, auth=("Default User", "robotics"), timeout=LIMIT_S) as basic:
         assert basic.get("/rw/panel/ctrlstate").status_code == 401
 
 
@@ -108,7 +109,7 @@ def test_rws_2_wants_basic_and_the_right_password(cell: RwsCell) -> None:
 
 
 def test_a_client_that_loses_its_cookies_takes_every_session_and_then_is_told_503(cell: RwsCell) -> None:
-    with httpx.Client(verify=False) as forgetful:
+    with httpx.Client(verify=False, timeout=LIMIT_S) as forgetful:
         answers = []
         for _ in range(MAX_SESSIONS + 1):
             forgetful.cookies.clear()

@@ -13,6 +13,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from mock_robot.cabinet.panel import Mode
 from tests.mock_robot.rws_cell import ACCEPT_2, FORM_2, RwsCell, rws_cell
+from tests.support.waiting import LIMIT_S
 
 WORDS = {1: "robapi2_subscription", 2: "rws_subscription"}
 STATE = {1: "/rw/panel/ctrlstate", 2: "/rw/panel/ctrl-state"}
@@ -25,7 +26,9 @@ async def client_of(cell: RwsCell, version: int) -> AsyncIterator[httpx.AsyncCli
         auth = httpx.DigestAuth("Default User", "robotics")
     url = cell.first if version == 1 else cell.second
     headers = FORM_2 if version == 2 else {}
-    async with httpx.AsyncClient(base_url=url, auth=auth, verify=False, headers=headers, trust_env=False) as client:
+    async with httpx.AsyncClient(
+        base_url=url, auth=auth, verify=False, headers=headers, trust_env=False, timeout=LIMIT_S
+    ) as client:
         yield client
 
 
@@ -56,7 +59,7 @@ def socket(client: httpx.AsyncClient, path: str, version: int, word: str | None 
 
 
 async def heard(connection: ClientConnection) -> str:
-    return str(await asyncio.wait_for(connection.recv(), 5.0))
+    return str(await asyncio.wait_for(connection.recv(), LIMIT_S))
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -100,7 +103,7 @@ async def test_whatever_is_sent_on_the_socket_of_2_closes_it_with_1008_and_that_
 async def test_pings_are_answered_by_1_alone() -> None:
     async with rws_cell() as cell, client_of(cell, 1) as first, client_of(cell, 2) as second:
         async with socket(first, await subscribed(first, STATE[1]), 1) as connection:
-            await asyncio.wait_for(await connection.ping(), 5.0)
+            await asyncio.wait_for(await connection.ping(), LIMIT_S)
         async with socket(second, await subscribed(second, STATE[2]), 2) as connection:
             pong = await connection.ping()
             cell.controller.switch_motors(False, cell.cell.clock())
