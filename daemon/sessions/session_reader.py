@@ -102,7 +102,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     if problems:
         raise DocumentError(str(session.file), [problems[index] for index in sorted(problems)])
     if expected is None:
-        raise _document_error(str(session.file), "image_size", "missing, and no image tells it", "add it")
+        raise _document_error(str(session.file), "image_size", "missing, and no image shows it", "add it")
     views = tuple(view for _, (view, _) in sorted(seen.items()))
     return Problem(document.setup, target, camera, expected, views)
 
@@ -171,7 +171,7 @@ def _check_sizes(document: SessionDocument) -> list[DocumentProblem]:
         what = f"{_by(size)}, but camera.image_size is {_by(camera.image_size)}"
         return [DocumentProblem("image_size", what, "make them agree, or remove one")]
     if not camera and not size and all(view.image is None for view in document.views):
-        return [DocumentProblem("image_size", "missing, and no image tells it", "add it, or add the camera")]
+        return [DocumentProblem("image_size", "missing, and no image shows it", "add it, or add the camera")]
     return []
 
 

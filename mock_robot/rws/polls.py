@@ -40,7 +40,7 @@ class Polls:
         group.taken = True
         await send({"type": "websocket.accept", "subprotocol": wanted})
         try:
-            await self._tell(group, receive, send)
+            await self._report(group, receive, send)
         finally:
             self.subscriptions.delete(group.number)
 
@@ -60,7 +60,7 @@ class Polls:
             return 404
         return None
 
-    async def _tell(self, group: SubscriptionGroup, receive: Receive, send: Send) -> None:
+    async def _report(self, group: SubscriptionGroup, receive: Receive, send: Send) -> None:
         hearing = asyncio.ensure_future(receive())
         try:
             while group.number in self.subscriptions.groups:

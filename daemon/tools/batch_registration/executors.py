@@ -42,7 +42,12 @@ def _client(scheduler: str, workers: int) -> Iterator[Any]:
     if scheduler == LOCAL:
         with (
             distributed.LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address="127.0.0.1:0",  # None takes port 8787, with a warning where it is in use
+                scheduler_kwargs={"dashboard": False},
+                silence_logs=50,
             ) as cluster,
             distributed.Client(cluster) as client,
         ):

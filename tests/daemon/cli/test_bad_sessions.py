@@ -63,7 +63,7 @@ SPOILT_DOCUMENTS = {
     ),
     "no size at all": (
         _set("camera", to=None),
-        "image_size: missing, and no image tells it: add it, or add the camera",
+        "image_size: missing, and no image shows it: add it, or add the camera",
     ),
 }
 

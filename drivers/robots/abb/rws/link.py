@@ -32,7 +32,7 @@ class RwsLink:
         self._report = LinkReport(timing.clock)
         self._backoff, self._watch_backoff = Backoff(timing.chance), Backoff(timing.chance)
         self._watch: Subscription | None = None
-        self._told: dict[str, str] = {}
+        self._last_values: dict[str, str] = {}
         self.newest_event = 0
         self._up = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -106,16 +106,17 @@ class RwsLink:
 
     async def _look(self, name: str) -> None:
         """Poll the panel; raises DeviceError when it cannot be read."""
-        untold = 0
+        unreported = 0
         while True:
             state = await self.read_state()
-            seen = {told: getattr(state, attribute) for told, attribute in _FIELDS.items()}
-            untold = untold + 1 if self.watching and any(self._told.get(k) != v for k, v in seen.items()) else 0
-            if untold >= MAX_SILENT_CHANGES and self._watch is not None:
-                log.warning("%s: the subscription tells nothing any more: it is opened again", self._client.device)
+            polled = {key: getattr(state, attribute) for key, attribute in _FIELDS.items()}
+            differs = any(self._last_values.get(key) != value for key, value in polled.items())
+            unreported = unreported + 1 if self.watching and differs else 0
+            if unreported >= MAX_SILENT_CHANGES and self._watch is not None:
+                log.warning("%s: the subscription reports no changes any more: it is opened again", self._client.device)
                 await self._watch.end()
             if not self.watching:
-                self._told.update(seen)
+                self._last_values.update(polled)
             self._report.up(f"connected over {name}: {state}")
             self._backoff.reset()
             self._up.set()
@@ -132,6 +133,6 @@ class RwsLink:
             await self._timing.sleep(self._watch_backoff.next_wait_s())
 
     def _on_event(self, event: RwsEvent) -> None:
-        self._told.update(event.values)
+        self._last_values.update(event.values)
         if event.values.get("seqnum", "").isdecimal():
             self.newest_event = int(event.values["seqnum"])

@@ -43,8 +43,8 @@ def events_in(message: str) -> list[RwsEvent]:
 class Subscription:
     """A subscription to the panel, the execution state and the event log."""
 
-    def __init__(self, client: RwsClient, told: Callable[[RwsEvent], None]) -> None:
-        self._client, self._told = client, told
+    def __init__(self, client: RwsClient, on_event: Callable[[RwsEvent], None]) -> None:
+        self._client, self._on_event = client, on_event
         self._connection: ClientConnection | None = None
 
     @property
@@ -80,7 +80,7 @@ class Subscription:
                 opened()
                 async for message in connection:
                     for event in events_in(message if isinstance(message, str) else message.decode("utf-8", "replace")):
-                        self._told(event)
+                        self._on_event(event)
         except (InvalidHandshake, InvalidURI) as error:
             raise GarbledAnswer(
                 device, f"the subscription's socket was refused ({error})", "update RobotWare"

@@ -1,0 +1,52 @@
+"""The counts of `python -m tests.structure` stay within their limits."""
+
+import pytest
+
+from tests import structure
+
+GRAPH = structure.import_graph()
+
+
+@pytest.mark.parametrize("room", structure.ROOMS)
+def test_no_units_of_a_room_import_each_other_in_a_circle(room: str) -> None:
+    assert structure.room_of(GRAPH, room).cycles == []
+
+
+@pytest.mark.parametrize(("room", "limit"), structure.MAX_UNITS.items())
+def test_a_room_has_few_units_at_its_root(room: str, limit: int) -> None:
+    assert structure.room_of(GRAPH, room).units <= limit
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    assert structure.cycles_of(GRAPH) == []
+
+
+def test_functions_are_verbs() -> None:
+    counted = [structure.participle_functions(room) for room in structure.ROOMS]
+    named, total = [name for names, _ in counted for name in names], sum(number for _, number in counted)
+    assert len(named) <= structure.MAX_PARTICIPLE_SHARE * total, named
+
+
+def test_told_and_tells_are_rare() -> None:
+    lines = structure.told_lines(*structure.ROOMS)
+    assert len(lines) < structure.MAX_TOLD, lines
+
+
+def test_no_test_imports_from_another_test_module() -> None:
+    assert structure.imports_between_tests() == []
+
+
+def test_benchmarks_import_tests_and_never_the_other_way() -> None:
+    assert structure.benchmarks_in_tests() == []
+
+
+def test_a_circle_is_found() -> None:
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}
+    assert structure.cycles_of(graph) == [["b", "c"]]
+
+
+@pytest.mark.parametrize(
+    ("word", "expected"), [("moved", True), ("told", True), ("move", False), ("seed", False), ("read", False)]
+)
+def test_participles_are_recognised(word: str, expected: bool) -> None:
+    assert structure.is_participle(word) is expected
