@@ -1,6 +1,6 @@
-"""What the README's figures are measured with."""
+"""Benchmarks behind the README's figures."""
 
 import os
 
-# As the command `handeyed` does it.
+# As the command `handeyed` does.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,8 +1,7 @@
-"""`python -m benchmarks [NAME...] [--full] [--out FILE]`: run the benchmarks and write what they print.
+"""`python -m benchmarks [NAME...] [--full] [--out FILE]`: run the benchmarks and record their output.
 
-Each has a quick tier, `QUICK`, so that all of them together take half an hour; `--full` runs them at the size of
-their own defaults or larger, which takes hours. A benchmark that fails or takes longer than its limit is named at the
-end and in its section.
+Each has a quick tier, `QUICK`, so that all of them together take half an hour; `--full` runs them at their default size
+or larger, which takes hours. A benchmark that fails or exceeds its limit is named at the end and in its section.
 """
 
 import argparse
@@ -44,13 +43,13 @@ FULL: dict[str, tuple[str, ...]] = {
     "hand_eye.vision_calibration": ("--cells", "50"),
 }
 BY_NAME_ONLY = frozenset({"hand_eye.peers"})
-"""Run where OpenCV still has calibrateHandEye: `make bench` does it with the other environment."""
+"""Needs an OpenCV with calibrateHandEye: `make bench` runs it in the other environment."""
 
 QUICK_LIMIT_S, FULL_LIMIT_S = 900.0, 3 * 3600.0
 
 
 def main() -> int:
-    """Each module with a main() in a process of its own, so that none warms or starves the next."""
+    """Run each module with a main() in a process of its own, so that they do not affect each other."""
     parser = argparse.ArgumentParser(prog="benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", help="benchmarks to run; all of them when none is named")
     parser.add_argument("--full", action="store_true", help="the long tiers")
@@ -77,18 +76,18 @@ def main() -> int:
 
 
 def available() -> list[str]:
-    """Dotted names of the modules and packages below this folder that have a `main`, sorted."""
+    """Dotted names of the modules and packages in this folder that have a `main`, sorted."""
     files = [file for file in HERE.rglob("*.py") if file != HERE / "__main__.py"]
     runnable = [file for file in files if "\ndef main(" in file.read_text(encoding="utf-8")]
     return sorted(".".join(file.relative_to(HERE).with_suffix("").parts).removesuffix(".__main__") for file in runnable)
 
 
 def run(name: str, arguments: tuple[str, ...], limit_s: float) -> tuple[str, str]:
-    """What a benchmark prints, shown while it runs, and what went wrong, or nothing."""
+    """Run a benchmark, showing its output; returns the output, and what went wrong or ""."""
     print(f"\n{command_of(name, arguments)}", flush=True)
     lines = []
     command = [sys.executable, "-m", f"benchmarks.{name}", *arguments]
-    # A group of its own, so that what it started ends with it.
+    # a process group of its own, so that its children end with it
     with subprocess.Popen(
         command, cwd=HERE.parent, stdout=subprocess.PIPE, text=True, start_new_session=True
     ) as process:
@@ -112,21 +111,21 @@ def run(name: str, arguments: tuple[str, ...], limit_s: float) -> tuple[str, str
 
 
 def command_of(name: str, arguments: tuple[str, ...]) -> str:
-    """As one types it."""
+    """Command line of a benchmark."""
     return " ".join(["python -m", f"benchmarks.{name}", *arguments])
 
 
 def section(name: str, arguments: tuple[str, ...], text: str, trouble: str) -> str:
-    """Its heading, its command, when it was measured on what, and what it printed."""
+    """Section of the document: heading, command, date and machine, output."""
     when = (
         f"{datetime.now(UTC):%Y-%m-%d}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
     )
-    told = f"\n\nFailed: {trouble}." if trouble else ""
-    return f"## {name}\n\n`{command_of(name, arguments)}` ({when}){told}\n\n```\n{text}\n```\n"
+    failure = f"\n\nFailed: {trouble}." if trouble else ""
+    return f"## {name}\n\n`{command_of(name, arguments)}` ({when}){failure}\n\n```\n{text}\n```\n"
 
 
 def put(file: Path, name: str, new: str) -> None:
-    """In place of the section of that name, or at the end. What people wrote around the old table is kept."""
+    """Replace the section of that name, or append it. Text around the old table is kept."""
     old = file.read_text(encoding="utf-8") if file.exists() else HEADING
     head, *sections = re.split(r"^(?=## )", old, flags=re.MULTILINE)
     kept = [one.rstrip("\n") + "\n" for one in sections]
@@ -139,9 +138,9 @@ def put(file: Path, name: str, new: str) -> None:
 
 
 def with_words(old: str, new: str) -> str:
-    """A new section with what stood around the old one's table: paragraphs before it, and all that came after it.
+    """A new section with the text of the old one: paragraphs before its table and everything after it,
 
-    What came after may be tables of longer runs, which say themselves how they were made.
+    which may include tables of longer runs with their own commands.
     """
     parts, written = (re.split(FENCED, one, maxsplit=1, flags=re.MULTILINE) for one in (old, new))
     if len(parts) < len(written):
@@ -153,7 +152,7 @@ def with_words(old: str, new: str) -> str:
 
 
 FENCED = r"(^```\n(?s:.*?)^```$)"
-"""A table: what a benchmark printed."""
+"""A table: the output of a benchmark."""
 
 HEADING = """# Benchmarks
 

@@ -1,4 +1,4 @@
-"""The runner of the benchmarks: sections are replaced one by one, and what fails or hangs is named."""
+"""The runner of the benchmarks replaces sections one by one and names what fails or hangs."""
 
 from pathlib import Path
 
@@ -22,9 +22,9 @@ def test_a_section_is_replaced_and_the_others_stay(tmp_path: Path) -> None:
 
 def test_words_and_the_tables_of_longer_runs_stay_around_a_new_table(tmp_path: Path) -> None:
     file = tmp_path / "benchmarks.md"
-    told = "## one\n\n`old command` (then)\n\nFailed: it did.\n\nHow to read it.\n\n```\n1\n```\n"
-    told += "\nLonger:\n\n```\n2\n```\n"
-    file.write_text(f"# Benchmarks\n\n{told}\n## two\n", encoding="utf-8")
+    old = "## one\n\n`old command` (then)\n\nFailed: it did.\n\nHow to read it.\n\n```\n1\n```\n"
+    old += "\nLonger:\n\n```\n2\n```\n"
+    file.write_text(f"# Benchmarks\n\n{old}\n## two\n", encoding="utf-8")
     for _ in range(2):
         runner.put(file, "one", runner.section("one", ("--few",), "3", ""))
     written = file.read_text(encoding="utf-8")

@@ -1,11 +1,11 @@
-"""The n-th fsync, write, rename or openat fails, for every n, on every save path.
+"""Fails the n-th fsync, write, rename or openat, for every n, while everything is saved.
 
 `python -m benchmarks.daemon.disk_faults`
 
-A process saves a run, a picture, a calibration, what is applied, a scan, a view, events and an audit row, one after the
-other, and says which were acknowledged. strace makes the n-th call of one kind fail with EIO or ENOSPC, from when the
-process has opened its store. Then another process, with a good disk, looks: everything acknowledged is there, whole;
-what was not is there whole or not at all; the audit log is whole. With `fsync` also SQLite's fdatasync is meant.
+A process saves a run, an image, a calibration, what is applied, a scan, a view, events and an audit row in sequence,
+and reports which were acknowledged. strace makes the n-th call of one kind fail with EIO or ENOSPC once the process has
+opened its store. Then another process checks, with a working disk: everything acknowledged is there completely,
+everything else completely or not at all, and the audit log is intact. `fsync` includes SQLite's fdatasync.
 """
 
 import argparse
@@ -33,12 +33,12 @@ AT = "2026-11-21T09:00:00.000Z"
 PICTURE = b"\x89PNG" + bytes(20_000)
 
 
-def saving(folder: str, told: Connection) -> None:
-    """Everything that is saved anywhere, one after the other; what was acknowledged is told at the end."""
-    asyncio.run(_save(Path(folder), told))
+def save_everything(folder: str, pipe: Connection) -> None:
+    """Save one record of each kind; send those acknowledged at the end."""
+    asyncio.run(_save(Path(folder), pipe))
 
 
-async def _save(folder: Path, told: Connection) -> None:
+async def _save(folder: Path, pipe: Connection) -> None:
     import numpy as np
 
     from calibration.documents.pose import PoseDocument
@@ -82,8 +82,8 @@ async def _save(folder: Path, told: Connection) -> None:
         "anchor": store.audit.anchor,
     }
     (folder / "warm").write_bytes(b"")
-    told.send(None)
-    told.recv()  # strace holds us now
+    pipe.send(None)
+    pipe.recv()  # strace is attached now
     done, refused = [], {}
     for name, step in steps.items():
         try:
@@ -91,19 +91,19 @@ async def _save(folder: Path, told: Connection) -> None:
             done.append(name)
         except StorageError as error:
             refused[name] = error.code
-    for _ in range(5):  # the pipe is written to as well, and not what is tried here
+    for _ in range(5):  # the pipe is written to as well, but is not under test
         with suppress(OSError):
-            told.send((done, refused))
+            pipe.send((done, refused))
             break
-    told.recv()
+    pipe.recv()
 
 
-def looking(folder: str, done: list[str], told: Connection) -> None:
-    """With a good disk: what is there?"""
-    told.send(asyncio.run(_look(Path(folder), done)))
+def check_store(folder: str, done: list[str], pipe: Connection) -> None:
+    """Check the store with a working disk."""
+    pipe.send(asyncio.run(_check(Path(folder), done)))
 
 
-async def _look(folder: Path, done: list[str]) -> list[str]:
+async def _check(folder: Path, done: list[str]) -> list[str]:
     from daemon.errors import NoCalibration, NotFound
     from daemon.model.run_states import RunState
     from daemon.store.audit_log import check_audit_log
@@ -153,7 +153,7 @@ async def _look(folder: Path, done: list[str]) -> list[str]:
 
 
 class Disk:
-    """Tries one fault after the other."""
+    """Applies one fault after the other."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -164,11 +164,11 @@ class Disk:
         self.refused: Counter[str] = Counter()
 
     def fault(self, kind: str, error: str, nth: int) -> tuple[bool, list[str]]:
-        """Was there an n-th call, and what was wrong afterwards?"""
+        """Whether there was an n-th call, and the errors found afterwards."""
         store = self._folder / "store"
         shutil.rmtree(store, ignore_errors=True)
         ours, theirs = self._context.Pipe()
-        child = self._context.Process(target=saving, args=(str(store), theirs), daemon=True)
+        child = self._context.Process(target=save_everything, args=(str(store), theirs), daemon=True)
         child.start()
         theirs.close()
         ours.recv()
@@ -177,7 +177,7 @@ class Disk:
         command = ["strace", "-f", "-q", "-o", str(trace), "-e", f"trace={calls}",
                    "-e", f"inject={calls}:error={error}:when={nth}", "-p", str(child.pid)]  # fmt: skip
         tracer = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        _wait_until_traced(child.pid or 0, tracer)
+        _wait_for_tracer(child.pid or 0, tracer)
         ours.send("go")
         try:
             done, refused = ours.recv()
@@ -198,7 +198,7 @@ class Disk:
 
     def _look(self, store: Path, done: list[str]) -> list[str]:
         ours, theirs = self._context.Pipe()
-        child = self._context.Process(target=looking, args=(str(store), done, theirs), daemon=True)
+        child = self._context.Process(target=check_store, args=(str(store), done, theirs), daemon=True)
         child.start()
         theirs.close()
         try:
@@ -209,8 +209,8 @@ class Disk:
         return found
 
 
-def _wait_until_traced(pid: int, tracer: "subprocess.Popen[str]") -> None:
-    """Every thread of it."""
+def _wait_for_tracer(pid: int, tracer: "subprocess.Popen[str]") -> None:
+    """Wait until every thread is traced."""
     ends_s = time.monotonic() + 20
     while True:
         tasks = list(Path(f"/proc/{pid}/task").iterdir())
@@ -240,12 +240,12 @@ def main() -> int:
                 print(f"{kind:<8}{error:<8}{cases:5} faults, calls 1 to {nth}: {said}", flush=True)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    print("told as: " + ", ".join(f"{code} {count} times" for code, count in sorted(disk.refused.items())))
+    print("reported as: " + ", ".join(f"{code} {count} times" for code, count in sorted(disk.refused.items())))
     return 1 if failed else 0
 
 
 def _every_call(disk: Disk, kind: str, error: str, every: int) -> tuple[int, int, list[str]]:
-    """Until there is no such call any more."""
+    """Until no such call is made any more."""
     cases, nth, wrong = 0, 1, []
     while True:
         injected, found = disk.fault(kind, error, nth)

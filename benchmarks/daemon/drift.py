@@ -1,10 +1,10 @@
-"""How seldom a steady cell raises a false drift alarm, and how soon a drift is found.
+"""False-alarm rate of a steady cell, and delay until a drift is detected.
 
 `python -m benchmarks.daemon.drift`
 
-Simulated verifications: three positions, the robot's noise at the target normal in each axis, X's own error constant
-over the positions. Delays are counted in verifications from the change to the alarm; what parts had suffered by then
-is the true shift at the alarm. All lengths in units of one verification's noise in one axis, and in mm.
+Simulated verifications: three positions, the robot's noise per axis of the target's normal, X's own error constant over
+the positions. Delays are numbers of verifications from the change to the alarm; the true shift at the alarm is what
+parts suffered until then. All lengths in units of one verification's noise in one axis, and in mm.
 """
 
 import argparse

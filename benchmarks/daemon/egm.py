@@ -1,9 +1,9 @@
-"""The EGM reader at 250 packets a second, alone, beside clouds, and with the machine busy.
+"""Delay of the EGM reader at 250 packets per second: alone, beside clouds, on a busy machine.
 
 `python -m benchmarks.daemon.egm`
 
-A packet is late by the time from its sending, in a process of its own, until the monitor holds its sample. The peers
-read the same packets: how long each takes for one.
+Delay: from sending a packet in another process until the monitor has its sample. Peers read the same packets; their
+time per packet is printed.
 """
 
 import argparse
@@ -26,14 +26,14 @@ from protocols.egm.messages import RobotSample, decode, encode
 PERIOD_S = 0.004
 BAR_MS = 4.0
 BARRED = ("alone", "clouds here")
-"""What the bar is about; the others show what else there may be."""
+"""Rows the goal applies to; the others are for information."""
 UNSURE_S = 0.0005
 PEERS = ("abb_robot_client.egm", "ABBRobotEGM")
 DECODES = 5000
 
 
-class Noted(deque[ReceivedSample]):
-    """The monitor's samples, and how late each was there: in all, and by the kernel's note of its arrival."""
+class DelayedSamples(deque[ReceivedSample]):
+    """The monitor's samples with their delays, total and by the kernel's time stamp."""
 
     def __init__(self) -> None:
         super().__init__(maxlen=2500)
@@ -41,7 +41,7 @@ class Noted(deque[ReceivedSample]):
         self.noted_ms: dict[int, float] = {}
 
     def append(self, arrival: ReceivedSample) -> None:
-        """Note, then hold."""
+        """Record the delay, then store."""
         sent_s = arrival.sample.time_us * 1e-6
         seqno = arrival.sample.seqno
         self.there_ms[seqno] = 1e3 * (time.monotonic() - sent_s)
@@ -50,7 +50,7 @@ class Noted(deque[ReceivedSample]):
 
 
 def packet(seqno: int, sent_s: float) -> bytes:
-    """One as a controller sends it: six axes, six external ones."""
+    """A packet with six axes and six external ones."""
     joints = (-3.015, 13.001, 2.306, 6.138, 54.855, 48.447)
     return encode(
         RobotSample(seqno, int(sent_s * 1000), joints, (907.378906, -42.115593, 949.297668),
@@ -59,7 +59,7 @@ def packet(seqno: int, sent_s: float) -> bytes:
 
 
 def send(port: int, count: int, unsure: Any) -> None:
-    """A controller: one packet each 4 ms, never two at once. `unsure` gets those whose time of sending is not known."""
+    """Send one packet every 4 ms, never two at once. `unsure` receives those whose time of sending is uncertain."""
     import socket
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
@@ -69,13 +69,13 @@ def send(port: int, count: int, unsure: Any) -> None:
             time.sleep(max(due_s - time.monotonic(), 0.0))
             began_s = time.monotonic()
             out.sendto(packet(seqno, began_s), ("127.0.0.1", port))
-            if time.monotonic() - began_s > UNSURE_S:  # this process was put aside meanwhile
+            if time.monotonic() - began_s > UNSURE_S:  # this process was suspended meanwhile
                 late.append(seqno)
     unsure.put(late)
 
 
 def crunch(_: int) -> None:
-    """A cloud of 1e7 points is transformed, again and again."""
+    """Transform a cloud of 1e7 points repeatedly."""
     points = np.random.default_rng(0).random((10_000_000, 3), np.float32)
     turn = np.eye(3, dtype=np.float32)
     while True:
@@ -84,12 +84,12 @@ def crunch(_: int) -> None:
 
 @contextlib.contextmanager
 def alone() -> Iterator[None]:
-    """Nothing else."""
+    """No load."""
     yield
 
 
 def hold_the_interpreter(over: threading.Event) -> None:
-    """Never lets go of it by itself."""
+    """Keep the interpreter lock busy."""
     number = 0
     while not over.is_set():
         number = (number * 31 + 7) % 1_000_003
@@ -97,7 +97,7 @@ def hold_the_interpreter(over: threading.Event) -> None:
 
 @contextlib.contextmanager
 def busy_machine() -> Iterator[None]:
-    """A process for each core that registers a large cloud."""
+    """One process per core that registers a large cloud."""
     context = multiprocessing.get_context("spawn")
     others = [context.Process(target=crunch, args=(0,), daemon=True) for _ in range(2)]
     for other in others:
@@ -111,9 +111,9 @@ def busy_machine() -> Iterator[None]:
             other.join()
 
 
-def measure(duration_s: float, load: Callable[[], Any]) -> tuple[Noted, int, int]:
-    """How late the samples were, how many never came, and of how many it is not known."""
-    count, noted = int(duration_s / PERIOD_S), Noted()
+def measure(duration_s: float, load: Callable[[], Any]) -> tuple[DelayedSamples, int, int]:
+    """Delays of the samples, number lost, and number of uncertain ones."""
+    count, noted = int(duration_s / PERIOD_S), DelayedSamples()
     monitor = EgmMonitor(EgmAddress("127.0.0.1", 0))
     monitor._window._arrivals = noted
     monitor.start()
@@ -150,7 +150,7 @@ print(1e6 * spent / count)
 
 
 def peers_us() -> dict[str, float]:
-    """Microseconds for one packet, each peer in a process of its own; without those that are not installed."""
+    """Microseconds per packet of each installed peer, in a process of its own."""
     times = {}
     for peer in PEERS:
         command = [sys.executable, "-c", PEER, peer, packet(1, 1.0).hex(), str(DECODES)]
@@ -161,7 +161,7 @@ def peers_us() -> dict[str, float]:
 
 
 def ours_us() -> float:
-    """The same for us: from the socket to the sample."""
+    """Microseconds per packet of handeyed, from the socket to the sample."""
     import socket
 
     with (

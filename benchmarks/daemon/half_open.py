@@ -1,4 +1,4 @@
-"""900 connections whose request never ends, and GET /health beside them: `python -m benchmarks.daemon.half_open`."""
+"""GET /health beside 900 connections with endless requests: `python -m benchmarks.daemon.half_open`."""
 
 import argparse
 import shutil
@@ -17,7 +17,7 @@ WHOLE = b"GET /health HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
 
 
 def health_ms(port: int) -> float:
-    """One request on a connection of its own."""
+    """Time of one request on a new connection."""
     began = time.perf_counter()
     with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
         connection.sendall(WHOLE)

@@ -1,7 +1,7 @@
-"""A cloud in and out over HTTP beside a raw socket echo of the same bytes: `python -m benchmarks.daemon.http`.
+"""A cloud through the daemon against a raw socket echo of the same bytes: `python -m benchmarks.daemon.http`.
 
-Daemon and echo are processes of their own; their rounds alternate, so that a busy machine slows both. The client is
-the same for both: one thread sends, one receives, both with large buffers.
+Daemon and echo are processes of their own; rounds alternate, so that a busy machine slows both. Both have the same
+client: one thread sends, one receives, with large buffers.
 """
 
 import argparse
@@ -32,14 +32,14 @@ RATIO_BAR, FIRST_BYTE_BAR_MS = 0.75, 5.0
 
 @dataclass(frozen=True)
 class Round:
-    """Seconds to the answer's first byte and to its last."""
+    """Seconds to the response's first and last byte."""
 
     first_s: float
     whole_s: float
 
 
 def echo_server(ready: Any) -> None:
-    """Sends back what comes, in one thread with one buffer."""
+    """Return received bytes, in one thread with one buffer."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         ready.put(listener.getsockname()[1])
         buffer = memoryview(bytearray(PIECE))
@@ -51,7 +51,7 @@ def echo_server(ready: Any) -> None:
 
 
 def daemon_process(folder: str, ready: Any) -> None:
-    """The daemon with its real server, devices from the tests' fakes, and a calibration in force."""
+    """The daemon with its real server, fake devices, and a calibration in force."""
     import uvloop
 
     uvloop.run(_daemon(Path(folder), ready))
@@ -69,7 +69,7 @@ async def _daemon(folder: Path, ready: Any) -> None:
 
 @contextlib.contextmanager
 def process(target: Any, *arguments: Any) -> Iterator[tuple[int, int]]:
-    """A server in a process: its port and its process id."""
+    """A server in a process; yields its port and process id."""
     context = multiprocessing.get_context("spawn")
     ready = context.Queue()
     child = context.Process(target=target, args=(*arguments, ready), daemon=True)
@@ -82,7 +82,7 @@ def process(target: Any, *arguments: Any) -> Iterator[tuple[int, int]]:
 
 
 def exchange(port: int, head: bytes, body: memoryview, answer: bytearray, answer_length: int | None) -> Round:
-    """Send `head` and `body`, receive the answer at the same time."""
+    """Send `head` and `body` while receiving the response."""
     with socket.create_connection(("127.0.0.1", port)) as connection:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         began = time.perf_counter()
@@ -123,7 +123,7 @@ def peak_mb(pid: int) -> float:
 
 
 def processor_s(pid: int) -> float:
-    """Processor time of a process so far."""
+    """Processor time of a process so far, in seconds."""
     user, system = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:13]
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
@@ -165,7 +165,7 @@ def main() -> int:
             rows.append(("first byte of a small cloud", first_byte_ms(daemon[0]), f"ms (bar: < {FIRST_BYTE_BAR_MS:g})"))
             idle = peak_mb(daemon[1])
             for form in ("application/octet-stream", "application/x-ply"):
-                rows += measured(form, options.points, options.rounds, daemon, echo)
+                rows += measure_rounds(form, options.points, options.rounds, daemon, echo)
                 rows.append(("  daemon's peak memory above idle", peak_mb(daemon[1]) - idle, "MB"))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -176,10 +176,10 @@ def main() -> int:
     return 0
 
 
-def measured(
+def measure_rounds(
     form: str, points: int, rounds: int, daemon: tuple[int, int], echo: tuple[int, int]
 ) -> list[tuple[str, float, str]]:
-    """Alternating rounds; the ratio of the best and of the median times. `daemon`, `echo`: port and process id."""
+    """Alternating rounds; ratio of the best and of the median times. `daemon`, `echo`: port and process id."""
     body = cloud(form, points)
     head = request(form, len(body))
     answer = bytearray(len(body) + (1 << 16))

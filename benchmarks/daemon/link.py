@@ -1,9 +1,9 @@
-"""The CB link at the shipped RAPID, over real sockets.
+"""The CB link with the shipped RAPID over real sockets: fault schedules, read rate, reconnects.
 
 `python -m benchmarks.daemon.link [--schedules N] [--reads S] ...`
 
-Schedules: benchmarks/daemon/link_schedules.py. Reads: poses at 250 a second while a cloud of ten million points passes
-through the same process. Reconnects: a greeting and a BYE each, with what they leave behind.
+Schedules: benchmarks/daemon/link_schedules.py. Reads: poses at 250 Hz while a cloud of ten million points passes
+through the same process. Reconnects: a greeting and a BYE each, with the resources they leave behind.
 """
 
 import argparse
@@ -34,7 +34,7 @@ POINTS = 10_000_000
 
 @asynccontextmanager
 async def cell_process(program: str) -> AsyncIterator[int]:
-    """A mock cell in a process of its own, as a controller is; the port of its robot."""
+    """A mock cell in a process of its own; yields its robot's port."""
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "mock_robot", "run", "--with-parent", "--robot-only", "--controller", program,
         stdin=PIPE, stdout=PIPE,
@@ -48,9 +48,9 @@ async def cell_process(program: str) -> AsyncIterator[int]:
 
 
 async def reads(seconds: float, program: str) -> list[float]:
-    """The time of each of 250 reads a second, in ms, while clouds pass through another thread of this process.
+    """Duration in ms of each of 250 reads per second, while clouds pass through another thread of this process.
 
-    A read without an answer raises, so whatever is returned was none lost.
+    A read without an answer raises, so no read of the result was lost.
     """
     async with cell_process(program) as port:
         robot = CbRobot(TcpTransport("127.0.0.1", port))
@@ -78,7 +78,7 @@ async def _read_for(robot: CbRobot, seconds: float) -> tuple[list[float], float]
 
 @contextmanager
 def beside(work: Callable[[threading.Event], object]) -> Iterator[None]:
-    """Another thread of this process at work until the event is set."""
+    """Run work in another thread of this process until the event is set."""
     over = threading.Event()
     thread = threading.Thread(target=work, args=(over,))
     thread.start()
@@ -90,7 +90,7 @@ def beside(work: Callable[[threading.Event], object]) -> Iterator[None]:
 
 
 def register_until(over: threading.Event) -> None:
-    """Clouds pass, piece by piece as the daemon takes them, until it is over."""
+    """Pass clouds through in pieces, as the daemon does."""
     piece = np.zeros((100_000, 3), np.float32).tobytes()
     while not over.is_set():
         stream = CloudStream("application/octet-stream", np.eye(4), "mm")
@@ -103,15 +103,15 @@ def register_until(over: threading.Event) -> None:
 
 
 async def reconnects(count: int) -> str:
-    """Greetings and farewells; descriptors and resident memory before and after."""
+    """Connect and disconnect; descriptors and resident memory before and after."""
     cell = MockCell(CellTruth.from_seed(7), program="rapid")
     try:
         wire = await cell.start(Ports(devices=None))
         assert wire.robot_port is not None
-        await _connect(wire.robot_port, count // 10)  # caches and arenas are filled
-        before = _left()
+        await _connect(wire.robot_port, count // 10)  # fills caches and arenas
+        before = _resources()
         await _connect(wire.robot_port, count)
-        after = _left()
+        after = _resources()
     finally:
         await cell.close()
     return (
@@ -128,7 +128,7 @@ async def _connect(port: int, count: int) -> None:
         await robot.close()
 
 
-def _left() -> tuple[int, float]:
+def _resources() -> tuple[int, float]:
     gc.collect()
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return len(os.listdir("/proc/self/fd")), pages * os.sysconf("SC_PAGE_SIZE") / 1e6  # noqa: PTH208
@@ -150,13 +150,13 @@ def main() -> int:
         sys.setswitchinterval(5e-6)
     if options.schedules:
         tally = asyncio.run(schedules(options.schedules, options.seed, options.cells))
-        print(tally.told(), flush=True)
-        failed = tally.failed
+        print(tally.summary(), flush=True)
+        failed = tally.has_failures
     if options.reads:
         for program in ("rapid", "python"):
             taken_ms = np.array(asyncio.run(reads(options.reads, program)))
-            told = ", ".join(f"{share:g} % under {np.percentile(taken_ms, share):.1f} ms" for share in (50, 99, 99.9))
-            print(f"  {told}", flush=True)
+            shares = ", ".join(f"{share:g} % under {np.percentile(taken_ms, share):.1f} ms" for share in (50, 99, 99.9))
+            print(f"  {shares}", flush=True)
     if options.reconnects:
         print(asyncio.run(reconnects(options.reconnects)))
     return 1 if failed else 0

@@ -1,7 +1,7 @@
-"""Random fault schedules for the CB link at the shipped RAPID: one move each, with one to three faults of the table.
+"""Random fault schedules for the CB link with the shipped RAPID: one move each, under one to three faults.
 
-Told is every move that was commanded more than once, every arm that moved after an error, and every schedule that did
-not come to an end, with what the robot program was doing then.
+Reports every move that was commanded more than once, every arm that moved after an error, and every schedule that did
+not end, with the state of the robot program.
 """
 
 import asyncio
@@ -30,16 +30,16 @@ STRIKES = tuple(name for name, fault in FAULTS.items() if fault.area in ("link",
 ARM = find_arm("IRB 1600-6/1.45")
 CELLS = 12
 TIME_SCALE = 30.0
-SETTLED_S = 12.0
+REST_LIMIT_S = 12.0
 SCHEDULE_LIMIT_S = 60.0
 FROZEN_S = 240.0
-"""Not even the limits are looked at any more: every thread's stack is printed, and the run ends."""
-FRAMES_TOLD = 12
+"""When not even the limits are checked any more: print every thread's stack and exit."""
+MAX_FRAMES = 12
 
 
 @dataclass
 class Tally:
-    """What came of the schedules."""
+    """Results of the schedules."""
 
     schedules: int = 0
     arrived: int = 0
@@ -49,12 +49,12 @@ class Tally:
     never_ended: list[str] = field(default_factory=list)
 
     @property
-    def failed(self) -> bool:
-        """Was anything found that must not be?"""
+    def has_failures(self) -> bool:
+        """Whether a forbidden result occurred."""
         return bool(self.twice or self.moved_afterwards or self.never_ended)
 
-    def told(self) -> str:
-        """For people."""
+    def summary(self) -> str:
+        """Summary as text."""
         ends = ", ".join(f"{count} {code}" for code, count in self.errors.most_common())
         lines = [f"schedules: {self.schedules}; {self.arrived} arrived, {ends}"]
         for what, found in (
@@ -67,27 +67,27 @@ class Tally:
 
 
 @dataclass
-class Overheard:
-    """A transport whose last pieces are remembered."""
+class RecordingTransport:
+    """A transport that records its last pieces."""
 
     inner: TcpTransport
-    pieces: deque[str] = field(default_factory=lambda: deque(maxlen=FRAMES_TOLD))
+    pieces: deque[str] = field(default_factory=lambda: deque(maxlen=MAX_FRAMES))
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
 
     async def connect(self) -> Connection:
-        """The inner one's, listened to."""
+        """Connect the inner transport and record its traffic."""
         self.note("connects")
-        return _Tapped(await self.inner.connect(), self.note)
+        return _RecordingConnection(await self.inner.connect(), self.note)
 
     def note(self, what: str) -> None:
-        """Remember it, with its time."""
+        """Record a piece with its time."""
         self.pieces.append(f"{time.monotonic():.3f} {what}")
 
 
 @dataclass
-class _Tapped:
+class _RecordingConnection:
     connection: Connection
     note: Any
 
@@ -107,7 +107,7 @@ class _Tapped:
 
 @dataclass
 class Schedule:
-    """One move under one to three faults; then everything is put right, and nothing may have moved again."""
+    """One move under one to three faults; then all faults are cleared, and nothing may move again."""
 
     number: int
     seed: int
@@ -120,14 +120,14 @@ class Schedule:
         self.faults = {
             name: self.random.randint(0, 1) for name in self.random.sample(STRIKES, self.random.randint(1, 3))
         }
-        self.transport = Overheard(TcpTransport("127.0.0.1", self.port))
+        self.transport = RecordingTransport(TcpTransport("127.0.0.1", self.port))
 
     def __str__(self) -> str:
         faults = " + ".join(f"{name}{' from the move on' if later else ''}" for name, later in self.faults.items())
         return f"schedule {self.number} of seed {self.seed}: {faults}"
 
     async def run(self, tally: Tally) -> bool:
-        """Did it end, so that the cell may be used again?"""
+        """Run; returns whether it ended, so that the cell can be used again."""
         tally.schedules += 1
         robot = CbRobot(self.transport)
         robot.start()
@@ -143,12 +143,12 @@ class Schedule:
 
     async def _ends(self, robot: CbRobot, tally: Tally) -> None:
         cell = self.cell
-        await _armed(robot)
+        await _arm(robot)
         before = cell.controller.moves_accepted
         for fault, later in self.faults.items():
             cell.inject_fault(fault, after_moves=later)
         self.stage = "moving"
-        failed = await _moved(robot, _somewhere(cell, self.random), tally)
+        failed = await _move_fails(robot, _somewhere(cell, self.random), tally)
         self.stage = "coming to rest"
         await _comes_to_rest(cell)
         cell.clear_faults()
@@ -163,14 +163,14 @@ class Schedule:
     def _where_it_hangs(self, error: Exception) -> str:
         controller = self.cell.controller
         assert isinstance(controller, RapidController)
-        told = (
+        names = (
             "cell_session cell_armed cell_request cell_verdict cell_done cell_done_status cell_abort cell_bell"
             " cell_moving cell_settled"
         )
         lines = [
             f"{self}: {self.stage} for more than {SCHEDULE_LIMIT_S:g} s: {error!r}",
             f"{controller.panel}, settles {controller.settles}, {controller.unit}",
-            ", ".join(f"{name} {controller.memory[name].value}" for name in told.split()),
+            ", ".join(f"{name} {controller.memory[name].value}" for name in names.split()),
             *(f"{task}: {' <- '.join(where) or 'no thread'}" for task, where in controller.whereabouts().items()),
             *(f"log {entry.code} {entry.text}" for entry in [*controller.log][-6:]),
             *self.transport.pieces,
@@ -179,7 +179,7 @@ class Schedule:
 
 
 async def schedules(count: int, seed: int, cells: int = CELLS) -> Tally:
-    """Several cells side by side: most of a schedule is waiting for a silence to end."""
+    """Run several cells side by side, since a schedule mostly waits for timeouts."""
     tally = Tally()
     numbers = iter(range(count))
     await asyncio.gather(*(_work(numbers, seed, tally) for _ in range(min(cells, count))))
@@ -188,7 +188,7 @@ async def schedules(count: int, seed: int, cells: int = CELLS) -> Tally:
 
 
 async def _work(numbers: Any, seed: int, tally: Tally) -> None:
-    """One cell after another: a new one when a schedule has left the last one in a state nobody wants."""
+    """Use one cell after another: a new one when a schedule has left the last one in an unusable state."""
     sound = False
     while not sound:
         sound = True
@@ -205,8 +205,8 @@ async def _work(numbers: Any, seed: int, tally: Tally) -> None:
             await cell.close()
 
 
-async def _armed(robot: CbRobot) -> None:
-    """As an operator would: again, when what was before is still ending."""
+async def _arm(robot: CbRobot) -> None:
+    """Arm; repeated while an earlier motion is still ending."""
     while True:
         try:
             await robot.wait_connected(30.0)
@@ -217,8 +217,8 @@ async def _armed(robot: CbRobot) -> None:
             return
 
 
-async def _moved(robot: CbRobot, goal: MoveGoal, tally: Tally) -> bool:
-    """Did the move fail?"""
+async def _move_fails(robot: CbRobot, goal: MoveGoal, tally: Tally) -> bool:
+    """Move; returns whether the move failed."""
     try:
         await robot.move_to(goal)
     except DeviceError as error:
@@ -229,14 +229,14 @@ async def _moved(robot: CbRobot, goal: MoveGoal, tally: Tally) -> bool:
 
 
 async def _comes_to_rest(cell: MockCell) -> None:
-    """The controller stops and disarms by itself after two seconds of silence."""
-    ends_s = time.monotonic() + SETTLED_S
+    """Wait until the controller stops and disarms by itself, after two seconds of silence."""
+    ends_s = time.monotonic() + REST_LIMIT_S
     while cell.flange_now().moving and time.monotonic() < ends_s:  # noqa: ASYNC110 - it happens in arm time
         await asyncio.sleep(0.02)
 
 
 async def _moves_by_itself(cell: MockCell, robot: CbRobot) -> bool:
-    """From the next greeting on. Before it, the one move may still have begun, and been stopped."""
+    """Whether the arm moves after the next greeting. Before it, the move may still have begun and been stopped."""
     await robot.wait_connected(30.0)
     await _comes_to_rest(cell)
     departures = cell.controller.arm.departures

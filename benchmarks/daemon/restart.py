@@ -1,8 +1,8 @@
-"""How soon the cell can be worked with again after kill -9: `python -m benchmarks.daemon.restart --starts 20`.
+"""Time from kill -9 until the cell is ready again: `python -m benchmarks.daemon.restart --starts 20`.
 
-A mock cell and the daemon as processes, as in a plant. The daemon is killed in the middle of a run; a new process is
-started on what it left, and asked until GET /ready says that it could calibrate and register. Measured is the time from
-its start, so with all its imports, to that answer; and the processor's time in it, which a busy machine changes less.
+A mock cell and the daemon as processes. The daemon is killed in the middle of a run; a new process is started on the
+same store and polled until GET /ready says that it could calibrate and register. Measured from the start of the
+process, including imports, in elapsed time and in processor time, which depends less on other load.
 """
 
 import argparse
@@ -30,8 +30,8 @@ TRIES = 5
 
 
 @contextmanager
-def started(folder: Path) -> Iterator[tuple[httpx.Client, float, float]]:
-    """A new daemon that is ready, after how many seconds it was, how many of them at work; killed at the end."""
+def start_daemon(folder: Path) -> Iterator[tuple[httpx.Client, float, float]]:
+    """Start a daemon; yields a client, the seconds until ready, and the processor time of them; kills it at the end."""
     ready = folder / "daemon.json"
     ready.unlink(missing_ok=True)
     command = [sys.executable, "-m", "daemon.cli", "serve", str(folder / "handeyed.toml"), "--ready-file", str(ready)]
@@ -56,7 +56,7 @@ def started(folder: Path) -> Iterator[tuple[httpx.Client, float, float]]:
 
 
 def _at_work_s(pid: int) -> float:
-    """Of all its threads, so far."""
+    """Processor time of all its threads so far."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -65,8 +65,8 @@ def _can_work(ready: dict[str, Any]) -> bool:
     return bool(ready["calibrate"]["ready"] and ready["register"]["ready"])
 
 
-def interrupted_run(client: httpx.Client) -> str:
-    """A run that is in progress, and has moved the arm; begun again when the machine was too busy for a device."""
+def run_in_progress(client: httpx.Client) -> str:
+    """A run in progress that has moved the arm; started again when the machine was too busy for a device."""
     for _ in range(TRIES):
         run = client.post("/calibrate").raise_for_status().json()
         while run["station"] < 1 and not run["over"]:
@@ -88,14 +88,14 @@ def main() -> int:
             left = ""
             with _first(folder) as client:
                 client.post("/calibrate?wait=120").raise_for_status()
-                left = interrupted_run(client)
+                left = run_in_progress(client)
             for _ in range(options.starts):
-                with started(folder) as (client, seconds, at_work):
+                with start_daemon(folder) as (client, seconds, at_work):
                     took_s.append(seconds)
                     work_s.append(at_work)
                     run = client.get(f"/runs/{left}").json()
                     assert run["state"] == "failed" and "start the run again" in run["cause"]["fix"], run
-                    left = interrupted_run(client)
+                    left = run_in_progress(client)
     middle, slowest = statistics.median(took_s), max(took_s)
     print(f"ready again after kill -9 in mid-run, {len(took_s)} starts of a new process:")
     print(f"median {middle:.2f} s, slowest {slowest:.2f} s (bar {READY_BAR_S:g} s)")
@@ -105,7 +105,7 @@ def main() -> int:
 
 @contextmanager
 def _first(folder: Path) -> Iterator[httpx.Client]:
-    """The daemon that makes the first calibration: register is not ready before."""
+    """A daemon that makes the first calibration, since register is not ready before."""
     with start_child("daemon", ["daemon.cli", "serve", str(folder / "handeyed.toml")], folder) as daemon:
         with httpx.Client(base_url=daemon.announcement["url"], timeout=120, trust_env=False, verify=False) as client:
             yield client

@@ -1,10 +1,10 @@
-"""Schemathesis with all its checks, stateful, against a daemon with fake devices.
+"""Schemathesis with all checks, stateful, against a daemon with fake devices.
 
 `python -m benchmarks.daemon.schemathesis`
 
-The robot, the camera and the scanner are the tests' fakes, everything else is what runs in a plant: the server, the
-store on a disk, openapi.json. `--cases` is how many requests there shall be at least: rounds with new seeds follow each
-other until there were so many. A failure is printed with the request that shows it, and the exit status is 1.
+Robot, camera and scanner are fakes, everything else is real: server, store on disk, openapi.json. `--cases`: minimum
+number of requests; rounds with new seeds follow each other until it is reached. A failure is printed with its request,
+and the exit status is 1.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from tests.daemon.api.schemathesis_round import end_streams_soon, one_round
 
 
 def daemon_process(folder: str, ready: Any) -> None:
-    """The daemon with its real server and devices from the tests' fakes."""
+    """The daemon with its real server and fake devices."""
     asyncio.run(_daemon(Path(folder), ready))
 
 

@@ -2,9 +2,9 @@
 
 `python -m benchmarks.daemon.soak --minutes N`
 
-A mock cell and the daemon as processes; clouds are registered without a pause, and between them the cell is verified,
-asked what an MES, Prometheus and a page would ask, listened to, and read and written by a PLC. Memory and descriptors
-of the daemon are read from /proc. Both slopes are of a straight line through what follows the first quarter.
+A mock cell and the daemon as processes; clouds are registered without a pause; meanwhile the cell is verified, polled
+as by an MES, Prometheus and a web page, and read and written by a PLC. Memory and descriptors of the daemon are read
+from /proc. Both slopes are fitted to the samples after the first quarter.
 """
 
 import argparse
@@ -28,30 +28,28 @@ from protocols.modbus.mbap import Adu
 
 REGISTRATIONS = 10_000
 AN_HOUR = 5_000
-"""Registrations of a busy cell's hour."""
+"""Registrations per hour of a busy cell."""
 
 POINTS = 5_000
 WARM_UP = 0.25
 RUNS_OF_A_PAGE = 20
 POSE = "800,100,900,0,0.7071068,0.7071068,0"
 LIMITS = {"memory": 1.0, "descriptors": 0.5}
-"""MB a compressed hour; descriptors an hour. In less than one such hour memory is still being taken up, and neither is
-judged.
-"""
+"""MB per compressed hour; descriptors per hour. Not judged in less than one such hour, while memory still grows."""
 
 
 @dataclass
 class Record:
-    """What was done and seen."""
+    """Actions and samples of a run."""
 
     registrations: int = 0
     verifications: int = 0
     failures: list[str] = field(default_factory=list)
     samples: list[tuple[float, float, int, float]] = field(default_factory=list)
-    """Share done, MB resident, descriptors, seconds."""
+    """Fraction done, MB resident, descriptors, seconds."""
 
     def slope(self, column: int) -> tuple[float, float]:
-        """Of a column, from nothing to all done; and its standard error."""
+        """Slope of a column over the whole run, and its standard error."""
         steady = np.array([sample for sample in self.samples if sample[0] >= WARM_UP])
         if len(steady) < 3:
             return float("nan"), float("nan")
@@ -60,7 +58,7 @@ class Record:
 
 
 class Cell:
-    """The daemon as its neighbours see it."""
+    """The daemon with its clients."""
 
     def __init__(self, url: str, pid: int, plc_port: int) -> None:
         self.http = httpx.Client(base_url=url, timeout=120, trust_env=False)
@@ -87,7 +85,7 @@ class Cell:
             self.http.get(path).raise_for_status()
 
     def listen(self) -> None:
-        """A page that is opened and closed."""
+        """Open and close an event stream."""
         with self.http.stream("GET", "/events", headers={"last-event-id": "0"}) as events:
             next(events.iter_lines())
 
@@ -98,7 +96,7 @@ class Cell:
         return found
 
     def plc_cycle(self, beat: int) -> None:
-        """Write the heartbeat, read status and result, at once."""
+        """Write the heartbeat, then read status and result."""
         if self._plc is None:
             self._plc = socket.create_connection(("127.0.0.1", self._plc_port), timeout=30)
         sent = (
@@ -131,14 +129,14 @@ class Cell:
 
 
 def fill(cell: Cell) -> None:
-    """What grows by design is full before anything is measured: the page of the last runs, kept events, caches."""
+    """Fill what grows by design before measuring: the page of the last runs, kept events, caches."""
     for _ in range(RUNS_OF_A_PAGE):
         cell.run("/verify")
         cell.look()
 
 
 def soak(cell: Cell, minutes: float, registrations: int) -> Record:
-    """Everything, paced so that it takes `minutes`."""
+    """Run everything, paced to take `minutes`."""
     record, began_s = Record(), time.monotonic()
     pause_s = 60 * minutes / registrations
     while record.registrations < registrations and time.monotonic() - began_s < 60 * minutes * 1.5:
@@ -203,7 +201,7 @@ def busy_cell() -> Iterator[Cell]:
 
 
 def report(record: Record, minutes: float) -> bool:
-    """Printed; is it within the limits?"""
+    """Print the result; returns whether it is within the limits."""
     hours = record.registrations / AN_HOUR
     memory, memory_error = (value / hours for value in record.slope(1))
     descriptors, _ = (value / hours for value in record.slope(2))

@@ -1,11 +1,9 @@
-"""kill -9, again and again, at random and at every failpoint: `python -m benchmarks.daemon.torture --rounds 1000`.
+"""kill -9 repeatedly, at random and at every failpoint: `python -m benchmarks.daemon.torture --rounds 1000`.
 
-Each round starts a daemon on what the last one left, checks that everything that was ever acknowledged is there and
-nothing is half there, sends the request that got no answer once more, works on, and is killed. The devices are the
-tests' fakes; server, store, files, and the failpoints are what runs in a plant. kill -9 leaves what the system has in
-its buffers: what a power cut would take as well is what `python -m benchmarks.daemon.disk_faults` is about. How soon a
-daemon is ready again as a new process, and not forked from one that holds its imports: `python -m
-benchmarks.daemon.restart`.
+Each round starts a daemon on the store of the last one, checks that everything acknowledged is there and nothing is
+half there, repeats the request that got no answer, continues, and is killed. Devices are fakes; server, store, files
+and failpoints are real. kill -9 keeps the system's buffers; losses as by a power cut are tested by `python -m
+benchmarks.daemon.disk_faults`, the time until a new process is ready by `python -m benchmarks.daemon.restart`.
 """
 
 import argparse
@@ -27,8 +25,8 @@ from tests.daemon.torture.torture import Torture, TortureReport
 READY_BAR_S = 5.0
 
 
-def tortured(rounds: int, seed: int, stopped: threading.Event) -> TortureReport:
-    """A whole torture, in a folder that is left when something was lost."""
+def run_torture(rounds: int, seed: int, stopped: threading.Event) -> TortureReport:
+    """Run one torture, in a folder that is kept when something was lost."""
     folder = Path(tempfile.mkdtemp(prefix="handeyed-torture-"))
     torture = Torture(folder, random.Random(seed))
     try:
@@ -43,7 +41,7 @@ def tortured(rounds: int, seed: int, stopped: threading.Event) -> TortureReport:
 
 
 def report(reports: list[TortureReport], took_s: float) -> None:
-    """Printed."""
+    """Print the reports."""
     killed = sum((one.killed for one in reports), Counter[str]())
     ready_s = [seconds for one in reports for seconds in one.ready_s]
     print(f"{sum(one.rounds for one in reports)} rounds in {took_s:.0f} s:"
@@ -66,7 +64,7 @@ def main() -> int:
     shares = [options.rounds // lanes + (lane < options.rounds % lanes) for lane in range(lanes)]
     with ThreadPoolExecutor(lanes) as threads:
         seeds = range(options.seed, options.seed + lanes)
-        reports = list(threads.map(tortured, shares, seeds, [stopped] * lanes))
+        reports = list(threads.map(run_torture, shares, seeds, [stopped] * lanes))
     lost = [one.lost for one in reports if one.lost]
     print("\n".join(lost), end="")
     if not lost:

@@ -1,7 +1,7 @@
-"""Detection beside OpenCV's: `python -m benchmarks.detection [--views N]` prints a Markdown table.
+"""Detection compared with OpenCV: `python -m benchmarks.detection [--views N]` prints a Markdown table.
 
-Errors are root mean squares per axis over all points of the views that were found, each point taken against the nearest
-true one. Times are medians over the views, image in memory to points out, on this machine in this run.
+Errors are root mean squares per axis over all points of the detected views, each compared with the nearest true point.
+Times are medians over the views, from image in memory to points, on this machine.
 """
 
 import argparse
@@ -28,7 +28,7 @@ Method = Callable[[Any, Any], Array | None]
 
 
 def ours(image: Any, target: Target) -> Array | None:
-    """detect, or None."""
+    """Result of `detect`, or None."""
     try:
         return detect(image, target).corners_px
     except DetectionError:
@@ -38,7 +38,11 @@ def ours(image: Any, target: Target) -> Array | None:
 ROWS: dict[str, tuple[Target, dict[str, Method]]] = {
     "chessboard 11×8": (
         Chessboard(11, 8, 20.0),
-        {"handeyed": ours, "findChessboardCornersSB": peers.sector_based, "cornerSubPix": peers.corner_sub_pix},
+        {
+            "handeyed": ours,
+            "findChessboardCornersSB": peers.find_chessboard_corners_sb,
+            "cornerSubPix": peers.corner_sub_pix,
+        },
     ),
     "ChArUco 9×7": (
         Charuco(9, 7, 20.0, 15.0, "DICT_5X5_100"),
@@ -72,13 +76,13 @@ def main() -> None:
                 bounds = [bound_px(view, target, optics, BOUND_WINDOW_PX) for view in views] if corners else []
                 bound = f"{np.sqrt(np.mean(np.square(bounds))):.4f}" if bounds else ""
                 for method, call in methods.items():
-                    found, rms, worst, milliseconds = measured(call, views, target)
+                    found, rms, worst, milliseconds = measure(call, views, target)
                     cells = (name, size, light, method, f"{found}/{count}", rms, worst, bound, milliseconds)
                     print("| " + " | ".join(cells) + " |", flush=True)
 
 
-def measured(call: Method, views: list[TruePicture], target: Target) -> tuple[int, str, str, str]:
-    """Views found rightly, RMS and worst error in px, median time in ms."""
+def measure(call: Method, views: list[TruePicture], target: Target) -> tuple[int, str, str, str]:
+    """Views detected correctly, RMS and worst error in px, median time in ms."""
     errors, times = [], []
     for view in views:
         started = time.perf_counter()

@@ -1,4 +1,4 @@
-"""How well a corner can be located at all: the Cramér-Rao bound from the picture's gradient and the sensor's noise."""
+"""Cramér-Rao bound of a corner's location from the image gradient and the sensor noise."""
 
 from dataclasses import replace
 
@@ -13,9 +13,9 @@ from tests.simulated.views import TruePicture
 
 
 def bound_px(picture: TruePicture, target: Target, optics: Optics, window_px: int) -> float:
-    """Least standard deviation per axis, root mean square over the points, from the pixels within `window_px` of each.
+    """Smallest standard deviation per axis, RMS over the points, from the pixels within `window_px` of each.
 
-    The inverse of the Fisher information sum(g g' / variance); everything but the point's place is taken as known.
+    The inverse of the Fisher information sum(g g' / variance), with everything but the point's location known.
     """
     still = replace(optics, read_noise=0.0, electrons_per_level=0.0)
     ideal = render(picture.camera, target, picture.camera_T_target, still, np.random.default_rng(0)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""OpenCV's own detectors, as one would call them from its tutorials."""
+"""OpenCV's detectors, called as in its tutorials."""
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ from calibration.transforms import Array
 Grey = NDArray[np.uint8]
 
 
-def sector_based(image: Grey, target: Chessboard) -> Array | None:
+def find_chessboard_corners_sb(image: Grey, target: Chessboard) -> Array | None:
     """findChessboardCornersSB."""
     found, corners = cv2.findChessboardCornersSB(image, (target.columns, target.rows), flags=cv2.CALIB_CB_ACCURACY)
     return corners.reshape(-1, 2) if found else None

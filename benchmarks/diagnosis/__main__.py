@@ -2,6 +2,6 @@
 
 from benchmarks.diagnosis.tables import main
 
-# Spawned workers import functions by their module's name, which `__main__` of a package has not.
+# spawned workers import functions by their module's name, which a package's `__main__` does not have
 if __name__ == "__main__":
     main()

@@ -1,4 +1,4 @@
-"""One fault in one session, of several sizes: what is said of it, and what the oracle could have said."""
+"""One fault of several sizes in one session: the diagnosis, and what an oracle could have found."""
 
 import re
 import zlib
@@ -24,7 +24,7 @@ CAUSES |= SIZE
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A fault of this kind is put into the session; `factors`: its sizes, none for a gross one."""
+    """A fault of this kind in the session; `factors`: its sizes, empty for a gross one."""
 
     kind: str
     session: Session
@@ -32,27 +32,27 @@ class Case:
     seed: tuple[int, ...]
 
     def rng(self) -> np.random.Generator:
-        """Its own, whatever else runs, and wherever."""
+        """A generator of its own, independent of the order of execution."""
         return np.random.default_rng([*self.seed, zlib.crc32(self.kind.encode())])
 
 
 @dataclass(frozen=True)
 class Result:
-    """What came of one size: `outcome`, see `named`; `power`: the oracle's, nan where there is none.
+    """Result at one size: `outcome` as in `named`; `power` of the oracle, nan without one.
 
-    `told_apart`: is there a size from which on the oracle is right in 99 of 100; `deviations`: the size in the
-    session's own standard deviations; `said`: the findings, for people.
+    `detectable`: whether the oracle is right in 99 of 100 at some size; `deviations`: the size in the session's own
+    standard deviations; `said`: the findings as text.
     """
 
     outcome: str
     power: float = float("nan")
     deviations: float = float("nan")
-    told_apart: bool = True
+    detectable: bool = True
     said: str = ""
 
 
 def results_of(case: Case) -> list[Result]:
-    """One for each factor; for a gross fault one."""
+    """One result per factor; one for a gross fault."""
     problem, before = case.session.problem, case.session.before
     if case.kind in GROSS:
         return [_result(GROSS[case.kind](problem, case.rng()), before)]
@@ -63,14 +63,14 @@ def results_of(case: Case) -> list[Result]:
     for factor in case.factors:
         size = factor * reach.size
         seen = _result(slip.at(size * reach.deviation), before) if reach.told_apart else Result("none")
-        results.append(replace(seen, power=reach.power(size), deviations=size, told_apart=reach.told_apart))
+        results.append(replace(seen, power=reach.power(size), deviations=size, detectable=reach.told_apart))
     return results
 
 
-def with_what_is_said(session: Session) -> Session:
-    """What is said of a session that has no fault; where that is its target's size, it is taken out first.
+def with_corrected_size(session: Session) -> Session:
+    """Findings of the session without a fault; a deviating target size among them is corrected first,
 
-    A slip of the pitch that undid it would be none.
+    so that a simulated error of the pitch cannot cancel it.
     """
     said = frozenset(finding.code for finding in causes(session.problem))
     if not said & SIZE:
@@ -81,39 +81,39 @@ def with_what_is_said(session: Session) -> Session:
 
 
 def causes(problem: Problem) -> list[Finding]:
-    """What the solver says is wrong with a session."""
+    """Causes found by the solver."""
     return [finding for finding in solve_hand_eye(problem).findings if finding.code in CAUSES]
 
 
 def _result(fault: Fault, before: Set[str]) -> Result:
     found = causes(fault.problem)
     said = " | ".join(f"{finding.code}: {finding.message}" for finding in found)
-    return Result(named(found, fault, before), said=f"{', '.join((*sorted(fault.codes), *fault.says))} -> {said}")
+    return Result(outcome_of(found, fault, before), said=f"{', '.join((*sorted(fault.codes), *fault.says))} -> {said}")
 
 
-def named(found: list[Finding], fault: Fault, before: Set[str]) -> str:
-    """Right, when the cause is named with its views; either, when they are told to be nearly as likely as what is.
+def outcome_of(found: list[Finding], fault: Fault, before: Set[str]) -> str:
+    """Outcome: right, when the cause is named with its views; either, when reported as nearly as likely as the named.
 
-    What is said of the clean session, the codes `before`, does not count against it.
+    Codes found in the clean session (`before`) do not count.
     """
     found = [finding for finding in found if finding.code in fault.codes or finding.code not in before]
     if not found:
         return "none"
-    telling = [finding for finding in found if all(_says(finding, words) for words in fault.says)]
-    if any(finding.code in fault.codes for finding in telling):
+    matching = [finding for finding in found if all(_says(finding, words) for words in fault.says)]
+    if any(finding.code in fault.codes for finding in matching):
         return "right"
-    either = telling if fault.says else []
+    either = matching if fault.says else []
     either += [f for f in found if f.code in fault.codes and fault.after is not None and fault.after in _views(f)]
     return "either" if either else "wrong"
 
 
 def _says(finding: Finding, words: str) -> bool:
-    """View 2 is not view 20; what else it may have been, view 2 (or 3), does not matter."""
-    told = re.sub(r" \(or [\d, ]+\)", "", finding.message)
-    return re.search(re.escape(words) + r"(?!\d)", told) is not None
+    """Whether the finding names the view: view 2 is not view 20; alternatives, as in view 2 (or 3), are ignored."""
+    message = re.sub(r" \(or [\d, ]+\)", "", finding.message)
+    return re.search(re.escape(words) + r"(?!\d)", message) is not None
 
 
 def _views(finding: Finding) -> set[int]:
-    """Those before which a change may have been: 7 (or 8); 7 (or 6, 8)."""
-    told = re.search(r"view (\d+(?: \(or [\d, ]+\))?)", finding.message)
-    return {int(view) for view in re.findall(r"\d+", told.group(1))} if told else set()
+    """Views before which a change may have occurred: 7 (or 8); 7 (or 6, 8)."""
+    views = re.search(r"view (\d+(?: \(or [\d, ]+\))?)", finding.message)
+    return {int(view) for view in re.findall(r"\d+", views.group(1))} if views else set()

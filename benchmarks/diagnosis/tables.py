@@ -1,7 +1,7 @@
-"""One fault in a clean session: is it named? And is a clean session left in peace?
+"""Detection rate of single faults in clean sessions, and false-alarm rate of clean sessions.
 
-Sizes are multiples of where a fault of that kind begins to stand above the noise of that very session: where an oracle
-that is told the kind, and tries all views, is right in 99 of 100 such sessions (`tests.simulated.detectable_faults`).
+Sizes are multiples of the smallest detectable fault of that kind in that session: the size at which an oracle that
+knows the kind and tries all views is right in 99 of 100 such sessions (`tests.simulated.detectable_faults`).
 """
 
 import argparse
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.diagnosis.cases import Case, Result, causes, results_of, with_what_is_said
+from benchmarks.diagnosis.cases import Case, Result, causes, results_of, with_corrected_size
 from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faulty_sessions import PART, REAL, part_of, real_session, simulated
 
@@ -23,12 +23,12 @@ REAL_FACTORS = (1.0, 1.5, 2.0, 4.0)
 EVERY = 250
 PARTS = ("gross", "simulated", "real", "clean")
 SINGLE_THREADED = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-"""Small matrices: threads of one process would wait for each other's, and for other processes'."""
+"""Small matrices: threads would wait for each other and for other processes' threads."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How many sessions: for each row, of clean ones, and for each row on real sessions."""
+    """Numbers of sessions: per row, clean ones, and per row on real sessions."""
 
     row: int
     clean: int
@@ -60,10 +60,10 @@ def main() -> None:
         bench = Bench(pool, options.seed, tuple(options.kinds or (*GROSS, *KINDS)), options.missed)
         if "gross" in parts:
             print(f"simulated sessions, 6 to 30 views, both set-ups, faults that are plain; {sizes.row} a row")
-            bench.table(bench.simulated(sizes.row), GROSS, ())
+            bench.table(bench.simulate(sizes.row), GROSS, ())
         if "simulated" in parts:
             print(f"simulated sessions, 6 to 30 views, both set-ups; {sizes.row} a row")
-            bench.table(bench.simulated(sizes.row), KINDS, options.factors or FACTORS)
+            bench.table(bench.simulate(sizes.row), KINDS, options.factors or FACTORS)
         if "real" in parts:
             bench.real((options.session,) if options.session else REAL, sizes.real, options.factors or REAL_FACTORS)
         if "clean" in parts:
@@ -72,19 +72,19 @@ def main() -> None:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Where the cases run, what their seeds begin with, which kinds are asked for, and how much is told."""
+    """Executor and seed of the cases, kinds to run, and whether missed cases are printed."""
 
     pool: Executor
     seed: int
     kinds: tuple[str, ...]
-    tells_missed: bool
+    prints_misses: bool
 
-    def simulated(self, count: int) -> list[Session]:
-        """Each from a seed of its own."""
-        return [_simulated((self.seed, 0, number)) for number in range(count)]
+    def simulate(self, count: int) -> list[Session]:
+        """Sessions, each from a seed of its own."""
+        return [_simulate((self.seed, 0, number)) for number in range(count)]
 
     def real(self, names: Sequence[str], count: int, factors: Sequence[float]) -> None:
-        """A table for each real session whose folder is there."""
+        """A table for each real session whose folder exists."""
         for name, problem in zip(names, self.pool.map(real_session, names), strict=True):
             if problem is None:
                 print(f"\n{name}: the folder is not there (HANDEYED_DATA)")
@@ -92,10 +92,10 @@ class Bench:
             print(f"\n{name}; {count} a row; at most {PART} of its {len(problem.views)} views that agree")
             parts = [part_of(problem, np.random.default_rng([self.seed, 1, number])) for number in range(count)]
             real = [kind for kind in (*GROSS, *KINDS) if kind in GROSS or KINDS[kind].real]
-            self.table(list(self.pool.map(with_what_is_said, parts)), real, factors)
+            self.table(list(self.pool.map(with_corrected_size, parts)), real, factors)
 
     def table(self, sessions: Sequence[Session], kinds: Iterable[str], factors: Sequence[float]) -> None:
-        """A row for each kind and size: how often named rightly, wrongly, not noticed, and the oracle."""
+        """A row per kind and size: how often named correctly, wrongly, unnoticed, and the oracle."""
         print(
             f"{'fault':<40}{'size':>7}{'dev':>6}{'of':>5}{'named':>8}{'either':>8}{'wrongly':>9}{'unnoticed':>11}"
             f"{'oracle':>8}"
@@ -111,11 +111,11 @@ class Bench:
             by_session = [next(found) for _ in sessions]
             for size, results in enumerate(zip(*by_session, strict=True)):
                 _row(kind, "gross" if kind in GROSS else f"x {factors[size]:g}", results)
-                if self.tells_missed:
-                    _missed(results)
+                if self.prints_misses:
+                    _print_misses(results)
 
     def false_alarms(self, count: int) -> None:
-        """Clean sessions in which a cause is named all the same; a line for every few hundred."""
+        """Clean sessions with a named cause; one line for every few hundred."""
         alarms = Counter[str]()
         seeds = [(self.seed, 3, number) for number in range(count)]
         for done, code in enumerate(self.pool.map(_alarm, seeds, chunksize=5), 1):
@@ -129,20 +129,20 @@ class Bench:
                 )
 
 
-def _simulated(seed: tuple[int, ...]) -> Session:
+def _simulate(seed: tuple[int, ...]) -> Session:
     return simulated(np.random.default_rng(seed))
 
 
 def _alarm(seed: tuple[int, ...]) -> list[str]:
-    return [finding.code for finding in causes(_simulated(seed).problem)[:1]]
+    return [finding.code for finding in causes(_simulate(seed).problem)[:1]]
 
 
 def _row(kind: str, size: str, results: Sequence[Result]) -> None:
-    """Sessions in which the oracle cannot tell such faults apart at any size are not counted."""
-    counted = [result for result in results if result.told_apart]
+    """Sessions in which the oracle cannot distinguish such faults at any size are not counted."""
+    counted = [result for result in results if result.detectable]
     if not counted:
         oracle = f"{100 * np.mean([result.power for result in results]):.0f} %"
-        print(f"{kind:<40}{size:>7}   cannot be told apart: oracle {oracle}", flush=True)
+        print(f"{kind:<40}{size:>7}   not detectable: oracle {oracle}", flush=True)
         return
     outcomes = Counter(result.outcome for result in counted)
     share = {
@@ -157,7 +157,7 @@ def _row(kind: str, size: str, results: Sequence[Result]) -> None:
     )
 
 
-def _missed(results: Sequence[Result]) -> None:
+def _print_misses(results: Sequence[Result]) -> None:
     for number, result in enumerate(results):
-        if result.told_apart and result.outcome != "right":
+        if result.detectable and result.outcome != "right":
             print(f"    session {number}: {result.outcome}; {result.said}", flush=True)

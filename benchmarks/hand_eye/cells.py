@@ -1,7 +1,7 @@
-"""What the benchmarks of hand-eye calibration share: the distribution of cells, errors of X, and their bound.
+"""Distribution of simulated cells, errors of X, and their bound, shared by the hand-eye benchmarks.
 
-The distribution: 0.02 to 0.5 px (uniform in its logarithm), 0 to 0.5 mm and 0 to 0.05 deg of the robot (uniform; none
-at all in 15 % of the cells), intrinsics given in 70 % of the cells, and in all with fewer than six views.
+The distribution: 0.02 to 0.5 px (log-uniform), 0 to 0.5 mm and 0 to 0.05 deg of the robot (uniform; zero in 15 % of the
+cells), intrinsics given in 70 % of the cells, and in all with fewer than six views.
 """
 
 import numpy as np
@@ -20,26 +20,26 @@ from tests.simulated.pose_pairs import PoseSession
 from tests.simulated.sessions import Cell, CellNoise, random_cell
 
 DISTANCE_MM = 550.0
-"""Where a point is registered: the middle of the distances from which the cells' targets are seen."""
+"""Distance of a registered point: the middle of the distances from which the targets are seen."""
 
 SHARE_EXACT_ROBOT, SHARE_GIVEN = 0.15, 0.7
-FEWEST_VIEWS_FREE = 6
-"""Fewer views say too little of nine intrinsics."""
+MIN_VIEWS_FREE = 6
+"""Fewer views do not determine nine intrinsics."""
 
 
-def drawn_cell(rng: np.random.Generator, views: int, setup: Setup) -> tuple[Cell, CellNoise]:
-    """A cell of the distribution, and its noise."""
+def draw_cell(rng: np.random.Generator, views: int, setup: Setup) -> tuple[Cell, CellNoise]:
+    """A random cell of the distribution, and its noise."""
     rotation_deg, translation_mm = rng.uniform(0, 0.05), rng.uniform(0, 0.5)
     if rng.random() < SHARE_EXACT_ROBOT:
         rotation_deg = translation_mm = 0.0
     image_px = float(np.exp(rng.uniform(np.log(0.02), np.log(0.5))))
     noise = CellNoise(image_px, float(np.radians(rotation_deg)), translation_mm)
-    given = views < FEWEST_VIEWS_FREE or bool(rng.random() < SHARE_GIVEN)
+    given = views < MIN_VIEWS_FREE or bool(rng.random() < SHARE_GIVEN)
     return random_cell(rng, views, noise, setup=setup, camera_given=given), noise
 
 
 def error_of(cell: Cell | PoseSession, mount_T_camera: Array) -> Array:
-    """[rotation rad, translation mm] in the camera's frame."""
+    """[rotation rad, translation mm] in the camera frame."""
     off = inverse(cell.mount_T_camera) @ mount_T_camera
     return np.concatenate([vector_from_rotation(off[:3, :3]), off[:3, 3]])
 

@@ -1,7 +1,7 @@
-"""The methods everybody uses, as `poses -> mount_T_camera`: OpenCV's where it has them, else ours in their place.
+"""Common closed-form methods as `poses -> mount_T_camera`: OpenCV's where available, otherwise ours.
 
-They get the poses of the target that a careful user would feed them: refined on all corners, with the intrinsics
-given or estimated over all views.
+They get the target poses a careful user would compute: refined on all corners, with intrinsics given or estimated over
+all views.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from calibration.transforms import Array, inverse, transform
 
 
 class Poses(Protocol):
-    """What they look at: a prepared session, or one that was given as poses (n, 4, 4)."""
+    """Input of the methods: a prepared session, or one given as poses (n, 4, 4)."""
 
     @property
     def anchor_T_mount(self) -> Array:
@@ -32,7 +32,7 @@ OPENCV_HAS_THEM = hasattr(cv2, "calibrateHandEye") and hasattr(cv2, "calibrateRo
 
 
 def opencv_methods() -> dict[str, Method]:
-    """OpenCV's five, its Shah and its Li; Andreff and Li have no counterpart of ours."""
+    """OpenCV's five, its Shah and its Li; Andreff and Li have no counterpart here."""
     if OPENCV_HAS_THEM:
         methods = {f"cv2 {name.lower()}": _hand_eye(getattr(cv2, f"CALIB_HAND_EYE_{name}")) for name in HAND_EYE}
         return methods | {"cv2 shah": _robot_world("SHAH"), "cv2 li": _robot_world("LI")}
@@ -40,7 +40,7 @@ def opencv_methods() -> dict[str, Method]:
 
 
 def whose() -> str:
-    """One sentence for the head of a table."""
+    """Sentence on the origin of the methods, for a table's heading."""
     if OPENCV_HAS_THEM:
         return f"the methods are OpenCV {cv2.__version__}'s own functions"
     return (
@@ -50,7 +50,7 @@ def whose() -> str:
 
 
 def own(name: str) -> Method:
-    """A closed form of ours."""
+    """A closed form of this project."""
     return lambda poses: CLOSED_FORMS[name](poses.anchor_T_mount, poses.camera_T_target)
 
 

@@ -1,10 +1,10 @@
-"""KinHEC's tracks: pose pairs with known X, its reference solvers beside ours, under its own protocol.
+"""KinHEC's tracks: pose pairs with known X, its reference solvers and ours, under its own protocol.
 
 `python -m benchmarks.hand_eye.kinhec [--tier smoke|small|medium] [--keep DIR] [--tracks NAME ...] [--solvers NAME
-...]`; needs `pip install kinhec`. Ours gets the very keyframes that the reference solvers get; the clock offset is the
-true one ("oracle"). Camera poses in the frame of the first one (KinHEC's `vo_origin`, odometry of one camera) have no
-known scale: ours is told so, and finds it. KinHEC scores a track by the medians of X's rotation and translation error;
-here over the sequences that ours answers, for every solver alike. What the others say where ours refuses stands below.
+...]`; needs `pip install kinhec`. All solvers get the same keyframes; the clock offset is the true one ("oracle").
+Camera poses relative to the first one (KinHEC's `vo_origin`, monocular odometry) have no known scale, which ours is set
+to estimate. KinHEC scores a track by the medians of X's rotation and translation error; here over the sequences that
+ours answers, for every solver alike. Results of the others where ours refuses are listed below.
 """
 
 import argparse
@@ -27,14 +27,14 @@ from calibration.transforms import inverse
 
 MM = np.array([[1, 1, 1, 1e3]] * 3 + [[1, 1, 1, 1]])
 Errors = tuple[float, float]
-"""Of X: degrees, millimetres; infinite where a solver fails."""
+"""Errors of X: degrees, millimetres; infinite where a solver fails."""
 
 NOT_GIVEN: Errors = (np.inf, np.inf)
 
 
 @dataclass(frozen=True)
 class Scored:
-    """One sequence: ours, or why it was refused, and the reference solvers' errors by name."""
+    """One sequence: our errors or the reason of refusal, and the reference solvers' errors by name."""
 
     track: str
     ours: Errors | str
@@ -42,7 +42,7 @@ class Scored:
 
 
 def main() -> None:
-    """One line a track and error: ours, the best reference solver's, and whether it was reached."""
+    """One line per track and error: ours, the best reference solver's, and whether it was reached."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tier", default="smoke", help="smoke (46 sequences), small (562) or medium (about 10,000)")
     parser.add_argument("--keep", type=Path, help="folder that keeps the sequences and the reference solvers' errors")
@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def scores(folder: Path, tier: str, tracks: Sequence[str] | None, solvers: Sequence[str] | None) -> list[Scored]:
-    """Every sequence of a tier, or of some of its tracks, generated into the folder unless it is there."""
+    """Every sequence of a tier, or of some tracks, generated into the folder unless it exists."""
     import kinhec.benchmark as reference
     from kinhec.cli import main as kinhec
     from kinhec.io import load_manifest, load_sequence
@@ -110,7 +110,7 @@ def _ours(reference, sequence) -> Errors | str:  # type: ignore[no-untyped-def]
         if sequence.eye_in_hand:
             solution = solve_hand_eye_poses("eye-in-hand", base_T_flange, inverse(seen), metric=metric)
             X = solution.mount_T_camera
-        else:  # KinHEC's X is the marker's pose in the flange there
+        else:  # there KinHEC's X is the marker's pose in the flange
             X = solve_hand_eye_poses("eye-to-hand", base_T_flange, seen, metric=metric).anchor_T_target
     except UndeterminedError as undetermined:
         return undetermined.code
@@ -140,7 +140,7 @@ def _print(track: str, scored: list[Scored], chance: bool) -> None:
 
 
 def _by_chance(pairs: list[tuple[float, float]]) -> str:
-    """How sure the ratio of the medians is: what it would be for other sequences of the kind (bootstrap)."""
+    """Confidence interval of the ratio of the medians (bootstrap over sequences)."""
     errors = np.array(pairs)
     drawn = errors[np.random.default_rng(0).integers(0, len(errors), (2000, len(errors)))]
     ours, theirs = np.moveaxis(np.median(drawn, axis=1), -1, 0)

@@ -1,9 +1,9 @@
-"""RMS errors of X beside OpenCV's methods and beside the bound that no estimator can beat, at 5, 10, 20 and 50 views.
+"""RMS errors of X compared with OpenCV's methods and with the Cramér-Rao bound, at 5, 10, 20 and 50 views.
 
 `python -m benchmarks.hand_eye.peers [--only mixed|poses|pixels] [--cells N] [--methods]`. `mixed`: whole sessions drawn
-as `benchmarks.hand_eye` draws them, of every noise, intrinsics given or not; ten times as many. The others have one
-level of noise a row, so that none hides another. `poses`: sessions given as pairs of poses with isotropic errors,
-nothing told about them; `pixels`: whole sessions, intrinsics given. `--methods` prints every method's errors.
+as in `benchmarks.hand_eye`, of every noise, intrinsics given or not; ten times as many. The others have one noise level
+per row. `poses`: sessions given as pairs of poses with isotropic errors of unknown size; `pixels`: whole sessions with
+given intrinsics. `--methods` prints every method's errors.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from benchmarks.hand_eye.cells import bound_of, drawn_cell, error_of
+from benchmarks.hand_eye.cells import bound_of, draw_cell, error_of
 from benchmarks.hand_eye.closed_form_peers import Poses, opencv_methods, own, whose
 from calibration.errors import UndeterminedError
 from calibration.pose_pairs.solve import solve_hand_eye_poses
@@ -30,7 +30,7 @@ from tests.simulated.sessions import Cell, CellNoise, random_cell
 
 VIEWS = (5, 10, 20, 50)
 BARS = np.array([0.85, 0.65])
-"""Ours over the best of OpenCV's: rotation, translation."""
+"""Goals of the ratio of our error to the best of OpenCV's: rotation, translation."""
 
 POSE_NOISES = (
     PoseNoise(0.02, 0.1, 0.02, 0.1),
@@ -51,7 +51,7 @@ SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 OURS, BOUND, KRONECKER = "handeyed", "bound", "handeyed kronecker"
 
 Squares = dict[str, Array]
-"""By method: squared errors of X, [rotation rad², translation mm²]; infinite where there is none."""
+"""Squared errors of X by method, [rotation rad², translation mm²]; infinite where there is none."""
 
 Session = Callable[[np.random.Generator, int], Squares]
 Found = Mapping[int, Sequence[Squares]]
@@ -59,7 +59,7 @@ Found = Mapping[int, Sequence[Squares]]
 
 
 def main() -> None:
-    """Both tables."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cells", type=int, default=200, help="for each row and number of views")
     parser.add_argument("--only", choices=("mixed", "poses", "pixels"), help="one of the tables")
@@ -72,7 +72,7 @@ def main() -> None:
     with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         if options.only in (None, "mixed"):
             table = Table("images; all cells together", options.views, 10 * options.cells, options.methods)
-            every = table.drawn(pool, mixed_squares, 0)
+            every = table.draw(pool, session_squares, 0)
             found = {n: [one for one in sessions if one] for n, sessions in every.items()}
             print("refused for turning about one axis: ", *(len(every[n]) - len(found[n]) for n in every))
             table.line("RMS", found)
@@ -82,17 +82,17 @@ def main() -> None:
             heading = "pairs of poses; motions, noise of the robot, of the camera"
             table = Table(heading, options.views, options.cells, options.methods)
             for row, (motions, noise) in enumerate(product(MOTIONS, POSE_NOISES)):
-                table.line(f"{motions:>7}  {noise}", table.drawn(pool, partial(pose_squares, noise, motions), row))
+                table.line(f"{motions:>7}  {noise}", table.draw(pool, partial(pose_squares, noise, motions), row))
             table.total()
         if options.only in (None, "pixels"):
             table = Table("images; setup, noise of pixels and robot", options.views, options.cells, options.methods)
             for row, (setup, level) in enumerate(product(SETUPS, CELL_NOISES)):
-                table.line(f"{setup}  {_words(level)}", table.drawn(pool, partial(cell_squares, level, setup), row))
+                table.line(f"{setup}  {_words(level)}", table.draw(pool, partial(cell_squares, level, setup), row))
             table.total()
 
 
 class Table:
-    """Prints its lines, and counts where the bars are met."""
+    """Prints its lines, and counts where the goals are met."""
 
     def __init__(self, heading: str, views: Sequence[int], sessions: int, methods: bool) -> None:
         self._views, self._sessions, self._methods = views, sessions, methods
@@ -100,7 +100,7 @@ class Table:
         print(f"\n{heading}; {sessions} sessions a figure (each good to {100 / np.sqrt(3 * sessions):.0f} %)")
         print(f"{'':44}" + "".join(f"{f'{n} views: deg':>16}{'mm':>13}" for n in views))
 
-    def drawn(self, pool: ProcessPoolExecutor, session: Session, row: int) -> Found:
+    def draw(self, pool: ProcessPoolExecutor, session: Session, row: int) -> Found:
         seeds = range(self._sessions)
         return {
             n: list(pool.map(partial(_one, session, n), [(row, n, seed) for seed in seeds], chunksize=5))
@@ -136,7 +136,7 @@ def _one(session: Session, views: int, seed: tuple[int, ...]) -> Squares:
 
 
 def pose_squares(noise: PoseNoise, motions: Motions, rng: np.random.Generator, views: int) -> Squares:
-    """Of one session that is given as pairs of poses."""
+    """Squared errors of one session given as pairs of poses."""
     session = drawn_session(rng, views, noise, motions)
     try:
         ours = solve_hand_eye_poses("eye-in-hand", session.anchor_T_mount, session.camera_T_target).mount_T_camera
@@ -145,9 +145,9 @@ def pose_squares(noise: PoseNoise, motions: Motions, rng: np.random.Generator, v
     return _squares(session, session, ours, session.bound)
 
 
-def mixed_squares(rng: np.random.Generator, views: int) -> Squares:
-    """Of one session with pixels, of any noise and setup; nothing of one that ours refuses."""
-    cell, noise = drawn_cell(rng, views, SETUPS[rng.integers(len(SETUPS))])
+def session_squares(rng: np.random.Generator, views: int) -> Squares:
+    """Squared errors of one session with pixels, of any noise and setup; empty for one that ours refuses."""
+    cell, noise = draw_cell(rng, views, SETUPS[rng.integers(len(SETUPS))])
     try:
         ours = estimate_session(cell.problem)[2].best.chain.mount_T_camera
     except UndeterminedError:
@@ -156,12 +156,12 @@ def mixed_squares(rng: np.random.Generator, views: int) -> Squares:
 
 
 def in_bounds(squares: Squares) -> Squares:
-    """In units of what no estimator of this very session can beat: the noisiest sessions no longer decide alone."""
+    """Errors in units of the session's own bound, so that the noisiest sessions do not dominate."""
     return {method: square / squares[BOUND] for method, square in squares.items()}
 
 
 def cell_squares(noise: CellNoise, setup: Setup, rng: np.random.Generator, views: int) -> Squares:
-    """Of one session with pixels."""
+    """Squared errors of one session with pixels."""
     cell = random_cell(rng, views, noise, setup=setup)
     ours = estimate_session(cell.problem)[2].best.chain.mount_T_camera
     return _squares(cell, prepare(cell.problem), ours, bound_of(cell, noise).covariance)

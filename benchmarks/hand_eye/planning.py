@@ -1,4 +1,4 @@
-"""Planned poses: how long they take and what they give; beside them the seed's three, and poses jogged to by advice."""
+"""Planned poses: computing time and accuracy, compared with the paper's three poses and with poses jogged by advice."""
 
 import argparse
 import time
@@ -24,56 +24,56 @@ COUNTS = (3, 4, 5, 6, 8, 10, 12, 15)
 STATIONS = 8
 BY_HAND = 6
 JOG_DEG, JOG_MM = 2.0, 8.0
-"""How near a person with a joystick gets to where the advice leads, one standard deviation per axis."""
+"""Accuracy with which a person jogs to the advised pose, one standard deviation per axis."""
 
 
 def main() -> None:
-    """Print the tables. Times are of one core's work, so that what else runs here does not count."""
+    """Print the tables. Times are processor time of one core, independent of other load."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     scene = seed_scene()
     print(f"the seed's three poses: a mapped point {predict(scene, seed_poses()).point_mm:.3g} mm")
     print("\nposes planned at once: seconds of one core, predicted uncertainty of a mapped point")
     for count in COUNTS:
-        plan, seconds = _timed(lambda count=count: plan_poses(scene, WIDE, count))
+        plan, seconds = _time(lambda count=count: plan_poses(scene, WIDE, count))
         print(f"{count:>5} poses {seconds:8.2f} s {plan.predicted.point_mm:8.3f} mm")
     _step_by_step(scene)
     _by_hand(scene)
 
 
 def _step_by_step(scene: Scene) -> None:
-    """As a run does it: after each view the next; from X known to 25 mm and 5 degrees."""
+    """As a run plans: one view after another, from X known to 25 mm and 5 degrees."""
     print("\nplanned step by step, X guessed 30 mm and 5 deg off: seconds before the arm moves on, with and without")
     print("planning while it moves; predicted uncertainty before and after")
     guess, poses = _guess(scene), [_look(scene)]
     wish, foreseen = StoppingRule(STATIONS), None
     while True:
-        problem = _seen(scene, poses)
-        anew, seconds = _timed(lambda p=problem, w=wish: next_view(guess, p, WIDE, w, base_T_flange_now=poses[-1]))
-        told, shorter = _timed(
+        problem = _observe(scene, poses)
+        anew, seconds = _time(lambda p=problem, w=wish: next_view(guess, p, WIDE, w, base_T_flange_now=poses[-1]))
+        advice, shorter = _time(
             lambda p=problem, w=wish, f=foreseen: next_view(guess, p, WIDE, w, base_T_flange_now=poses[-1], prepared=f)
         )
-        now = "not yet" if told.now_mm is None else f"{told.now_mm:.3f}"
-        if told.base_T_flange is None:
+        now = "not yet" if advice.now_mm is None else f"{advice.now_mm:.3f}"
+        if advice.base_T_flange is None:
             print(f"    after {len(poses) - 1:>2}: {now} mm")
             return
         other = "" if foreseen is None else f"  ({anew.planned_mm or np.nan:.3f} planned anew)"
-        gives = f"{now} -> {told.planned_mm or np.nan:.3f} mm{other}"
+        gives = f"{now} -> {advice.planned_mm or np.nan:.3f} mm{other}"
         print(f"    before {len(poses):>2}: {seconds:5.2f} s, {shorter:5.2f} s   {gives}")
-        foreseen = plan_ahead(told, problem, WIDE, wish)
-        poses.append(told.base_T_flange)
+        foreseen = plan_ahead(advice, problem, WIDE, wish)
+        poses.append(advice.base_T_flange)
         wish = replace(wish, views_left=wish.views_left - 1)
 
 
 def _by_hand(scene: Scene) -> None:
-    """One turn or two at a time, as somebody jogs it."""
+    """One or two rotations at a time, as a person jogs."""
     print("\njogged to by advice, X guessed 30 mm and 5 deg off, or not at all")
     for name, guess in (("guessed", _guess(scene)), ("unknown", replace(_guess(scene), mount_T_camera=None))):
         rng, poses = np.random.default_rng(0), [_look(scene)]
         while len(poses) < BY_HAND:
-            told = advise(guess, _seen(scene, poses), WIDE, StoppingRule(100), base_T_flange_now=poses[-1])
-            pose = told.base_T_flange
+            advice = advise(guess, _observe(scene, poses), WIDE, StoppingRule(100), base_T_flange_now=poses[-1])
+            pose = advice.base_T_flange
             if pose is None:
-                axis = told.instruction.split("about its ")[1][0]
+                axis = advice.instruction.split("about its ")[1][0]
                 turn = np.radians(15.0) * np.array([axis == "x", axis == "y", axis == "z"], float)
                 pose = poses[-1] @ transform(rotation_from_vector(turn), np.zeros(3))
             off = np.radians(JOG_DEG) * rng.standard_normal(3), JOG_MM * rng.standard_normal(3)
@@ -94,8 +94,8 @@ def _look(scene: Scene) -> Array:
     return pose
 
 
-def _seen(scene: Scene, poses: list[Array]) -> Problem:
-    """Pictures with the scene's own noise; where the arm stands differs from what it says by the robot's."""
+def _observe(scene: Scene, poses: list[Array]) -> Problem:
+    """Images with the scene's noise; the true poses differ from the reported ones by the robot's noise."""
     rng, views, noise = np.random.default_rng(1), [], scene.noise
     for index, pose in enumerate(poses):
         error = noise.robot_rotation_rad * rng.standard_normal(3), noise.robot_translation_mm * rng.standard_normal(3)
@@ -106,8 +106,8 @@ def _seen(scene: Scene, poses: list[Array]) -> Problem:
     return Problem("eye-in-hand", scene.target, scene.camera, scene.camera.image_size, tuple(views))
 
 
-def _timed(work: Callable[[], Made]) -> tuple[Made, float]:
-    """What it makes, and the seconds of processor time that took."""
+def _time(work: Callable[[], Made]) -> tuple[Made, float]:
+    """Result of the work and its processor time in seconds."""
     began = time.process_time()
     return work(), time.process_time() - began
 

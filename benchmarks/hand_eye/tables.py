@@ -1,7 +1,7 @@
-"""Hand-eye calibration against truth and its Cramér-Rao bound: uncertainty, planned poses, speed, real sessions.
+"""Hand-eye calibration against truth and Cramér-Rao bound: uncertainty, planned poses, speed, real sessions.
 
-`python -m benchmarks.hand_eye [--cells N] [--only TABLE] [--data DIR]`; OpenCV's own methods join where the installed
-one has them.
+`python -m benchmarks.hand_eye [--cells N] [--only TABLE] [--data DIR]`; OpenCV's methods are included where the
+installed version has them.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hand_eye.cells import drawn_cell, error_of, point_bound_mm, point_error_mm, scene_of
+from benchmarks.hand_eye.cells import draw_cell, error_of, point_bound_mm, point_error_mm, scene_of
 from benchmarks.hand_eye.closed_form_peers import OPENCV_HAS_THEM, opencv_methods, own, whose
 from calibration.likelihood.predicted_uncertainty import point_weights, predict, working_points_mm
 from calibration.planning.plan import plan_poses
@@ -71,7 +71,7 @@ def uncertainty_table(cells: int, workers: int | None) -> None:
     drawn = []
     for trial in range(cells):
         views = int(rng.choice(VIEWS))
-        drawn.append(drawn_cell(rng, views, "eye-in-hand" if trial % 2 else "eye-to-hand"))
+        drawn.append(draw_cell(rng, views, "eye-in-hand" if trial % 2 else "eye-to-hand"))
     rows: dict[int, list[Array]] = defaultdict(list)
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         for (cell, _), row in zip(drawn, pool.map(_cell_row, drawn, chunksize=5), strict=True):
@@ -98,7 +98,7 @@ def _cell_row(drawn: tuple[Cell, CellNoise]) -> Array:
         warnings.simplefilter("ignore")
         found = [solution.mount_T_camera, *(method(prepared) for method in methods)]
     points = [np.nan if X is None or not np.all(np.isfinite(X)) else point_error_mm(cell, X) / bound for X in found]
-    return np.concatenate([_normalised(cell, solution), _noise_ratios(solution, noise), points])
+    return np.concatenate([_normalise(cell, solution), _noise_ratios(solution, noise), points])
 
 
 def _uncertainty_row(name: str, found: Array) -> str:
@@ -114,7 +114,7 @@ def _medians(columns: Array) -> list[float]:
     return [float(np.median(column)) if len(column) else np.nan for column in finite]
 
 
-def _normalised(cell: Cell, solution: Solution) -> Array:
+def _normalise(cell: Cell, solution: Solution) -> Array:
     if solution.mount_T_camera is None or solution.uncertainty is None:
         return np.full(6, np.nan)
     normalised: Array = error_of(cell, solution.mount_T_camera) / np.sqrt(np.diagonal(solution.uncertainty.covariance))
@@ -147,7 +147,7 @@ def seed_table(seeds: int = 8, trials: int = 10) -> None:
     limits = ViewpointLimits(float(np.radians(45.0)), float(np.radians(180.0)), (450.0, 750.0))
     planned = plan_poses(scene, limits, 3).base_T_flange
     print(f"Three poses, 0.05 px, 0.05 mm, 0.005 deg: a registered point, mm; {seeds} seeds of {trials} sessions each")
-    print("(what the seed's poses reach depends on where the target stands, which the paper does not tell)")
+    print("(what the seed's poses reach depends on where the target stands, which the paper does not state)")
     weights = point_weights(working_points_mm(CAMERA, 600.0))
     for name, poses in (("the seed's", seed_poses), ("planned", planned)):
         reached, accepted, reasons = [], 0, set()
@@ -159,7 +159,7 @@ def seed_table(seeds: int = 8, trials: int = 10) -> None:
                 verdict = judge(cell.problem, solution)
                 accepted += verdict.accepted
                 reasons |= {finding.code for finding in verdict.findings if finding.severity == "error"}
-                # A refused session gives no transform: what the estimate would have been is asked for apart.
+                # a refused session gives no transform: its estimate is computed separately
                 error = error_of(cell, estimate_session(cell.problem)[2].best.chain.mount_T_camera)
                 reached.append(error @ weights @ error)
         by_seed = np.sqrt(np.mean(np.reshape(reached, (seeds, trials)), axis=1))
@@ -172,7 +172,7 @@ def seed_table(seeds: int = 8, trials: int = 10) -> None:
 
 
 def speed_table() -> None:
-    """Milliseconds of one core, the quickest of several runs: whatever else runs on the machine only adds."""
+    """Milliseconds of one core, the quickest of several runs, since other load only adds."""
     print("Speed, ms of one core, the quickest of several runs (detection excluded)")
     for views in (50, 500):
         cell = random_cell(np.random.default_rng(views), views, CellNoise())
@@ -199,7 +199,7 @@ def _milliseconds(work: Callable[[], object], runs: int) -> float:
 
 
 def real_table(data: Path) -> None:
-    """The real sessions, where they are there."""
+    """The real sessions, where available."""
     if not data.is_dir():
         print(f"Real sessions: none at {data}; give --data")
         return

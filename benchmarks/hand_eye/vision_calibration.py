@@ -1,9 +1,9 @@
-"""PyPI's `vision-calibration` on the sessions that ours gets: RMS errors of X, failures and time.
+"""PyPI's `vision-calibration` on the same sessions as ours: RMS errors of X, failures and time.
 
 `python -m benchmarks.hand_eye.vision_calibration [--cells N] [--setups ...]`; needs `pip install vision-calibration`.
-Its interface takes no intrinsics: it estimates them from the same views, as ours does on the rows that say so. Lengths
-in metres, quaternions x-y-z-w, poses of the flange in the base. It has priors on the robot's error (0.5 deg, 1 mm by
-default; "true priors" are the noise that was simulated) where ours learns it.
+It takes no intrinsics but estimates them from the same views, as ours does in the rows marked so. Lengths in metres,
+quaternions x-y-z-w, poses of the flange in the base. It has priors on the robot's error (0.5 deg, 1 mm by default;
+"true priors" are the simulated noise) where ours estimates it.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from benchmarks.hand_eye.cells import drawn_cell, error_of, point_error_mm
+from benchmarks.hand_eye.cells import draw_cell, error_of, point_error_mm
 from calibration.problem import Problem, Setup
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, quaternion_from_rotation, transform_from_quaternion
@@ -28,32 +28,32 @@ VIEWS = (6, 10, 20, 30)
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 OURS, OURS_FREE, PEER = "handeyed", "handeyed, intrinsics free", "vision-calibration"
 FAR_MM = 25.0
-"""An answer that misplaces a point by more than this is no calibration."""
+"""A result that misplaces a point by more than this counts as wrong."""
 
-SMALLEST_PRIOR = 1e-6
+MIN_PRIOR = 1e-6
 Solve = Callable[[Cell, CellNoise], Array | None]
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Squares of [rad, mm, point mm], infinite without an answer, and the processor time it took."""
+    """Squares of [rad, mm, point mm], infinite without a result, and the processor time."""
 
     squares: Array
     seconds: float
 
     @property
-    def refused(self) -> bool:
-        """No answer was given."""
+    def is_missing(self) -> bool:
+        """No result was given."""
         return not bool(np.isfinite(self.squares).all())
 
     @property
     def far(self) -> bool:
-        """An answer was given, and is no calibration."""
-        return not self.refused and bool(self.squares[2] > FAR_MM**2)
+        """A result was given, but is wrong."""
+        return not self.is_missing and bool(self.squares[2] > FAR_MM**2)
 
 
 def main() -> None:
-    """One block a number of views and setup."""
+    """One block per number of views and setup."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cells", type=int, default=10, help="cells for each number of views and setup")
     parser.add_argument("--setups", nargs="*", choices=SETUPS, default=SETUPS)
@@ -68,7 +68,7 @@ def main() -> None:
     with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         for setup, views in product(options.setups, VIEWS):
             rng = np.random.default_rng([4, SETUPS.index(setup), views])
-            drawn = [drawn_cell(rng, views, setup) for _ in range(options.cells)]
+            drawn = [draw_cell(rng, views, setup) for _ in range(options.cells)]
             answered = list(pool.map(_answers, drawn))
             answers = {name: [one[name] for one in answered] for name in SOLVERS}
             _print(f"{setup}, {views} views", answers)
@@ -89,7 +89,7 @@ def _answer(cell: Cell, noise: CellNoise, solve: Solve) -> Answer:
 
 
 def _print(heading: str, answers: dict[str, list[Answer]]) -> None:
-    answered = [not (one.far or one.refused) for one in answers[PEER]]
+    answered = [not (one.far or one.is_missing) for one in answers[PEER]]
     rms = {}
     for name, found in answers.items():
         kept = [one.squares for one, chosen in zip(found, answered, strict=True) if chosen]
@@ -101,7 +101,7 @@ def _print(heading: str, answers: dict[str, list[Answer]]) -> None:
     )
     for name, found in answers.items():
         rotation, translation, point = rms[name]
-        refused, far = sum(one.refused for one in found), sum(one.far for one in found)
+        refused, far = sum(one.is_missing for one in found), sum(one.far for one in found)
         milliseconds = 1000 * float(np.median([one.seconds for one in found]))
         print(
             f"{name:>34} {sum(answered):>5} {np.degrees(rotation):8.4f} {translation:8.3f} {point:8.3f}"
@@ -111,7 +111,7 @@ def _print(heading: str, answers: dict[str, list[Answer]]) -> None:
 
 
 def theirs(problem: Problem, noise: CellNoise | None) -> Array | None:
-    """mount_T_camera as `vision-calibration` finds it, or None where it gives up."""
+    """mount_T_camera by `vision-calibration`, or None where it gives up."""
     import vision_calibration as vc
 
     views = [
@@ -127,8 +127,8 @@ def theirs(problem: Problem, noise: CellNoise | None) -> Array | None:
         vc.RobotPoseConfig()
         if noise is None
         else vc.RobotPoseConfig(
-            rot_sigma=max(noise.robot_rotation_rad, SMALLEST_PRIOR),
-            trans_sigma=max(noise.robot_translation_mm / 1e3, SMALLEST_PRIOR),
+            rot_sigma=max(noise.robot_rotation_rad, MIN_PRIOR),
+            trans_sigma=max(noise.robot_translation_mm / 1e3, MIN_PRIOR),
         )
     )
     config = vc.SingleCamHandeyeCalibrationConfig(
@@ -143,7 +143,7 @@ def theirs(problem: Problem, noise: CellNoise | None) -> Array | None:
         return None
     if in_hand:
         return _transform(found.gripper_se3_camera)
-    return inverse(_transform(found.camera_se3_base))  # the mount is the base there
+    return inverse(_transform(found.camera_se3_base))  # there the mount is the base
 
 
 def _pose(vc, base_T_flange: Array):  # type: ignore[no-untyped-def]

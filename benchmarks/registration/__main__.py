@@ -1,6 +1,6 @@
-"""Registration beside its physical limits and its peers, as ratios of one run: `python -m benchmarks.registration`.
+"""Registration compared with physical limits and other software, as ratios: `python -m benchmarks.registration`.
 
-Peers are compared where they are installed. Peak memory is measured in a process of its own.
+Other software is compared where installed. Peak memory is measured in a process of its own.
 """
 
 import argparse
@@ -114,7 +114,7 @@ def real(data: Path) -> None:
 
 
 def pairs(folder: Path, hand: ScannerMount) -> None:
-    """The same 36 pairs, aligned one by one by others, beside our refinement of all."""
+    """Align the same 36 pairs one by one with other software, against our joint refinement."""
     views = read_scan(folder)
     surfaces = [sample.surface for sample in sample_views(views)]
     poses = [view.base_T_flange @ hand.flange_T_camera for view in views]
@@ -141,7 +141,7 @@ def _pairs_of_small_gicp(surfaces: list[Surface], poses: list[np.ndarray]) -> No
 
 
 def _pairs_of_kiss_icp(surfaces: list[Surface], poses: list[np.ndarray]) -> None:
-    """Point to point in a voxel map, with the settings of a scan this size."""
+    """Point to point in a voxel map, with settings for a scan of this size."""
     from kiss_icp.config import KISSConfig
     from kiss_icp.mapping import get_voxel_hash_map
     from kiss_icp.registration import get_registration
@@ -158,15 +158,15 @@ def _pairs_of_kiss_icp(surfaces: list[Surface], poses: list[np.ndarray]) -> None
 
 
 def calibrations(data: Path) -> None:
-    """X from the sphere, and from each object without any target, beginning at the sphere's."""
+    """X from the sphere, and from each object without a target, starting at the sphere's."""
     print(f"\n{'X from one object, nine views':<24}{'sigma mm':>22}{'sigma deg':>22}{'a point mm':>12}  verdict")
     sphere = solve_sphere_scan(read_scan(data / "reghec_sphere"), 48.37)
-    _tell_solution("sphere", sphere)
+    _print_solution("sphere", sphere)
     assert sphere.mount_T_camera is not None
     found = {}
     for name in ("duck", "david", "mozart"):
         solution = solve_surface_scan(read_scan(data / f"reghec_{name}"), sphere.mount_T_camera)
-        _tell_solution(f"{name}, no target", solution)
+        _print_solution(f"{name}, no target", solution)
         if solution.mount_T_camera is not None:
             found[name] = solution.mount_T_camera
     apart = [difference(one, two) for one, two in combinations(found.values(), 2)]
@@ -177,7 +177,7 @@ def calibrations(data: Path) -> None:
     note(f"largest difference from the sphere's X: {largest_mm:.1f} mm, {np.degrees(largest_rad):.2f} deg")
 
 
-def _tell_solution(name: str, solution: Solution) -> None:
+def _print_solution(name: str, solution: Solution) -> None:
     verdict = judge_scan(solution)
     if solution.uncertainty is None:
         print(f"{name:<24}{'none':>56}  refused")

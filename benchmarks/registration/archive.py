@@ -1,8 +1,8 @@
-"""An archive registered by one process and by 1 and 2 Dask workers, and what that says of more of them:
+"""Registers an archive by one process and by 1 and 2 Dask workers, and extrapolates:
 `python -m benchmarks.registration.archive`.
 
-The model is T(n) = serial + work / n: `work` is what registering costs in processor time, `serial` what the run with
-one worker costs beyond it (Dask's own work, most of it the client's). Clock and model differ by what else ran.
+The model is T(n) = serial + work / n: `work` is the processor time of registering, `serial` the additional time of the
+run with one worker (Dask itself, mostly the client). Elapsed time and model differ by other load.
 """
 
 import argparse
@@ -74,34 +74,34 @@ def main() -> int:
         spent = {0: cost(lambda: list(run_here(tasks("here"))))}
         for workers in (1, 2):
             with open_executor("local", workers) as run:
-                list(run(tasks(f"warm{workers}")[: 2 * workers]))  # imports are paid once, not for each scan
+                list(run(tasks(f"warm{workers}")[: 2 * workers]))  # pays for imports once, not per scan
                 before = _busy_s(os.getpid())
                 spent[workers] = cost(lambda w=workers, r=run: list(r(tasks(f"out{w}"))))  # type: ignore[misc]
                 spent[workers] = replace(spent[workers], cpu_s=_busy_s(os.getpid()) - before)
-    tell(options.scans, spent)
+    print_table(options.scans, spent)
     return 0
 
 
 def _busy_s(pid: int) -> float:
-    """Processor seconds of a process and all it started that still runs."""
+    """Processor seconds of a process and its running children."""
     own = sum(map(int, Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].split()[11:13]))
     threads = Path(f"/proc/{pid}/task").iterdir()
     children = [int(child) for thread in threads for child in (thread / "children").read_text().split()]
     return own / os.sysconf("SC_CLK_TCK") + sum(_busy_s(child) for child in children)
 
 
-def tell(scans: int, spent: dict[int, Cost]) -> None:
-    """The model is of a free machine: processors' seconds, and what the clock says beside them."""
+def print_table(scans: int, spent: dict[int, Cost]) -> None:
+    """Print the table. The model assumes a free machine: processor seconds, with elapsed time beside them."""
     work = min(each.cpu_s for each in spent.values())
     serial = max(0.0, spent[1].cpu_s - spent[0].cpu_s)
     print(f"{f'{scans} scans':<20}{'clock s':>10}{'CPU s':>10}{'CPU in use':>12}{'x one worker':>14}{'model s':>10}")
     for workers, each in spent.items():
         name = f"{workers} workers" if workers > 1 else "1 worker" if workers else "this process"
-        told = f"{spent[1].wall_s / each.wall_s:14.2f}{serial + work / workers:10.2f}" if workers else ""
-        print(f"{name:<20}{each.wall_s:10.2f}{each.cpu_s:10.2f}{each.cpu_s / each.wall_s:12.2f}{told}")
+        columns = f"{spent[1].wall_s / each.wall_s:14.2f}{serial + work / workers:10.2f}" if workers else ""
+        print(f"{name:<20}{each.wall_s:10.2f}{each.cpu_s:10.2f}{each.cpu_s / each.wall_s:12.2f}{columns}")
     for workers in BEYOND:
-        told = serial + work / workers
-        print(f"{f'{workers} workers':<20}{'':>32}{(serial + work) / told:14.2f}{told:10.2f}  by the model")
+        model_s = serial + work / workers
+        print(f"{f'{workers} workers':<20}{'':>32}{(serial + work) / model_s:14.2f}{model_s:10.2f}  by the model")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The mock cell's door in twelve views, the robot erring: how far refined and plain lie from the true surface."""
+"""The mock cell's door in twelve views with robot errors: distances from the true surface, plain and refined."""
 
 import time
 
@@ -21,7 +21,7 @@ ROWS_MM = (-155.0, 155.0)
 
 
 def door(seeds: int = 5) -> None:
-    """One line a seed, and the median."""
+    """One line per seed, and the median."""
     print("\nmock door, 12 views: RMS distance from the true surface, errors of the poses, RMS between views")
     print(
         f"{'':<9}{'plain':>8}{'refined':>9}{'ratio':>7}{'scanner':>9}{'at best':>9}"
@@ -66,7 +66,7 @@ def _one(seed: int) -> float:
 
 
 def _looking_at(x: float, y: float) -> Array:
-    """part_T_camera square on the skin at (x, y)."""
+    """part_T_camera at normal incidence on the skin at (x, y)."""
     aim = np.array([x, y, float(DOOR.height(np.array(x), np.array(y)))])
     out = DOOR.normal(np.array([x]), np.array([y]))[0]
     down = np.cross(-out, [1.0, 0.0, 0.0])
@@ -75,8 +75,9 @@ def _looking_at(x: float, y: float) -> Array:
 
 
 def _at_best(said: list[Array], true: list[Array]) -> list[Array]:
-    """The true poses under the one motion that nobody can see: views that agree perfectly still move as one, and only
-    the robot's word, with its error, says where they stand.
+    """The true poses moved by the one motion that cannot be observed.
+
+    Perfectly aligned views can still move as a whole; only the robot's poses, with their error, determine where.
     """
     rows, values = [], []
     for pose, truth in zip(said, true, strict=True):
@@ -113,7 +114,7 @@ def _open3d(surfaces: list[Surface], poses: list[Array], part_T_base: Array, spe
     """Open3D's multiway registration: point-to-plane pairs, its information matrices, global optimization."""
     try:
         import open3d
-    except (ImportError, OSError):  # installed it may still miss the system's libusb or libGL
+    except (ImportError, OSError):  # installed it may still lack the system's libusb or libGL
         return
     began = time.perf_counter()
     pipeline = open3d.pipelines.registration

@@ -1,4 +1,4 @@
-"""Clouds from file to file beside a copy of the same bytes, and beside the libraries that read and write them."""
+"""Clouds from file to file, compared with a copy of the same bytes and with libraries that read and write them."""
 
 import os
 import shutil
@@ -41,7 +41,7 @@ print(int(peak) // 1024)
 
 
 def files(points: int) -> None:
-    """On the disk, and in memory, where no disk's moods come in."""
+    """On the disk, and in memory, without the disk's variations."""
     for place, folder in (("on disk", None), ("in /dev/shm", MEMORY)):
         if folder is not None and not folder.is_dir():
             continue
@@ -53,7 +53,7 @@ def files(points: int) -> None:
             las(points // 5, inside, peers=folder is None)
             if folder is None:
                 e57(points // 10, inside)
-                compressed(points // 20, inside)
+                read_compressed_pcd(points // 20, inside)
         finally:
             shutil.rmtree(inside)
 
@@ -75,13 +75,13 @@ def _cloud(name: str, layout: Layout, source: Path, points: int, peers: bool) ->
 
 
 def fresh(target: Path) -> None:
-    """No old target to replace, and nothing of the run before still on its way to the disk."""
+    """Remove the old target, and flush earlier writes."""
     target.unlink(missing_ok=True)
     os.sync()
 
 
 def copying(source: Path, target: Path, synced: bool = False) -> Work:
-    """What `cp` does when it may not share the blocks (--reflink=never)."""
+    """Copy as `cp` does when it may not share blocks (--reflink=never)."""
 
     def copy() -> None:
         subprocess.run(["cp", "--reflink=never", source, target], check=True)
@@ -106,13 +106,13 @@ def write(path: Path, layout: Layout, points: int) -> None:
 
 
 def memory(source: Path | None, target: Path) -> int:
-    """Peak resident memory of a process that moves one file, in MB."""
+    """Peak resident memory in MB of a process that moves one file."""
     arguments = [sys.executable, "-c", MEMORY_PROBE, str(source or ""), str(target)]
     return int(subprocess.run(arguments, check=True, capture_output=True, text=True).stdout)
 
 
 def las(points: int, folder: Path, peers: bool) -> None:
-    """LAS and LAZ beside a copy and beside laspy's own reading and writing."""
+    """LAS and LAZ against a copy and against laspy's reading and writing."""
     if not find_spec("laspy"):
         return
     import laspy
@@ -128,7 +128,7 @@ def las(points: int, folder: Path, peers: bool) -> None:
         def theirs(source: Path = source, target: Path = target) -> None:
             laspy.read(str(source)).write(str(target))
 
-        def moved_by_laspy(source: Path = source, target: Path = target) -> None:
+        def move_by_laspy(source: Path = source, target: Path = target) -> None:
             cloud = laspy.read(str(source))
             points = cloud.xyz @ MOTION.rotation.T + MOTION.matrix[:, 3]
             cloud.change_scaling(scales=[0.001] * 3, offsets=np.rint(points.mean(axis=0)))
@@ -139,7 +139,7 @@ def las(points: int, folder: Path, peers: bool) -> None:
             beside(name, copying(source, target), ours, "cp", before=lambda: fresh(target))  # noqa: B023 - called now
         if peers:
             beside(name, theirs, ours, "laspy reading and writing", 5, before=lambda: fresh(target))  # noqa: B023
-            beside(name, moved_by_laspy, ours, "laspy, moving too", 3, before=lambda: fresh(target))  # noqa: B023
+            beside(name, move_by_laspy, ours, "laspy, moving too", 3, before=lambda: fresh(target))  # noqa: B023
             note(f"peak memory {memory(source, target)} MB, {memory(None, target)} MB of it imports")
 
 
@@ -176,8 +176,8 @@ def _ply_peers(source: Path, target: Path) -> None:
         beside(name, through_trimesh, ours, "trimesh", 1, before)
 
 
-def compressed(points: int, folder: Path) -> None:
-    """PCD binary_compressed, written by Open3D, read by us and by it."""
+def read_compressed_pcd(points: int, folder: Path) -> None:
+    """PCD binary_compressed, written by Open3D, read by handeyed and by Open3D."""
     if (open3d := open3d_here()) is None:
         return
     cloud = open3d.geometry.PointCloud(
@@ -191,7 +191,7 @@ def compressed(points: int, folder: Path) -> None:
 
 
 def e57(points: int, folder: Path) -> None:
-    """E57 read in blocks, beside pye57's own reading of everything at once."""
+    """E57 read in blocks, against pye57's reading of everything at once."""
     if not find_spec("pye57"):
         return
     import pye57

@@ -1,4 +1,4 @@
-"""Measuring two things beside each other, and printing it as a row."""
+"""Measures two functions in alternating runs and prints the ratios as a row."""
 
 import resource
 import time
@@ -16,8 +16,9 @@ WHAT, NUMBER = 44, 9
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one run: seconds on the clock, and seconds of all processors (children too), which other programs hardly
-    change."""
+    """Cost of one run: elapsed seconds, and processor seconds (with children), which other load hardly
+    changes.
+    """
 
     wall_s: float
     cpu_s: float
@@ -35,12 +36,12 @@ def _cpu_s() -> float:
 
 
 def best(work: Work, repeat: int = 7) -> float:
-    """The fastest of some runs, in seconds."""
+    """Shortest of some runs, in seconds."""
     return min(cost(work).wall_s for _ in range(repeat))
 
 
 def heading(title: str) -> None:
-    """Names the columns of the rows that follow: how fast the first is, beside what the last column says."""
+    """Print the column names of the rows that follow."""
     print(f"\n{title:<{WHAT}}{'best':>{NUMBER}}{'median':>{NUMBER}}{'CPU':>{NUMBER}}  beside", flush=True)
 
 
@@ -50,8 +51,9 @@ def row(what: str, numbers: tuple[float, ...], of: str) -> None:
 
 
 def beside(what: str, limit: Work, work: Work, of: str, repeat: int = 15, before: Work = lambda: None) -> None:
-    """A row of interleaved runs: best of one over best of the other, median of the pairs' ratios, least processor time
-    over least. `before` is not timed."""
+    """Print a row of interleaved runs: ratio of the best times, median ratio of the pairs, ratio of the least processor
+    times. `before` is not timed.
+    """
     limits, works = [], []
     for _ in range(repeat):
         for each, costs in ((limit, limits), (work, works)):
@@ -68,7 +70,7 @@ def note(text: str) -> None:
 
 
 def open3d_here() -> Any:
-    """Open3D, or None: installed it may still miss the system's libusb or libGL."""
+    """Open3D, or None; installed it may still lack the system's libusb or libGL."""
     try:
         return import_module("open3d")
     except (ImportError, OSError):
