@@ -76,9 +76,9 @@ def main() -> int:
 
 
 def available() -> list[str]:
-    """Dotted names of the modules and packages in this folder that have a `main`, sorted."""
+    """Dotted names of the modules and packages in this folder that run as programs, sorted."""
     files = [file for file in HERE.rglob("*.py") if file != HERE / "__main__.py"]
-    runnable = [file for file in files if "\ndef main(" in file.read_text(encoding="utf-8")]
+    runnable = [file for file in files if '__name__ == "__main__"' in file.read_text(encoding="utf-8")]
     return sorted(".".join(file.relative_to(HERE).with_suffix("").parts).removesuffix(".__main__") for file in runnable)
 
 
