@@ -9,13 +9,14 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 TOP = "benchmarks|calibration|daemon|deploy|docs|drivers|mock_robot|protocols|registration|tests"
-PATH = re.compile(rf"(?<![\w/.-])((?:{TOP})/[\w./{{}},-]*\w/?)")
+PATH = re.compile(rf"(?<![\w/.-])((?:{TOP})/[\w./{{}},-]*\w/?)(?P<placeholder>\w*<)?")
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
 
 
 def named_paths(document: Path) -> Iterator[str]:
-    """Paths of the repository in `document`, `{a,b}` expanded, without those that the build makes."""
-    for path in PATH.findall(document.read_text(encoding="utf-8")):
+    """Paths of the repository in `document`, `{a,b}` expanded, without those that hold a `<placeholder>`."""
+    found = PATH.finditer(document.read_text(encoding="utf-8"))
+    for path in (match[1] for match in found if not match["placeholder"]):
         match = re.fullmatch(r"([^{}]*)\{([^{}]*)\}([^{}]*)", path)
         yield from (match[1] + part + match[3] for part in match[2].split(",")) if match else [path]
 
