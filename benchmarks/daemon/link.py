@@ -55,7 +55,7 @@ async def reads(seconds: float, program: str) -> list[float]:
     async with cell_process(program) as port:
         robot = CbRobot(TcpTransport("127.0.0.1", port))
         robot.start()
-        await robot.wait_connected(10.0)
+        await robot.wait_for_link(10.0)
         try:
             with beside(register_until):
                 taken_ms, took_s = await _read_for(robot, seconds)
@@ -124,7 +124,7 @@ async def _connect(port: int, count: int) -> None:
     for _ in range(count):
         robot = CbRobot(TcpTransport("127.0.0.1", port))
         robot.start()
-        await robot.wait_connected(30.0)
+        await robot.wait_for_link(30.0)
         await robot.close()
 
 

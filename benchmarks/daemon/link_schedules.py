@@ -209,7 +209,7 @@ async def _arm(robot: CbRobot) -> None:
     """Arm; repeated while an earlier motion is still ending."""
     while True:
         try:
-            await robot.wait_connected(30.0)
+            await robot.wait_for_link(30.0)
             await robot.set_armed(True)
         except DeviceError:
             await asyncio.sleep(0.2)
@@ -237,7 +237,7 @@ async def _comes_to_rest(cell: MockCell) -> None:
 
 async def _moves_by_itself(cell: MockCell, robot: CbRobot) -> bool:
     """Whether the arm moves after the next greeting. Before it, the move may still have begun and been stopped."""
-    await robot.wait_connected(30.0)
+    await robot.wait_for_link(30.0)
     await _comes_to_rest(cell)
     departures = cell.controller.arm.departures
     await asyncio.sleep(0.5)

@@ -70,7 +70,7 @@ async def _state(where: "RwsAddress") -> "ControllerState":
     robot = RwsRobot(where)
     robot.start()
     try:
-        await robot.wait_connected(MAX_CONNECT_S)
+        await robot.wait_for_link(MAX_CONNECT_S)
         return await robot.read_state()
     finally:
         await robot.close()

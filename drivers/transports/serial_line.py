@@ -34,14 +34,14 @@ class SerialConnection:
         try:
             await asyncio.to_thread(self._write, data)
         except SERIAL_ERRORS as error:
-            raise self._link_lost(error) from error
+            raise self._loss_error(error) from error
 
     async def receive(self) -> bytes:
         """At least one byte; raises LinkLost."""
         data = await self._received.get()
         if isinstance(data, LinkLost):
             self._received.put_nowait(data)
-            raise self._link_lost(data.__cause__)
+            raise self._loss_error(data.__cause__)
         return data
 
     async def close(self) -> None:
@@ -68,7 +68,7 @@ class SerialConnection:
                 if data:
                     self._hand_over(data)
         except SERIAL_ERRORS as error:
-            lost = self._link_lost(error)
+            lost = self._loss_error(error)
             lost.__cause__ = error
             self._hand_over(lost)
 
@@ -76,7 +76,7 @@ class SerialConnection:
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._received.put_nowait, item)
 
-    def _link_lost(self, error: BaseException | None) -> LinkLost:
+    def _loss_error(self, error: BaseException | None) -> LinkLost:
         return LinkLost(self._device, f"the serial line broke ({reason_of(error)})", "check the cable and the adapter")
 
 

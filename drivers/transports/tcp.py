@@ -27,14 +27,14 @@ class TcpConnection:
             self._writer.write(data)
             await self._writer.drain()
         except OSError as error:
-            raise self._link_lost(error) from error
+            raise self._loss_error(error) from error
 
     async def receive(self) -> bytes:
         """At least one byte; raises LinkLost."""
         try:
             data = await self._reader.read(CHUNK_BYTES)
         except OSError as error:
-            raise self._link_lost(error) from error
+            raise self._loss_error(error) from error
         if not data:
             raise LinkLost(
                 self._device, "the controller closed the connection", "see whether its communication task runs"
@@ -52,7 +52,7 @@ class TcpConnection:
         except OSError:
             pass  # already broken: closed as well
 
-    def _link_lost(self, error: OSError) -> LinkLost:
+    def _loss_error(self, error: OSError) -> LinkLost:
         return LinkLost(self._device, f"the connection broke ({error})", "check the network cable and the controller")
 
 

@@ -229,12 +229,12 @@ def _raise(context: CompileContext, node: Node) -> Run:
 
 
 def _in_handler(flow: Flow) -> Callable[[CompileContext, Node], Run]:
-    def compiled(context: CompileContext, node: Node) -> Run:
+    def compile_flow(context: CompileContext, node: Node) -> Run:
         if not context.in_handler:
             raise context.wrong(line_of(node), f"{str(node.data).upper()} belongs into an ERROR handler")
         return lambda frame: flow
 
-    return compiled
+    return compile_flow
 
 
 def _call(context: CompileContext, node: Node) -> Run:

@@ -24,7 +24,7 @@ _CTRLSTATE = {1: "panel/ctrlstate", 2: "panel/ctrl-state"}
 
 @dataclass
 class WatchedResource:
-    """One resource: `read` returns its current values, `told` are those last sent to the client."""
+    """One resource: `read` returns its current values, `sent` are those last sent to the client."""
 
     kind: str
     href: str

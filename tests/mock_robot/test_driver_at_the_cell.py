@@ -30,7 +30,7 @@ async def robot_at(cell: RunningCell, *, serial: bool = False) -> AsyncIterator[
     )
     robot.start()
     try:
-        await robot.wait_connected(10.0)
+        await robot.wait_for_link(10.0)
         yield robot
     finally:
         await robot.close()
@@ -126,7 +126,7 @@ async def test_a_link_lost_in_a_move_fails_it_stops_the_arm_and_disarms(fault: s
             await robot.move_to(goal_at(cell, HOME))
         await eventually(lambda: not cell.moving)
         assert not cell.controller.armed
-        await robot.wait_connected(10.0)
+        await robot.wait_for_link(10.0)
         assert not (await robot.read_status()).armed
         with pytest.raises(MoveRefused):
             await robot.move_to(goal_at(cell, HOME))

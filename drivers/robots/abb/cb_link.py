@@ -45,7 +45,7 @@ class CbLink:
             shorten_switch_interval()
             self._task = asyncio.create_task(self._connect_repeatedly(), name=f"link to {self._device}")
 
-    async def wait_connected(self, limit_s: float) -> None:
+    async def wait_for_link(self, limit_s: float) -> None:
         """Wait until the link is up; raises DeviceUnreachable with the last reason."""
         waiting = asyncio.ensure_future(self._connected.wait())
         in_time = await self._timing.wait_until_done(waiting, limit_s)

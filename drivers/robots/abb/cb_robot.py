@@ -60,9 +60,9 @@ class CbRobot:
         """Start connecting in the background."""
         self._link.start()
 
-    async def wait_connected(self, limit_s: float) -> None:
+    async def wait_for_link(self, limit_s: float) -> None:
         """Wait for the link; raises DeviceUnreachable with the reason on timeout."""
-        await self._link.wait_connected(limit_s)
+        await self._link.wait_for_link(limit_s)
 
     async def read_pose(self) -> PoseReading:
         """Pose of tool0 in wobj0, whatever tool and work object are selected at the controller."""

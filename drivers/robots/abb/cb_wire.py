@@ -23,14 +23,14 @@ KINDS = {"joint": MoveKind.JOINT, "linear": MoveKind.LINEAR}
 def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
     """Convert a pose reply; raises GarbledAnswer for NaN or a quaternion whose norm is off by more than 2e-3."""
     if not np.all(np.isfinite([*pose.position_mm, *pose.quaternion_wxyz, *pose.external_axes])):
-        raise _garbled_answer(
+        raise _garbage_error(
             device, f"a pose with a number that is none: {_format(pose.position_mm)}, {_format(pose.quaternion_wxyz)}"
         )
     quaternion_wxyz = np.array(pose.quaternion_wxyz)
     try:  # SciPy normalises, so a quaternion rounded to float32 still gives a rotation
         base_R_flange = rotation_from_quaternion(quaternion_wxyz)
     except GeometryError as error:
-        raise _garbled_answer(device, str(error)) from error
+        raise _garbage_error(device, str(error)) from error
     return PoseReading(
         base_T_flange=transform(base_R_flange, pose.position_mm),
         posture=Configuration(*pose.configuration),
@@ -43,7 +43,7 @@ def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
 def joints_rad(device: str, joints: Joints) -> Array:
     """Axis angles (6,) in rad; raises GarbledAnswer."""
     if not np.all(np.isfinite(joints.axes_deg)):
-        raise _garbled_answer(device, f"axis angles with a number that is none: {_format(joints.axes_deg)}")
+        raise _garbage_error(device, f"axis angles with a number that is none: {_format(joints.axes_deg)}")
     angles_rad: Array = np.radians(np.array(joints.axes_deg, float))
     return angles_rad
 
@@ -123,5 +123,5 @@ def _format(numbers: tuple[float, ...]) -> str:
     return f"({', '.join(f'{number:.6g}' for number in numbers)})"
 
 
-def _garbled_answer(device: str, what: str) -> GarbledAnswer:
+def _garbage_error(device: str, what: str) -> GarbledAnswer:
     return GarbledAnswer(device, what, "nothing is done with it; look at the controller's program and the line")

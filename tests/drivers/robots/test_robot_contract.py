@@ -42,7 +42,7 @@ async def cell(request):
 async def _connected(transport, controller):
     robot = CbRobot(transport)
     robot.start()
-    await robot.wait_connected(10.0)
+    await robot.wait_for_link(10.0)
     yield robot, controller
     await robot.close()
 

@@ -35,7 +35,7 @@ async def cell(request):
         wire = running.announcement
         robot = CbRobot(SerialTransport(wire.serial_path) if serial else TcpTransport(wire.robot_host, wire.robot_port))
         robot.start()
-        await robot.wait_connected(10.0)
+        await robot.wait_for_link(10.0)
         yield robot, running
         await robot.close()
 

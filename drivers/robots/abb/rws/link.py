@@ -52,7 +52,7 @@ class RwsLink:
         if self._task is None:
             self._task = asyncio.create_task(self._connect_repeatedly(), name=f"link to {self._client.device}")
 
-    async def wait_connected(self, limit_s: float) -> None:
+    async def wait_for_link(self, limit_s: float) -> None:
         """Wait for the controller; raises DeviceUnreachable with the reason."""
         waiting = asyncio.ensure_future(self._up.wait())
         in_time = await self._timing.wait_until_done(waiting, limit_s)

@@ -51,7 +51,7 @@ def pose(device: str, values: Values, taken_at_s: float) -> PoseReading:
     try:
         base_R_flange = rotation_from_quaternion(np.array(quaternion))
     except GeometryError as error:
-        raise _garbled_answer(device, str(error)) from error
+        raise _garbage_error(device, str(error)) from error
     quarters = _numbers(device, values, ("cf1", "cf4", "cf6", "cfx"))
     spelled = "eax_" if "eax_a" in values else "eax"
     axes = _numbers(device, values, tuple(f"{spelled}{letter}" for letter in AXES))
@@ -96,7 +96,7 @@ def word(device: str, values: Values, name: str) -> str:
     """A required value. Raises GarbledAnswer."""
     value = values.get(name)
     if not isinstance(value, str) or not value:
-        raise _garbled_answer(device, f"an answer without {name}")
+        raise _garbage_error(device, f"an answer without {name}")
     return value
 
 
@@ -117,18 +117,18 @@ def log_entry(device: str, values: Values) -> EventLogEntry:
             description=str(values.get("desc", "")),
         )
     except (KeyError, ValueError, TypeError) as error:
-        raise _garbled_answer(device, f"a log entry that cannot be read ({error})") from error
+        raise _garbage_error(device, f"a log entry that cannot be read ({error})") from error
 
 
 def _numbers(device: str, values: Values, names: tuple[str, ...]) -> list[float]:
     try:
         numbers = [float(values[name]) for name in names]
     except (KeyError, ValueError, TypeError) as error:
-        raise _garbled_answer(device, f"an answer without the number {error}") from error
+        raise _garbage_error(device, f"an answer without the number {error}") from error
     if not all(math.isfinite(each) for each in numbers):
-        raise _garbled_answer(device, f"a number that is none among {dict(zip(names, numbers, strict=True))}")
+        raise _garbage_error(device, f"a number that is none among {dict(zip(names, numbers, strict=True))}")
     return numbers
 
 
-def _garbled_answer(device: str, what: str) -> GarbledAnswer:
+def _garbage_error(device: str, what: str) -> GarbledAnswer:
     return GarbledAnswer(device, what, "nothing is done with it; check that the address is a controller's")

@@ -56,9 +56,9 @@ class RwsRobot:
         """Start connecting in the background."""
         self._link.start()
 
-    async def wait_connected(self, limit_s: float) -> None:
+    async def wait_for_link(self, limit_s: float) -> None:
         """Wait for the controller; raises DeviceUnreachable with the reason on timeout."""
-        await self._link.wait_connected(limit_s)
+        await self._link.wait_for_link(limit_s)
 
     async def close(self) -> None:
         """Log out and stop connecting."""
