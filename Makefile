@@ -6,13 +6,14 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install test check bench torture lock sbom deb format clean
+.PHONY: help demo cell install test test-all check bench torture lock sbom deb format clean
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
 	@echo "make cell     the same cell and daemon, left running in the foreground"
 	@echo "make install  install only: the command is then $(BIN)/handeyed"
-	@echo "make test     every test that needs nothing but the repository"
+	@echo "make test     the tests, without the slow ones"
+	@echo "make test-all every test that needs nothing but the repository; .ci/run runs these"
 	@echo "make test-opencv4  the calibration tests, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
@@ -41,11 +42,15 @@ $(VENV)/developing: $(VENV)/installed
 	@$(PIP) install --group dev
 	@touch $@
 
-# A test on each core: their small matrices get one thread each, as from the command line.
-test test-opencv4: export OPENBLAS_NUM_THREADS ?= 1
+# Small matrices get one thread each, as from the command line. Many tests wait for a socket: two tests a core.
+test test-all test-opencv4: export OPENBLAS_NUM_THREADS ?= 1
+TEST_WORKERS ?= $(shell expr 2 \* $$(nproc))
 
 test: $(VENV)/developing
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal -m "not slow"
+
+test-all: $(VENV)/developing
+	$(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal
 
 # OpenCV 5 has no calibrateHandEye. OPENCV4_TESTS= and OPENCV4_CELLS= choose less, or more, than the default.
 OPENCV4 := .venv-opencv4

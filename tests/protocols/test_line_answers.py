@@ -37,7 +37,7 @@ from tests.protocols.line_trouble import (
 from tests.protocols.rows import NO_AXES, STANDS
 from tests.support.cases import cases, long_enough_s
 
-pytestmark = pytest.mark.timeout(long_enough_s())
+pytestmark = [pytest.mark.timeout(long_enough_s()), pytest.mark.slow]
 
 UNIT = 3
 INPUTS = Function.READ_DISCRETE_INPUTS

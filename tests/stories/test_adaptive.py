@@ -15,6 +15,8 @@ from mock_robot.truth.score import score_calibration
 from tests.stories.plant import TEXT, Plant, plant, small_pictures
 from tests.support.waiting import eventually
 
+pytestmark = pytest.mark.slow
+
 SMALL_PICTURES_MM = 0.4
 NOTHING_GUESSED = {"flange_T_camera_guess": None, "base_T_target_guess": None}
 

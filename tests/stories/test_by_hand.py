@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
@@ -18,6 +19,8 @@ from mock_robot.truth.score import score_calibration
 from tests.stories.jogging import SMALL_PICTURES_MM, jogs, jogs_and_waits, settled, where_next
 from tests.stories.plant import Plant, plant, small_pictures
 from tests.support.waiting import LIMIT_S, eventually
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 BLIND = ("z", 30.0), ("x", 20.0), ("y", 20.0)

@@ -14,6 +14,8 @@ from tests.stories.jogging import SMALL_PICTURES_MM, jogs_and_waits, where_next
 from tests.stories.rws_plant import by_rws
 from tests.support.waiting import LIMIT_S
 
+pytestmark = pytest.mark.slow
+
 
 async def takes_a_view(ask: httpx.AsyncClient, run: dict[str, Any]) -> dict[str, Any]:
     """As an operator does: again when it comes too early after the jog, which EGM still remembers."""

@@ -10,6 +10,8 @@ from tests.stories.fault_rows import ROWS, SUMMARIES, Row, page
 from tests.stories.plant import Plant, plant, small_pictures
 from tests.support.waiting import LIMIT_S, eventually
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).parents[2] / "docs"
 PATIENCE = 5.0
 """Test machines are busy: what the table says of time is for a PC that is not."""

@@ -11,6 +11,8 @@ from tests.stories.fault_rows import SERVICES, VIEW_ROWS, ViewRow
 from tests.stories.rws_plant import by_rws
 from tests.support.waiting import LIMIT_S
 
+pytestmark = pytest.mark.slow
+
 PATIENCE = 10.0
 """Test machines are busy: what the table says of time is for a PC that is not."""
 

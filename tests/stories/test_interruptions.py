@@ -18,6 +18,8 @@ from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.stories.plant import Operator, plant, poses_taught_for, settings_of, small_pictures
 from tests.support.waiting import LIMIT_S, eventually
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from calibration.documents.calibration import calibration_document
 from calibration.solve import solve_hand_eye
@@ -11,6 +12,8 @@ from daemon.sessions.session_reader import load_problem, open_session
 from mock_robot.truth.score import score_calibration, score_cloud
 from tests.daemon.fakes import ply_of, points_of
 from tests.stories.plant import TEXT, plant
+
+pytestmark = pytest.mark.slow
 
 THREE_POSES_MM = 0.4
 EIGHT_POSES_MM = 0.15

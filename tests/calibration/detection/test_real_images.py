@@ -12,7 +12,7 @@ from calibration.errors import DetectionError
 from calibration.targets import Charuco, Chessboard, CircleGrid
 from calibration.transforms import inverse, map_points, transform_from_quaternion
 
-pytestmark = pytest.mark.data
+pytestmark = [pytest.mark.data, pytest.mark.slow]
 
 
 def images(folder):

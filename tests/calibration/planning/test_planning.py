@@ -20,6 +20,8 @@ from calibration.planning.viewpoints import (
 from calibration.transforms import map_points
 from tests.calibration.planning.scenes import WIDE, seed_poses, seed_scene
 
+pytestmark = pytest.mark.slow
+
 
 def test_three_planned_poses_beat_the_seeds_by_a_factor_of_a_hundred():
     scene = seed_scene()

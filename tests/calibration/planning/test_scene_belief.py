@@ -31,6 +31,8 @@ from tests.calibration.planning.scenes import (
     seed_poses,
 )
 
+pytestmark = pytest.mark.slow
+
 
 def taken_step_by_step(guess: ScenePrior, wish: StoppingRule) -> tuple[list[Array], list[NextView]]:
     """The poses an arm would have taken, and what was told at each."""

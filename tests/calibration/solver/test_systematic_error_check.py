@@ -11,6 +11,8 @@ from calibration.transforms import inverse, rotation_from_vector, transform, vec
 from tests.simulated.sessions import Cell, CellNoise
 from tests.simulated.spoiled_sessions import Array, cell, error_of
 
+pytestmark = pytest.mark.slow
+
 SHARP = CellNoise(0.05, float(np.radians(0.01)), 0.05)
 
 

@@ -14,6 +14,8 @@ from tests.daemon.api.schemathesis_round import end_streams_soon, one_round
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import serving, settings_for
 
+pytestmark = pytest.mark.slow
+
 PHASES = "examples,fuzzing,stateful"
 
 

@@ -20,6 +20,8 @@ from tests.daemon.cli.running import handeyed
 from tests.support.terminal import started
 from tests.support.waiting import LIMIT_S
 
+pytestmark = pytest.mark.slow
+
 FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
 
 

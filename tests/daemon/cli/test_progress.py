@@ -4,8 +4,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.daemon.cli.sessions import with_images
 from tests.support.terminal import on_terminal
+
+pytestmark = pytest.mark.slow
 
 COMMAND = [sys.executable, "-m", "daemon.cli", "solve", "--json"]
 

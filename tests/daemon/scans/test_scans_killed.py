@@ -5,6 +5,8 @@ import signal
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import pytest
+
 from registration.io.reading import open_cloud
 from registration.scan import read_scan
 from tests.daemon.clouds import PLY, POSES, cloud
@@ -12,6 +14,8 @@ from tests.daemon.daemon_process import a_daemon
 from tests.daemon.fakes import ply_of
 from tests.daemon.scans.scan_folders import names
 from tests.support.waiting import eventually
+
+pytestmark = pytest.mark.slow
 
 
 async def test_a_finished_upload_survives_a_kill_and_an_interrupted_one_leaves_no_trace(tmp_path: Path) -> None:

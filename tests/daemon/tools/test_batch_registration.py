@@ -22,6 +22,8 @@ from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
 from tests.support.terminal import on_terminal
 from tests.support.waiting import eventually_blocking
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("fsspec")
 
 

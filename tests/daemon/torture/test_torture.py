@@ -13,6 +13,8 @@ from tests.daemon.torture.ledger import Ledger, Lost, Request
 from tests.daemon.torture.torture import Torture
 from tests.support.waiting import LIMIT_S
 
+pytestmark = pytest.mark.slow
+
 TWO_POSES = [pose_json(pose) for pose in poses_around_the_target(2)]
 
 

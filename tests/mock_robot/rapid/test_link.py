@@ -24,6 +24,8 @@ from tests.mock_robot.controller_client import ARM, AWAY, HOME, UNUSED, move_to
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.support.waiting import LIMIT_S, eventually
 
+pytestmark = pytest.mark.slow
+
 WIRES = pytest.mark.parametrize("serial", [False, True], ids=["tcp", "serial"])
 GOOD = move_to(AWAY)
 NAN = float("nan")

@@ -21,6 +21,8 @@ from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.rws_cell import RwsCell, rws_cell
 from tests.support.waiting import eventually, quick_timing
 
+pytestmark = pytest.mark.slow
+
 VERSIONS = pytest.mark.parametrize("version", [1, 2])
 
 

@@ -16,6 +16,8 @@ from registration.scan import read_scan, scanner_mount_of
 from tests.registration.parts import FLANGE_T_CAMERA, bumpy, flat, poses, view_of, write_scan, wrong
 from tests.registration.spheres import CENTRE_IN_BASE, cap, looks
 
+pytestmark = pytest.mark.slow
+
 NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
 ROUGH = FLANGE_T_CAMERA @ transform(rotation_from_vector([0.02, -0.015, 0.02]), [2.0, -3.0, 2.0])
 

@@ -14,6 +14,8 @@ from registration.points.layout import XYZ_FLOAT32
 from tests.registration.clouds import cloud
 from tests.registration.packed import literals
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[3]
 SMALL, LARGE, LONG_TEXT = 1_000, 2_000_000, 400_000
 GROWTH_MB = 8.0
