@@ -59,11 +59,11 @@ def calibrate(
 def _request_body(request: Path | None, count: int | None, uncertainty: float | None, manual: bool) -> dict[str, Any]:
     from calibration.documents.validation import parse_document
     from daemon.model.requests import CalibrateRequest
-    from daemon.sessions.session_reader import read_bytes
+    from daemon.runtime.bounded_read import read_document
 
     body: dict[str, Any] = {}
     if request is not None:
-        body = parse_document(CalibrateRequest, read_bytes(request), str(request)).model_dump(
+        body = parse_document(CalibrateRequest, read_document(request), str(request)).model_dump(
             mode="json", exclude_none=True
         )
     given = {"count": count, "uncertainty_mm": uncertainty, "manual": manual or None}

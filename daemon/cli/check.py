@@ -1,6 +1,5 @@
 """`handeyed check CONFIG`: check the settings and every device."""
 
-import asyncio
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +18,8 @@ def check(
 
     Exit status: 0 everything is well, 1 something is not, 2 the settings cannot be read.
     """
+    import asyncio
+
     from daemon.cli.checks import check_devices, check_storage
     from daemon.config.settings import load_settings
 

@@ -1,6 +1,5 @@
 """`handeyed keys ...`: manage API keys. Changes take effect in a running daemon at once."""
 
-import asyncio
 import getpass
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -85,6 +84,8 @@ def revoke(config: Config, name: Name) -> None:
 
 
 def _with_key_service(config: Path, work: "Callable[[KeyService], Awaitable[Answer]]") -> Answer:
+    import asyncio
+
     from daemon.config.settings import load_settings
     from daemon.runtime.clock import Clock
     from daemon.store.access_keys import AccessKeys

@@ -32,9 +32,9 @@ def read_plan(file: Path) -> "PlanDocument":
     """Read plan.json, for `plan` and `assess`. Raises DocumentError."""
     from calibration.documents.plan import PlanDocument
     from calibration.documents.validation import parse_document
-    from daemon.sessions.session_reader import read_bytes
+    from daemon.runtime.bounded_read import read_document
 
-    return parse_document(PlanDocument, read_bytes(file), str(file))
+    return parse_document(PlanDocument, read_document(file), str(file))
 
 
 def _arm(name: str, file: Path) -> "Arm":

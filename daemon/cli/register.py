@@ -40,12 +40,12 @@ def register(
     """
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
-    from daemon.sessions.session_reader import read_bytes
+    from daemon.runtime.bounded_read import read_document
     from registration.fusion.merging import Merge
     from registration.report import register_scan
     from registration.scan import read_scan, scanner_mount_of
 
-    document = parse_document(CalibrationDocument, read_bytes(calibration), str(calibration))
+    document = parse_document(CalibrationDocument, read_document(calibration), str(calibration))
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
     if views is not None:
         _make_folder(views)

@@ -1,7 +1,5 @@
 """`handeyed register-archive DIR`: register every scan below a folder, on one machine or several."""
 
-import json as json_module
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -43,19 +41,19 @@ def register_archive(
             if outcome.error is not None:
                 print_error(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
     outcomes.sort(key=lambda each: each.scan)
-    typer.echo("\n".join(json_module.dumps(asdict(each)) for each in outcomes) if json else _summary(out, outcomes))
+    typer.echo(_json_lines(outcomes) if json else _summary(out, outcomes))
     raise typer.Exit(_status(outcomes))
 
 
 def _tasks(folder: str, calibration: Path, out: str, refine: bool, voxel_mm: float | None) -> "list[RegistrationTask]":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
-    from daemon.sessions.session_reader import read_bytes
+    from daemon.runtime.bounded_read import read_document
     from daemon.tools.batch_registration.remote_folder import RemoteFolder
     from daemon.tools.batch_registration.tasks import SCAN, RegistrationTask
     from registration.scan import scanner_mount_of
 
-    content = read_bytes(calibration)
+    content = read_document(calibration)
     scanner_mount_of(parse_document(CalibrationDocument, content, str(calibration)))
     source, target = RemoteFolder.of(folder), RemoteFolder.of(out)
     scans = source.folders_with(SCAN)
@@ -69,6 +67,13 @@ def _summary(out: str, outcomes: "list[ScanOutcome]") -> str:
     counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
     numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
     return f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
+
+
+def _json_lines(outcomes: "list[ScanOutcome]") -> str:
+    from dataclasses import asdict
+    from json import dumps
+
+    return "\n".join(dumps(asdict(each)) for each in outcomes)
 
 
 def _status(outcomes: "list[ScanOutcome]") -> ExitStatus:

@@ -69,7 +69,7 @@ def _from_surfaces(views: "list[ScanView]", rough: Path | None) -> "Solution":
 def _rough_x(file: Path) -> "Array":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
-    from daemon.sessions.session_reader import read_bytes
+    from daemon.runtime.bounded_read import read_document
     from registration.scan import scanner_mount_of
 
-    return scanner_mount_of(parse_document(CalibrationDocument, read_bytes(file), str(file))).flange_T_camera
+    return scanner_mount_of(parse_document(CalibrationDocument, read_document(file), str(file))).flange_T_camera

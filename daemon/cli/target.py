@@ -96,9 +96,9 @@ def from_file(
     from json import loads
 
     from calibration.errors import DocumentError, DocumentProblem
-    from daemon.sessions.session_reader import read_bytes
+    from daemon.runtime.bounded_read import read_document
 
-    content = read_bytes(file)
+    content = read_document(file)
     try:
         data = tomllib.loads(content.decode()) if file.suffix == ".toml" else loads(content)
         target = data["target"]

@@ -1,7 +1,6 @@
 """`handeyed version`: print the versions."""
 
 import platform
-from importlib import metadata
 
 import typer
 
@@ -13,6 +12,8 @@ NUMERICS = ("numpy", "scipy", "opencv-python-headless")
 
 def version(json: Json = False) -> None:
     """Print the version, and those of the libraries that numerical results depend on."""
+    from importlib import metadata
+
     versions = {name: metadata.version(name) for name in ("handeyed", *NUMERICS)}
     versions["python"] = platform.python_version()
     if json:

@@ -20,7 +20,7 @@ from calibration.documents.validation import parse_document
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
-from daemon.runtime.bounded_read import read_bounded
+from daemon.runtime.bounded_read import read_bounded, read_document
 from drivers.cameras.decoding import is_truncated
 
 SESSION_FILE = "session.json"
@@ -58,20 +58,11 @@ def open_session(path: Path) -> SessionFolder:
         raise _document_error(
             str(folder), "folder", "not there" if not folder.exists() else "not a folder", "check the path"
         )
-    document = parse_document(SessionDocument, read_bytes(file), str(file))
+    document = parse_document(SessionDocument, read_document(file), str(file))
     problems = [problem for check in _CHECKS for problem in check(document)]
     if problems:
         raise DocumentError(str(file), problems)
     return SessionFolder(folder, document)
-
-
-def read_bytes(file: Path) -> bytes:
-    """The content of `file`. Raises DocumentError for an OSError."""
-    try:
-        return read_bounded(file)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise _document_error(str(file), "file", reason, "check the path and its permissions") from None
 
 
 def load_problem(session: SessionFolder, progress: Progress = lambda done, of: None) -> Problem:

@@ -1,8 +1,8 @@
 """The shapes of each kind of target in its own frame (see `calibration.targets`), in mm."""
 
 from functools import singledispatch
+from typing import Any
 
-import cv2
 import numpy as np
 
 from calibration.targets import TAG_FAMILIES, AprilTagGrid, Charuco, Chessboard, CircleGrid, Target, require_markers
@@ -33,6 +33,8 @@ def _(target: Chessboard) -> Artwork:
 
 @artwork.register
 def _(target: Charuco) -> Artwork:
+    import cv2
+
     require_markers(target)
     dictionary = _dictionary(target.dictionary)
     board = cv2.aruco.CharucoBoard((target.columns, target.rows), target.square_mm, target.marker_mm, dictionary)
@@ -91,13 +93,15 @@ def _squares(columns: int, rows: int, edge: float, origin: float) -> list[tuple[
     ]
 
 
-def _dictionary(name: str) -> "cv2.aruco.Dictionary":
+def _dictionary(name: str) -> Any:
+    import cv2
+
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
 
 
-def _marker(dictionary: "cv2.aruco.Dictionary", marker: int, corner: Array, edge: float) -> Rectangles:
+def _marker(dictionary: Any, marker: int, corner: Array, edge: float) -> Rectangles:
     """The black cells of a marker, `edge` mm wide with its border; adjacent cells of a row are joined."""
-    cells = np.asarray(cv2.aruco.generateImageMarker(dictionary, marker, dictionary.markerSize + 2))
+    cells = np.asarray(dictionary.generateImageMarker(marker, dictionary.markerSize + 2))
     left, top = (float(value) for value in corner)
     cell = edge / len(cells)
     boxes = []

@@ -17,7 +17,19 @@ from daemon.cli.main import app
 from daemon.cli.solve import CLOSED_FORM_NAMES
 from tests.daemon.cli.running import handeyed
 
-HEAVY = ("numpy", "scipy", "cv2", "pydantic", "fastapi", "uvicorn", "httpx", "calibration.solve", "daemon.composition")
+HEAVY = (
+    "asyncio",
+    "importlib.metadata",
+    "numpy",
+    "scipy",
+    "cv2",
+    "pydantic",
+    "fastapi",
+    "uvicorn",
+    "httpx",
+    "calibration.solve",
+    "daemon.composition",
+)
 COMMANDS = {"demo", "mock", "check", "serve", "calibrate", "target", "solve", "plan", "assess", "register", "version"}
 
 
@@ -29,6 +41,27 @@ def test_nothing_heavy_is_imported_before_a_command_runs() -> None:
     loaded = json.loads(_python("import json, sys, daemon.cli.main; print(json.dumps(list(sys.modules)))"))
 
     assert not set(HEAVY) & set(loaded)
+
+
+def _loaded_by(code: str) -> set[str]:
+    return set(json.loads(_python(f"import json, sys; {code}; print(json.dumps(list(sys.modules)))").splitlines()[-1]))
+
+
+def test_a_target_is_printed_without_opencv_and_scipy(tmp_path: Path) -> None:
+    """A chessboard needs no markers of OpenCV's."""
+    arguments = ["target", "chessboard", "--out", str(tmp_path / "target.svg")]
+    loaded = _loaded_by(f"from daemon.cli.main import app; app({arguments}, standalone_mode=False)")
+
+    assert (tmp_path / "target.svg").exists()
+    assert not {"scipy", "cv2", "asyncio", "httpx", "fastapi", "daemon.config.settings"} & loaded
+
+
+def test_the_daemon_is_imported_without_what_only_a_run_or_some_cells_need() -> None:
+    """scipy's parts are loaded by whoever solves; Modbus, certificates and clusters by the cells that have them."""
+    loaded = _loaded_by("import daemon.composition")
+
+    some = {"aiohttp", "pymodbus", "cryptography", "dask", "daemon.plc.service", "drivers.interlocks"}
+    assert not (some | {f"scipy.{part}" for part in ("stats", "spatial", "special", "optimize", "signal")}) & loaded
 
 
 def test_every_command_is_there_and_has_a_help(tmp_path: Path) -> None:
