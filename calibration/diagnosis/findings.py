@@ -1,7 +1,6 @@
 """A diagnosis as findings: the cause, the robot noise without and with it, and the fix."""
 
 from collections.abc import Set
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +9,6 @@ from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, Diagnosis
 from calibration.diagnosis.intrinsics_check import LensMisfit
 from calibration.diagnosis.view_hypotheses import CHANGE_CODES
 from calibration.solution import Finding, Severity
-from calibration.transforms import Array, difference
 
 DISAGREE = "Robot and images disagree"
 WHOLE_SESSION = frozenset({*(convention.code for convention in CONVENTIONS), "poses-off-by-one"})
@@ -21,9 +19,6 @@ MAX_PRINT_SCALE_ERROR = 0.01
 
 MAX_LENS_SHARE = 0.005
 """Largest shift of the target over its distance for a warning; more is an error (another camera or focus)."""
-
-MOUNT_MM, MOUNT_RAD = 25.0, float(np.radians(3.0))
-"""Default tolerance of an expected mount, as from a drawing or a ruler."""
 
 
 def diagnosis_findings(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Finding, ...]:
@@ -68,31 +63,6 @@ def lens_findings(misfit: LensMisfit) -> tuple[Finding, ...]:
             f" (fx {matrix[0, 0]:.1f}, fy {matrix[1, 1]:.1f}, cx {matrix[0, 2]:.1f}, cy {matrix[1, 2]:.1f});"
             f" they misplace the target by {100 * misfit.share:.2f} % of its distance",
             "calibrate the camera as it is focused now, or leave the intrinsics out to have them estimated",
-        ),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class ExpectedMount:
-    """The expected X (4, 4) and its tolerances."""
-
-    mount_T_camera: Array
-    within_mm: float = MOUNT_MM
-    within_rad: float = MOUNT_RAD
-
-
-def mount_findings(mount_T_camera: Array, expected: ExpectedMount) -> tuple[Finding, ...]:
-    """At most one finding: X is not as expected. Poses of a tool instead of the flange are consistent otherwise."""
-    off_mm, off_rad = difference(expected.mount_T_camera, mount_T_camera)
-    if off_mm <= expected.within_mm and off_rad <= expected.within_rad:
-        return ()
-    return (
-        Finding(
-            "mount-not-as-expected",
-            "warning",
-            f"the camera was found {off_mm:.1f} mm and {np.degrees(off_rad):.1f} degrees from where it was expected",
-            "if the expectation is right, the poses may be a tool's instead of the flange's: make tool0 and wobj0"
-            " active and read the poses again",
         ),
     )
 

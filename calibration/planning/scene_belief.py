@@ -20,7 +20,6 @@ from calibration.observations.observations import observe
 from calibration.observations.view_poses import target_pose
 from calibration.problem import Problem, Setup, View
 from calibration.solution import Solution
-from calibration.solve import solve_hand_eye
 from calibration.targets import Target
 from calibration.transforms import Array, inverse, transform_from_vector, vector_from_transform
 
@@ -92,6 +91,8 @@ def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0) ->
     if not seen:
         return _belief_of_prior(prior, camera, caution)
     if len(seen) >= 3:
+        from calibration.solve import solve_hand_eye  # half of the package: not for the first views
+
         solution = solve_hand_eye(replace(problem, camera=prior.camera))
         if solution.mount_T_camera is not None and solution.uncertainty is not None:
             return _belief_of_solution(prior, problem, seen, solution, caution)

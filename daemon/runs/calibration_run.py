@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass, replace
 
-from calibration.diagnosis.findings import ExpectedMount, mount_findings
+from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.documents.calibration import CalibrationDocument, calibration_document
 from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
-from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunEvent as E
@@ -67,6 +66,8 @@ def solve_calibration(
     expected: ExpectedMount | None = None,
 ) -> CalibrationDocument:
     """Solve, judge and document, as `handeyed solve` does; see CalibrationRun for `better` and `expected`."""
+    from calibration.solve import solve_hand_eye  # by the first run, not at the start
+
     solution = solve_hand_eye(problem)
     verdict = judge(problem, solution)
     if expected is not None and solution.mount_T_camera is not None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from math import radians
 
 from calibration.camera import CameraModel
-from calibration.diagnosis.findings import ExpectedMount
+from calibration.diagnosis.mount_check import ExpectedMount
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.target import TargetDocument

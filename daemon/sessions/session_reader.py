@@ -10,9 +10,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.detection.detect import detect
 from calibration.documents.session import SessionDocument, ViewDocument
@@ -20,22 +18,11 @@ from calibration.documents.validation import parse_document
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
-from daemon.runtime.bounded_read import read_bounded, read_document
-from drivers.cameras.decoding import is_truncated
-
-SESSION_FILE = "session.json"
-TAKE_AGAIN = "take the picture again, or remove the view from session.json"
+from daemon.runtime.bounded_read import read_document
+from daemon.sessions.session_files import SESSION_FILE, TAKE_AGAIN, ImageError, read_grey
 
 Progress = Callable[[int, int], None]
 """Called with (views done, views in all), from the calling thread."""
-
-
-class ImageError(Exception):
-    """A view's picture cannot be used; `what` is wrong and `fix` says what to do."""
-
-    def __init__(self, what: str, fix: str) -> None:
-        self.what, self.fix = what, fix
-        super().__init__(f"{what}: {fix}")
 
 
 @dataclass(frozen=True)
@@ -96,25 +83,6 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
         raise _document_error(str(session.file), "image_size", "missing, and no image shows it", "add it")
     views = tuple(view for _, (view, _) in sorted(seen.items()))
     return Problem(document.setup, target, camera, expected, views)
-
-
-def read_grey(file: Path) -> NDArray[np.uint8]:
-    """The picture in `file` as uint8 (h, w). Raises ImageError."""
-    try:
-        content = read_bounded(file)
-    except FileNotFoundError:
-        raise ImageError(f"'{file.name}' is not there", "restore the file, or remove the view") from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ImageError(f"'{file.name}' cannot be read ({reason})", "check its permissions") from None
-    if not content:
-        raise ImageError(f"'{file.name}' is empty (0 bytes)", TAKE_AGAIN)
-    if is_truncated(content):
-        raise ImageError(f"'{file.name}' is cut off or damaged", TAKE_AGAIN)
-    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    if image is None:
-        raise ImageError(f"'{file.name}' is not a picture", TAKE_AGAIN)
-    return np.asarray(image, np.uint8)
 
 
 def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:

@@ -5,7 +5,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.detection.detect import detect
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
@@ -13,7 +12,7 @@ from calibration.errors import DetectionError
 from calibration.problem import Problem, View
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
-from daemon.sessions.session_reader import SESSION_FILE, read_grey
+from daemon.sessions.session_files import SESSION_FILE, read_grey
 from daemon.store.store import Store
 from drivers.cameras.decoding import PNG_MAGIC
 from drivers.interfaces import CameraFrame, PoseReading
@@ -92,6 +91,8 @@ def png_of(frame: CameraFrame) -> bytes:
 
 
 def _detect_view(folder: Path, document: SessionDocument, index: int) -> View:
+    from calibration.detection.detect import detect  # by the first picture, not at the start
+
     view = document.views[index]
     name = view.image or ""
     pose, target = view.base_T_flange.transform(), document.target.target()

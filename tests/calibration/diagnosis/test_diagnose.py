@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from calibration.diagnosis.convention_hypotheses import likeliest_scale, target_scale
 from calibration.diagnosis.diagnose import Diagnosis, diagnose
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.findings import ExpectedMount, mount_findings, severity_of
+from calibration.diagnosis.findings import severity_of
 from calibration.diagnosis.fit import fit, fits
+from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.diagnosis.screening import needs_diagnosis
 from calibration.diagnosis.view_hypotheses import y_change_p_value
 from calibration.problem import Setup

@@ -60,7 +60,8 @@ def test_the_daemon_is_imported_without_what_only_a_run_or_some_cells_need() -> 
     """scipy's parts are loaded by whoever solves; Modbus, certificates and clusters by the cells that have them."""
     loaded = _loaded_by("import daemon.composition")
 
-    some = {"aiohttp", "pymodbus", "cryptography", "dask", "daemon.plc.service", "drivers.interlocks"}
+    run = {"calibration.solve", "calibration.detection.detect"}
+    some = run | {"aiohttp", "pymodbus", "cryptography", "dask", "daemon.plc.service", "drivers.interlocks"}
     assert not (some | {f"scipy.{part}" for part in ("stats", "spatial", "special", "optimize", "signal")}) & loaded
 
 
