@@ -25,6 +25,7 @@ from drivers.interfaces import (
     ScannedCloud,
 )
 from drivers.robots.abb.robtarget import UNUSED_AXIS
+from tests.support.remembering import remembering
 
 BOARD = Chessboard(11, 8, 20.0)
 CAMERA = CameraModel(np.array([[900.0, 0, 320], [0, 900, 240], [0, 0, 1]]), np.zeros(5), (640, 480))
@@ -159,8 +160,9 @@ class FakeCamera:
         pass
 
 
+@remembering
 def picture_of_the_board(base_T_flange: Array) -> Any:
-    """A drawn board through a homography, supersampled."""
+    """A drawn board through a homography, supersampled; read-only."""
     scale, fine = 10, 3
     columns, rows = BOARD.columns + 1, BOARD.rows + 1
     cell = int(BOARD.pitch_mm * scale) // 10
@@ -174,7 +176,9 @@ def picture_of_the_board(base_T_flange: Array) -> Any:
     finer = np.array([[fine, 0, (fine - 1) / 2], [0, fine, (fine - 1) / 2], [0, 0, 1]])
     size = (CAMERA.image_size[0] * fine, CAMERA.image_size[1] * fine)
     warped = cv2.warpPerspective(sheet, finer @ pixels @ target_from_sheet, size, borderValue=(128.0,))
-    return cv2.resize(warped, CAMERA.image_size, interpolation=cv2.INTER_AREA)
+    picture = cv2.resize(warped, CAMERA.image_size, interpolation=cv2.INTER_AREA)
+    picture.flags.writeable = False
+    return picture
 
 
 @dataclass
