@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install test test-all check bench torture lock sbom deb format clean
+.PHONY: help demo cell install test test-all test-busy check bench torture lock sbom deb format clean
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -14,6 +14,7 @@ help:
 	@echo "make install  install only: the command is then $(BIN)/handeyed"
 	@echo "make test     the tests, without the slow ones"
 	@echo "make test-all every test that needs nothing but the repository; .ci/run runs these"
+	@echo "make test-busy  the same while every core is kept busy: what fails then depends on the clock"
 	@echo "make test-opencv4  the calibration tests, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
@@ -43,7 +44,7 @@ $(VENV)/developing: $(VENV)/installed
 	@touch $@
 
 # Small matrices get one thread each, as from the command line. Many tests wait for a socket: two tests a core.
-test test-all test-opencv4: export OPENBLAS_NUM_THREADS ?= 1
+test test-all test-busy test-opencv4: export OPENBLAS_NUM_THREADS ?= 1
 TEST_WORKERS ?= $(shell expr 2 \* $$(nproc))
 
 test: $(VENV)/developing
@@ -51,6 +52,9 @@ test: $(VENV)/developing
 
 test-all: $(VENV)/developing
 	$(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal
+
+test-busy: $(VENV)/developing
+	$(BIN)/python -m tests.support.busy $(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal
 
 # OpenCV 5 has no calibrateHandEye. OPENCV4_TESTS= and OPENCV4_CELLS= choose less, or more, than the default.
 OPENCV4 := .venv-opencv4
