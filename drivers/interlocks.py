@@ -62,16 +62,14 @@ class Interlocks:
         signals: tuple[InterlockSignal, ...],
         limit_s: float,
         timing: Timing | None = None,
-        transport: Transport | None = None,
     ) -> None:
-        """`transport` replaces the one named by `address`. Raises AddressNotUnderstood."""
+        """Opens nothing. Raises AddressNotUnderstood."""
         self.address, self._signals, self._limit_s = address, signals, limit_s
         self._timing = timing or Timing()
         numbered = _parts(address)[0] == "tcp"
         self._reader = BitReader([signal.bit for signal in signals], numbered)
         framing: ClientFraming = TcpFraming(unit) if numbered else RtuFraming(unit)
-        transport = transport or transport_at(address)
-        self._line = ModbusLine(transport, framing, self._reader, limit_s, self._timing)
+        self._line = ModbusLine(transport_at(address), framing, self._reader, limit_s, self._timing)
         self._turn = asyncio.Lock()
         self._next: asyncio.Task[tuple[InterlockReading, ...]] | None = None
 

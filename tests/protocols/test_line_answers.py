@@ -37,7 +37,7 @@ from tests.protocols.line_trouble import (
 from tests.protocols.rows import NO_AXES, STANDS
 from tests.support.cases import cases, long_enough_s
 
-pytestmark = [pytest.mark.timeout(long_enough_s()), pytest.mark.slow]
+pytestmark = [pytest.mark.timeout(4 * long_enough_s()), pytest.mark.slow]
 
 UNIT = 3
 INPUTS = Function.READ_DISCRETE_INPUTS
@@ -227,7 +227,7 @@ writes = st.lists(
             lambda bit: struct.pack(">BHH", Function.WRITE_COIL, bit[0], 0xFF00 if bit[1] else 0)
         ),
     ),
-    max_size=30,
+    max_size=10,
 )
 
 
