@@ -25,7 +25,6 @@ from drivers.interfaces import (
     ScannedCloud,
 )
 from drivers.robots.abb.robtarget import UNUSED_AXIS
-from tests.support.remembering import remembering
 
 BOARD = Chessboard(11, 8, 20.0)
 CAMERA = CameraModel(np.array([[900.0, 0, 320], [0, 900, 240], [0, 0, 1]]), np.zeros(5), (640, 480))
@@ -160,9 +159,8 @@ class FakeCamera:
         pass
 
 
-@remembering
 def picture_of_the_board(base_T_flange: Array) -> Any:
-    """A drawn board through a homography, supersampled; read-only."""
+    """A drawn board through a homography, supersampled."""
     scale, fine = 10, 3
     columns, rows = BOARD.columns + 1, BOARD.rows + 1
     cell = int(BOARD.pitch_mm * scale) // 10
@@ -176,9 +174,7 @@ def picture_of_the_board(base_T_flange: Array) -> Any:
     finer = np.array([[fine, 0, (fine - 1) / 2], [0, fine, (fine - 1) / 2], [0, 0, 1]])
     size = (CAMERA.image_size[0] * fine, CAMERA.image_size[1] * fine)
     warped = cv2.warpPerspective(sheet, finer @ pixels @ target_from_sheet, size, borderValue=(128.0,))
-    picture = cv2.resize(warped, CAMERA.image_size, interpolation=cv2.INTER_AREA)
-    picture.flags.writeable = False
-    return picture
+    return cv2.resize(warped, CAMERA.image_size, interpolation=cv2.INTER_AREA)
 
 
 @dataclass
