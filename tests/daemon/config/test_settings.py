@@ -67,6 +67,8 @@ def test_the_example_shows_every_key_of_the_model_and_no_other() -> None:
     shown = tomllib.loads(EVERYTHING)
     of_other_targets = set().union(*map(keys_of, models_in(TargetDocument))) - set(shown["target"])
     assert keys_in(shown) == keys_of(Settings) - of_other_targets
+    comments = "\n".join(line for line in EXAMPLE.read_text().splitlines() if line.startswith("# "))
+    assert [key for key in sorted(of_other_targets) if key not in comments] == []
 
 
 def test_the_example_with_all_that_it_leaves_out_is_understood() -> None:
