@@ -38,6 +38,7 @@ def leave(path, content=PNG, age_s=0.0):
 async def error_when_the_time_is_over(camera, clock, newer_than_s, seen):
     """What a grab raises whose limit ends as soon as `seen()` holds."""
     grabbing = asyncio.create_task(camera.grab(newer_than_s))
+    await asyncio.sleep(0)  # its limit runs from here
     await eventually(lambda: grabbing.done() or seen())
     clock.skip(2 * LIMIT_S)
     with pytest.raises(DeviceError) as failed:
