@@ -9,6 +9,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -44,6 +45,12 @@ def python_files(*folders: str) -> Iterator[Path]:
         yield from sorted((ROOT / folder).rglob("*.py"))
 
 
+@cache
+def nodes_of(file: Path) -> tuple[ast.AST, ...]:
+    """All nodes of a file's syntax tree; each file is parsed once."""
+    return tuple(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+
+
 def module_name(file: Path) -> str:
     """Dotted name of `file`; a package's name for its `__init__.py`."""
     return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
@@ -52,7 +59,7 @@ def module_name(file: Path) -> str:
 def imports_of(file: Path, modules: Iterable[str]) -> set[str]:
     """Those of `modules` that `file` imports, at any depth of its code."""
     known, found = set(modules), set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in nodes_of(file):
         if isinstance(node, ast.ImportFrom) and node.module:
             for alias in node.names:
                 found.add(next((name for name in (f"{node.module}.{alias.name}", node.module) if name in known), ""))
@@ -98,7 +105,7 @@ def participle_functions(folder: str) -> tuple[list[str], int]:
     """`file:function` of each function of `folder` named by a past participle first, and the number of functions."""
     names, total = [], 0
     for file in python_files(folder):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in nodes_of(file):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 total += 1
                 if is_participle(node.name.strip("_").split("_")[0]):

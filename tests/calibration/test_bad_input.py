@@ -144,6 +144,7 @@ def test_a_wildly_wrong_guess_is_forgotten_once_three_views_are_there(guess: Arr
     assert error_of(belief.scene.mount_T_camera, truth)[0] < 1.0
 
 
+@pytest.mark.slow
 def test_wildly_wrong_poses_everywhere_are_not_accepted() -> None:
     truth = cell(12, 10)
     rng = np.random.default_rng(0)
@@ -155,6 +156,7 @@ def test_wildly_wrong_poses_everywhere_are_not_accepted() -> None:
     assert not judge(problem, solve_hand_eye(problem)).accepted
 
 
+@pytest.mark.slow
 def test_thousands_of_views_cost_no_more_than_their_number() -> None:
     truth = cell(13, 5000, target=Chessboard(4, 3, 40.0))
     tracemalloc.start()

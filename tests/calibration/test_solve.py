@@ -52,6 +52,7 @@ def test_an_unknown_method_is_named_with_the_known_ones() -> None:
         solve_hand_eye(cell(2, 4).problem, "tsia")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("setup", SETUPS)
 def test_maximum_likelihood_beats_the_closed_forms(setup: Setup) -> None:
     squares = {"auto": 0.0, "park": 0.0, "daniilidis": 0.0, "kronecker": 0.0}
@@ -84,6 +85,7 @@ def test_an_exact_robot_is_found_to_be_exact() -> None:
     assert np.degrees(noise.robot_rotation_rad) < 0.003
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_the_uncertainty_says() -> None:
     normalised = []
     for seed in range(60):
@@ -96,6 +98,7 @@ def test_errors_are_as_large_as_the_uncertainty_says() -> None:
     assert 0.85 < float(np.std(normalised)) < 1.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("views", [4, 12])
 def test_an_exact_robot_is_used_as_one(views: int) -> None:
     ratios = []

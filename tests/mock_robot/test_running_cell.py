@@ -84,6 +84,7 @@ async def test_a_client_that_hangs_up_leaves_a_disarmed_standing_arm_and_a_free_
             await client.is_armed()
 
 
+@pytest.mark.slow
 @PROGRAMS
 async def test_a_silent_client_is_stopped_after_two_seconds_and_makes_way(program: RobotProgram) -> None:
     async with robot_only(time_scale=0.2, program=program) as cell, over_tcp(cell.announcement.robot_port) as silent:
@@ -183,6 +184,7 @@ async def test_the_control_port_says_what_is_wrong(method: str, path: str, statu
         assert response.headers["content-type"] == "application/problem+json"
 
 
+@pytest.mark.slow
 async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switched_here_too() -> None:
     imprecise = CellTruth.from_seed(7, noise=CellNoise(robot_translation_mm=1.0, robot_rotation_deg=0.1))
     async with (
@@ -235,6 +237,7 @@ def test_an_unknown_fault_is_refused_by_name() -> None:
         MockCell(CellTruth.from_seed(7)).inject_fault("link-gone")
 
 
+@pytest.mark.slow
 async def test_the_process_announces_itself_answers_and_ends_on_sigterm(tmp_path: Path) -> None:
     ready = tmp_path / "ready.json"
     options = "--seed 3 --time-scale 20 --serial --robot-only --controller python --ready-file"
@@ -256,6 +259,7 @@ async def test_the_process_announces_itself_answers_and_ends_on_sigterm(tmp_path
         assert await cell.ends() == 0
 
 
+@pytest.mark.slow
 async def test_the_process_ends_when_its_parent_closes_standard_input() -> None:
     async with cell_process("--robot-only") as cell:
         assert cell.process.stdin is not None
@@ -263,6 +267,7 @@ async def test_the_process_ends_when_its_parent_closes_standard_input() -> None:
         assert await asyncio.wait_for(cell.process.wait(), LIMIT_S) == 0
 
 
+@pytest.mark.slow
 async def test_sigint_ends_it_too() -> None:
     async with cell_process("--robot-only") as cell:
         os.kill(cell.process.pid, signal.SIGINT)

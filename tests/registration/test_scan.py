@@ -23,6 +23,8 @@ from registration.scan import ScannerMount, read_scan, register_views, sample_vi
 from tests.registration.clouds import RICH, cloud, xyz
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, flat, poses, ticks, view_of, write_scan, wrong
 
+pytestmark = pytest.mark.slow
+
 NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
 
 

@@ -16,6 +16,7 @@ from tests.simulated.views import BLURRED, ORDINARY, industrial_camera, take_pic
 BOARD = Charuco(9, 7, 20.0, 15.0, "DICT_5X5_100")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("optics", "bar_px"), [(ORDINARY, 0.016), (BLURRED, 0.045)])
 def test_every_corner_is_found_where_it_is(optics, bar_px):
     errors = []

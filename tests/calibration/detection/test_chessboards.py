@@ -16,6 +16,7 @@ from tests.simulated.views import BLURRED, ORDINARY
 BOARD = Chessboard(11, 8, 20.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("optics", "bar_px"), [(ORDINARY, 0.016), (BLURRED, 0.045)])
 def test_every_corner_is_found_where_it_is(optics, bar_px):
     errors = []

@@ -97,6 +97,7 @@ def test_the_size_of_the_target_is_measured_by_the_robot() -> None:
     assert target_scale(evidence(8, 15).scale_target(1 / 1.25)) == pytest.approx(1.25, rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [60, 250])
 def test_many_views_are_thinned_and_the_one_at_fault_is_found_all_the_same(n: int) -> None:
     clean = evidence(12, n)
@@ -229,6 +230,7 @@ def test_two_views_between_which_a_change_cannot_be_told_are_both_named() -> Non
     assert "moved before view 6 (or 7):" in message or "moved before view 7 (or 6):" in message
 
 
+@pytest.mark.slow
 def test_chances_in_clean_sessions_are_evenly_spread() -> None:
     """Among few views too, whose noise is known from themselves only."""
     after = np.arange(6) >= 3

@@ -37,6 +37,7 @@ def intrinsics(camera):
     return np.append(camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], camera.distortion)
 
 
+@pytest.mark.slow
 def test_deviations_are_what_they_claim_to_be():
     rng = np.random.default_rng(0)
     normalised = []

@@ -27,6 +27,7 @@ def poses(
     return stands @ error, inverse(anchor_T_mount @ X) @ Y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
 def test_errors_have_the_size_that_the_covariance_tells(setup: Setup) -> None:
     normalised = []
@@ -39,6 +40,7 @@ def test_errors_have_the_size_that_the_covariance_tells(setup: Setup) -> None:
     assert 0.7 < np.std(normalised) < 1.4
 
 
+@pytest.mark.slow
 def test_five_views_do_not_claim_more_than_they_know() -> None:
     """Levels learnt from so few numbers are mostly too small: taken at their likeliest, the mean here is six."""
     squares = []
@@ -130,6 +132,7 @@ def far_target(rng: np.random.Generator, views: int) -> tuple[Array, Array]:
     return Y @ inverse(X @ seen), seen
 
 
+@pytest.mark.slow
 def test_a_camera_that_is_worse_in_depth_is_found_to_be() -> None:
     rng = np.random.default_rng(8)
     robot, seen = far_target(rng, 120)

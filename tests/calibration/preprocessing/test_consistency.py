@@ -143,6 +143,7 @@ def _seen_bowed(truth: Cell, height_mm: float) -> Problem:
     return replace(truth.problem, views=tuple(views))
 
 
+@pytest.mark.slow
 def test_clean_sessions_raise_no_alarm() -> None:
     for seed in range(15, 33):
         truth = cell(300 + seed, (5, 8, 15)[seed % 3], camera_given=seed % 2 == 0)

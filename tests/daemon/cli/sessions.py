@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,9 @@ def base_T_flange(tilt_rad: tuple[float, float, float]) -> Array:
     return BASE_T_TARGET @ inverse(camera_T_target(tilt_rad)) @ inverse(FLANGE_T_CAMERA)
 
 
-def picture(tilt_rad: tuple[float, float, float]) -> np.ndarray[Any, Any]:
-    """What the camera sees: the printed board, warped."""
+@cache
+def picture(tilt_rad: tuple[float, float, float]) -> bytes:
+    """What the camera sees, a PNG: the printed board, warped."""
     scale = 8  # px per mm of the print
     board = cv2.aruco.CharucoBoard(
         (TARGET.columns, TARGET.rows), TARGET.square_mm, TARGET.marker_mm,
@@ -56,7 +58,7 @@ def picture(tilt_rad: tuple[float, float, float]) -> np.ndarray[Any, Any]:
     printed = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
     homography = cv2.getPerspectiveTransform(printed.astype(np.float32), seen.astype(np.float32))
     large = cv2.warpPerspective(sheet, np.diag([4.0, 4.0, 1.0]) @ homography, (2560, 1920), borderValue=128)
-    return cv2.resize(large, (640, 480), interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".png", cv2.resize(large, (640, 480), interpolation=cv2.INTER_AREA))[1].tobytes()
 
 
 def session(views: list[dict[str, Any]]) -> dict[str, Any]:
@@ -81,7 +83,7 @@ def with_images(folder: Path, change: Change = lambda document: None) -> Path:
     views = []
     for index, tilt in enumerate(TILTS_RAD):
         name = f"view_{index:03}.png"
-        cv2.imwrite(str(folder / name), picture(tilt))
+        (folder / name).write_bytes(picture(tilt))
         views.append({"image": name, "base_T_flange": pose_json(tilt)})
     return written(folder, session(views), change)
 

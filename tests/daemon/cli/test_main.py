@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import pytest
 import typer
 
 from calibration.closed_forms.registry import CLOSED_FORMS
@@ -56,6 +57,7 @@ def test_a_target_is_printed_without_opencv_and_scipy(tmp_path: Path) -> None:
     assert not {"scipy", "cv2", "asyncio", "httpx", "fastapi", "daemon.config.settings"} & loaded
 
 
+@pytest.mark.slow
 def test_the_daemon_is_imported_without_what_only_a_run_or_some_cells_need() -> None:
     """scipy's parts are loaded by whoever solves; Modbus, certificates and clusters by the cells that have them."""
     loaded = _loaded_by("import daemon.composition")
@@ -105,6 +107,7 @@ def test_the_version_is_the_installed_one() -> None:
     assert f"handeyed {metadata.version('handeyed')}" in handeyed("version").out
 
 
+@pytest.mark.slow
 def test_the_mock_is_a_program_of_its_own() -> None:
     command = [sys.executable, "-m", "daemon.cli", "mock"]
     faults = subprocess.run([*command, "faults", "--json"], capture_output=True, text=True, check=True)

@@ -103,6 +103,7 @@ async def test_the_plcs_line_is_opened_and_left_alone() -> None:
     assert "dialout" in gone.fix
 
 
+@pytest.mark.slow
 def test_the_command_asks_them_too(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         more = (

@@ -28,6 +28,7 @@ def question(folder: Path, **changes: Any) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_the_planned_poses_are_predicted_to_be_as_good_as_assess_finds_them(tmp_path: Path) -> None:
     ran = handeyed("plan", question(tmp_path), "--json")
     planned = PlannedDocument.model_validate_json(ran.out)
@@ -40,6 +41,7 @@ def test_the_planned_poses_are_predicted_to_be_as_good_as_assess_finds_them(tmp_
     assert planned.predicted.point_mm == pytest.approx(assessed.predicted.point_mm, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_planned_poses_beat_ordinary_ones(tmp_path: Path) -> None:
     planned = PlannedDocument.model_validate_json(handeyed("plan", question(tmp_path, poses=6), "--json").out)
     ordinary = [pose_json(tilt) for tilt in TILTS_RAD]
@@ -58,6 +60,7 @@ def test_poses_that_do_not_determine_x_are_status_3(tmp_path: Path) -> None:
     assert "do not determine" in ran.out
 
 
+@pytest.mark.slow
 def test_in_words_there_is_a_line_a_pose(tmp_path: Path) -> None:
     ran = handeyed("plan", question(tmp_path))
 

@@ -10,7 +10,7 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, inverse, map_points
 from tests.daemon.cli.running import Ran, handeyed
-from tests.daemon.cli.sessions import FLANGE_T_CAMERA, TILTS_RAD, base_T_flange, with_corners
+from tests.daemon.cli.sessions import FLANGE_T_CAMERA, TILTS_RAD, base_T_flange
 
 POINTS_BASE = np.random.default_rng(3).uniform(-300, 300, (500, 3)) + np.array([900, 0, 100])
 
@@ -35,10 +35,9 @@ def scan(folder: Path, unit: str = "mm", points: Array = POINTS_BASE) -> Path:
 
 
 @pytest.fixture
-def calibration(tmp_path: Path) -> Path:
+def calibration(tmp_path: Path, solved: Ran) -> Path:
     """The sessions' calibration with the true X in it."""
-    handeyed("solve", with_corners(tmp_path / "cell"), "--out", tmp_path / "calibration.json")
-    document = json.loads((tmp_path / "calibration.json").read_text())
+    document = json.loads(solved.out)
     document["flange_T_camera"] = PoseDocument.of(FLANGE_T_CAMERA).model_dump(mode="json")
     (tmp_path / "calibration.json").write_text(json.dumps(document))
     return tmp_path / "calibration.json"

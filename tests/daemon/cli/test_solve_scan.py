@@ -12,6 +12,8 @@ from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
 
+pytestmark = pytest.mark.slow
+
 RADIUS_MM = 25.4
 CENTRE = np.array([850.0, 40.0, 260.0])
 TURNS = ((0, 0, 0), (0.6, 0, 0.4), (-0.5, 0.3, -0.6), (0.1, 0.6, 1.2), (0.2, -0.6, -1.0), (-0.4, -0.4, 2.0))

@@ -62,6 +62,7 @@ async def alarms_in(bench: Bench) -> list[dict[str, Any]]:
     return [json.loads(data) for (data,) in rows]
 
 
+@pytest.mark.slow
 async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibration_ends_it(tmp_path: Path) -> None:
     async with calibrated(tmp_path, plc=MOVING) as (bench, camera), ladder(bench) as plc:
         watch = watch_of(bench)
@@ -109,6 +110,7 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
         assert (await bench.client.get("/ready")).json()["warnings"] == []
 
 
+@pytest.mark.slow
 async def test_the_chart_is_told_over_rest_with_every_verification_that_is_over(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path / "other")) as bench:
         off = (await bench.client.get("/drift")).json()
@@ -141,6 +143,7 @@ async def test_the_chart_is_told_over_rest_with_every_verification_that_is_over(
         assert len(words.splitlines()) == 3 + 5
 
 
+@pytest.mark.slow
 async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also past a run that is in progress, or whose end could not be stored yet."""
     monkeypatch.setattr("daemon.drift.samples.PAGE_RUNS", 2)
@@ -173,6 +176,7 @@ async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch:
         assert await fresh.of(replace(applied, sequence=99)) and len(asked) > 3
 
 
+@pytest.mark.slow
 async def test_the_chart_survives_a_restart_and_passes_over_what_does_not_belong(tmp_path: Path) -> None:
     async with calibrated(tmp_path) as (bench, _):
         for _ in range(3):

@@ -14,6 +14,8 @@ from calibration.transforms import transform, vector_from_rotation
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, poses_around_the_target
 
+pytestmark = pytest.mark.slow
+
 TEXT = {"accept": "text/plain"}
 
 

@@ -24,6 +24,8 @@ from mock_robot.truth.score_ply import UnreadablePly, read_points
 from mock_robot.truth.truth import NO_NOISE, CellTruth
 from tests.support.waiting import LIMIT_S
 
+pytestmark = pytest.mark.slow
+
 TRUTH = CellTruth.from_seed(7, noise=NO_NOISE)
 PICTURE, CLOUD = "/camera/snapshot.png", "/scanner/cloud.ply"
 

@@ -249,6 +249,7 @@ def test_an_unknown_fault_lists_the_known() -> None:
 LINE_FAULTS = sorted(name for name, fault in FAULTS.items() if fault.area in ("link", "serial"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("serial", [False, True], ids=["tcp", "serial"])
 def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: bool) -> None:
     """A client that repeats what was not answered: as many departures as distinct MOVE requests, at most."""

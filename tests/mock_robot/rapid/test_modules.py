@@ -25,6 +25,7 @@ HANDLER = re.compile(r"(\n +(?:FUNC|TRAP)\b.*?)\n  ERROR\n    RAISE;(\n  END(?:F
 """rapidchecker 0.1.5 knows ERROR in a PROC alone; a controller knows it in every routine."""
 
 
+@pytest.mark.slow
 def test_rapidchecker_finds_nothing(tmp_path: Path) -> None:
     pytest.importorskip("rapidchecker", reason="rapidchecker is not installed")
     for module in MODULES:

@@ -64,6 +64,7 @@ def edge_errors(picture: Array, camera: CameraModel, camera_T_target: Array) -> 
     return errors
 
 
+@pytest.mark.slow
 def test_edges_lie_where_the_camera_projects_them_at_twenty_poses_under_strong_distortion() -> None:
     errors = np.concatenate([edge_errors(clean_picture(STRONG, BOARD, pose), STRONG, pose) for pose in poses(20)])
 

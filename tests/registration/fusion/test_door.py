@@ -1,6 +1,7 @@
 """The mock cell's door: what the report says of the views is what the truth says."""
 
 import numpy as np
+import pytest
 
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import difference, inverse, map_points, rotation_from_vector, transform
@@ -12,6 +13,8 @@ from registration.fusion.overlap import agreement
 from registration.fusion.pose_adjustment import refine_poses
 from registration.points.layout import XYZ_FLOAT32
 from registration.points.surface import Surface, sample_points
+
+pytestmark = pytest.mark.slow
 
 NOISE = RobotNoise(0.3, float(np.deg2rad(0.03)))
 

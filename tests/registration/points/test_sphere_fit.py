@@ -69,6 +69,7 @@ def test_exact_views_give_exactly_x() -> None:
     np.testing.assert_allclose(solution.base_centre_mm, CENTRE_IN_BASE, rtol=0, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_stated_uncertainty_is_the_real_one() -> None:
     errors, promised = [], []
     for trial in range(30):
