@@ -101,7 +101,9 @@ BAD_SESSIONS: dict[str, tuple[Callable[[Problem], Problem], str]] = {
 
 @pytest.mark.parametrize("what", BAD_SESSIONS)
 @pytest.mark.parametrize(("method", "camera_given"), [("auto", True), ("auto", False), ("park", True)])
-def test_a_session_that_tells_nothing_is_refused_with_the_reason(what: str, method: str, camera_given: bool) -> None:
+def test_a_session_that_determines_nothing_is_refused_with_the_reason(
+    what: str, method: str, camera_given: bool
+) -> None:
     spoil, code = BAD_SESSIONS[what]
     problem = spoil(cell(10, 6, camera_given=camera_given).problem)
     solution = solve_hand_eye(problem, method)

@@ -18,7 +18,7 @@ from daemon.server import make_announcer
 from tests.daemon.cell_under_test import serving, settings_for
 
 
-def test_a_port_that_is_taken_is_told_with_what_to_do() -> None:
+def test_a_port_that_is_taken_is_reported_with_what_to_do() -> None:
     with (
         socket.create_server(("127.0.0.1", 0)) as other,
         pytest.raises(PortTaken, match=r"address already in use.*ss -ltnp"),

@@ -61,7 +61,7 @@ async def test_it_is_asked_again_until_the_picture_is_fresh():
         await camera.close()
 
 
-async def test_a_password_in_the_url_is_used_and_not_told():
+async def test_a_password_in_the_url_is_used_and_not_shown():
     camera = HttpCamera("http://user:secret@127.0.0.1:9/now", limit_s=0.1)
     with pytest.raises(DeviceUnreachable) as unreachable:
         await camera.grab(0.0)

@@ -32,7 +32,7 @@ async def told_by_all(cell: RwsCell, robot: CbRobot) -> list[list[str]]:
 
 
 @pytest.mark.parametrize("program", ["python", "rapid"])
-async def test_every_way_tells_the_same_pose_before_and_after_a_move(program: str) -> None:
+async def test_every_way_gives_the_same_pose_before_and_after_a_move(program: str) -> None:
     async with rws_cell(program=program) as cell:
         robot = CbRobot(TcpTransport(*cell.robot))
         robot.start()

@@ -61,7 +61,7 @@ async def test_the_same_over_a_serial_line(program: RobotProgram) -> None:
 
 
 @PROGRAMS
-async def test_a_second_client_is_told_busy_and_closed_and_the_first_goes_on(program: RobotProgram) -> None:
+async def test_a_second_client_gets_busy_and_is_closed_and_the_first_goes_on(program: RobotProgram) -> None:
     async with robot_only(program=program) as cell, over_tcp(cell.announcement.robot_port) as first:
         await first.is_armed()
         async with over_tcp(cell.announcement.robot_port) as second:

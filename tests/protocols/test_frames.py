@@ -117,7 +117,7 @@ def test_a_doubled_byte_costs_one_frame_only():
     assert ChecksumFailed(4, 65535) in events
 
 
-def test_half_a_frame_is_told_and_given_up():
+def test_half_a_frame_is_reported_and_given_up():
     reader = FrameReader(resynchronise=True)
     assert reader.feed(MOVE[:33]) == []
     assert reader.half_frame_bytes == 33

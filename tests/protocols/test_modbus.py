@@ -201,7 +201,7 @@ def test_the_crc_is_modbus() -> None:
 
 @settings(max_examples=50)
 @given(st.lists(st.integers(0, 65535), min_size=1, max_size=80), st.data())
-def test_the_crc_tells_a_flipped_bit(words: list[int], data: st.DataObject) -> None:
+def test_the_crc_detects_a_flipped_bit(words: list[int], data: st.DataObject) -> None:
     place, bit = data.draw(st.integers(0, len(words) - 1)), data.draw(st.integers(0, 15))
     other = [*words]
     other[place] ^= 1 << bit

@@ -296,7 +296,7 @@ def test_a_controller_refuses_by_itself(frame, status):
     assert asked(client, controller, GetStatus(), REPORT), "the session goes on"
 
 
-def test_an_unwanted_client_is_told_so_whatever_it_asks():
+def test_an_unwanted_client_is_refused_whatever_it_asks():
     controller = ControllerSession(resynchronise=False, refuse_with=Status.BUSY)
     client = ClientSession(resynchronise=False)
     (refused,) = controller.receive_data(client.request(HELLO))

@@ -151,7 +151,7 @@ def test_a_plane_is_left_to_the_robot_where_it_slides() -> None:
         np.testing.assert_allclose(np.linalg.norm(view.free[:, [2, 3, 4]], axis=0), 1, atol=1e-3)
 
 
-def test_a_view_far_off_is_told(tmp_path: Path) -> None:
+def test_a_view_far_off_is_reported(tmp_path: Path) -> None:
     true = poses(6)
     said = [pose.copy() for pose in true]
     said[3][:3, 3] += [1.0, -1.0, 2.5]
@@ -192,13 +192,13 @@ BROKEN_SCANS = [
 
 
 @pytest.mark.parametrize(("text", "error", "says"), BROKEN_SCANS)
-def test_a_broken_scan_json_is_told(tmp_path: Path, text: str, error: type[Exception], says: str) -> None:
+def test_a_broken_scan_json_is_reported(tmp_path: Path, text: str, error: type[Exception], says: str) -> None:
     (tmp_path / "scan.json").write_text(text)
     with pytest.raises(error, match=says):
         read_scan(tmp_path)
 
 
-def test_a_scan_without_its_files_is_told(tmp_path: Path) -> None:
+def test_a_scan_without_its_files_is_reported(tmp_path: Path) -> None:
     with pytest.raises(CloudIOError, match=r"scan\.json: file: it cannot be opened"):
         read_scan(tmp_path)
     bumpy_scan(tmp_path)
@@ -237,7 +237,7 @@ def test_voxels_average_every_column() -> None:
         assert np.linalg.norm([average[name] for name in ("nx", "ny", "nz")]) == pytest.approx(1, abs=1e-5)
 
 
-def test_voxels_that_cannot_be_are_told() -> None:
+def test_voxels_that_cannot_be_are_reported() -> None:
     for edge_mm in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ScanError, match="voxel"):
             VoxelGrid(edge_mm, XYZ_FLOAT32)

@@ -67,12 +67,12 @@ def test_a_session_in_another_convention_is_never_accepted(code: str) -> None:
 
 
 @pytest.mark.parametrize("slip_of, size", [(focal_wrong, 0.003), (focal_wrong, 0.03), (distortion_wrong, 0.1)])
-def test_intrinsics_that_do_not_fit_are_told_apart_from_the_robot(slip_of, size: float) -> None:  # type: ignore[no-untyped-def]
+def test_intrinsics_that_do_not_fit_are_distinguished_from_the_robot(slip_of, size: float) -> None:  # type: ignore[no-untyped-def]
     fault = slip_of(session(4, n=15), np.random.default_rng(0)).at(size)
     assert " px where others leave " in finding(fault.problem, fault.codes).message
 
 
-def test_the_number_that_was_mistyped_is_told_with_what_it_should_be() -> None:
+def test_the_number_that_was_mistyped_is_reported_with_what_it_should_be() -> None:
     clean = session(5)
     poses = poses_of(clean)
     right = poses[7, 1, 3]
@@ -133,7 +133,7 @@ BEFORE_AND_AFTER = {
 
 
 @pytest.mark.parametrize("kind", BEFORE_AND_AFTER)
-def test_every_cause_tells_the_disagreement_before_and_after(kind: str) -> None:
+def test_every_cause_reports_the_disagreement_before_and_after(kind: str) -> None:
     fault = BEFORE_AND_AFTER[kind](session(9), np.random.default_rng(0))
     message = finding(fault.problem, fault.codes).message
     before, after = message.split("Robot and images disagree by ")[1].split(" as they came, by ")
@@ -142,7 +142,7 @@ def test_every_cause_tells_the_disagreement_before_and_after(kind: str) -> None:
 
 
 @pytest.mark.parametrize(("columns", "rows", "says"), [(11, 9, "points that it does not have"), (13, 9, "do not lie")])
-def test_a_board_of_another_size_is_told(columns: int, rows: int, says: str) -> None:
+def test_a_board_of_another_size_is_reported(columns: int, rows: int, says: str) -> None:
     clean = session(12)
     other = replace(clean, target=Charuco(columns, rows, 20.0, 15.0, "DICT_5X5_100"))
     verdict = judge(other, solve_hand_eye(other))

@@ -133,7 +133,7 @@ def test_the_runner_up_is_far_behind_when_the_cause_is_plain() -> None:
     assert severity_of(diagnosis, set(range(10))) == "warning"
 
 
-def test_a_repaired_corner_order_is_told_once() -> None:
+def test_a_repaired_corner_order_is_reported_once() -> None:
     problem = simulated_session(np.random.default_rng(7), 10, Noise(), "eye-to-hand")
     views = list(problem.views)
     seen = views[4].detection
@@ -187,7 +187,7 @@ def test_motions_that_determine_nothing_say_nothing_of_conventions(setup: Setup)
         assert diagnose(still, CENTRE_MM) is None
 
 
-def test_a_camera_that_is_not_where_the_drawing_has_it_is_told() -> None:
+def test_a_camera_that_is_not_where_the_drawing_has_it_is_reported() -> None:
     expected = transform(np.eye(3), [0.0, 0.0, 60.0])
     tool = transform(rotation_from_vector(np.array([0.0, 0.0, np.pi / 4])), [0.0, 0.0, 120.0])
     (finding,) = mount_findings(inverse(tool) @ expected, ExpectedMount(expected))
@@ -203,7 +203,7 @@ def test_a_slip_within_the_noise_is_not_blamed_on_anyone() -> None:
     assert [f.code for f in solve_hand_eye(slip.at(0.05).problem).findings if f.severity != "info"] == []
 
 
-def test_the_size_of_the_target_is_the_likeliest_where_images_tell_distances_badly() -> None:
+def test_the_size_of_the_target_is_the_likeliest_where_images_measure_distances_badly() -> None:
     """Least squares, without weights, errs there by more than what is to be found."""
     off = []
     for seed in range(4):
@@ -219,7 +219,7 @@ def test_a_target_that_is_only_warm_is_nobody_s_fault() -> None:
     assert named(exact.scale_target(1 / 1.0008)).cause.code == "wrong-pitch"
 
 
-def test_two_views_between_which_a_change_cannot_be_told_are_both_named() -> None:
+def test_two_views_between_which_a_change_cannot_be_located_are_both_named() -> None:
     clean = evidence(30, 12, ORDINARY)
     poses = clean.base_T_flange.copy()
     poses[6:] = transform(np.eye(3), [0.0, 4.0, 0.0]) @ poses[6:]

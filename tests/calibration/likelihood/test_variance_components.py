@@ -24,6 +24,6 @@ def test_two_variances_are_those_of_non_negative_least_squares(
     np.testing.assert_allclose(found * scale, expected, rtol=1e-6, atol=1e-9)
 
 
-def test_variances_that_nothing_tells_apart_are_one() -> None:
+def test_variances_that_nothing_distinguishes_are_one() -> None:
     found = nonnegative_variances(np.ones((2, 2)), np.array([1.0, 0.5]))
     np.testing.assert_allclose(found, [1.0, 0.0])

@@ -58,7 +58,7 @@ def test_the_cross_spans_the_target() -> None:
 
 
 @pytest.mark.parametrize("problem", [a_problem(views=1), a_problem(seen=30)])
-def test_positions_that_share_nothing_are_told(problem: Problem) -> None:
+def test_positions_that_share_nothing_are_reported(problem: Problem) -> None:
     with pytest.raises(VerificationError, match="share no point"):
         verify(problem, a_calibration("c"))
 

@@ -35,7 +35,7 @@ def test_the_same_question_has_the_same_answer():
     np.testing.assert_array_equal(first.base_T_flange, second.base_T_flange)
 
 
-def test_more_poses_never_tell_less():
+def test_more_poses_never_determine_less():
     uncertainties = [plan_poses(seed_scene(), WIDE, count).predicted.point_mm for count in (3, 5, 8, 12)]
     assert uncertainties == sorted(uncertainties, reverse=True)
 

@@ -81,7 +81,7 @@ def test_twice_the_noise_is_twice_the_uncertainty():
     assert ratio == pytest.approx(2.0, rel=1e-6)
 
 
-def test_translation_is_told_along_the_mounts_axes_as_solve_tells_it() -> None:
+def test_translation_is_predicted_along_the_mounts_axes_as_solve_reports_it() -> None:
     scene = seed_scene()
     found = predict(scene, seed_poses())
     mount_R_camera = scene.mount_T_camera[:3, :3]

@@ -29,7 +29,7 @@ def poses(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
-def test_errors_have_the_size_that_the_covariance_tells(setup: Setup) -> None:
+def test_errors_have_the_size_that_the_covariance_predicts(setup: Setup) -> None:
     normalised = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -53,7 +53,7 @@ def test_five_views_do_not_claim_more_than_they_know() -> None:
     assert 0.6 < np.mean(squares) < 1.7
 
 
-def test_few_views_tell_the_same_in_any_unit_of_the_camera() -> None:
+def test_few_views_give_the_same_in_any_unit_of_the_camera() -> None:
     rng = np.random.default_rng(6)
     robot, seen = poses(rng, 0.4 * rng.standard_normal((9, 3)), "eye-in-hand")
     told = []
@@ -105,7 +105,7 @@ ONE_AXIS = np.array([0.6, 0.0, 0.8])
     ],
 )
 @pytest.mark.parametrize("deg", [0.0, 0.05])
-def test_motions_that_tell_too_little_are_refused_whatever_the_noise(
+def test_motions_that_determine_too_little_are_refused_whatever_the_noise(
     turns: Callable[[np.random.Generator], Array], code: str, deg: float
 ) -> None:
     for seed in range(10):
@@ -153,7 +153,7 @@ def test_an_unknown_scale_is_found_with_x(scale: float) -> None:
     assert np.linalg.norm(off[:3, 3]) < 0.5
 
 
-def test_a_camera_that_turns_on_the_spot_tells_no_scale() -> None:
+def test_a_camera_that_turns_on_the_spot_determines_no_scale() -> None:
     rng = np.random.default_rng(5)
     turns = transform(rotation_from_vector(0.4 * rng.standard_normal((15, 3))), np.zeros((15, 3)))
     seen = seen_with(rng, turns, 1e-3, 0.3, 0.3)
@@ -161,7 +161,7 @@ def test_a_camera_that_turns_on_the_spot_tells_no_scale() -> None:
         solve_hand_eye_poses("eye-in-hand", Y @ inverse(X @ turns), seen, metric=False)
 
 
-def test_a_camera_that_drifts_is_told_from_one_that_scatters() -> None:
+def test_a_camera_that_drifts_is_distinguished_from_one_that_scatters() -> None:
     rng = np.random.default_rng(2)
     robot, seen = far_target(rng, 40)
     steps = transform(rotation_from_vector(2e-3 * rng.standard_normal((40, 3))), rng.standard_normal((40, 3)))

@@ -32,7 +32,7 @@ def error_vector(mount_T_camera: Array | None, truth: Cell) -> Array:
     return np.concatenate([vector_from_rotation(off[:3, :3]), off[:3, 3]])
 
 
-def test_a_principal_point_that_is_off_is_found_told_and_corrected() -> None:
+def test_a_principal_point_that_is_off_is_found_reported_and_corrected() -> None:
     truth = cell(41, 20, SHARP)
     solution = solve_hand_eye(with_centre_off(truth, [1.5, -1.0]))
     finding = next(f for f in solution.findings if f.code == "principal-point-off")
@@ -71,7 +71,7 @@ def with_robot_trend(truth: Cell, rng: np.random.Generator, rotation_rad: float,
     return replace(truth.problem, views=tuple(views))
 
 
-def test_errors_that_follow_the_robots_pose_are_told_and_counted() -> None:
+def test_errors_that_follow_the_robots_pose_are_reported_and_counted() -> None:
     told, normalised = 0, []
     for seed in range(5):
         truth = cell(700 + seed, 30, CellNoise(0.05, float(np.radians(0.003)), 0.02))

@@ -109,7 +109,7 @@ BAD_BODIES: list[tuple[bytes, int, str, str]] = [
 ]
 
 
-async def test_a_bad_body_is_told_and_moves_nothing(bench: Bench) -> None:
+async def test_a_bad_body_is_reported_and_moves_nothing(bench: Bench) -> None:
     for body, status, code, says in BAD_BODIES:
         problem = await refused(bench, "POST", "/calibrate", content=body)
         assert (problem["status"], problem["code"]) == (status, code), body[:80]
@@ -117,7 +117,7 @@ async def test_a_bad_body_is_told_and_moves_nothing(bench: Bench) -> None:
     assert not bench.robot.goals
 
 
-async def test_a_misspelt_key_is_told_with_the_nearest_known_one(bench: Bench) -> None:
+async def test_a_misspelt_key_is_reported_with_the_nearest_known_one(bench: Bench) -> None:
     problem = await refused(bench, "POST", "/calibrate", json={"cuont": 3})
     assert problem["problems"] == [{"place": "cuont", "what": "unknown key", "fix": "did you mean 'count'?"}]
     problem = await refused(bench, "POST", "/calibrate?wiat=3")
@@ -146,7 +146,7 @@ REFUSED = [
 ALLOWED = [("/calibrate", "GET, POST"), ("/scans", "GET, POST"), ("/robot", "GET"), ("/register", "POST")]
 
 
-async def test_what_is_not_there_is_told(bench: Bench) -> None:
+async def test_what_is_not_there_is_reported(bench: Bench) -> None:
     for method, path, status, code in REFUSED:
         problem = await refused(bench, method, path)
         assert (problem["status"], problem["code"]) == (status, code), path
@@ -276,7 +276,7 @@ async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -
     assert not bench.robot.goals
 
 
-async def test_events_tell_every_step_and_can_be_caught_up(bench: Bench) -> None:
+async def test_events_report_every_step_and_can_be_caught_up(bench: Bench) -> None:
     run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
     events = await read_events(bench.client, until="finished", last_event_id="0")
     states = [json.loads(event["data"])["state"] for event in events]

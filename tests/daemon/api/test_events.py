@@ -34,13 +34,13 @@ class FailingKeeper:
         raise StorageError("full", "free some space")
 
 
-async def test_what_the_disk_refuses_is_told_all_the_same() -> None:
+async def test_what_the_disk_refuses_is_reported_all_the_same() -> None:
     log = EventBus(FailingKeeper())
     log.publish("run", {"n": 1})
     assert await heard(log, 0, 1) == [BusEvent(1, "run", {"n": 1})]
 
 
-async def test_a_listener_that_comes_too_late_is_told_what_it_lost() -> None:
+async def test_a_listener_that_comes_too_late_learns_what_it_lost() -> None:
     log = EventBus()
     for k in range(MAX_EVENTS + 10):
         log.publish("run", {"n": k})
@@ -57,7 +57,7 @@ async def test_silence_is_broken_by_a_comment() -> None:
         break
 
 
-async def test_what_was_missed_over_a_restart_is_told_with_numbers_that_only_grow(tmp_path: Path) -> None:
+async def test_what_was_missed_over_a_restart_is_reported_with_numbers_that_only_grow(tmp_path: Path) -> None:
     settings = settings_for(tmp_path)
     async with serving(settings) as bench:
         first = await calibrate(bench)

@@ -47,7 +47,7 @@ async def test_the_key_with_another_request_is_refused(bench: Bench) -> None:
     assert len((await bench.client.get("/scans")).json()["scans"]) == 1
 
 
-async def test_while_the_first_is_in_flight_the_second_is_told_whose_run_to_follow(tmp_path: Path) -> None:
+async def test_while_the_first_is_in_flight_the_second_learns_whose_run_to_follow(tmp_path: Path) -> None:
     gate = Gate(at_move=2)
     parts = Parts()
     parts.robot.before_move = gate

@@ -44,7 +44,7 @@ async def test_every_page_is_followed_by_the_next_and_the_last_says_so(bench: Be
 
 
 @pytest.mark.parametrize("noun", ["runs", "calibrations", "scans"])
-async def test_a_cursor_that_names_nothing_is_told(bench: Bench, noun: str) -> None:
+async def test_a_cursor_that_names_nothing_is_reported(bench: Bench, noun: str) -> None:
     answer = await bench.client.get(f"/{noun}?before=nothing")
     assert (answer.status_code, answer.json()["code"]) == (422, "cursor-unknown")
     assert await _empty(bench, noun)

@@ -116,7 +116,7 @@ async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothin
         (b"x", {}, 415, "unknown-media-type"),
     ],
 )
-async def test_what_is_no_whole_cloud_is_told(
+async def test_what_is_no_whole_cloud_is_reported(
     bench: Bench, content: bytes, headers: dict[str, str], status: int, code: str
 ) -> None:
     await apply_calibration(bench)

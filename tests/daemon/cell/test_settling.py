@@ -58,7 +58,7 @@ async def test_two_readings_that_agree_while_the_controller_says_still(readings:
     assert time.now_s == pytest.approx(looks * SETTLING.gap_s)
 
 
-async def test_an_arm_that_never_rests_is_told_with_how_far_it_moves() -> None:
+async def test_an_arm_that_never_rests_is_reported_with_how_far_it_moves() -> None:
     time = Time()
     readings = [pose_reading(k % 2) for k in range(1000)]
     with pytest.raises(NotStill, match=r"did not come to rest within 10 s.*1\.000 mm"):

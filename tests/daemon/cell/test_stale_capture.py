@@ -15,7 +15,7 @@ VIEW = CameraFrame(np.arange(12, dtype=np.uint8).reshape(3, 4), 0.0)
 
 
 @pytest.mark.parametrize("then", [ELSEWHERE, TURNED])
-def test_the_same_picture_from_another_pose_is_told(then) -> None:
+def test_the_same_picture_from_another_pose_is_reported(then) -> None:
     novelty = StaleCaptureDetector("camera")
     novelty.check_frame(VIEW, HERE)
     with pytest.raises(StaleCaptureError, match="the camera sent the same picture again"):
@@ -42,7 +42,7 @@ def test_darkness_looks_alike_from_everywhere() -> None:
         novelty.check_frame(CameraFrame(np.zeros((3, 4), np.uint8), 0.0), pose)
 
 
-def test_the_same_cloud_from_another_pose_is_told() -> None:
+def test_the_same_cloud_from_another_pose_is_reported() -> None:
     novelty = StaleCaptureDetector("scanner")
     cloud = ScannedCloud(b"ply", "application/x-ply", 0.0)
     novelty.check_cloud(cloud, HERE)

@@ -57,7 +57,7 @@ async def test_it_waits_until_the_arm_has_stopped_ringing() -> None:
 
 
 @pytest.mark.parametrize("shaken", [Ringing(0.06, 0.0, 1.0), Ringing(0.0, 0.011, 1.0)])
-async def test_an_arm_that_goes_on_is_told_with_its_amplitude(shaken: Ringing) -> None:
+async def test_an_arm_that_goes_on_is_reported_with_its_amplitude(shaken: Ringing) -> None:
     with pytest.raises(NotStill, match="still vibrates by") as rings:
         await VibrationGate(shaken, ALLOWED).wait(1.0, stepped_clock())
     assert "[robot.egm]" in rings.value.fix

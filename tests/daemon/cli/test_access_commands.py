@@ -44,7 +44,7 @@ def test_a_key_is_shown_once_listed_rotated_and_revoked(config: Path) -> None:
     assert (whole.status, whole.out) == (0, "the audit log is whole: 4 rows\n")
 
 
-def test_what_is_typed_wrongly_is_told(config: Path, tmp_path: Path) -> None:
+def test_what_is_typed_wrongly_is_reported(config: Path, tmp_path: Path) -> None:
     assert "use viewer, operator, admin" in handeyed("keys", "add", config, "x", "--role", "king").err
     assert "printable" in handeyed("keys", "add", config, "a\x1b[31m").err
     handeyed("keys", "add", config, "x")
@@ -68,7 +68,7 @@ def test_a_store_of_another_user_is_left_alone(config: Path, monkeypatch: pytest
     assert (refused.status, "sudo -u handeyed" in refused.err) == (1, True)
 
 
-def test_a_certificate_is_made_and_the_settings_are_told(tmp_path: Path) -> None:
+def test_a_certificate_is_made_and_the_settings_are_reported(tmp_path: Path) -> None:
     made = handeyed("tls", "init", "--host", "cell-7", "--host", "10.0.0.7", "--out", tmp_path / "tls")
     assert made.status == 0, made.err
     assert f'certificate = "{tmp_path}/tls/certificate.pem"' in made.out

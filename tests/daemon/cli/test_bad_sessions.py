@@ -144,7 +144,7 @@ def test_a_spoilt_file(
     assert capfd.readouterr().err == ""  # no library writes past us
 
 
-def test_every_bad_image_is_told_at_once(tmp_path: Path) -> None:
+def test_every_bad_image_is_reported_at_once(tmp_path: Path) -> None:
     folder = with_images(tmp_path / "cell")
     for index in (1, 4):
         (folder / f"view_{index:03}.png").write_bytes(b"")
@@ -152,7 +152,7 @@ def test_every_bad_image_is_told_at_once(tmp_path: Path) -> None:
     assert len(handeyed("solve", folder).errors) == 2
 
 
-def test_a_view_without_the_target_is_told_and_the_rest_is_solved(tmp_path: Path) -> None:
+def test_a_view_without_the_target_is_reported_and_the_rest_is_solved(tmp_path: Path) -> None:
     folder = with_images(tmp_path / "cell")
     cv2.imwrite(str(folder / "view_002.png"), np.full((480, 640), 128, np.uint8))
 
@@ -176,7 +176,7 @@ def test_no_view_with_the_target_is_a_refusal_with_the_reason(tmp_path: Path) ->
     assert document["verdict"]["findings"]
 
 
-def test_two_views_at_the_same_pose_are_told(tmp_path: Path) -> None:
+def test_two_views_at_the_same_pose_are_reported(tmp_path: Path) -> None:
     def same(document: dict[str, Any]) -> None:
         document["views"][4]["base_T_flange"] = document["views"][3]["base_T_flange"]
 

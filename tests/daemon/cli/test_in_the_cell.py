@@ -104,7 +104,7 @@ def test_a_calibration_folder_of_the_daemon_can_be_solved_again(running: Running
     assert again.flange_T_camera.translation_mm == pytest.approx(first.flange_T_camera.translation_mm, abs=1e-6)
 
 
-def test_a_request_that_cannot_be_done_is_told_with_what_to_do(running: Running, tmp_path: Path) -> None:
+def test_a_request_that_cannot_be_done_is_reported_with_what_to_do(running: Running, tmp_path: Path) -> None:
     (tmp_path / "request.json").write_text('{"cuont": 4}')
 
     ran = handeyed("calibrate", "--url", running.url, "--request", tmp_path / "request.json")
@@ -113,7 +113,7 @@ def test_a_request_that_cannot_be_done_is_told_with_what_to_do(running: Running,
     assert ran.errors == [f"{tmp_path / 'request.json'}: cuont: unknown key: did you mean 'count'?"]
 
 
-def test_what_the_daemon_refuses_is_told_in_its_words(running: Running, tmp_path: Path) -> None:
+def test_what_the_daemon_refuses_is_reported_in_its_words(running: Running, tmp_path: Path) -> None:
     here = {"translation_mm": [0, 0, 5000], "quaternion_wxyz": [1, 0, 0, 0]}
     (tmp_path / "request.json").write_text(json.dumps({"poses": [here] * 3}))
 
@@ -203,7 +203,7 @@ def test_check_sees_a_robot_that_would_not_move(alone: tuple[ChildProcess, Path]
     assert "FAIL  robot     answers, but emergency stop is pressed" in ran.out
 
 
-def test_no_daemon_is_told_with_how_to_start_one() -> None:
+def test_no_daemon_is_reported_with_how_to_start_one() -> None:
     ran = handeyed("calibrate", "--url", "http://127.0.0.1:9")
 
     assert ran.status == 1
@@ -212,14 +212,14 @@ def test_no_daemon_is_told_with_how_to_start_one() -> None:
     ]
 
 
-def test_an_address_that_is_none_is_told() -> None:
+def test_an_address_that_is_none_is_reported() -> None:
     assert handeyed("calibrate", "--url", "cell-3").errors == [
         "cell-3: not an address: give one such as http://127.0.0.1:8372"
     ]
 
 
 @pytest.mark.parametrize("command", ["serve", "check"])
-def test_settings_that_cannot_be_read_are_told(tmp_path: Path, command: str) -> None:
+def test_settings_that_cannot_be_read_are_reported(tmp_path: Path, command: str) -> None:
     file = tmp_path / "handeyed.toml"
     file.write_text('[robto]\naddress = "tcp://127.0.0.1:1"\n')
 

@@ -29,7 +29,7 @@ def interlocks(port: int, **changes: Any) -> InterlockSettings:
     )
 
 
-async def test_each_interlock_is_read_and_told() -> None:
+async def test_each_interlock_is_read_and_reported() -> None:
     async with terminal() as device:
         device.inputs[0] = False
         found = await check_interlocks(interlocks(device.port))
@@ -68,14 +68,14 @@ def test_the_plcs_port_and_what_it_may(changes: dict[str, Any], ok: bool, words:
     assert words in found.line()
 
 
-def test_a_port_that_is_taken_is_told() -> None:
+def test_a_port_that_is_taken_is_reported() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         found = check_port(PlcSettings(port=other.getsockname()[1]))
     assert not found.ok
     assert "cannot listen for PLCs" in found.what
 
 
-def test_a_port_without_the_right_to_it_is_told_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_without_the_right_to_it_is_reported_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object, **__: object) -> socket.socket:
         raise PermissionError(13, "Permission denied")
 

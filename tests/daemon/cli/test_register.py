@@ -68,7 +68,7 @@ def test_a_person_reads_how_many_points_and_what_was_not_measured(tmp_path: Path
     assert ran.out.splitlines()[0] == f"{tmp_path / 'a.ply'}: 3,000 points of 6 views, base frame, mm"
 
 
-def test_a_calibration_that_was_not_accepted_is_told(tmp_path: Path, calibration: Path) -> None:
+def test_a_calibration_that_was_not_accepted_is_reported(tmp_path: Path, calibration: Path) -> None:
     change(calibration, verdict={"accepted": False, "findings": []})
 
     ran = handeyed("register", scan(tmp_path / "scan"), "--calibration", calibration, "--out", tmp_path / "a.ply")

@@ -25,7 +25,7 @@ def test_the_shipped_modules_are_written_when_somebody_consents(version: int) ->
         assert written(cell) == {f"HOME/handeyed/{path.name}": path.read_bytes() for path in MODULES.iterdir()}
 
 
-def test_who_holds_the_mastership_is_told_and_nothing_is_written() -> None:
+def test_who_holds_the_mastership_is_reported_and_nothing_is_written() -> None:
     with rws_cell_apart() as cell:
         cell.does(lambda: cell.cell.inject_fault("rws-mastership-held"))
         ran = handeyed("robot", "upload", cell.rws(2), MODULES, "--yes")
@@ -34,7 +34,7 @@ def test_who_holds_the_mastership_is_told_and_nothing_is_written() -> None:
         assert written(cell) == {}
 
 
-def test_what_cannot_be_uploaded_is_told_before_anybody_is_asked(tmp_path: Path) -> None:
+def test_what_cannot_be_uploaded_is_reported_before_anybody_is_asked(tmp_path: Path) -> None:
     assert "no RAPID module is in it" in handeyed("robot", "upload", "rws://127.0.0.1", tmp_path).err
     assert handeyed("robot", "upload", "rws://127.0.0.1", tmp_path / "none").status == 2
     assert "write rws://host" in handeyed("robot", "upload", "tcp://127.0.0.1:4242", MODULES).err

@@ -51,7 +51,7 @@ def test_the_result_is_written_where_asked(tmp_path: Path) -> None:
         CalibrationDocument.model_validate_json((tmp_path / file).read_bytes())
 
 
-def test_an_unwritable_result_is_told(tmp_path: Path) -> None:
+def test_an_unwritable_result_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
 
     ran = handeyed("solve", with_corners(tmp_path / "a"), "--out", tmp_path / "file" / "x.json")

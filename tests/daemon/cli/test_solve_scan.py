@@ -97,7 +97,7 @@ def test_a_person_reads_the_same_summary_as_with_images(tmp_path: Path) -> None:
         (("--artefact", "sphere", "--radius-mm", "20", "--method", "kronecker"), "--method"),
     ],
 )
-def test_options_that_do_not_fit_are_told(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+def test_options_that_do_not_fit_are_reported(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
     ran = handeyed("solve", tmp_path, *options)
     assert (ran.status, ran.out) == (2, "")
     assert words in ran.err
@@ -168,7 +168,7 @@ def test_x_is_found_from_overlapping_views_of_any_part_and_registers_them(tmp_pa
     assert after < 0.5 * before
 
 
-def test_three_views_of_a_plane_tell_no_x_and_say_so(tmp_path: Path) -> None:
+def test_three_views_of_a_plane_determine_no_x_and_say_so(tmp_path: Path) -> None:
     folder, rough = part_scan(tmp_path / "scan", 0.0, 3), rough_x(tmp_path / "rough.json")
     ran = handeyed("solve", folder, "--artefact", "none", "--rough", rough, "--json")
     document = json.loads(ran.out)

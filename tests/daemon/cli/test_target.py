@@ -89,7 +89,7 @@ def test_a_person_gets_the_lines_for_the_settings(tmp_path: Path) -> None:
     assert '"target": {"kind":"apriltag-grid"' in ran.out
 
 
-def test_a_board_that_looks_the_same_turned_is_told(tmp_path: Path) -> None:
+def test_a_board_that_looks_the_same_turned_is_reported(tmp_path: Path) -> None:
     ambiguous = handeyed("target", "chessboard", "--columns", "8", "-o", tmp_path / "a.pdf")
     clear = handeyed("target", "chessboard", "--columns", "9", "-o", tmp_path / "a.pdf")
 
@@ -128,7 +128,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("arguments", "line"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_printed_is_told(tmp_path: Path, arguments: list[str], line: str) -> None:
+def test_what_cannot_be_printed_is_reported(tmp_path: Path, arguments: list[str], line: str) -> None:
     ran = handeyed("target", *arguments, "-o", tmp_path / "a.pdf")
 
     assert ran.status == 2
@@ -136,7 +136,7 @@ def test_what_cannot_be_printed_is_told(tmp_path: Path, arguments: list[str], li
     assert not (tmp_path / "a.pdf").exists()
 
 
-def test_files_that_name_no_target_or_cannot_be_written_are_told(tmp_path: Path) -> None:
+def test_files_that_name_no_target_or_cannot_be_written_are_reported(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text("{}")
 
     assert "a.json: target: not found" in handeyed("target", "from", tmp_path / "a.json").err

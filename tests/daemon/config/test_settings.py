@@ -126,7 +126,7 @@ def test_the_example_differs_from_the_defaults_in_nothing_but_what_a_cell_must_s
         ),
     ],
 )
-def test_a_mistake_is_told_with_file_place_and_what_to_do(change: tuple[str, str], place: str, says: str) -> None:
+def test_a_mistake_is_reported_with_file_place_and_what_to_do(change: tuple[str, str], place: str, says: str) -> None:
     text = SMALLEST.replace(*change)
     assert text != SMALLEST
     with pytest.raises(DocumentError) as caught:
@@ -136,7 +136,7 @@ def test_a_mistake_is_told_with_file_place_and_what_to_do(change: tuple[str, str
     assert str(caught.value).startswith("cell.toml: ")
 
 
-def test_a_missing_file_torn_toml_and_other_bytes_are_told(tmp_path: Path) -> None:
+def test_a_missing_file_torn_toml_and_other_bytes_are_reported(tmp_path: Path) -> None:
     for name, content, says in (
         ("none.toml", None, "No such file"),
         ("torn.toml", b'[robot\naddress = "x"', "line 1"),
@@ -151,7 +151,7 @@ def test_a_missing_file_torn_toml_and_other_bytes_are_told(tmp_path: Path) -> No
         assert caught.value.problems[0].fix
 
 
-def test_a_file_without_end_is_told() -> None:
+def test_a_file_without_end_is_reported() -> None:
     with pytest.raises(DocumentError, match="File too large"):
         load_settings(Path("/dev/zero"))
 

@@ -111,7 +111,7 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
 
 
 @pytest.mark.slow
-async def test_the_chart_is_told_over_rest_with_every_verification_that_is_over(tmp_path: Path) -> None:
+async def test_the_chart_is_reported_over_rest_with_every_verification_that_is_over(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path / "other")) as bench:
         off = (await bench.client.get("/drift")).json()
         assert (off["standing"], off["calibration_id"], off["points"]) == ("off", None, [])

@@ -63,7 +63,7 @@ MALFORMED = [
 ]
 
 
-async def test_what_is_not_http_is_told_as_a_problem_too(bench: Bench) -> None:
+async def test_what_is_not_http_is_reported_as_a_problem_too(bench: Bench) -> None:
     for request in MALFORMED:
         async with connected(bench) as (reader, writer):
             writer.write(request)

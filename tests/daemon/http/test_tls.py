@@ -153,7 +153,7 @@ def test_the_private_key_is_for_its_owner_only_and_nothing_is_overwritten(tmp_pa
         certificate(tmp_path)
 
 
-def test_a_certificate_that_cannot_be_used_is_told(tmp_path: Path) -> None:
+def test_a_certificate_that_cannot_be_used_is_reported(tmp_path: Path) -> None:
     good, other = certificate(tmp_path / "a"), certificate(tmp_path / "b")
     server_context(**good)
     (tmp_path / "nonsense").write_text("nonsense")

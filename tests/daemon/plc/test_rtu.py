@@ -84,7 +84,7 @@ async def test_a_line_that_is_not_there_keeps_nobody_from_working(
         assert caplog.text.count("cannot be opened") == 1
 
 
-async def test_a_line_that_cannot_do_what_is_asked_is_told_and_tried_again(
+async def test_a_line_that_cannot_do_what_is_asked_is_reported_and_tried_again(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A pseudo terminal knows no parity."""

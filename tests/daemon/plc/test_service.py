@@ -114,7 +114,7 @@ async def test_a_run_of_rest_is_seen_refused_beside_and_stopped_by_the_plc(tmp_p
         assert "the PLC at 127.0.0.1" in run["cause"]["what"]
 
 
-async def test_a_command_is_aborted_and_told(tmp_path: Path) -> None:
+async def test_a_command_is_aborted_and_reported(tmp_path: Path) -> None:
     parts = Parts()
     gate = parts.robot.before_move = Gate(at_move=3)
     async with serving(settings_for(tmp_path, plc=MOVING), parts) as bench, ladder(bench) as plc:
@@ -250,7 +250,7 @@ async def test_it_identifies_itself(tmp_path: Path) -> None:
         assert answer.information[0] == b"handeyed"
 
 
-async def test_a_taken_port_is_told_before_anything_starts(tmp_path: Path) -> None:
+async def test_a_taken_port_is_reported_before_anything_starts(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc={"port": 0})) as bench:
         taken = plc_of(bench).tcp.port
         with pytest.raises(PortTaken, match=r"\[plc\] host or port"):

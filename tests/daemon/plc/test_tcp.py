@@ -83,7 +83,7 @@ async def test_pymodbus_loses_nothing_with_sixteen_requests_at_once() -> None:
     [b"\0\1\0\1\0\6\1\3\0\0\0\1", b"\0\1\0\0\0\0\1", b"\0\1\0\0\xff\xff\1\3", b"GET / HTTP/1.1\r\n\r\n", b"\0\1\0\0\0"],
     ids=["protocol", "length 0", "length 65535", "http", "half"],
 )
-async def test_a_bad_connection_is_closed_within_a_second_and_told_once(
+async def test_a_bad_connection_is_closed_within_a_second_and_reported_once(
     bad: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with served(QUICK) as server, wire(server.port) as client:

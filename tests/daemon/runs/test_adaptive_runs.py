@@ -118,7 +118,9 @@ async def test_verify_without_taught_poses_plans_as_it_goes_from_the_calibration
 
 
 @pytest.mark.parametrize(("off_mm", "told"), [(20.0, False), (120.0, True)])
-async def test_a_camera_far_from_where_the_settings_have_it_is_told(tmp_path: Path, off_mm: float, told: bool) -> None:
+async def test_a_camera_far_from_where_the_settings_have_it_is_reported(
+    tmp_path: Path, off_mm: float, told: bool
+) -> None:
     guess = pose_json(FLANGE_T_CAMERA @ transform(np.eye(3), [0.0, 0.0, off_mm]))
     async with serving(settings_for(tmp_path, calibration={"flange_T_camera_guess": guess})) as bench:
         run = (await bench.client.post("/calibrate", params={"wait": 30})).json()

@@ -204,7 +204,7 @@ async def test_two_requests_at_once_take_one_view(tmp_path: Path) -> None:
         assert (await hand.sees())["station"] == 1
 
 
-async def test_a_device_that_fails_is_told_and_the_run_goes_on_waiting(tmp_path: Path) -> None:
+async def test_a_device_that_fails_is_reported_and_the_run_goes_on_waiting(tmp_path: Path) -> None:
     async with by_hand(tmp_path) as hand:
         hand.bench.robot.lost = True
         assert (await hand.takes(POSES[0])).status_code == 503
@@ -238,7 +238,7 @@ async def test_aborted_it_frees_the_cell_and_commands_nothing(tmp_path: Path) ->
         assert again.status_code == 202
 
 
-async def test_aborted_in_the_middle_of_a_view_both_who_asked_are_told(tmp_path: Path) -> None:
+async def test_aborted_in_the_middle_of_a_view_both_who_asked_get_an_answer(tmp_path: Path) -> None:
     async with by_hand(tmp_path) as hand:
         looked, go_on = asyncio.Event(), asyncio.Event()
         grab = hand.bench.camera.grab

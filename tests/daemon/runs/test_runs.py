@@ -52,7 +52,7 @@ async def test_the_folder_of_a_run_is_a_session_that_shows_the_target(bench: Ben
     assert [view.detection is not None for view in problem.views] == [True] * 5
 
 
-async def test_a_second_calibrate_is_told_who_holds_the_cell(tmp_path: Path) -> None:
+async def test_a_second_calibrate_learns_who_holds_the_cell(tmp_path: Path) -> None:
     parts = Parts()
     parts.robot.before_move = gate = Gate(2)
     async with serving(settings_for(tmp_path), parts) as bench:
@@ -194,7 +194,7 @@ async def test_a_robot_that_answers_garbage_fails_the_run_and_the_daemon_stays(t
 
 
 @pytest.mark.parametrize("path", ["/robot", "/ready"])
-async def test_a_robot_that_is_not_there_is_told(tmp_path: Path, path: str) -> None:
+async def test_a_robot_that_is_not_there_is_reported(tmp_path: Path, path: str) -> None:
     parts = Parts()
     parts.robot.broken_with = DeviceTimeout("robot tcp://r:1", "no answer within 2 s", "look at the cable")
     async with serving(settings_for(tmp_path), parts) as bench:
@@ -203,7 +203,7 @@ async def test_a_robot_that_is_not_there_is_told(tmp_path: Path, path: str) -> N
         assert "no answer within 2 s" in answer.text
 
 
-async def test_a_refused_move_is_told_with_the_controllers_reason(tmp_path: Path) -> None:
+async def test_a_refused_move_is_reported_with_the_controllers_reason(tmp_path: Path) -> None:
     parts = Parts()
 
     async def refuse(move: int) -> None:
@@ -270,7 +270,7 @@ async def test_the_postures_of_a_known_arm_are_computed_and_taught_ones_kept(tmp
         assert [goal.posture for goal in bench.robot.goals] == [(0, 0, 0, 0), (0, 0, 0, 1), (0, 0, 0, 0)]
 
 
-async def test_more_poses_than_are_taught_and_nothing_to_plan_with_are_told(tmp_path: Path) -> None:
+async def test_more_poses_than_are_taught_and_nothing_to_plan_with_are_reported(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         answer = await bench.client.post("/calibrate", json={"count": 9})
         assert (answer.status_code, answer.json()["code"]) == (409, "no-poses")
@@ -330,7 +330,7 @@ class DiskThatFills(Store):
         await super().save_run(run)
 
 
-async def test_a_run_whose_end_cannot_be_stored_is_told_from_memory_and_stored_later(tmp_path: Path) -> None:
+async def test_a_run_whose_end_cannot_be_stored_is_reported_from_memory_and_stored_later(tmp_path: Path) -> None:
     parts, store = Parts(), DiskThatFills(tmp_path)
 
     async def fill(move: int) -> None:
@@ -350,7 +350,7 @@ async def test_a_run_whose_end_cannot_be_stored_is_told_from_memory_and_stored_l
         assert (await store.run(run["id"])).state == "failed"
 
 
-async def test_a_daemon_whose_disk_is_full_starts_and_tells_what_was_interrupted(tmp_path: Path) -> None:
+async def test_a_daemon_whose_disk_is_full_starts_and_reports_what_was_interrupted(tmp_path: Path) -> None:
     store = DiskThatFills(tmp_path)
     await store.save_run(RunRecord("r1", "calibration", RunState.MOVING, 1, 3, "2026", "2026"))
     store.full = True

@@ -45,7 +45,7 @@ async def starves(manager: Manager) -> None:
             await manager.hears(10 * FED_EVERY_S)
 
 
-async def test_a_hung_worker_starves_the_watchdog_and_is_told_once(
+async def test_a_hung_worker_starves_the_watchdog_and_is_reported_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("daemon.application.MAX_JOB_S", 0.2)

@@ -51,7 +51,7 @@ async def test_a_position_without_the_artefact_is_named(bench: Bench) -> None:
         ({"scan_id": "none", "artefact": BAR, "poses": []}, 422),
     ],
 )
-async def test_what_cannot_be_verified_is_told(bench: Bench, body: dict[str, object], status: int) -> None:
+async def test_what_cannot_be_verified_is_reported(bench: Bench, body: dict[str, object], status: int) -> None:
     answer = await bench.client.post("/verify", json=body)
     assert answer.status_code == status
     assert answer.json()["fix"]

@@ -48,7 +48,7 @@ async def report_of(bench: Bench, scan: dict[str, Any], **query: Any) -> dict[st
     return report
 
 
-async def test_a_scan_asked_to_refine_does_so_while_views_come_and_tells_how_far_it_is(bench: Bench) -> None:
+async def test_a_scan_asked_to_refine_does_so_while_views_come_and_reports_how_far_it_is(bench: Bench) -> None:
     await apply_calibration(bench)
     scan = await a_scan(bench, refine=True)
     assert scan["refine"]
@@ -109,7 +109,7 @@ async def test_a_stored_report_that_is_damaged_is_made_anew(bench: Bench, tmp_pa
     assert (await report_of(bench, scan))["views"] == first["views"]
 
 
-async def test_who_does_not_wait_is_told_where_to_ask_again(bench: Bench) -> None:
+async def test_who_does_not_wait_learns_where_to_ask_again(bench: Bench) -> None:
     await apply_calibration(bench)
     scan = await a_scan(bench)
     await send_views(bench, scan["links"]["views"])

@@ -82,7 +82,7 @@ async def test_a_log_rewritten_with_right_hashes_is_found_by_its_anchor(tmp_path
     assert check_audit_log(tmp_path / DATABASE_NAME, [written_down])[1]  # … so write one down elsewhere
 
 
-async def test_a_garbled_anchor_is_told(tmp_path: Path) -> None:
+async def test_a_garbled_anchor_is_reported(tmp_path: Path) -> None:
     await a_log(tmp_path)
     (tmp_path / "audit-anchor.json").write_text("{")
     assert check_audit_log(tmp_path / DATABASE_NAME, [])[1]
@@ -104,7 +104,7 @@ async def test_the_database_itself_refuses_to_forget(tmp_path: Path) -> None:
     db.close()
 
 
-async def test_what_was_done_is_told_with_who_did_it(tmp_path: Path) -> None:
+async def test_what_was_done_is_reported_with_who_did_it(tmp_path: Path) -> None:
     async with with_keys(tmp_path) as (bench, keys):
         document = a_calibration("good")
         record = CalibrationRecord("good", None, document.created_at, True, document)

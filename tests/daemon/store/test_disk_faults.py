@@ -30,7 +30,7 @@ PLACES = ["before write", "before fsync", "before rename", "before fsync of the 
 
 @pytest.mark.parametrize(("code", "status"), [(errno.EIO, 500), (errno.ENOSPC, 507)])
 @pytest.mark.parametrize("place", PLACES)
-async def test_what_cannot_be_saved_is_told_and_the_daemon_goes_on(
+async def test_what_cannot_be_saved_is_reported_and_the_daemon_goes_on(
     tmp_path: Path, place: str, code: int, status: int
 ) -> None:
     disk = Disk(place, code)

@@ -98,7 +98,7 @@ async def test_a_full_disk_is_foreseen(tmp_path: Path, monkeypatch: pytest.Monke
     await store.close()
 
 
-async def test_a_picture_that_was_removed_is_told(tmp_path: Path) -> None:
+async def test_a_picture_that_was_removed_is_reported(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, storage={"keep_runs": 1})) as bench:
         first = (await bench.client.post("/calibrate?wait=30", json={"count": 3})).json()
         await bench.client.post("/calibrate?wait=30", json={"count": 3})

@@ -88,13 +88,13 @@ def test_a_newer_database_is_refused_in_words(tmp_path: Path) -> None:
         Store(tmp_path)
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("a file where a folder should be")
     with pytest.raises(StorageError, match="state"):
         Store(tmp_path / "state" / "deeper")
 
 
-def test_a_file_that_is_no_database_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_no_database_is_reported(tmp_path: Path) -> None:
     (tmp_path / DATABASE_NAME).write_bytes(b"this is no database at all, though it is long enough" * 10)
     with pytest.raises(StorageError, match="not a database"):
         Store(tmp_path)

@@ -206,7 +206,7 @@ def test_scans_and_results_may_lie_in_s3(archive: Path, tmp_path: Path, calibrat
         (("--out", "nowhere://x"), "no place fsspec knows"),
     ],
 )
-def test_what_cannot_begin_is_told(
+def test_what_cannot_begin_is_reported(
     tmp_path: Path, archive: Path, calibration: Path, more: tuple[str, ...], words: str
 ) -> None:
     ran = handeyed(*command(archive, calibration, tmp_path / "out", *more))
@@ -214,7 +214,7 @@ def test_what_cannot_begin_is_told(
     assert words in ran.err
 
 
-def test_a_folder_without_scans_is_told(tmp_path: Path, calibration: Path) -> None:
+def test_a_folder_without_scans_is_reported(tmp_path: Path, calibration: Path) -> None:
     (tmp_path / "empty").mkdir()
     ran = handeyed(*command(tmp_path / "empty", calibration, tmp_path / "out"))
     assert (ran.status, ran.out) == (2, "")

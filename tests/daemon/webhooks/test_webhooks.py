@@ -43,7 +43,7 @@ def test_two_secrets_make_two_signatures() -> None:
 
 
 @pytest.mark.parametrize("content", [None, b"", b"short", b"whsec_!!!", b"0123456789abcdef0123456789abcdef\nshort"])
-def test_a_secret_that_cannot_be_one_is_told(tmp_path: Path, content: bytes | None) -> None:
+def test_a_secret_that_cannot_be_one_is_reported(tmp_path: Path, content: bytes | None) -> None:
     file = tmp_path / "secret"
     if content is not None:
         file.write_bytes(content)
@@ -126,7 +126,7 @@ async def test_a_message_that_is_never_taken_does_not_stop_those_behind_it(store
         await sending.stop()
 
 
-async def test_a_new_receiver_is_not_told_the_past_and_a_known_one_misses_nothing(tmp_path: Path) -> None:
+async def test_a_new_receiver_does_not_get_the_past_and_a_known_one_misses_nothing(tmp_path: Path) -> None:
     async with receiving() as mes:
         store = Store(tmp_path)
         await apply_some(store, "before")
@@ -145,7 +145,7 @@ async def test_a_new_receiver_is_not_told_the_past_and_a_known_one_misses_nothin
         await store.close()
 
 
-async def test_a_run_and_a_view_are_told_by_the_running_daemon(tmp_path: Path) -> None:
+async def test_a_run_and_a_view_are_reported_by_the_running_daemon(tmp_path: Path) -> None:
     (tmp_path / "secret").write_bytes(SECRET)
     async with receiving() as mes:
         hook = {"receiver": "mes", "url": mes.url, "secret_file": str(tmp_path / "secret")}

@@ -68,13 +68,13 @@ def huge_png():
         "huge",
     ],
 )
-def test_what_is_no_picture_is_told(content, reason, capfd):
+def test_what_is_no_picture_is_reported(content, reason, capfd):
     with pytest.raises(GarbledAnswer, match=reason):
         decode("c", content)
     assert capfd.readouterr().err == ""
 
 
-def test_another_size_is_told():
+def test_another_size_is_reported():
     with pytest.raises(GarbledAnswer, match="40×30, expected 41×30"):
         decode("c", PNG, (41, 30))
 

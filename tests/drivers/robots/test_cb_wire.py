@@ -104,7 +104,7 @@ def test_a_number_that_is_none_is_refused(garbled):
         "far",
     ],
 )
-def test_a_goal_that_no_controller_can_be_told(goal, reason):
+def test_a_goal_that_no_controller_can_take(goal, reason):
     with pytest.raises(MoveRefused, match=reason) as refused:
         move_of("r", goal)
     assert refused.value.status == "BAD_FIELD"

@@ -55,7 +55,7 @@ async def test_a_stop_that_fails_or_is_late_goes_the_second_way(answers):
     assert (own.stops, second.stops) == (1, 1)
 
 
-async def test_when_both_ways_fail_the_first_ones_error_is_told():
+async def test_when_both_ways_fail_the_first_ones_error_is_raised():
     own, second = Way(LinkLost("r", "gone", "wait")), Way(DeviceUnreachable("s", "away", "look"))
     with pytest.raises(LinkLost):
         await both(own, second).stop()
@@ -87,7 +87,7 @@ async def test_a_cancelled_move_is_stopped_the_second_way_when_the_link_is_gone(
     assert second.stops == stops
 
 
-async def test_the_link_tells_of_both_ways_and_close_closes_both():
+async def test_the_link_reports_both_ways_and_close_closes_both():
     own, second = Way(), Way(connected=False)
     robot = both(own, second)
     assert robot.link.connected

@@ -168,7 +168,7 @@ async def test_a_move_over_a_dying_link_is_lost_and_never_asked_again():
         assert len(controller.arm.moves) == 1
 
 
-async def test_an_arm_that_stands_on_its_way_is_stopped_and_told_why():
+async def test_an_arm_that_stands_on_its_way_is_stopped_with_the_reason():
     controller = FakeController()
     controller.arm.polls_per_move, controller.arm.advances = None, False
     async with on_a_memory_line(controller) as (robot, _, fake):

@@ -180,7 +180,7 @@ async def test_a_controller_that_restarts_behind_a_serial_line_ends_the_move():
         assert len(controller.arm.moves) == 1
 
 
-async def test_the_second_client_is_told_that_it_is_one():
+async def test_the_second_client_learns_that_it_is_one():
     controller = FakeController()
     controller.new_session = lambda: ControllerSession(resynchronise=False, refuse_with=Status.BUSY)
     async with TcpCell(controller) as cell, driver(TcpTransport("127.0.0.1", cell.port)) as robot:

@@ -163,7 +163,7 @@ def test_whatever_comes_is_items_or_a_value_error_and_never_anything_else(conten
         (302, b"", GarbledAnswer, None),
     ],
 )
-def test_a_refusal_is_told_by_abbs_number_or_by_the_status(status, body, kind, name):
+def test_a_refusal_is_reported_by_abbs_number_or_by_the_status(status, body, kind, name):
     error = error_of_response("robot", "reading", status, *error_in(body))
     assert type(error) is kind
     assert error.fix

@@ -37,7 +37,7 @@ WHOLE = {
 
 
 @pytest.mark.parametrize(("content", "media_type"), WHOLE.values(), ids=WHOLE.keys())
-def test_a_whole_cloud_is_known_and_a_torn_one_told(content, media_type):
+def test_a_whole_cloud_is_known_and_a_torn_one_reported(content, media_type):
     assert whole_cloud("s", content) == media_type
     with pytest.raises(GarbledAnswer, match="are announced"):
         whole_cloud("s", content[:-7])
@@ -63,7 +63,7 @@ def test_the_last_line_may_have_no_end():
         b"VERSION 0.7\nPOINTS 1\nSIZE 4\nCOUNT 1 1\nDATA binary\n",
     ],
 )
-def test_what_is_no_cloud_is_told(content):
+def test_what_is_no_cloud_is_reported(content):
     with pytest.raises(GarbledAnswer):
         whole_cloud("s", content)
 

@@ -88,7 +88,7 @@ async def test_lost_packets_are_counted_and_garbage_is_no_sample() -> None:
         await eventually(lambda: not monitor.link.connected)
 
 
-async def test_a_silent_controller_is_told_with_what_to_do() -> None:
+async def test_a_silent_controller_is_reported_with_what_to_do() -> None:
     async with monitored() as (cell, monitor):
         await a_window_passes(monitor)
         cell.inject_fault("egm-silent")
@@ -115,7 +115,7 @@ async def test_only_the_named_controller_is_listened_to() -> None:
         assert not monitor.link.connected
 
 
-def test_a_taken_port_is_told() -> None:
+def test_a_taken_port_is_reported() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         with pytest.raises(DeviceUnreachable, match="cannot listen"):

@@ -239,7 +239,7 @@ async def test_a_late_answer_is_late(at: At, device: str, monkeypatch: pytest.Mo
     assert max(waited) == DEVICE_FAULTS[f"{device}-late"].delay_s
 
 
-def test_a_fault_strikes_as_often_as_it_is_told() -> None:
+def test_a_fault_strikes_as_often_as_it_is_set_to() -> None:
     board = DeviceFaultBoard()
     board.switch_on("camera-black", strikes=2)
     struck = [[fault.name for fault in board.strike("camera")] for _ in range(3)]

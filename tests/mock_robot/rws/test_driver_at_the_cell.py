@@ -60,7 +60,7 @@ async def test_it_finds_the_version_by_itself_and_reads_what_the_cb_link_reads(v
 
 
 @VERSIONS
-async def test_the_pendants_speed_ratio_is_read_and_told(version: int) -> None:
+async def test_the_pendants_speed_ratio_is_read_and_reported(version: int) -> None:
     async with rws_cell() as cell, robot_at(cell, version) as robot:
         assert (await robot.read_state()).speed_ratio == 100.0
         assert not (await robot.read_status()).speed_limited
@@ -124,7 +124,7 @@ async def test_stop_works_before_anything_was_asked() -> None:
 
 
 @VERSIONS
-async def test_the_panel_is_told_by_the_controller(version: int) -> None:
+async def test_the_panel_is_reported_by_the_controller(version: int) -> None:
     async with rws_cell() as cell, robot_at(cell, version) as robot:
         await eventually(lambda: robot.watching)
         cell.controller.press_emergency_stop(True, cell.cell.clock())
@@ -199,7 +199,7 @@ async def test_each_fault_has_its_error_and_is_over_when_it_is_over(
 
 
 @VERSIONS
-async def test_a_fault_of_which_no_version_is_known_is_told_in_the_controllers_words(version: int) -> None:
+async def test_a_fault_of_which_no_version_is_known_is_reported_in_the_controllers_words(version: int) -> None:
     async with rws_cell() as cell:
         cell.cell.inject_fault("rws-503")
         robot = RwsRobot(RwsAddress.parse(cell.rws(version)), quick_timing())
@@ -208,7 +208,7 @@ async def test_a_fault_of_which_no_version_is_known_is_told_in_the_controllers_w
         await robot.close()
 
 
-async def test_nobody_there_is_told_for_both_versions_and_a_wrong_password_is_tried_once() -> None:
+async def test_nobody_there_is_reported_for_both_versions_and_a_wrong_password_is_tried_once() -> None:
     robot = RwsRobot(RwsAddress.parse("rws://127.0.0.1:9"), quick_timing())
     with pytest.raises(DeviceUnreachable, match=r"HTTPS: nobody answers.*HTTP: nobody answers"):
         await robot.stop()

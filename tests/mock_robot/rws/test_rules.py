@@ -108,7 +108,7 @@ def test_rws_2_wants_basic_and_the_right_password(cell: RwsCell) -> None:
         assert answer.headers["www-authenticate"].startswith("Basic")
 
 
-def test_a_client_that_loses_its_cookies_takes_every_session_and_then_is_told_503(cell: RwsCell) -> None:
+def test_a_client_that_loses_its_cookies_takes_every_session_and_then_gets_503(cell: RwsCell) -> None:
     with httpx.Client(verify=False, timeout=LIMIT_S) as forgetful:
         answers = []
         for _ in range(MAX_SESSIONS + 1):
@@ -283,7 +283,7 @@ def robtarget(client: httpx.Client, **query: str) -> dict[str, str]:
     return dict(state[0])
 
 
-def test_both_versions_tell_the_same_pose_and_print_an_axis_that_is_not_there_each_in_its_way(cell: RwsCell) -> None:
+def test_both_versions_give_the_same_pose_and_print_an_axis_that_is_not_there_each_in_its_way(cell: RwsCell) -> None:
     with cell.client_1() as first, cell.client_2() as second:
         one, two = robtarget(first, json="1"), robtarget(second)
     numbers = ("x", "y", "z", "q1", "q2", "q3", "q4", "cf1", "cf4", "cf6", "cfx")

@@ -64,7 +64,7 @@ async def heard(connection: ClientConnection) -> str:
 
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("facet", ["", ";ctrlstate"])
-async def test_a_change_is_told_once_and_what_was_there_before_is_not(version: int, facet: str) -> None:
+async def test_a_change_is_reported_once_and_what_was_there_before_is_not(version: int, facet: str) -> None:
     async with rws_cell() as cell, client_of(cell, version) as client:
         path = await subscribed(client, STATE[version] + facet, "/rw/panel/opmode")
         async with socket(client, path, version) as connection:
@@ -76,7 +76,7 @@ async def test_a_change_is_told_once_and_what_was_there_before_is_not(version: i
             assert '<span class="opmode">MANR</span>' in await heard(connection)
 
 
-async def test_every_line_of_the_event_log_is_told_oldest_first() -> None:
+async def test_every_line_of_the_event_log_is_reported_oldest_first() -> None:
     async with rws_cell() as cell, client_of(cell, 1) as client:
         async with socket(client, await subscribed(client, "/rw/elog/0"), 1) as connection:
             for code in (50050, 50080):

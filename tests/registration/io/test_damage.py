@@ -110,7 +110,7 @@ def damaged(content: bytes, random: Random) -> bytes:
 
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize("name", SOUND)
-def test_a_damaged_file_is_read_or_told_by_name_and_place(tmp_path: Path, name: str) -> None:
+def test_a_damaged_file_is_read_or_reported_by_name_and_place(tmp_path: Path, name: str) -> None:
     suffix, make = SOUND[name]
     sound = make(tmp_path)
     path = tmp_path / f"damaged{suffix}"

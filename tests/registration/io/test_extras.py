@@ -89,7 +89,7 @@ def test_las_needs_no_library_and_keeps_every_other_byte(tmp_path: Path, monkeyp
     assert np.array_equal(*rows)
 
 
-def test_las_whose_points_leave_its_integers_is_told(tmp_path: Path) -> None:
+def test_las_whose_points_leave_its_integers_is_reported(tmp_path: Path) -> None:
     las(tmp_path / "in.las", 1000)
     content = bytearray((tmp_path / "in.las").read_bytes())
     header = int.from_bytes(content[96:100], "little")
@@ -110,7 +110,9 @@ def test_an_empty_las_stays_one(tmp_path: Path) -> None:
 
 @settings(max_examples=cases(100), deadline=None)
 @given(st.data())
-def test_a_damaged_las_header_is_told_or_moved(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+def test_a_damaged_las_header_is_reported_or_moved(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
     folder = tmp_path_factory.getbasetemp()
     source = folder / "sound.las"
     if not source.exists():
@@ -125,7 +127,7 @@ def test_a_damaged_las_header_is_told_or_moved(tmp_path_factory: pytest.TempPath
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
-def test_las_cut_anywhere_is_told(tmp_path: Path, suffix: str) -> None:
+def test_las_cut_anywhere_is_reported(tmp_path: Path, suffix: str) -> None:
     las(tmp_path / f"in{suffix}", 20)
     content = (tmp_path / f"in{suffix}").read_bytes()
     for end in range(0, len(content) - 80, 7):

@@ -111,7 +111,7 @@ def test_lzf_gives_back_what_was_packed(pieces: list[bytes]) -> None:
 
 @settings(max_examples=cases(100), deadline=None)
 @given(st.binary(max_size=300))
-def test_any_bytes_as_lzf_end_or_are_told(data: bytes) -> None:
+def test_any_bytes_as_lzf_end_or_are_reported(data: bytes) -> None:
     with contextlib.suppress(LzfDamaged):
         assert len(b"".join(decompress(reader(data), len(data)))) <= 300 * 264
 
@@ -125,7 +125,7 @@ def test_compressed_pcd_is_read_in_blocks(tmp_path: Path) -> None:
     np.testing.assert_allclose(xyz(read(tmp_path / "out.pcd")), moved(records), rtol=0, atol=2e-4)
 
 
-def test_compressed_pcd_cut_anywhere_is_told(tmp_path: Path) -> None:
+def test_compressed_pcd_cut_anywhere_is_reported(tmp_path: Path) -> None:
     body = compressed(XYZ_FLOAT32, cloud(XYZ_FLOAT32, 3))
     for end in range(len(body)):
         (tmp_path / "in.pcd").write_bytes(body[:end])
@@ -195,7 +195,7 @@ def test_rows_of_numbers_name_their_columns_or_do_not(tmp_path: Path, text: str,
 
 
 @pytest.mark.parametrize("text", ["1 2\n", "a b c\n", "\x00\xff\n", "x,y,z,x\n", "", "1 2 3"[:0]])
-def test_rows_that_are_no_points_are_told(tmp_path: Path, text: str) -> None:
+def test_rows_that_are_no_points_are_reported(tmp_path: Path, text: str) -> None:
     (tmp_path / "in.csv").write_bytes(text.encode("latin1"))
     with pytest.raises(CloudError, match=r"^in\.csv: "):
         read(tmp_path / "in.csv")
@@ -213,7 +213,7 @@ def test_rows_that_are_no_points_are_told(tmp_path: Path, text: str) -> None:
         np.zeros(4, [("x", "f4"), ("y", "f4"), ("z", "U3")]),
     ],
 )
-def test_arrays_that_are_no_clouds_are_told(tmp_path: Path, array: np.ndarray) -> None:
+def test_arrays_that_are_no_clouds_are_reported(tmp_path: Path, array: np.ndarray) -> None:
     np.save(tmp_path / "in.npy", array)
     with pytest.raises(CloudUnsupported):
         read(tmp_path / "in.npy")
@@ -228,7 +228,7 @@ def test_numpy_reads_what_is_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".npy", ".stl"])
-def test_a_file_cut_anywhere_is_told_by_name_and_place(tmp_path: Path, suffix: str) -> None:
+def test_a_file_cut_anywhere_is_reported_by_name_and_place(tmp_path: Path, suffix: str) -> None:
     whole = tmp_path / f"whole{suffix}"
     if suffix == ".stl":
         whole.write_bytes(bytes(80) + np.uint32(2).tobytes() + triangles()[:2].tobytes())
@@ -245,7 +245,7 @@ def test_a_file_cut_anywhere_is_told_by_name_and_place(tmp_path: Path, suffix: s
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted([whole.name, path.name])
 
 
-def test_missing_and_unknown_files_are_told(tmp_path: Path) -> None:
+def test_missing_and_unknown_files_are_reported(tmp_path: Path) -> None:
     with pytest.raises(CloudIOError, match=r"no\.ply: file: it cannot be opened"):
         read(tmp_path / "no.ply")
     with pytest.raises(CloudUnsupported, match=r"'\.docx'"):
@@ -306,7 +306,7 @@ def test_two_threads_write_the_bytes_of_one(tmp_path: Path, layout: Layout, monk
     assert (tmp_path / "two.ply").read_bytes() == (tmp_path / "one.ply").read_bytes()
 
 
-def test_a_file_that_shrinks_while_it_is_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_shrinks_while_it_is_read_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write(tmp_path / "in.ply", RICH, cloud(RICH, 50_000))
     reserve = durable_file.GuardedFile.reserve
 

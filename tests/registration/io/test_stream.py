@@ -237,7 +237,7 @@ BROKEN_HEADERS = [
 
 
 @pytest.mark.parametrize(("header", "says"), BROKEN_HEADERS)
-def test_a_broken_ply_header_is_told(header: bytes, says: str) -> None:
+def test_a_broken_ply_header_is_reported(header: bytes, says: str) -> None:
     with pytest.raises(CloudError, match=says):
         through(header, PLY)
 
@@ -262,7 +262,7 @@ PCD_HEADER = pcd.format_header(XYZ_FLOAT32, 1)
         (b"DATA binary", b"DATA binary_compressed", "compressed"),
     ],
 )
-def test_a_broken_pcd_header_is_told(old: bytes, new: bytes, says: str) -> None:
+def test_a_broken_pcd_header_is_reported(old: bytes, new: bytes, says: str) -> None:
     with pytest.raises(CloudError, match=says):
         through(PCD_HEADER.replace(old, new) + bytes(12), PCD)
 
@@ -278,7 +278,7 @@ def test_normals_of_several_numbers_are_no_normals_and_pass_by() -> None:
     np.testing.assert_array_equal(out["normal_z"], records["normal_z"])
 
 
-def test_something_else_is_told_at_the_first_byte() -> None:
+def test_something_else_is_reported_at_the_first_byte() -> None:
     for media_type in (PLY, PCD):
         with pytest.raises(CloudFormatError, match="byte 0"):
             CloudStream(media_type, BASE_T_CAMERA, "mm").feed(b"\x89PNG")
@@ -290,7 +290,7 @@ def test_the_viewpoint_is_the_origin_after_the_move() -> None:
 
 
 @pytest.mark.parametrize("line", [b"1 2\n", b"1 2 3 4\n", b"1 2 drei\n", b"1 2 \xff\n", b"1,2,3\n"])
-def test_text_where_numbers_belong_is_told_with_its_point(line: bytes) -> None:
+def test_text_where_numbers_belong_is_reported_with_its_point(line: bytes) -> None:
     body = ply.format_header(XYZ_FLOAT32, 3, "ascii") + b"0 0 0\n" + line + b"0 0 0\n"
     with pytest.raises(CloudFormatError, match="request body: point 1: "):
         through(body, PLY)

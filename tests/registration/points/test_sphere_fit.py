@@ -47,7 +47,7 @@ def test_the_centres_covariance_is_what_repetition_shows() -> None:
         (cap(np.array([0.0, 0, 300]), 31.0), 30.0, "radius of 31"),
     ],
 )
-def test_what_is_no_such_sphere_is_told(points: Array, radius_mm: float, says: str) -> None:
+def test_what_is_no_such_sphere_is_reported(points: Array, radius_mm: float, says: str) -> None:
     with pytest.raises(SphereError, match=says):
         find_artefact(points, radius_mm)
 
