@@ -1,4 +1,4 @@
-"""Errors, wherever they are told."""
+"""Errors survive pickling, for they cross processes; their words and data stay."""
 
 import pickle
 
@@ -19,5 +19,5 @@ ERRORS = (
 
 @pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
 def test_an_error_is_the_same_in_another_process(error: Exception) -> None:
-    told = pickle.loads(pickle.dumps(error))
-    assert (type(told), str(told), vars(told)) == (type(error), str(error), vars(error))
+    unpickled = pickle.loads(pickle.dumps(error))
+    assert (type(unpickled), str(unpickled), vars(unpickled)) == (type(error), str(error), vars(error))

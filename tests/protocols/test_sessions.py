@@ -1,13 +1,13 @@
 """The sessions of both ends: every state with every command and event, numbers, repeats, and dirt on the line."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.cb import client as client_module
 from protocols.cb import controller as controller_module
 from protocols.cb.client import ClientSession, ClientSessionState, ClientTrigger
-from protocols.cb.codes import Capability, Command, Flag, MoveKind, Status
+from protocols.cb.codes import Command, Status
 from protocols.cb.controller import ControllerSession, ControllerSessionState, ControllerTrigger
 from protocols.cb.errors import NotAllowedNow, NothingToAnswer, RequestOutstanding
 from protocols.cb.events import (
@@ -26,54 +26,25 @@ from protocols.cb.events import (
 )
 from protocols.cb.frames import ChecksumFailed, Frame, FramingBroken, GarbageSkipped
 from protocols.cb.messages import (
-    REQUESTS,
     Bye,
     Farewell,
     GetPose,
     GetStatus,
     Hello,
-    Move,
     MoveAccepted,
     Ping,
     Pong,
     Refused,
-    Report,
-    SetArmed,
     Stop,
     Stopped,
-    Welcome,
 )
 from protocols.cb.sequence import is_older
 from protocols.counter import next_count
-from tests.protocols.dirt import GARBAGE
-from tests.protocols.rows import FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS, Row
-from tests.support.cases import cases, long_enough_s
+from tests.protocols.rows import REQUEST_ROWS, Row
+from tests.protocols.session_pairs import ANSWER_OF, HELLO, MOVE, REPORT, asked, greeted_pair, welcome
+from tests.support.cases import long_enough_s
 
 pytestmark = pytest.mark.timeout(long_enough_s())
-
-HELLO = Hello(1, 1, 7)
-MOVE = Move(*FLANGE, NO_AXES, 100.0, MoveKind.JOINT)
-REPORT = Report(Flag.AUTO, 3, Status.OK, 1000, 5)
-ANSWER_OF = {type(q.message): a.message for q, a in zip(REQUEST_ROWS, REPLY_ROWS, strict=True)}
-
-
-def welcome(session=9):
-    return Welcome(1, Capability(7), session, 1, 1024, 6)
-
-
-def greeted_pair(*, resynchronise=False, session=9):
-    client, controller = ClientSession(resynchronise=resynchronise), ControllerSession(resynchronise=resynchronise)
-    (hello,) = controller.receive_data(client.request(HELLO))
-    client.receive_data(controller.reply(hello.seq, welcome(session)))
-    return client, controller
-
-
-def asked(client, controller, message, answer):
-    """One request, there and back."""
-    (received,) = controller.receive_data(client.request(message))
-    assert received == RequestReceived(client.last_seq, message)
-    return client.receive_data(controller.reply(received.seq, answer))
-
 
 # --- what is allowed when ---
 
@@ -395,43 +366,3 @@ def test_half_a_reply_is_given_up_and_asked_again():
     assert client.abandon_half_frame() == [GarbageSkipped(15)]
     (again,) = controller.receive_data(client.repeat())
     assert client.receive_data(again.answer) == [ReplyReceived(2, GetStatus(), REPORT)]
-
-
-# --- however the line behaves ---
-
-conversations = st.lists(st.sampled_from([*REQUESTS.values()]), min_size=1, max_size=6)
-messages = {type(row.message): row.message for row in REQUEST_ROWS}
-dirt = st.one_of(st.binary(max_size=12), st.sampled_from([*GARBAGE.values()]))
-chunks = st.one_of(st.just(1), st.integers(1, 90))
-
-
-def fed(end, line, chunk):
-    """The line in pieces, then silence: a false frame start waits for bytes that never come."""
-    events = [event for k in range(0, len(line), chunk) for event in end.receive_data(line[k : k + chunk])]
-    return events + end.abandon_half_frame()
-
-
-@settings(max_examples=cases(60), deadline=None)
-@given(conversations, chunks, st.data())
-def test_a_conversation_survives_cutting_and_dirt_on_a_serial_line(kinds, chunk, data):
-    client, controller = greeted_pair(resynchronise=True)
-    for kind in kinds:
-        if client.state is not ClientSessionState.GREETED:
-            asked(client, controller, HELLO, welcome())
-        message = messages[kind]
-        heard = fed(controller, data.draw(dirt) + client.request(message), chunk)
-        (received,) = (event for event in heard if not isinstance(event, BadChecksum | GarbageSkipped))
-        assert received == RequestReceived(client.last_seq, message)
-        answered = fed(client, data.draw(dirt) + controller.reply(received.seq, ANSWER_OF[kind]), chunk)
-        assert answered.count(ReplyReceived(client.last_seq, message, ANSWER_OF[kind])) == 1
-
-
-@settings(max_examples=cases(100), deadline=None)
-@given(st.binary(max_size=200))
-def test_no_bytes_raise_anything_at_either_end(data):
-    for resynchronise in (False, True):
-        client, controller = greeted_pair(resynchronise=resynchronise)
-        client.request(SetArmed(9, True))
-        for end in (client, controller):
-            end.receive_data(data)
-            end.abandon_half_frame()

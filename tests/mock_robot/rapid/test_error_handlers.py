@@ -1,0 +1,93 @@
+"""Error handlers of RAPID: RETRY, TRYNEXT, RAISE, RETURN and UNDO, by small programs."""
+
+import pytest
+
+from mock_robot.rapid.errors import CycleLeft, ProgramStopped
+from tests.mock_robot.rapid.snippets import Snippet, module, ran
+
+RAISER = """VAR num n;
+VAR num seen;
+---
+PROC Fails()
+  VAR num zero;
+  n := 1;
+  n := 1 / zero;
+  n := n + 100;
+ERROR
+  RAISE;
+ENDPROC
+PROC Silent()
+  VAR num zero;
+  n := 1 / zero;
+ENDPROC
+"""
+
+
+def test_trynext_goes_on_behind_the_failed_instruction_of_the_routine_that_handles() -> None:
+    snippet = ran("Fails;\nn := n + 5;", RAISER, "IF ERRNO = ERR_DIVZERO THEN\nseen := 1;\nTRYNEXT;\nENDIF\nRAISE;")
+    assert (snippet["n"], snippet["seen"]) == (6, 1)
+
+
+def test_trynext_after_a_failed_condition_jumps_past_the_loop() -> None:
+    body = "WHILE 1 / n > 0 DO\nn := n - 1;\nENDWHILE\nseen := 7;"
+    assert ran(body, "VAR num n := 2;\nVAR num seen;", "TRYNEXT;")["seen"] == 7
+
+
+def test_return_in_a_handler_leaves_the_routine() -> None:
+    assert ran("Fails;\nn := 50;", RAISER, "seen := 3;\nRETURN;")["n"] == 1
+
+
+def test_retry_does_it_again_four_times_at_most() -> None:
+    data = "VAR num n := -2;\nVAR num seen;"
+    assert ran("seen := Sqrt(n);", data, "n := n + 1;\nRETRY;")["n"] == 0
+    with pytest.raises(ProgramStopped, match="retried 4 times"):
+        ran("seen := Sqrt(n);", data, "RETRY;")
+
+
+def test_a_routine_without_a_handler_does_not_pass_its_error_on_the_program_stops() -> None:
+    with pytest.raises(ProgramStopped, match=r"ERR_DIVZERO.*silent has no ERROR handler") as stopped:
+        ran("Silent;", RAISER, "TRYNEXT;")
+    assert stopped.value.code == 10020
+    assert stopped.value.where == "TEST.mod:16"
+
+
+def test_an_error_inside_a_handler_stops_the_program() -> None:
+    with pytest.raises(ProgramStopped, match="inside an ERROR handler"):
+        ran("Fails;", RAISER, "n := n / 0;\nTRYNEXT;")
+
+
+def test_raise_out_of_main_stops_the_program() -> None:
+    with pytest.raises(ProgramStopped, match="raised out of main"):
+        ran("Fails;", RAISER, "RAISE;")
+
+
+def test_undo_runs_when_routines_are_dropped() -> None:
+    inner = "PROC Inner()\nExitCycle;\nUNDO\nn := n + 1;\nENDPROC\n"
+    around = f"VAR num n;\n---\n{inner}PROC Outer()\nInner;\nUNDO\nn := 10 * n;\nENDPROC"
+    snippet = Snippet(module("Outer;", around))
+    with pytest.raises(CycleLeft):
+        snippet.runs()
+    assert snippet["n"] == 10
+
+
+@pytest.mark.parametrize(
+    ("body", "error"),
+    [
+        ('s := "' + 41 * "x" + '" + "' + 40 * "y" + '";', "ERR_STRTOOLNG"),
+        ("n := list{4};", "ERR_OUTOFBND"),
+        ("n := list{0};", "ERR_OUTOFBND"),
+        ("n := 9E9 MOD 2;", "ERR_INT_MAXVAL"),
+        ("n := 2.5 MOD 2;", "ERR_INT_NOTVAL"),
+        ("n := 1E38 * 10;", "ERR_NUM_LIMIT"),
+        ("n := 1 MOD 0;", "ERR_DIVZERO"),
+        ("UnpackRawBytes rb, 1, n \\IntX:=USINT;", "ERR_RAW_UNPACK"),
+        ("PackRawBytes 1, rb, 1025 \\IntX:=USINT;", "ERR_RAW_PACK"),
+        ("PackRawBytes 256, rb, 1 \\IntX:=USINT;", "ERR_ARGVALERR"),
+        ("WaitUntil n = 1 \\PollRate:=0.01;", "ERR_ARGVALERR"),
+        ("PackRawBytes 1.5, rb, 1 \\IntX:=USINT;", "ERR_INT_NOTVAL"),
+    ],
+)
+def test_the_limits_of_a_controller(body: str, error: str) -> None:
+    data = "VAR string s;\nVAR num n;\nVAR num list{3};\nVAR rawbytes rb;"
+    with pytest.raises(ProgramStopped, match=error):
+        ran(body, data)
