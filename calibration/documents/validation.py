@@ -2,7 +2,8 @@
 
 import difflib
 import json
-from collections.abc import Iterable
+import reprlib
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -11,6 +12,12 @@ from calibration.errors import DocumentError, DocumentProblem
 
 TOP = "document"
 """The place of the document itself."""
+
+MAX_PROBLEMS = 20
+"""Problems of a document that an error names; more are counted in one last line."""
+
+MAX_NAME_LENGTH = 60
+"""Characters of a name in a message; a longer one is shortened, and no similar name is searched for."""
 
 
 class Document(BaseModel):
@@ -34,50 +41,72 @@ def parse_document(model: type[Model], content: bytes, origin: str) -> Model:
 
 
 def validate_document(model: type[Model], data: Any, origin: str) -> Model:
-    """`data` (as json or tomllib give it) as `model`. Raises DocumentError with every problem found."""
+    """`data` (as json or tomllib give it) as `model`. Raises DocumentError with the first MAX_PROBLEMS problems."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise DocumentError(origin, [_problem(model, detail) for detail in error.errors()]) from None
+        details = error.errors(include_url=False, include_context=False)
+        raise DocumentError(origin, _problems(model, details)) from None
 
 
 def _syntax_error(origin: str, place: str, what: str) -> DocumentError:
     return DocumentError(origin, [DocumentProblem(place, what, "restore the file, or write it again")])
 
 
-def _problem(model: type[BaseModel], detail: Any) -> DocumentProblem:
+def _problems(model: type[BaseModel], details: Sequence[Any]) -> list[DocumentProblem]:
+    known = _places(model) if any(detail["type"] == "extra_forbidden" for detail in details) else {}
+    return limit_problems([_problem(known, detail) for detail in details[:MAX_PROBLEMS]], len(details))
+
+
+def limit_problems(problems: Sequence[DocumentProblem], count: int) -> list[DocumentProblem]:
+    """The first MAX_PROBLEMS of `count` problems, and one that gives the number of the others."""
+    rest = count - len(problems[:MAX_PROBLEMS])
+    more = [DocumentProblem(TOP, f"{rest} more problems", "correct these first")] if rest else []
+    return [*problems[:MAX_PROBLEMS], *more]
+
+
+def _problem(known: dict[str, set[str]], detail: Any) -> DocumentProblem:
+    """`known`: the keys that may stand in each place, for an unknown one."""
     location = detail["loc"]
     match detail["type"]:
         case "extra_forbidden":
-            return DocumentProblem(_place(location), "unknown key", _mend(model, location))
+            return DocumentProblem(_place(location), "unknown key", _mend(known, location))
         case "missing":
             return DocumentProblem(_place(location), "missing", "add it")
         case _:
-            what = f"{_short(detail['input'])}: {detail['msg'][:1].lower()}{detail['msg'][1:]}"
+            what = f"{_shown(detail['input'])}: {detail['msg'][:1].lower()}{detail['msg'][1:]}"
             return DocumentProblem(_place(location), what, "correct the value")
 
 
 def _place(location: tuple[int | str, ...]) -> str:
     """views[3].base_T_flange.quaternion_wxyz"""
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{shortened(part)}" for part in location)
     return text.lstrip(".") or TOP
 
 
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+def _shown(value: Any) -> str:
+    """`value` as Python writes it, in at most MAX_NAME_LENGTH characters."""
+    abbreviated = reprlib.Repr()
+    abbreviated.maxstring = abbreviated.maxlong = abbreviated.maxother = 2 * MAX_NAME_LENGTH
+    return shortened(abbreviated.repr(value))
+
+
+def shortened(name: str) -> str:
+    """`name` in at most MAX_NAME_LENGTH characters."""
+    return name if len(name) <= MAX_NAME_LENGTH else name[: MAX_NAME_LENGTH - 3] + "..."
 
 
 def nearest_fix(name: str, known: Iterable[str]) -> str | None:
     """A question that names the one of `known` most like `name`; None when none is like it."""
+    if len(name) > MAX_NAME_LENGTH:
+        return None
     nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean '{nearest[0]}'?" if nearest else None
 
 
-def _mend(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
+def _mend(places: dict[str, set[str]], location: tuple[int | str, ...]) -> str:
     """What to do with an unknown key: move it to where it is known, correct its spelling, or remove it."""
     key, here = str(location[-1]), _place(tuple(part for part in location[:-1] if isinstance(part, str)))
-    places = _places(model)
     if known_in := [place for place, keys in places.items() if key in keys]:
         return f"move it to {' or '.join(known_in).replace(TOP, 'the top level')}, or remove it"
     beside = places.get(here, set())

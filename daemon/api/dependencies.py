@@ -1,14 +1,22 @@
 """Dependencies of the routes: application, body, query parameters, pages."""
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Generic, Protocol, TypeVar
 
 from fastapi import Depends, Path, Query, Request
-from pydantic import BaseModel
+from pydantic import BaseModel, BeforeValidator
 
-from calibration.documents.validation import Document, nearest_fix, validate_document
+from calibration.documents.validation import (
+    MAX_PROBLEMS,
+    Document,
+    limit_problems,
+    nearest_fix,
+    shortened,
+    validate_document,
+)
 from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, InvalidRequest
 from daemon.application import Application
@@ -27,6 +35,9 @@ Record = TypeVar("Record", bound=Identified)
 
 ORIGIN = "request body"
 
+MAX_JSON_VALUES = 4000
+"""Commas of a JSON body. It bounds the time to check a body: 20 ms when each value is wrong."""
+
 
 def _application(request: Request) -> Application:
     application: Application = request.app.state.application
@@ -35,8 +46,31 @@ def _application(request: Request) -> Application:
 
 App = Annotated[Application, Depends(_application)]
 Identifier = Annotated[str, Path(min_length=1, max_length=64, description="as in Location and in the list")]
-Wait = Annotated[float, Query(ge=0, le=3600, description="seconds to wait for the run's end before answering")]
-Limit = Annotated[int, Query(ge=1, le=500, description="how many at most")]
+
+DECIMAL = re.compile(r"[ +-]?[0-9]+(?:\.[0-9]*)?(?:[eE][ +-]?[0-9]{1,3})?")
+"""A number in a query. A space is a plus sign: that is how a query is decoded."""
+
+WHOLE = re.compile(r"[ +-]?[0-9]{1,20}")
+
+
+def _require(pattern: re.Pattern[str], meaning: str) -> BeforeValidator:
+    """Refuses what Python would read as a number and JSON would not: "1_000", " 5 ", digits of other scripts."""
+
+    def check(given: str) -> str:
+        if not pattern.fullmatch(given):
+            raise ValueError(f"not {meaning} in digits from 0 to 9")
+        return given.replace(" ", "+")
+
+    return BeforeValidator(check)
+
+
+IN_DIGITS = _require(DECIMAL, "a number")
+IN_WHOLE_DIGITS = _require(WHOLE, "a whole number")
+
+Wait = Annotated[
+    float, Query(ge=0, le=3600, description="seconds to wait for the run's end before answering"), IN_DIGITS
+]
+Limit = Annotated[int, Query(ge=1, le=500, description="how many at most"), IN_WHOLE_DIGITS]
 Before = Annotated[
     str | None, Query(min_length=1, max_length=64, description="cursor: the last id of the page before; see `next`")
 ]
@@ -71,6 +105,9 @@ async def no_body(request: Request) -> None:
 def _json(content: bytes) -> Any:
     if not content.strip():
         return {}
+    if content.count(b",") > MAX_JSON_VALUES:
+        what = f"the body holds more than {MAX_JSON_VALUES} values"
+        raise BodyMalformed(what, "send less: a hundred poses are 1500 values")
     try:
         return json.loads(content.decode())
     except UnicodeDecodeError as error:
@@ -88,13 +125,15 @@ def check_query_names(request: Request) -> None:
     if dependant is None:
         return
     known = list(_query_names(dependant))
-    problems = []
-    for name in request.query_params:
-        if name not in known:
-            fix = nearest_fix(name, known) or "remove it"
-            problems.append(DocumentProblem(f"query.{name[:60]}", "unknown query parameter", fix))
-    if problems:
-        raise InvalidRequest(problems)
+    unknown = [name for name in request.query_params if name not in known]
+    if unknown:
+        problems = [_unknown_parameter(name, known) for name in unknown[:MAX_PROBLEMS]]
+        raise InvalidRequest(limit_problems(problems, len(unknown)))
+
+
+def _unknown_parameter(name: str, known: list[str]) -> DocumentProblem:
+    fix = nearest_fix(name, known) or "remove it"
+    return DocumentProblem(f"query.{shortened(name)}", "unknown query parameter", fix)
 
 
 def _query_names(dependant: Any) -> Iterator[str]:

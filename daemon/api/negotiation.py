@@ -8,27 +8,38 @@ from pydantic import BaseModel
 
 TEXT = "text/plain"
 
+MAX_MEDIA_RANGES = 30
+"""A browser sends about ten."""
+
+MAX_PARAMETERS_LENGTH = 200
+"""Characters of a media range's parameters that are read."""
+
 
 def wants_text(request: Request) -> bool:
     """True when Accept gives text/plain a higher weight than JSON (RFC 9110, 12.5.1)."""
     weights = {"application/json": 0.0, TEXT: 0.0}
     named: set[str] = set()
-    for part in ",".join(request.headers.getlist("accept")).split(","):
-        media, _, parameters = part.strip().partition(";")
-        weight = weight_of(parameters)
-        for kind in weights:
-            if media.strip().lower() == kind:
-                weights[kind] = weight
-                named.add(kind)
-    for wide in ("application/*", "*/*"):
-        if wide in request.headers.get("accept", "") and "application/json" not in named:
-            weights["application/json"] = 0.001 if TEXT in named else 1.0
+    wide = False
+    for media, weight in media_ranges(request):
+        wide = wide or media in ("application/*", "*/*")
+        if media in weights:
+            weights[media] = weight
+            named.add(media)
+    if wide and "application/json" not in named:
+        weights["application/json"] = 0.001 if TEXT in named else 1.0
     return weights[TEXT] > weights["application/json"]
 
 
-def weight_of(parameters: str) -> float:
+def media_ranges(request: Request) -> list[tuple[str, float]]:
+    """The first MAX_MEDIA_RANGES media ranges of Accept in lower case, each with its weight."""
+    parts = ",".join(request.headers.getlist("accept")).split(",", MAX_MEDIA_RANGES)[:MAX_MEDIA_RANGES]
+    split = [part.strip().lower().partition(";") for part in parts]
+    return [(media.strip(), _weight_of(parameters)) for media, _, parameters in split if media.strip()]
+
+
+def _weight_of(parameters: str) -> float:
     """The q of a media range's parameters; 1 by default."""
-    for parameter in parameters.split(";"):
+    for parameter in parameters[:MAX_PARAMETERS_LENGTH].split(";"):
         name, _, value = parameter.strip().partition("=")
         if name == "q":
             try:

@@ -68,6 +68,8 @@ class FakeRobot:
     reads: int = 0
     arrived_at_s: float = 0.0
     broken_with: DeviceError | None = None
+    requests: int = 0
+    """How often it was asked or commanded anything."""
 
     @property
     def link(self) -> LinkHealth:
@@ -81,6 +83,7 @@ class FakeRobot:
         pass
 
     def _alive(self) -> None:
+        self.requests += 1
         if self.broken_with is not None:
             raise self.broken_with
         if self.lost:

@@ -6,7 +6,8 @@ import socket
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from daemon.api.http_errors import BodyTooLarge, CrossOrigin, HostNotAllowed
+from calibration.errors import DocumentProblem
+from daemon.api.http_errors import BodyTooLarge, CrossOrigin, HostNotAllowed, InvalidRequest
 from daemon.api.problems import answer, problem_of
 from daemon.config.server_settings import ServerSettings
 from daemon.runtime.logs import about_request
@@ -15,12 +16,20 @@ from daemon.runtime.metrics import Metrics
 MAX_JSON_BYTES = 1_000_000
 """1 MB; a hundred poses are 20 kB."""
 
+MAX_SETUP_BYTES = 1_000
+"""Of POST /setup, which needs no key: a code and a name."""
+
+MAX_QUERY_BYTES = 4_096
+"""A pose of seven numbers is 150."""
+
 CLOUD_PATHS = ("/register", "/scans/")
 HOST = re.compile(
     r"(?:(?P<address>[0-9]{1,3}(?:\.[0-9]{1,3}){3}|\[[0-9A-Fa-f:.]+\])|(?P<name>[A-Za-z0-9._-]+))(?::[0-9]{1,5})?"
 )
 REQUEST_ID = re.compile(r"[A-Za-z0-9._:-]{1,64}")
-SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+
+LINKED_PATHS = re.compile(r"/(?:health|openapi\.json|calibrations/current|(?:runs|calibrations|scans)(?:/[^/]+)?)?")
+"""Documents that a link on a page of another origin may lead to: read from the store, without work for a device."""
 
 
 class RequestChecks:
@@ -45,9 +54,10 @@ class RequestChecks:
         try:
             exchange.check_length(headers.get(b"content-length", ""))
             self._check_host(scope["http_version"], headers)
-            _check_origin(scope["method"], headers)
+            _check_origin(scope, headers)
+            _check_query(scope["query_string"])
             await self._app(scope, exchange.receive, exchange.send)
-        except (BodyTooLarge, CrossOrigin, HostNotAllowed) as error:
+        except (BodyTooLarge, CrossOrigin, HostNotAllowed, InvalidRequest) as error:
             if exchange.status is not None:
                 raise
             await answer(problem_of(error), {"Connection": "close"})(scope, exchange.receive, exchange.send)
@@ -64,7 +74,9 @@ class RequestChecks:
             raise HostNotAllowed(host or "")
 
     def _limit(self, path: str) -> int:
-        return self._cloud_limit if path.startswith(CLOUD_PATHS) else MAX_JSON_BYTES
+        if path.startswith(CLOUD_PATHS):
+            return self._cloud_limit
+        return MAX_SETUP_BYTES if path == "/setup" else MAX_JSON_BYTES
 
 
 class _Exchange:
@@ -94,11 +106,32 @@ class _Exchange:
         await self._send(message)
 
 
-def _check_origin(method: str, headers: dict[bytes, str]) -> None:
-    """Refuse requests of browser pages from other origins, except safe methods."""
-    origin, host = headers.get(b"origin"), headers.get(b"host", "")
-    if method not in SAFE_METHODS and origin is not None and origin.partition("://")[2] != host:
-        raise CrossOrigin(f"a page of {origin[:80]!r} asks", "ask from a page of this daemon, or with curl")
+def _check_origin(scope: Scope, headers: dict[bytes, str]) -> None:
+    """Refuse requests of browser pages from other origins (Fetch standard, Origin and Sec-Fetch-*).
+
+    Allowed is a link that is followed in a window of its own, to a document of LINKED_PATHS.
+    """
+    host, foreign = headers.get(b"host", "").lower(), ""
+    for name, value in scope["headers"]:
+        given = value.decode("latin-1").lower()
+        if name == b"origin" and given not in (f"http://{host}", f"https://{host}"):
+            foreign = given
+        if name == b"sec-fetch-site" and given not in ("same-origin", "none") and not _follows_link(scope, headers):
+            foreign = foreign or f"another site ({given[:20]})"
+    if foreign:
+        raise CrossOrigin(f"a page of {foreign[:80]!r} asks", "ask from a page of this daemon, or with curl")
+
+
+def _follows_link(scope: Scope, headers: dict[bytes, str]) -> bool:
+    """True for a navigation of a whole window to a document of LINKED_PATHS."""
+    navigates = (headers.get(b"sec-fetch-mode"), headers.get(b"sec-fetch-dest")) == ("navigate", "document")
+    return navigates and scope["method"] == "GET" and LINKED_PATHS.fullmatch(scope["path"]) is not None
+
+
+def _check_query(query: bytes) -> None:
+    if len(query) > MAX_QUERY_BYTES:
+        fix = f"send at most {MAX_QUERY_BYTES} bytes after the question mark"
+        raise InvalidRequest([DocumentProblem("query", f"it has {len(query)} bytes", fix)])
 
 
 def _request_id(headers: dict[bytes, str]) -> str:

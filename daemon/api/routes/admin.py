@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request
 
-from daemon.api.dependencies import App, JsonBody, Limit
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.access import AuditDocument, AuditList, NewKeyDocument
 from daemon.model.requests import SetupRequest
@@ -28,7 +28,9 @@ async def setup(
     return NewKeyDocument.model_validate({"key": key, **vars(record)})
 
 
-Sequence = Annotated[int | None, Query(ge=1, le=2**62, description="cursor: the last sequence of the page before")]
+Sequence = Annotated[
+    int | None, Query(ge=1, le=2**62, description="cursor: the last sequence of the page before"), IN_WHOLE_DIGITS
+]
 
 
 @router.get("/audit", response_model=AuditList)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
-from daemon.api.dependencies import App
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import drift_text
 from daemon.api.problems import problem_responses
@@ -19,7 +19,7 @@ async def drift(
     request: Request,
     app: App,
     limit: Annotated[
-        int, Query(ge=1, le=MAX_VERIFICATIONS, description="how many points at most, the last ones")
+        int, Query(ge=1, le=MAX_VERIFICATIONS, description="how many points at most, the last ones"), IN_WHOLE_DIGITS
     ] = 100,
 ) -> Response:
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Path, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.api.dependencies import App, Before, Identifier, Limit, Wait, no_body, page_of
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Before, Identifier, Limit, Wait, no_body, page_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import run_text
 from daemon.api.problems import problem_responses
@@ -81,7 +81,9 @@ async def frame(
     app: App,
     run_id: Identifier,
     k: Annotated[
-        int, Path(ge=0, le=999, description="view, from 0: of station k + 1, or of station k after a first look")
+        int,
+        Path(ge=0, le=999, description="view, from 0: of station k + 1, or of station k after a first look"),
+        IN_WHOLE_DIGITS,
     ],
 ) -> Response:
     """A stored picture of the run."""

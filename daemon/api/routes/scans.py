@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from calibration.documents.pose import PoseDocument
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of
+from daemon.api.dependencies import IN_DIGITS, IN_WHOLE_DIGITS, App, Before, Identifier, JsonBody, Limit, Wait, page_of
 from daemon.api.http_errors import CloudTooLarge
 from daemon.api.problems import problem_responses
 from daemon.api.routes.register import Which
@@ -110,10 +110,12 @@ def _has_no_body(request: Request) -> bool:
 
 
 PATIENCE = "seconds to wait for a registration before answering 202"
-Patience = Annotated[float, Query(ge=0, le=3600, description=PATIENCE)]
+Patience = Annotated[float, Query(ge=0, le=3600, description=PATIENCE), IN_DIGITS]
 Refine = Annotated[bool, Query(description="fit the views to each other, within the robot's noise")]
-OneView = Annotated[int | None, Query(ge=0, description="only this view, from 0")]
-Voxel = Annotated[float | None, Query(gt=0, le=1e4, description="average the points of each cube of this edge")]
+OneView = Annotated[int | None, Query(ge=0, description="only this view, from 0"), IN_WHOLE_DIGITS]
+Voxel = Annotated[
+    float | None, Query(gt=0, le=1e4, description="average the points of each cube of this edge"), IN_DIGITS
+]
 Normals = Annotated[bool, Query(description="fit normals where the clouds bring none; needs voxel_mm")]
 Strays = Annotated[Outliers, Query(description="leave out averaged points that stand alone; needs voxel_mm")]
 STILL: dict[int | str, dict[str, Any]] = {

@@ -7,8 +7,9 @@ from fastapi import Query, Request
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
+from daemon.api.dependencies import DECIMAL
 from daemon.api.http_errors import InvalidRequest, NotAcceptable, UnknownMediaType
-from daemon.api.negotiation import weight_of
+from daemon.api.negotiation import media_ranges
 from daemon.scans.upload import LAZ, SUFFIXES
 
 POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"
@@ -42,21 +43,18 @@ def media_type_of(request: Request) -> str:
 
 def choose_media_type(request: Request) -> str:
     """The media type of ANSWER_SUFFIXES that Accept prefers (RFC 9110, 12.5.1). Raises NotAcceptable."""
-    accept = ",".join(request.headers.getlist("accept")) or "*/*"
     weights: dict[str, tuple[float, int]] = {}
-    for part in accept.split(","):
-        media, _, parameters = part.strip().lower().partition(";")
-        media = SYNONYMS.get(media.strip(), media.strip())
-        weight = weight_of(parameters)
+    for given, weight in media_ranges(request) or [("*/*", 1.0)]:
+        media = SYNONYMS.get(given, given)
         for kind in ANSWER_SUFFIXES:
             narrowness = ["*/*", kind.split("/")[0] + "/*", kind].index(media) if _matches(media, kind) else -1
             if narrowness >= weights.get(kind, (0.0, -1))[1] and narrowness >= 0:
                 weights[kind] = (weight, narrowness)
     best = max(ANSWER_SUFFIXES, key=lambda kind: weights.get(kind, (0.0, -1))[0])
     if weights.get(best, (0.0, -1))[0] <= 0:
-        raise NotAcceptable(
-            f"a cloud is not answered as {accept[:80]!r}", f"set Accept to one of {', '.join(ANSWER_SUFFIXES)}"
-        )
+        accept = request.headers.get("accept", "")[:80]
+        fix = f"set Accept to one of {', '.join(ANSWER_SUFFIXES)}"
+        raise NotAcceptable(f"a cloud is not answered as {accept!r}", fix)
     return best
 
 
@@ -66,12 +64,10 @@ def _matches(media: str, kind: str) -> bool:
 
 def parse_pose(text: str) -> PoseDocument:
     """Parse "x,y,z,qw,qx,qy,qz". Raises InvalidRequest, DocumentError."""
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 7:
+    parts = text.split(",")
+    if len(parts) != 7 or not all(DECIMAL.fullmatch(part) for part in parts):
         problem = DocumentProblem("query.pose", f"{text[:60]!r} is not seven numbers", f"give {POSE}")
         raise InvalidRequest([problem])
+    numbers = [float(part.replace(" ", "+")) for part in parts]
     data = {"translation_mm": numbers[:3], "quaternion_wxyz": numbers[3:]}
     return validate_document(PoseDocument, data, "query.pose")
