@@ -129,7 +129,7 @@ def open_cloud(path: Path, name: str | None = None) -> Iterator[CloudSource]:
 def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
     suffix = path.suffix.lower()
     if suffix in SPECIAL:
-        return SPECIAL[suffix](path, file, name)
+        return SPECIAL[suffix](file, name)
     if suffix not in PARSERS:
         known = ", ".join(sorted([*PARSERS, *SPECIAL]))
         raise CloudUnsupported(name, "suffix", f"clouds of type {suffix!r} cannot be read", f"use one of {known}")
@@ -139,10 +139,10 @@ def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
     return StreamedSource(file, header, name)
 
 
-SPECIAL: dict[str, Callable[[Path, GuardedFile, str], CloudSource]] = {
-    ".stl": lambda path, file, name: open_stl(file, name),
-    ".las": lambda path, file, name: LasSource(file, name, compressed=False),
-    ".laz": lambda path, file, name: LasSource(file, name, compressed=True),
-    ".e57": lambda path, file, name: E57Source(path, name),
+SPECIAL: dict[str, Callable[[GuardedFile, str], CloudSource]] = {
+    ".stl": open_stl,
+    ".las": lambda file, name: LasSource(file, name, compressed=False),
+    ".laz": lambda file, name: LasSource(file, name, compressed=True),
+    ".e57": E57Source,
 }
 """Formats that are not a header with records."""

@@ -8,7 +8,6 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from registration.errors import CloudError, CloudFormatError, CloudTruncated, CloudUnsupported
 from registration.io.durable_file import GuardedFile
 from registration.io.formats import las
+from registration.io.formats.e57_xml import require_plain_xml
 from registration.io.formats.laz import require_sound_chunks
 from registration.points.layout import Layout, Records
 
@@ -109,12 +109,14 @@ class E57Source:
 
     count: int | None
 
-    def __init__(self, path: Path, name: str) -> None:
+    def __init__(self, file: GuardedFile, name: str) -> None:
         pye57 = library("pye57", "e57", name)
+        require_plain_xml(file, name)
         self._name = name
         self._errors: tuple[type[Exception], ...] = (pye57.libe57.E57Exception,)
         with translate_errors(name, "header", *self._errors):
-            self._file = pye57.E57(str(path))
+            # libE57 opens by path: by the descriptor's, so that it reads the file that was checked.
+            self._file = pye57.E57(f"/proc/self/fd/{file.raw.fileno()}")
             headers = [self._file.get_header(index) for index in range(self._file.scan_count)]
             self.count = sum(int(header.point_count) for header in headers)
             if any(header.has_pose() and not _is_identity(header) for header in headers):

@@ -20,6 +20,7 @@ from registration.io.formats.bodies import TextEncoder
 from registration.io.reading import open_cloud
 from registration.points.layout import XYZ_FLOAT32, Layout
 from tests.registration.clouds import RICH, cloud
+from tests.registration.io.e57_files import e57
 from tests.registration.packed import compressed
 from tests.support.cases import cases
 
@@ -64,14 +65,6 @@ def a_las(suffix: str, folder: Path, point_format: int = 3) -> bytes:
     return (folder / f"sound{suffix}").read_bytes()
 
 
-def an_e57(folder: Path) -> bytes:
-    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed: E57 is not tried")
-    file = pye57.E57(str(folder / "sound.e57"), mode="w")
-    file.write_scan_raw({f"cartesian{axis}": np.arange(float(POINTS)) for axis in "XYZ"})
-    file.close()
-    return (folder / "sound.e57").read_bytes()
-
-
 SOUND: dict[str, tuple[str, Callable[[Path], bytes]]] = {
     "ply ascii": (".ply", lambda _: a_ply("ascii", RICH)),
     "ply little": (".ply", lambda _: a_ply("binary_little_endian", RICH, faces=True)),
@@ -88,7 +81,7 @@ SOUND: dict[str, tuple[str, Callable[[Path], bytes]]] = {
     "las": (".las", lambda folder: a_las(".las", folder)),
     "laz": (".laz", lambda folder: a_las(".laz", folder)),
     "laz layers": (".laz", lambda folder: a_las(".laz", folder, 7)),
-    "e57": (".e57", an_e57),
+    "e57": (".e57", lambda folder: e57(folder, POINTS)),
 }
 """A parser, and a sound file of its format."""
 
