@@ -6,9 +6,10 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-PREFIX = "hek"
+from daemon.runtime.key_redaction import KEY_FORM
+
 KEY_BYTES = 32
-KEY_PATTERN = re.compile(rf"{PREFIX}_([0-9a-f]{{8}})_([0-9a-f]{{64}})")
+KEY_PATTERN = re.compile(KEY_FORM)
 
 RandomHex = Callable[[int], str]
 """Returns n random bytes as hexadecimal, like `secrets.token_hex`."""
@@ -40,7 +41,7 @@ class KeyRecord:
 def new_key(random_hex: RandomHex) -> tuple[str, str, str]:
     """A new key, its id and its hash."""
     key_id, secret = random_hex(4), random_hex(KEY_BYTES)
-    key = f"{PREFIX}_{key_id}_{secret}"
+    key = f"hek_{key_id}_{secret}"
     return key, key_id, hash_key(key)
 
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
+from daemon.access.actor_names import LOCAL_CLIENT
+
 
 class Role(IntEnum):
     """Viewers read, operators run the cell, admins also manage keys and read the audit log."""
@@ -22,13 +24,14 @@ ROLES = {role.word: role for role in Role if role is not Role.NOBODY}
 
 @dataclass(frozen=True)
 class Caller:
-    """Name and role of the client that makes a request; `name` is empty when unknown."""
+    """Name and role of the client that makes a request, and its key's id; each empty when unknown."""
 
     name: str
     role: Role
+    key_id: str = ""
 
 
-LOCAL = Caller("local", Role.ADMIN)
+LOCAL = Caller(LOCAL_CLIENT, Role.ADMIN)
 """The caller of every request from this machine while no keys exist."""
 
 NOBODY = Caller("", Role.NOBODY)

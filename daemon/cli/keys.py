@@ -108,8 +108,13 @@ def _me() -> Any:
 
 
 def _require_name(name: str) -> None:
-    if not (0 < len(name) <= 100 and name.isprintable()):
-        raise CommandError("NAME", "a name is 1 to 100 printable characters", "choose another", ExitStatus.UNREADABLE)
+    from daemon.access.actor_names import validate_key_name
+
+    try:
+        validate_key_name(name)
+    except ValueError as error:
+        what, _, fix = str(error).rpartition("; ")
+        raise CommandError("NAME", what, fix, ExitStatus.UNREADABLE) from None
 
 
 def _show(key: str, record: "KeyRecord", json: bool) -> None:

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from calibration.errors import CalibrationError
+from daemon.access.actor_names import DRIFT_SCHEDULE
 from daemon.errors import CellBusy, CellNotReady, DaemonError, RunInProgress
 from daemon.model.requests import VerifyRequest
 from daemon.model.run_states import RunState
@@ -23,7 +24,7 @@ RETRY_S = 60.0
 POLL_S = 1.0
 """Interval of checks for an emergency stop, manual mode, an open interlock."""
 
-SCHEDULE = AuditContext(actor="the drift schedule")
+SCHEDULE = AuditContext(actor=DRIFT_SCHEDULE)
 
 
 @dataclass(eq=False)

@@ -2,10 +2,11 @@
 
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, PositiveFloat, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, PositiveFloat, model_validator
 
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
+from daemon.access.actor_names import imitates_actor, validate_key_name
 from daemon.config.settings import TaughtPose
 
 
@@ -21,6 +22,12 @@ Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)
 
 NAME_PATTERN = r"^[^\x00-\x1f\x7f]*$"
 """No control characters: it is printed and logged."""
+
+
+def _validate_applied_by(name: str) -> str:
+    if imitates_actor(name) or not name.isprintable():
+        raise ValueError("the audit log calls another actor so; choose another")
+    return name
 
 
 class CalibrateRequest(Document):
@@ -97,7 +104,9 @@ class ApplyRequest(Document):
 
     model_config = _examples({"applied_by": "Ann"}, {"applied_by": "Ann", "despite_verdict": True})
 
-    applied_by: Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = "operator"
+    applied_by: Annotated[
+        str, Field(min_length=1, max_length=200, pattern=NAME_PATTERN), AfterValidator(_validate_applied_by)
+    ] = "operator"
     despite_verdict: bool = False
 
 
@@ -107,4 +116,6 @@ class SetupRequest(Document):
     model_config = _examples({"code": "ABCD-EFGH-JKLM-NPQR", "name": "Ann"})
 
     code: Annotated[str, Field(min_length=1, max_length=100)]
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME_PATTERN)] = "admin"
+    name: Annotated[
+        str, Field(min_length=1, max_length=100, pattern=NAME_PATTERN), AfterValidator(validate_key_name)
+    ] = "admin"

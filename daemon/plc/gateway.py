@@ -10,6 +10,7 @@ from typing import Any
 from calibration.documents.validation import validate_document
 from calibration.errors import CalibrationError, DocumentError
 from calibration.monitoring.control_chart import DriftStanding
+from daemon.access.actor_names import PLC_CLIENT
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import DaemonError, NoCalibration, RunOver
 from daemon.model.records import RunRecord
@@ -114,7 +115,7 @@ class PlcGateway:
     def _write(self, words: Words, client: str) -> None:
         rising = ControlBit(words[0]) & ~self._state.control
         if rising:
-            self._by = f"the PLC at {client}"
+            self._by = f"{PLC_CLIENT} {client}"
             log.info("%s sets %s", self._by, ", ".join(bit.name.lower() for bit in rising if bit.name))
         self._take(RegistersWritten(words))
 

@@ -7,6 +7,7 @@ from calibration.documents.calibration import CalibrationDocument, calibration_d
 from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
 from calibration.verdict import judge
+from daemon.access.actor_names import AUTO_POLICY
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
@@ -54,7 +55,7 @@ class CalibrationRun:
         )
         if not (self.apply_when_accepted and accepted):
             return False
-        await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), "policy auto"))
+        await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), AUTO_POLICY))
         return True
 
 

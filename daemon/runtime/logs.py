@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+from daemon.runtime.key_redaction import redact_keys
+
 _run: ContextVar[str] = ContextVar("run", default="-")
 _request: ContextVar[str] = ContextVar("request", default="-")
 
@@ -43,7 +45,7 @@ def request_id() -> str:
 
 
 class OneLineFormatter(logging.Formatter):
-    """Formats a record as one line; escapes line breaks and control characters."""
+    """Formats a record as one line; escapes line breaks and control characters, removes API keys."""
 
     def __init__(self, *, priorities: bool = False) -> None:
         """`priorities`: start each line with journald's <N>."""
@@ -53,7 +55,8 @@ class OneLineFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         ids = f"run={_run.get()} request={_request.get()}"
         text = f"{record.levelname} {ids} {record.name}: {super().format(record)}"
-        line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+        printable = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+        line = redact_keys(printable)
         return f"<{priority(record.levelno)}>{line}" if self._priorities else line
 
 

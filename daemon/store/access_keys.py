@@ -3,6 +3,7 @@
 import sqlite3
 from dataclasses import astuple
 
+from daemon.access.actor_names import skeleton
 from daemon.access.errors import KeyExists
 from daemon.access.keys import KeyRecord, id_of, matches
 from daemon.errors import NotFound
@@ -88,8 +89,10 @@ def _count(db: sqlite3.Connection) -> int:
 
 
 def _require_free(db: sqlite3.Connection, record: KeyRecord) -> None:
-    if any(other.name == record.name and other.valid(record.created_at) for other in _all(db)):
-        raise KeyExists(f"there is a valid key called {record.name!r}", "choose another name, or rotate that one")
+    alike = {record.name, skeleton(record.name)}
+    for other in _all(db):
+        if other.valid(record.created_at) and not alike.isdisjoint({other.name, skeleton(other.name)} - {""}):
+            raise KeyExists(f"there is a valid key called {other.name!r}", "choose another name, or rotate that one")
 
 
 def _valid_of(db: sqlite3.Connection, name: str, now: str) -> KeyRecord:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
+from daemon.access.actor_names import DAEMON
 from daemon.access.audit_chain import GENESIS_HASH, AuditRow, hash_row
 
 
@@ -23,12 +24,21 @@ class IdempotentRequest:
 
 @dataclass(frozen=True)
 class AuditContext:
-    """Actor and role for the audit log, and the request if it has an Idempotency-Key. `changes`: what was stored."""
+    """Actor and role for the audit log, the id of the actor's key, and the request if it has an Idempotency-Key.
 
-    actor: str = "handeyed"
+    `changes`: what was stored.
+    """
+
+    actor: str = DAEMON
     role: str = "system"
+    key_id: str = ""
     request: IdempotentRequest | None = None
     changes: list[str] = field(default_factory=list, compare=False)
+
+    @property
+    def caller(self) -> str:
+        """The owner of an Idempotency-Key: a name may be given to another key later, an id never is."""
+        return f"key {self.key_id}" if self.key_id else self.actor
 
 
 _audit_context: ContextVar[AuditContext] = ContextVar("audit_context")

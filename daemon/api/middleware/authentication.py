@@ -41,7 +41,7 @@ class Authentication:
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
             return
         scope.setdefault("state", {})["caller"] = caller
-        context = AuditContext(caller.name or _peer(scope), caller.role.word)
+        context = AuditContext(caller.name or _peer(scope), caller.role.word, caller.key_id)
         status = 0
 
         async def send_and_note(message: Message) -> None:
@@ -65,7 +65,7 @@ class Authentication:
             raise KeyMissing("this key is not known")
         if not record.valid(now := self._application.clock.timestamp()):
             raise KeyMissing(f"the key of {record.name!r} is {record.state(now)}")
-        return Caller(record.name, ROLES[record.role])
+        return Caller(record.name, ROLES[record.role], record.id)
 
     async def _audit(self, scope: Scope, context: AuditContext, status: int) -> None:
         """Append an audit row for a successful POST that stored nothing: changes have rows of their own."""

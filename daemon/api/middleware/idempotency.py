@@ -58,7 +58,7 @@ class Idempotency:
 
     async def _process(self, scope: Scope, receive: Receive, send: Send, key: str) -> None:
         context = current_audit_context()
-        caller, head = context.actor, head_of(scope)
+        caller, head = context.caller, head_of(scope)
         store = self._application.store.idempotency_keys
         if (caller, key) in self._in_flight:
             effect = await store.effect(caller, key) or ""

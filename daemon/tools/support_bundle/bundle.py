@@ -15,6 +15,7 @@ from typing import Any
 from calibration.errors import DocumentError
 from daemon.config.settings import Settings, load_settings
 from daemon.runtime.durable_files import write_durably
+from daemon.runtime.key_redaction import redact_keys
 from daemon.runtime.version import SOFTWARE
 from daemon.store.database import storage_errors
 from daemon.tools.support_bundle.redaction import redact, redact_values
@@ -87,7 +88,7 @@ def _sessions(store: Path) -> dict[str, str]:
     def load(file: Path) -> Any:
         return redact_values(json.loads(file.read_text()))
 
-    return {f"sessions/{file.parent.name}.json": _json_or_error(partial(load, file)) for file in found}
+    return {f"sessions/{redact_keys(file.parent.name)}.json": _json_or_error(partial(load, file)) for file in found}
 
 
 def _daemon(settings: Settings) -> dict[str, str]:

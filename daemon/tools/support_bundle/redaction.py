@@ -3,6 +3,8 @@
 import re
 from typing import Any
 
+from daemon.runtime.key_redaction import redact_keys
+
 REMOVED = "[removed]"
 
 SECRET_KEY = re.compile(r"secret|password|passwd|passphrase|token|credential|authorization|cookie|(^|_)key($|s|_)|hash")
@@ -31,6 +33,7 @@ SECRETS: tuple[tuple[re.Pattern[str], str], ...] = (
 
 def redact(text: str) -> str:
     """The text with everything that looks like a secret replaced by "[removed]"."""
+    text = redact_keys(text)
     for pattern, replacement in SECRETS:
         text = pattern.sub(replacement, text)
     return text
@@ -40,7 +43,8 @@ def redact_values(value: Any) -> Any:
     """JSON or TOML data with the values of secret keys removed and every text redacted."""
     if isinstance(value, dict):
         return {
-            key: REMOVED if SECRET_KEY.search(str(key).lower()) else redact_values(item) for key, item in value.items()
+            redact(str(key)): REMOVED if SECRET_KEY.search(str(key).lower()) else redact_values(item)
+            for key, item in value.items()
         }
     if isinstance(value, list | tuple):
         return [redact_values(item) for item in value]

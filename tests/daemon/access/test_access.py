@@ -180,6 +180,14 @@ async def test_names_are_unique_among_valid_keys(store: Store) -> None:
         await desk.revoke("nobody", TEST)
 
 
+@pytest.mark.parametrize("other", ["ann muller", "Ann Müller", "ANN MÜLLER", "Ann-Mu11er"])
+async def test_two_valid_keys_have_no_names_that_look_alike(store: Store, other: str) -> None:
+    desk = KeyService(store.access_keys, Clock())
+    await desk.add("Ann Müller", Role.OPERATOR, TEST)
+    with pytest.raises(KeyExists):
+        await desk.add(other, Role.ADMIN, TEST)
+
+
 def test_a_key_has_256_bits_and_is_stored_as_its_hash() -> None:
     asked: list[int] = []
 

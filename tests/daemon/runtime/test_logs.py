@@ -14,6 +14,9 @@ from tests.daemon.cell_under_test import serving, settings_for
 
 LINE = re.compile(r"^(?P<level>[A-Z]+) run=(?P<run>\S+) request=(?P<request>\S+) (?P<logger>[\w.]+): (?P<message>.*)$")
 
+SECRET = "c0ffee" * 10 + "4711"
+KEY = f"hek_1a2b3c4d_{SECRET}"
+
 
 def a_record(level: int = logging.INFO, message: str = "something") -> logging.LogRecord:
     return logging.LogRecord("daemon.x", level, "x.py", 1, message, None, None)
@@ -42,6 +45,21 @@ def test_a_record_with_a_traceback_and_control_characters_is_one_line_with_both_
     assert "\\nTraceback" in line
     assert "\x1b" not in line
     assert request_id() == "-"
+
+
+@pytest.mark.parametrize("key", [KEY, KEY[:-20], KEY.replace("_", "%5f"), KEY.upper()])
+def test_no_api_key_is_logged_wherever_it_stands(key: str) -> None:
+    record = a_record(message=f"GET /{key}/x?k={key}.png from 'x{key}x' is refused")
+    record.args = ()
+    try:
+        raise ValueError(key)
+    except ValueError as error:
+        record.exc_info = (type(error), error, error.__traceback__)
+    with about_request(key):
+        line = OneLineFormatter().format(record)
+    assert SECRET[:20].lower() not in line.lower()
+    assert "GET /hek_" in line
+    assert "/x?k=" in line
 
 
 def test_journald_gets_priorities_and_a_terminal_does_not(capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,6 +29,7 @@ PLANTED = {
     "pem": "MIIEvQIBADANBgkq",
     "hash of a key": "9f86d081884c7d65",
     "cookie": "session-cookie-77",
+    "api key": "c0ffee" * 10 + "4711",
 }
 
 SETTINGS = """
@@ -55,6 +56,7 @@ LOG = """\
 GET /ready Authorization: Bearer {bearer}
 curl -H 'X-Api-Key: {long key}' http://127.0.0.1:8372/ready
 camera http://{camera user}:{camera password}@192.0.2.20/frame.png: connection refused
+<4>WARNING GET /hek_1a2b3c4d_{api key}/frame.png is refused: no such route
 password={webhook secret} cookie: {cookie}
 -----BEGIN PRIVATE KEY-----
 {pem}
@@ -90,6 +92,9 @@ async def a_cell_with_secrets(folder: Path) -> Path:
     config.write_text(filled(SETTINGS).replace("{{folder}}", str(store)).replace("{folder}", str(store)))
     (folder / "handeyed.log").write_text(filled(LOG))
     (folder / "webhook.secret").write_text(PLANTED["webhook secret"])
+    named_by_a_key = store / "runs" / f"z-hek_1a2b3c4d_{PLANTED['api key']}"
+    named_by_a_key.mkdir()
+    (named_by_a_key / "session.json").write_text(json.dumps({f"hek_1a2b3c4d_{PLANTED['api key']}": 1}))
     return config
 
 
@@ -101,7 +106,7 @@ async def test_no_planted_secret_leaves_the_cell(tmp_path: Path) -> None:
     found = contents(target.read_bytes())
     for file, text in found.items():
         for name, secret in PLANTED.items():
-            assert secret not in text, f"{name} is in {file}"
+            assert secret not in file + text, f"{name} is in {file}"
 
 
 async def test_what_an_engineer_needs_is_inside(tmp_path: Path) -> None:
