@@ -8,6 +8,7 @@ import socket
 import ssl
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
@@ -16,7 +17,8 @@ import uvicorn
 from daemon.access.tls_context import server_context
 from daemon.api.app import create_api
 from daemon.application import Application
-from daemon.http.connections import ConnectionLimiter
+from daemon.http.connection_limiter import ConnectionLimiter
+from daemon.http.connections import limited_connection
 from daemon.http.listen_socket import open_listener
 from daemon.http.tls_handshake import PendingTlsConnection, TlsListener
 from daemon.runtime.durable_files import write_durably
@@ -39,7 +41,8 @@ class Server(uvicorn.Server):
         super().__init__(
             uvicorn.Config(
                 create_api(application),
-                http=self._limiter.protocol,  # type: ignore[arg-type] # it is called, never subclassed
+                http=partial(limited_connection, self._limiter),  # type: ignore[arg-type] # called, never subclassed
+                ws="none",
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=KEEP_ALIVE_S,
                 log_config=None,
@@ -77,8 +80,8 @@ class Server(uvicorn.Server):
             self._announce(self.url())
 
     def _tls_connection(self, handshake: PendingTlsConnection) -> asyncio.BaseProtocol:
-        return self._limiter.protocol(
-            handshake, config=self.config, server_state=self.server_state, app_state=self.lifespan.state
+        return limited_connection(
+            self._limiter, handshake, config=self.config, server_state=self.server_state, app_state=self.lifespan.state
         )
 
     def url(self) -> str:
@@ -87,11 +90,6 @@ class Server(uvicorn.Server):
         host, port = self._listener.getsockname()[:2]
         scheme = "http" if self._tls is None else "https"
         return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
-
-    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Like uvicorn's; aborts unfinished TLS handshakes first."""
-        self._limiter.close()
-        await super().shutdown(sockets)
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:

@@ -1,102 +1,43 @@
-"""Limits of HTTP connections: time and size of a request's head, idle time, and their number.
+"""Limits of one HTTP connection: time, size and number of what it may send, and one request at a time.
 
-uvicorn keeps a connection open whose head never ends, and answers what it cannot parse in plain text. Here a head has
-limits in time and bytes, a body or an answer without progress is cut off, and at the limit of connections the one that
-has been waiting for a head longest is closed for a new one.
+uvicorn keeps a connection open whose head never ends, takes any number of requests ahead, and answers what it cannot
+parse in plain text. Here heads and bodies have limits in time and bytes, trailers are refused, an answer without
+progress is cut off, and what follows a request is not parsed before that request is answered.
 """
 
 import asyncio
-import resource
-from dataclasses import dataclass, field
+import select
 from typing import Any
 
+import httptools
 from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.http.problem_details import MEDIA_TYPE, Problem
-from daemon.http.receive_buffer import BufferedConnection, SharedBuffer
+from daemon.http.receive_buffer import BUFFER_BYTES, BufferedConnection
 from daemon.http.tls_handshake import PendingTlsConnection
-
-MALFORMED = (400, "request-malformed", "this is not an HTTP/1.1 request", "send one; for TLS use https://")
-TOO_SLOW = (408, "request-too-slow", "the request's head did not come in time", "send it in one go")
-TOO_LONG = (431, "head-too-large", "the request's head is too large", "send fewer or shorter headers")
-TOO_MANY = (503, "too-many-connections", "too many connections are open", "close some, and ask again")
 
 Refusal = tuple[int, str, str, str]
 
-SPARE_DESCRIPTORS = 256
-"""Descriptors reserved for files, devices and the store."""
+MALFORMED: Refusal = (
+    400, "request-malformed", "this is not an HTTP/1.1 request", "send one, without trailers; for TLS use https://"
+)  # fmt: skip
+TOO_SLOW: Refusal = (408, "request-too-slow", "the request did not come in time", "send it in one go")
+TOO_LONG: Refusal = (431, "head-too-large", "the request's head is too large", "send fewer or shorter headers")
+TOO_MANY: Refusal = (503, "too-many-connections", "too many connections are open", "close some, and ask again")
 
+MAX_CHUNK_BYTES = 65_536
+"""Bytes parsed at once, except of a body with Content-Length."""
 
-@dataclass(frozen=True)
-class HttpLimits:
-    """Limits of one connection and of their number. `idle_s`: without progress of a body or an answer.
+MAX_UNAUTHENTICATED_CHUNK_BYTES = 16_384
+"""Bytes parsed at once until the connection has shown a valid key."""
 
-    `linger_s`: how long input is discarded after the last answer before closing. After closing at once the system would
-    answer further input with a reset, and the client might never read why it was refused.
-    """
+HEAD_END = b"\r\n\r\n"
+"""The end of a head and of a chunked body; llhttp takes no other."""
 
-    head_s: float = 10.0
-    head_bytes: int = 65_536
-    idle_s: float = 60.0
-    linger_s: float = 2.0
-    connections: int = 4000
-
-
-@dataclass(eq=False)
-class ConnectionLimiter:
-    """Limits the connections of one server. `waiting`: those without a complete head, longest waiting first."""
-
-    limits: HttpLimits = field(
-        default_factory=lambda: HttpLimits(connections=_reserve_descriptors(HttpLimits.connections))
-    )
-    waiting: "dict[LimitedConnection | PendingTlsConnection, None]" = field(default_factory=dict)
-    handshakes: set[PendingTlsConnection] = field(default_factory=set)
-    buffer: SharedBuffer = field(default_factory=SharedBuffer)
-    _established: set[Any] = field(default_factory=set)
-
-    def protocol(self, handshake: PendingTlsConnection | None = None, **arguments: Any) -> BufferedConnection:
-        """The protocol factory for `uvicorn.Config(http=...)`. `handshake`: the connection's finished TLS handshake."""
-        self._established = arguments["server_state"].connections
-        return BufferedConnection(LimitedConnection(self, handshake, **arguments), self.buffer)
-
-    def make_room(self) -> bool:
-        """Make room for one more connection by closing the longest waiting one. False when none is waiting."""
-        if len(self._established) + len(self.handshakes) < self.limits.connections:
-            return True
-        for oldest in self.waiting:
-            oldest.abort()
-            del self.waiting[oldest]
-            return True
-        return False
-
-    def admit(self, newcomer: PendingTlsConnection) -> bool:
-        """Register a TLS handshake. False when there is no room for it."""
-        if not self.make_room():
-            return False
-        self.handshakes.add(newcomer)
-        self.waiting[newcomer] = None
-        return True
-
-    def release(self, one: PendingTlsConnection) -> None:
-        """Remove a TLS handshake that has ended."""
-        self.handshakes.discard(one)
-        self.waiting.pop(one, None)
-
-    def close(self) -> None:
-        """Abort all TLS handshakes."""
-        for handshake in self.handshakes:
-            handshake.abort()
-
-
-def _reserve_descriptors(wanted: int) -> int:
-    """Raise the descriptor limit for `wanted` connections; returns how many it allows."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    needed = wanted + SPARE_DESCRIPTORS
-    if soft < needed:
-        soft = needed if hard == resource.RLIM_INFINITY else min(needed, hard)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-    return max(16, min(wanted, soft - SPARE_DESCRIPTORS))
+ON_AUTHENTICATED = "on_authenticated"
+"""Key in a scope's `state`: a function without arguments, to be called when the request has shown a valid key."""
 
 
 class LimitedConnection(HttpToolsProtocol):
@@ -106,49 +47,120 @@ class LimitedConnection(HttpToolsProtocol):
         super().__init__(**arguments)
         self._handshake = handshake
         self._limiter, self._limits = limiter, limiter.limits
+        self._authenticated = False
+        self._held = b""  # received, and not to be parsed before the request in progress is answered
         self._head_since_s: float | None = None
-        self._head_bytes = 0
-        self._last_progress_s = 0.0
+        self._body_since_s: float | None = None
+        self._body_waited_s = 0.0
+        self._body_bytes = 0
+        self._length_left = 0  # of a body with Content-Length
+        self._overhead_bytes = 0  # since the last head or piece of a body: head, sizes of chunks, trailers
+        self._refusal = MALFORMED  # of what the parser does not take
+        self._last_progress_s = self._last_check_s = 0.0
         self._unsent = 0
         self._lingering = False
         self._timer: asyncio.TimerHandle | None = None
 
+    @property
+    def address(self) -> str:
+        """The client's IP address."""
+        return self.client[0] if self.client else ""
+
+    @property
+    def max_chunk_bytes(self) -> int:
+        """How many bytes it parses at once."""
+        if not self._authenticated:
+            return MAX_UNAUTHENTICATED_CHUNK_BYTES
+        return BUFFER_BYTES if self._length_left else MAX_CHUNK_BYTES
+
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
         if self._handshake is not None:
             self._limiter.release(self._handshake)
-        welcome = self._limiter.make_room()
-        super().connection_made(transport)
-        self._last_progress_s = self.loop.time()
-        if not welcome:
-            self._refuse(TOO_MANY)
-            return
-        self._start_head_timer()
+        self._limiter.admit(self)
+        self._last_progress_s = self._last_check_s = self.loop.time()
+        self._start_head()
         self._schedule_check()
 
-    def abort(self) -> None:
+    def displace(self) -> None:
         """Close the connection at once, to make room for another."""
-        self.transport.abort()
+        answering = self._lingering or self.transport.get_write_buffer_size() or self._answer_has_begun
+        if not answering and self.scheme == "http":  # TLS would wait for the client before closing
+            self._drop_request()
+            self.transport.write(_answer(TOO_MANY))
+            self.transport.close()
+        else:
+            self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._limiter.waiting.pop(self, None)
+        self._limiter.release(self)
+        self._held = b""
         super().connection_lost(exc)
 
     def data_received(self, data: bytes | memoryview) -> None:
         if self._lingering or self.transport.is_closing():
             return
         self._last_progress_s = self.loop.time()
-        if self._head_since_s is None and not self._in_progress:
-            self._start_head_timer()
-        super().data_received(data)  # type: ignore[arg-type] # httptools reads any buffer, and keeps copies
-        if self._head_since_s is not None:
-            self._head_bytes += len(data)
-            if self._head_bytes > self._limits.head_bytes:
-                self._refuse(TOO_LONG)
+        if self._held or self._awaits_answer:
+            self._held += data
+            self.flow.pause_reading()
+        else:
+            self._parse(memoryview(data))
+
+    def _parse(self, data: memoryview) -> None:
+        """Parse until a request is complete whose answer is not; hold back the rest, and read no more."""
+        while data and not self._awaits_answer and not self._lingering and not self.transport.is_closing():
+            length = min(len(data), self._length_left) or _next_end(bytes(data))
+            self._feed(data[:length])
+            data = data[length:]
+        if data and not self._lingering:
+            self._held = bytes(data)
+            self.flow.pause_reading()
+
+    def _parse_held(self) -> None:
+        if self._held and not self._awaits_answer and not self.transport.is_closing():
+            held, self._held = self._held, b""
+            self.flow.resume_reading()
+            self._parse(memoryview(held))
+
+    def _feed(self, piece: memoryview) -> None:
+        if self._head_since_s is None and self._body_since_s is None:
+            self._start_head()
+        self._overhead_bytes += len(piece)
+        self._unset_keepalive_if_required()
+        try:
+            self.parser.feed_data(piece)
+        except httptools.HttpParserError:
+            self._refuse(self._refusal)
+        except httptools.HttpParserUpgrade:
+            self.cycle.keep_alive = False  # it is answered as if it had not asked for another protocol
+        if self._overhead_bytes > self._limits.head_bytes and not self._lingering:
+            self._refuse(TOO_LONG)
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        """Refuse trailers, which would count as headers, and more headers than the limit."""
+        if self._body_since_s is not None:
+            raise ValueError("trailers are refused")
+        if len(self.headers) >= self._limits.headers:
+            self._refusal = TOO_LONG
+            raise ValueError("too many headers")
+        super().on_header(name, value)
+
+    def on_headers_complete(self) -> None:
+        super().on_headers_complete()
+        self._head_since_s, self._body_since_s = None, self.loop.time()
+        self._body_waited_s, self._body_bytes, self._overhead_bytes = 0.0, 0, 0
+        self._length_left = 0 if self.parser.should_upgrade() else _content_length(self.headers)
+        self.cycle.transport = _LingeringTransport(self)  # type: ignore[assignment]
+        self.scope["state"][ON_AUTHENTICATED] = self._authenticate
 
     def on_body(self, body: bytes) -> None:
         """Like uvicorn's, but pass a chunk on without copying when no other is pending: saves two copies of a cloud."""
+        self._overhead_bytes = 0
+        self._body_bytes += len(body)
+        self._length_left = max(0, self._length_left - len(body))
         if self.cycle.body or self.cycle.response_complete or self.parser.should_upgrade():
             super().on_body(body)
             return
@@ -157,58 +169,102 @@ class LimitedConnection(HttpToolsProtocol):
             self.flow.pause_reading()
         self.cycle.message_event.set()
 
-    def on_headers_complete(self) -> None:
-        self._head_since_s = None
-        self._limiter.waiting.pop(self, None)
-        super().on_headers_complete()
-        self.cycle.transport = _LingeringTransport(self)  # type: ignore[assignment]
+    def on_message_complete(self) -> None:
+        super().on_message_complete()
+        self._body_since_s, self._overhead_bytes, self._length_left = None, 0, 0
+        if not self._in_progress:  # it was answered before its body had come: the next head has the same limit
+            self._start_head()
 
-    def send_400_response(self, msg: str) -> None:
-        self._refuse(MALFORMED)
+    def on_response_complete(self) -> None:
+        super().on_response_complete()
+        if self._held:
+            self._unset_keepalive_if_required()
+            self.loop.call_soon(self._parse_held)
+
+    @property
+    def unread(self) -> bool:
+        """True when the client may have sent more than was read, so that closing at once would reset the connection."""
+        return bool(self._held) or self._body_since_s is not None
 
     @property
     def _in_progress(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
 
-    def _start_head_timer(self) -> None:
-        self._head_since_s, self._head_bytes = self.loop.time(), 0
-        self._limiter.waiting[self] = None
+    @property
+    def _answer_has_begun(self) -> bool:
+        return self._in_progress and bool(self.cycle.response_started)
+
+    @property
+    def _awaits_answer(self) -> bool:
+        """True when a request is complete and its answer is not."""
+        return self._in_progress and not self.cycle.more_body
+
+    def _authenticate(self) -> None:
+        if not self._authenticated:
+            self._authenticated = True
+            self._limiter.authenticate(self)
+
+    def _start_head(self) -> None:
+        self._head_since_s, self._overhead_bytes = self.loop.time(), 0
 
     def _schedule_check(self) -> None:
-        period_s = min(self._limits.head_s, self._limits.idle_s) / 4
+        period_s = min(self._limits.head_s, self._limits.body_s, self._limits.idle_s) / 4
         self._timer = self.loop.call_later(period_s, self._check_timeouts)
 
     def _check_timeouts(self) -> None:
-        """Enforce the head and idle timeouts, then schedule the next check."""
-        if self._lingering or self.transport.is_closing():
-            return
-        now_s = self.loop.time()
-        if self._head_since_s is not None and now_s - self._head_since_s > self._limits.head_s:
-            self._refuse(TOO_SLOW)
-            return
+        """Enforce the timeouts, then schedule the next check."""
+        now_s, before_s = self.loop.time(), self._last_check_s
+        self._last_check_s = now_s
         unsent = self.transport.get_write_buffer_size()
         if unsent != self._unsent:
             self._unsent, self._last_progress_s = unsent, now_s
-        stuck = self.flow.write_paused or (self._in_progress and self.cycle.more_body and not self.flow.read_paused)
-        if stuck and now_s - self._last_progress_s > self._limits.idle_s:
+        idle = now_s - self._last_progress_s > self._limits.idle_s
+        if self._lingering or self.transport.is_closing():
+            if idle:  # the client does not read the answer
+                self.transport.abort()
+        elif self._head_since_s is not None and now_s - self._head_since_s > self._limits.head_s:
+            self._refuse(TOO_SLOW)
+        elif self._body_since_s is not None and not self.flow.read_paused:
+            self._body_waited_s += now_s - max(before_s, self._body_since_s)
+            if idle or self._body_waited_s > self._body_limit_s:
+                self._refuse(TOO_SLOW)
+        elif (self.flow.write_paused or self.flow.read_paused) and (idle or self._has_hung_up()):
             self.transport.abort()
-            return
         self._schedule_check()
+
+    @property
+    def _body_limit_s(self) -> float:
+        if not self._authenticated:
+            return self._limits.body_s
+        return self._limits.idle_s + self._body_bytes / self._limits.body_bytes_per_s
+
+    def _has_hung_up(self) -> bool:
+        """True when the end of the connection has arrived, which is not noticed otherwise while reading is paused."""
+        poll = select.poll()
+        poll.register(self.transport.get_extra_info("socket").fileno(), select.POLLRDHUP)
+        return bool(poll.poll(0))
 
     def _refuse(self, refusal: Refusal) -> None:
         """Answer with a problem document, unless an answer is in progress, and close the connection."""
-        self._head_since_s = None
-        if not self._in_progress:
+        if self._answer_has_begun:
+            self.transport.abort()
+        else:
+            self._drop_request()
             self.transport.write(_answer(refusal))
             self.linger()
-        else:
-            self.transport.close()
+
+    def _drop_request(self) -> None:
+        """Let the request in progress end as one whose client is gone."""
+        if self._in_progress:
+            self.cycle.disconnected = True
+            self.cycle.message_event.set()
 
     def linger(self) -> None:
         """The response is complete: read and discard what the client still sends, then close (lingering close)."""
         if self._lingering or self.transport.is_closing():
             return
         self._lingering = True
+        self._held = b""
         if self.transport.can_write_eof():
             self.transport.write_eof()
         self.flow.resume_reading()
@@ -216,18 +272,37 @@ class LimitedConnection(HttpToolsProtocol):
 
 
 class _LingeringTransport:
-    """A response's transport whose `close` lingers when the client may still be sending its body."""
+    """A response's transport whose `close` lingers when the client may still be sending."""
 
     def __init__(self, connection: LimitedConnection) -> None:
         self._connection, self._transport = connection, connection.transport
         self.write, self.is_closing = self._transport.write, self._transport.is_closing
 
     def close(self) -> None:
-        cycle = self._connection.cycle
-        if cycle.more_body and cycle.response_complete:
+        if self._connection.unread and self._connection.cycle.response_complete:
             self._connection.linger()
         else:
             self._transport.close()
+
+
+def limited_connection(
+    limiter: ConnectionLimiter, handshake: PendingTlsConnection | None = None, **arguments: Any
+) -> BufferedConnection:
+    """The protocol of one connection, for `uvicorn.Config(http=...)`. `handshake`: its finished TLS handshake."""
+    return BufferedConnection(LimitedConnection(limiter, handshake, **arguments), limiter.buffer)
+
+
+def _next_end(data: bytes) -> int:
+    """How many bytes to parse before a request may be complete: up to the next end of a head or chunked body."""
+    line_ends = len(data) - len(data.lstrip(b"\r\n"))  # the end may have begun in the bytes before
+    if line_ends:
+        return line_ends
+    end = data.find(HEAD_END)
+    return len(data) if end < 0 else end + len(HEAD_END)
+
+
+def _content_length(headers: list[tuple[bytes, bytes]]) -> int:
+    return next((int(value) for name, value in headers if name == b"content-length"), 0)
 
 
 def _answer(refusal: Refusal) -> bytes:

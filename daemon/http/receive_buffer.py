@@ -20,6 +20,11 @@ class SharedBuffer:
 class ConnectionProtocol(Protocol):
     """Like asyncio.Protocol, but `data_received` must not keep a reference to the memoryview."""
 
+    @property
+    def max_chunk_bytes(self) -> int:
+        """How many bytes it wants at most with the next `data_received`."""
+        ...
+
     def connection_made(self, transport: Any) -> None: ...
     def data_received(self, data: memoryview) -> None: ...
     def eof_received(self) -> bool | None: ...
@@ -35,7 +40,7 @@ class BufferedConnection(asyncio.BufferedProtocol):
         self._connection, self._shared = connection, buffer
 
     def get_buffer(self, sizehint: int) -> memoryview:
-        return self._shared.buffer
+        return self._shared.buffer[: self._connection.max_chunk_bytes]
 
     def buffer_updated(self, nbytes: int) -> None:
         self._connection.data_received(self._shared.buffer[:nbytes])

@@ -22,8 +22,9 @@ PAUSE_S = 0.5
 class PendingTlsConnection:
     """A connection during its TLS handshake."""
 
-    def __init__(self, connection: socket.socket) -> None:
-        self._connection = connection
+    def __init__(self, connection: socket.socket, address: str) -> None:
+        """`address`: the client's IP address."""
+        self._connection, self.address = connection, address
         self._begun = False
         self._task: asyncio.Task[None] | None = None
 
@@ -38,7 +39,7 @@ class PendingTlsConnection:
         self._task = asyncio.create_task(self._run(follows, context, limit_s), name="TLS handshake")
         self._task.add_done_callback(lambda _: self._finish(over))
 
-    def abort(self) -> None:
+    def displace(self) -> None:
         """Close the connection at once, to make room for another."""
         if self._task is not None:
             self._task.cancel()
@@ -60,12 +61,12 @@ class PendingTlsConnection:
 class HandshakeLimiter(Protocol):
     """Limits the number of handshakes; see ConnectionLimiter."""
 
-    def admit(self, newcomer: PendingTlsConnection) -> bool:
-        """Register a handshake. False when there is no room for it."""
+    def admit(self, newcomer: PendingTlsConnection) -> None:
+        """Give a place to a handshake."""
         ...
 
     def release(self, one: PendingTlsConnection) -> None:
-        """Remove a handshake that has ended."""
+        """Free the place of a handshake that has ended."""
         ...
 
 
@@ -77,17 +78,20 @@ class TlsListener:
         listener: socket.socket,
         context: ssl.SSLContext,
         limit_s: float,
-        crowd: HandshakeLimiter,
+        limiter: HandshakeLimiter,
         follows: Callable[[PendingTlsConnection], asyncio.BaseProtocol],
     ) -> None:
         self._listener, self._context, self._limit_s = listener, context, limit_s
-        self._limiter, self._make_protocol = crowd, follows
+        self._limiter, self._make_protocol = limiter, follows
+        self._handshakes: set[PendingTlsConnection] = set()
         listener.setblocking(False)
         self._task = asyncio.create_task(self._accept(), name="accepts TLS")
 
     def close(self) -> None:
-        """Stop accepting connections."""
+        """Stop accepting connections, and abort all handshakes."""
         self._task.cancel()
+        for handshake in self._handshakes:
+            handshake.displace()
 
     async def wait_closed(self) -> None:
         """Wait until no more connections are accepted."""
@@ -97,21 +101,21 @@ class TlsListener:
         loop = asyncio.get_running_loop()
         while True:
             try:
-                connection, _ = await loop.sock_accept(self._listener)
+                connection, address = await loop.sock_accept(self._listener)
             except OSError as error:
                 log.warning("a connection could not be accepted: %s", error)
                 await asyncio.sleep(PAUSE_S)
                 continue
-            self._start_handshake(connection)
+            self._start_handshake(connection, address[0])
 
-    def _start_handshake(self, connection: socket.socket) -> None:
-        handshake = PendingTlsConnection(connection)
-        if not self._limiter.admit(handshake):
-            connection.close()
-            return
+    def _start_handshake(self, connection: socket.socket, address: str) -> None:
+        handshake = PendingTlsConnection(connection, address)
+        self._handshakes.add(handshake)
+        self._limiter.admit(handshake)
         handshake.begin(
-            lambda: self._make_protocol(handshake),
-            self._context,
-            self._limit_s,
-            lambda: self._limiter.release(handshake),
+            lambda: self._make_protocol(handshake), self._context, self._limit_s, lambda: self._finish(handshake)
         )
+
+    def _finish(self, handshake: PendingTlsConnection) -> None:
+        self._handshakes.discard(handshake)
+        self._limiter.release(handshake)

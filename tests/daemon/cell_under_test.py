@@ -16,7 +16,7 @@ from daemon.application import Application
 from daemon.cell.cell import Devices
 from daemon.composition import build
 from daemon.config.settings import Settings
-from daemon.http.connections import ConnectionLimiter
+from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.server import Server
 from daemon.store.store import Store

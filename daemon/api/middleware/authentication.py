@@ -11,6 +11,7 @@ from daemon.access.roles import LOCAL, NOBODY, ROLES, Caller, Role
 from daemon.api.problems import answer, problem_of
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
+from daemon.http.connections import ON_AUTHENTICATED
 from daemon.store.actor import AuditContext, acting_as
 
 log = logging.getLogger(__name__)
@@ -40,7 +41,10 @@ class Authentication:
             log.warning("%s %s from %s is refused: %s", scope["method"], scope["path"], _peer(scope), error.what)
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
             return
-        scope.setdefault("state", {})["caller"] = caller
+        state = scope.setdefault("state", {})
+        state["caller"] = caller
+        if needed is not Role.NOBODY and (on_authenticated := state.get(ON_AUTHENTICATED)) is not None:
+            on_authenticated()
         context = AuditContext(caller.name or _peer(scope), caller.role.word, caller.key_id)
         status = 0
 

@@ -12,7 +12,7 @@ import pytest
 
 from calibration.transforms import map_points
 from daemon.api.streaming.spool import MEMORY_BYTES
-from daemon.http.connections import ConnectionLimiter, HttpLimits
+from daemon.http.connection_limiter import ConnectionLimiter, HttpLimits
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import LAZ, OCTETS, PLY, POSE, cloud, in_base, laz_of
