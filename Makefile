@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install test test-all test-busy check bench torture lock sbom deb format clean
+.PHONY: help demo cell install test test-all test-busy test-opencv4 test-deployed check bench torture lock sbom deb format clean
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -16,6 +16,7 @@ help:
 	@echo "make test-all every test that needs nothing but the repository; .ci/run runs these"
 	@echo "make test-busy  the same while every core is kept busy: what fails then depends on the clock"
 	@echo "make test-opencv4  the calibration tests, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
+	@echo "make test-deployed  what deployment depends on, with the Python and the libraries that are deployed, and the demo"
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
 	@echo "make deb      build the Debian package into dist/; deploy/deb/try.sh installs and removes it in a chroot"
@@ -72,6 +73,26 @@ $(OPENCV4)/installed: pyproject.toml
 		hypothesis pytest pytest-asyncio pytest-timeout pytest-xdist
 	@touch $@
 
+# The service runs with the system's Python and pinned libraries: Debian 12's is 3.11.2. DEPLOYED_TESTS= chooses others.
+DEPLOYED := .venv-deployed
+DEPLOYED_PYTHON ?= /usr/bin/python3
+DEPLOYED_TESTS ?= tests/daemon/store tests/daemon/cli/test_main.py tests/daemon/cli/test_access_commands.py
+
+test-deployed: export OPENBLAS_NUM_THREADS ?= 1
+test-deployed: $(DEPLOYED)/installed
+	$(DEPLOYED)/bin/python --version
+	$(DEPLOYED)/bin/python -m pytest -n $(TEST_WORKERS) -m "not slow" $(DEPLOYED_TESTS)
+	$(DEPLOYED)/bin/handeyed demo
+
+$(DEPLOYED)/installed: pyproject.toml deploy/requirements.lock
+	@echo "Installing the deployed libraries into $(DEPLOYED) (once) ..."
+	@$(DEPLOYED_PYTHON) -m venv $(DEPLOYED)
+	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --require-hashes --requirement deploy/build.lock
+	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --require-hashes --requirement deploy/requirements.lock
+	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --no-deps --no-build-isolation --editable .
+	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install hypothesis pytest pytest-asyncio pytest-timeout pytest-xdist
+	@touch $@
+
 check: $(VENV)/developing
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -111,4 +132,4 @@ sbom: $(VENV)/developing
 	@echo "build/sbom.cdx.json"
 
 clean:
-	rm -rf $(VENV) $(OPENCV4) build dist .demo
+	rm -rf $(VENV) $(OPENCV4) $(DEPLOYED) build dist .demo
