@@ -10,7 +10,7 @@ from typing import Protocol
 from daemon.cell.cell import Cell
 from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
-from daemon.errors import StorageError
+from daemon.errors import StorageError, StorageInconsistent
 from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
@@ -29,9 +29,6 @@ MAX_LINK_WAIT_S = 2.0
 
 MAX_LAST_EVENT_S = 0.8
 """How long event streams stay open for the run's end; stopping and disarming normally take milliseconds."""
-
-ANCHOR_S = 10.0
-"""Interval of anchoring the audit log."""
 
 MAX_JOB_S = 600.0
 """A worker job that takes longer hangs: no detection or solution takes ten minutes."""
@@ -88,19 +85,20 @@ class Application:
     _started_s: float = field(default=0.0, init=False)
     _stopping: asyncio.Task[None] | None = field(default=None, init=False)
     _watchdog: asyncio.Task[None] | None = field(default=None, init=False)
-    _anchoring: asyncio.Task[None] | None = field(default=None, init=False)
 
     async def start(self) -> None:
         """End runs that the previous process left unfinished, start services and watchdog. Commands no motion."""
         self._started_s = self.clock.monotonic_s()
-        await self.events.recover()
-        await self.supervisor.recover()
-        await self.scans.recover()
+        try:
+            await self.events.recover()
+            await self.supervisor.recover()
+            await self.scans.recover()
+        except StorageInconsistent as error:
+            log.error("what the previous process left unfinished was not looked at: %s", error)
         await self._log_setup_code()
         await self.cell.wait_for_links(MAX_LINK_WAIT_S)
         for companion in self.services:
             await companion.start()
-        self._anchoring = asyncio.create_task(self._anchor_audit_log())
         self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
 
     def begin_stop(self, by: str) -> None:
@@ -124,11 +122,10 @@ class Application:
         await self._stopping
         for companion in reversed(self.services):
             await companion.stop()
-        for task in (self._watchdog, self._anchoring):
-            if task is not None:
-                task.cancel()
-                with suppress(asyncio.CancelledError):
-                    await task
+        if self._watchdog is not None:
+            self._watchdog.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._watchdog
         self.scans.registration_jobs.stop()
         self.workers.close()
         await self.cell.close()
@@ -146,15 +143,6 @@ class Application:
             "there are no keys yet: %s. The first, an admin's: 'handeyed keys add', or POST /setup with the code %s",
             whoever, self.key_service.code.text,
         )  # fmt: skip
-
-    async def _anchor_audit_log(self) -> None:
-        """Write the audit log's anchor every ANCHOR_S until cancelled, so that a truncation is detected."""
-        while True:
-            await asyncio.sleep(ANCHOR_S)
-            try:
-                await self.store.audit.anchor()
-            except StorageError as error:
-                log.warning("the audit log's anchor could not be written: %s", error)
 
     def uptime_s(self) -> float:
         return self.clock.monotonic_s() - self._started_s

@@ -29,6 +29,7 @@ from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
 from daemon.server import Announce, Server, make_announcer
 from daemon.store.key_service import KeyService
+from daemon.store.monitor import StoreMonitor
 from daemon.store.retention import Retention
 from daemon.store.store import Store
 from daemon.webhooks.dispatcher import WebhookDispatcher
@@ -66,6 +67,7 @@ def build(
     drift = DriftMonitor(settings, store, events, workers, clock)
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, workers, clock, settings.storage)
+    monitor = StoreMonitor(store, events)
     schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
     plc = _plc(settings, operations, drift, clock)
     return Application(
@@ -82,9 +84,9 @@ def build(
         drift=drift,
         key_service=KeyService(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
-        services=(webhooks, retention, drift, schedule, *plc),
-        warning_sources=(webhooks, retention, drift),
-        metric_sources=(webhooks, retention, drift, *plc),
+        services=(monitor, webhooks, retention, drift, schedule, *plc),
+        warning_sources=(monitor, webhooks, retention, drift),
+        metric_sources=(monitor, webhooks, retention, drift, *plc),
     )
 
 

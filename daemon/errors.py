@@ -29,6 +29,7 @@ DaemonError
 ├── StorageError          the store could not be read or written; nothing stored before is lost
 │   ├── StorageFull       the disk is full
 │   ├── StorageInUse      another daemon uses the store
+│   ├── StorageInconsistent   the store is damaged, cut off, moved or replaced; nothing is written
 │   └── StorageTooNew     written by a newer handeyed
 ├── PortTaken             the daemon cannot listen where the settings say
 ├── (access/errors.py)    keys, roles, certificates
@@ -255,6 +256,12 @@ class StorageFull(StorageError):
     """The disk is full."""
 
     code = "storage-full"
+
+
+class StorageInconsistent(StorageError):
+    """The store is damaged, behind its audit anchor, moved or replaced: nothing is written, and no run is started."""
+
+    code = "storage-inconsistent"
 
 
 class StorageTooNew(StorageError):

@@ -179,6 +179,8 @@ class Operations:
         return PoseDocument.of((await self.cell.read_settled_pose()).base_T_flange)
 
     async def _start(self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[RunPlan]]) -> RunRecord:
+        self.supervisor.require_free()
+        await self.store.require_ready()
         return await self.supervisor.start(kind, request.model_dump(mode="json", exclude_none=True), prepare)
 
     async def _check_ready(self, reasons: tuple[str, ...]) -> None:

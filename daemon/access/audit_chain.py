@@ -37,14 +37,19 @@ def hash_row(row: AuditRow, before: str) -> str:
     return hashlib.sha256(json.dumps(fields, ensure_ascii=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def find_flaws(rows: Iterable[AuditRow], anchors: Iterable[AuditAnchor] = ()) -> list[str]:
-    """One sentence for each fault of the log; empty when the chain is intact and contains every anchor."""
+def find_flaws(
+    rows: Iterable[AuditRow], anchors: Iterable[AuditAnchor] = (), known: AuditRow | None = None
+) -> list[str]:
+    """One sentence for each fault of the log; empty when the chain is intact and contains every anchor.
+
+    `known`: the row before the first of `rows`, whose hash is taken as it is. Without it the log begins with row 1.
+    """
     wanted: dict[int, set[str]] = {}
     for anchor in anchors:
         wanted.setdefault(anchor.sequence, set()).add(anchor.hash)
-    found, before, last = [], GENESIS_HASH, 0
+    found, before, last = [], known.hash if known else GENESIS_HASH, known.sequence if known else 0
     for row in rows:
-        if row.sequence != last + 1:
+        if row.sequence != last + 1 and not (known and last == known.sequence):
             found.append(f"row {row.sequence} follows row {last}: rows were removed or reordered")
         if row.hash != hash_row(row, before):
             found.append(f"row {row.sequence} ({row.at} {row.action}) was changed, or one before it removed")

@@ -55,7 +55,7 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
     pem = serialization.Encoding.PEM
     secret = key.private_bytes(pem, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
     try:
-        make_folder(folder)
+        make_folder(folder, 0o755)
         _write_new(folder / PRIVATE_KEY, secret, 0o600)
         _write_new(folder / AUTHORITY, root.public_bytes(pem), 0o644)
         _write_new(folder / CERTIFICATE, leaf.public_bytes(pem), 0o644)

@@ -52,6 +52,7 @@ STATUS: dict[type[Exception], int] = {
     http_errors.NotAcceptable: 406,
     http_errors.CloudTooLarge: 413,
     errors.StorageFull: 507,
+    errors.StorageInconsistent: 503,
     errors.StorageError: 500,
     errors.DaemonError: 500,
     device.DeviceUnreachable: 503,

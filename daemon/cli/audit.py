@@ -49,6 +49,36 @@ def verify(
     raise typer.Exit(ExitStatus.FAILED if found else ExitStatus.OK)
 
 
+@app.command()
+def acknowledge(config: Annotated[Path, typer.Argument(help="The daemon's settings.")]) -> None:
+    """Accept that the log is not whole, with the service stopped: what is wrong is written into it, as a row of yours.
+
+    The anchor that is not met is kept as audit-anchor.json.unmet. Exit status: 0 accepted, or the log is whole.
+    """
+    import getpass
+
+    from daemon.config.settings import load_settings
+    from daemon.runtime.clock import Clock
+    from daemon.store import audit_log, consistency
+    from daemon.store.actor import AuditContext
+    from daemon.store.database import DATABASE_NAME
+    from daemon.store.offline import open_despite_faults, require_owner
+
+    folder = Path(load_settings(config).storage.folder)
+    require_owner(folder)
+    if (damage := consistency.find_damage(folder / DATABASE_NAME)) is not None:
+        raise CommandError(str(folder), damage.what, damage.fix)
+    with open_despite_faults(folder) as database:
+        if consistency.find_fault(database.path) is None:
+            typer.echo("the audit log is whole: there is nothing to accept")
+            return
+        context = AuditContext(getpass.getuser(), "command line")
+        flaws, aside = audit_log.acknowledge(database, context, Clock().timestamp())
+    typer.echo("\n".join(("accepted, and noted in the log:", *flaws)))
+    if aside is not None:
+        typer.echo(f"the anchor that is not met is kept: {aside}")
+
+
 def _anchor(text: str) -> "AuditAnchor":
     from daemon.access.audit_chain import AuditAnchor
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from daemon.cli.keys import revoke, valid_keys
+
 Config = Annotated[Path, typer.Argument(help="The daemon's settings.")]
 
 
@@ -27,11 +29,22 @@ def backup(
 def restore(
     source: Annotated[Path, typer.Argument(help="A file written by 'handeyed backup'.")],
     config: Config,
+    revoke_keys: Annotated[bool, typer.Option(help="Revoke every key that the backup holds.")] = False,
 ) -> None:
-    """Restore a backup into the store's folder of the settings; refused when a store exists there."""
+    """Restore a backup into the store's folder of the settings; refused when anything of a store is there.
+
+    Keys that were revoked since the backup was made are valid again, unless you revoke all of them.
+    """
     from daemon.config.settings import load_settings
-    from daemon.store.backup import restore as restore_store
+    from daemon.store.offline import require_owner
+    from daemon.store.restore import restore as restore_store
 
     store = Path(load_settings(config).storage.folder)
+    require_owner(store)
     count = restore_store(source, store)
     typer.echo(f"{store}: {count} files restored")
+    for record in valid_keys(config):
+        if revoke_keys:
+            revoke(config, record.id)
+        else:
+            typer.echo(f"valid again: the {record.role} key {record.id} of {record.name}", err=True)

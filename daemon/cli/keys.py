@@ -83,6 +83,14 @@ def revoke(config: Config, name: Name) -> None:
     typer.echo(f"revoked: {', '.join(ids)}")
 
 
+def valid_keys(config: Path) -> "list[KeyRecord]":
+    """The keys that are valid now."""
+    from daemon.runtime.clock import Clock
+
+    now = Clock().timestamp()
+    return [record for record in _with_key_service(config, lambda service: service.keys.all()) if record.valid(now)]
+
+
 def _with_key_service(config: Path, work: "Callable[[KeyService], Awaitable[Answer]]") -> Answer:
     import asyncio
 

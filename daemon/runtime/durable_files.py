@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 
@@ -19,7 +20,7 @@ def write_durably(path: Path, blocks: Iterable[bytes], at: Failpoints = NO_FAILP
     make_folder(path.parent)
     temporary = path.with_name(f".{path.name}.part")
     try:
-        with temporary.open("wb") as file:
+        with create_file(temporary) as file:
             at.reach("before write")
             for block in blocks:
                 file.write(block)
@@ -31,6 +32,12 @@ def write_durably(path: Path, blocks: Iterable[bytes], at: Failpoints = NO_FAILP
             temporary.unlink()
         raise
     _fsync_names(path.parent, at)
+
+
+def create_file(path: Path, mode: int = 0o640, *, new: bool = False) -> BinaryIO:
+    """Open a file for writing, made with `mode`, never through a link. Raises OSError; FileExistsError with `new`."""
+    flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | (os.O_EXCL if new else os.O_TRUNC)
+    return os.fdopen(os.open(path, flags, mode), "wb")
 
 
 def rename_durably(written: Path, final: Path, at: Failpoints = NO_FAILPOINTS) -> None:
@@ -59,12 +66,12 @@ def _fsync_names(folder: Path, at: Failpoints) -> None:
     at.reach("after fsync of the folder")
 
 
-def make_folder(folder: Path) -> None:
-    """Create the folder and its parents, and fsync each parent, so that the names survive a power cut."""
+def make_folder(folder: Path, mode: int = 0o750) -> None:
+    """Create the folder and its parents , and fsync each parent, so that the names survive a power cut."""
     if folder.is_dir():
         return
-    make_folder(folder.parent)
-    folder.mkdir(exist_ok=True)
+    make_folder(folder.parent, mode)
+    folder.mkdir(mode, exist_ok=True)
     fsync_folder(folder.parent)
 
 

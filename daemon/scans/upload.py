@@ -7,7 +7,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from daemon.runtime.durable_files import make_folder
+from daemon.runtime.durable_files import create_file, make_folder
 from daemon.runtime.workers import Workers
 from daemon.store.database import storage_errors
 from registration.io.reading import open_cloud
@@ -57,7 +57,7 @@ def _make_folder(folder: Path) -> None:
 
 def _open(file: Path) -> BinaryIO:
     with storage_errors(file):
-        return file.open("wb")
+        return create_file(file)
 
 
 def _append(out: BinaryIO, file: Path, stream: CloudStream | None, chunk: bytes) -> None:

@@ -2,14 +2,16 @@
 
 import asyncio
 import errno
+import os
 import sqlite3
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from daemon.errors import StorageError, StorageFull, StorageTooNew
+from daemon.errors import StorageError, StorageFull, StorageInconsistent, StorageTooNew
 from daemon.runtime.durable_files import make_folder, rename_durably
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
@@ -20,7 +22,7 @@ DATABASE_NAME = "handeyed.sqlite"
 """In the store's folder."""
 
 _FULL_ERRNOS = frozenset({errno.ENOSPC, errno.EDQUOT})
-_FREE_SOME = "free some space there; what was stored before is unharmed"
+_FREE_SOME = "free some space there"
 
 
 @contextmanager
@@ -29,9 +31,15 @@ def storage_errors(place: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.Error as error:
-        if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_FULL:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if code == sqlite3.SQLITE_FULL:
             raise StorageFull(f"the disk of {place} is full", _FREE_SOME) from error
-        raise StorageError(f"{place}: {error}", "check the disk; what was stored before is unharmed") from error
+        if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+            raise StorageInconsistent(
+                f"{place} is damaged ({error})",
+                "stop the daemon, keep a copy of the folder, and restore a backup into an empty one",
+            ) from error
+        raise StorageError(f"{place}: {error}", "check the disk, and that it belongs to the daemon's user") from error
     except OSError as error:
         if error.errno in _FULL_ERRNOS:
             raise StorageFull(f"the disk of {place} is full", _FREE_SOME) from error
@@ -41,18 +49,26 @@ def storage_errors(place: Path) -> Iterator[None]:
 
 
 class Database:
-    """The connection and its thread. A write returns once its commit is on the disk."""
+    """The connection and its thread. A write returns once its commit is on the disk.
 
-    def __init__(self, path: Path, *, migrate: bool = True, at: Failpoints = NO_FAILPOINTS) -> None:
+    `guard` is called before and after each write, in the thread, and raises StorageInconsistent when nothing must be
+    written: what is acknowledged was written to the store that is at `path`.
+    """
+
+    def __init__(
+        self, path: Path, *, migrate: bool = True, read_only: bool = False, at: Failpoints = NO_FAILPOINTS
+    ) -> None:
         """Opens or creates the database. Raises StorageError, StorageTooNew.
 
         `migrate` False: raises StorageError when the schema is older than SCHEMA_VERSION.
         """
         self.path, self._at = path, at
+        self.guard: Callable[[], None] = _allow
         self._commit_callbacks: list[Callable[[], None]] = []
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
         try:
-            self._connection = self.thread.submit(_connect, path, migrate).result()
+            connect = _connect_read_only if read_only else partial(_connect, migrate=migrate)
+            self._connection = self.thread.submit(connect, path).result()
         except BaseException:
             self.thread.shutdown()
             raise
@@ -63,16 +79,7 @@ class Database:
 
     async def write(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
         """Run `change` as one transaction; returns its result. Raises StorageError."""
-
-        def transaction() -> Answer:
-            with self._connection:
-                self._connection.execute("BEGIN IMMEDIATE")
-                answer = change(self._connection)
-                self._at.reach("before commit")
-            self._at.reach("after commit")
-            return answer
-
-        answer = await self._in_thread(transaction)
+        answer = await self._in_thread(lambda: self._transaction(change))
         for callback in self._commit_callbacks:
             callback()
         return answer
@@ -82,8 +89,19 @@ class Database:
         self._commit_callbacks.append(callback)
 
     async def run(self, work: Callable[[], Answer], place: Path) -> Answer:
-        """Run blocking work on files in the connection's thread, so that files and rows are written in order."""
+        """Run blocking reading of files in the connection's thread."""
         return await self._in_thread(work, place)
+
+    async def write_files(self, work: Callable[[], Answer], place: Path) -> Answer:
+        """Run blocking work on files in the connection's thread, so that files and rows are written in order."""
+
+        def guarded() -> Answer:
+            self.guard()
+            answer = work()
+            self.guard()
+            return answer
+
+        return await self._in_thread(guarded, place)
 
     async def close(self) -> None:
         await self._in_thread(self._connection.close)
@@ -103,6 +121,25 @@ class Database:
         self.thread.submit(self._connection.close).result()
         self.thread.shutdown()
 
+    def write_now(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
+        """Like `write`, for commands without an event loop."""
+
+        def run_change() -> Answer:
+            with storage_errors(self.path):
+                return self._transaction(change)
+
+        return self.thread.submit(run_change).result()
+
+    def _transaction(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
+        self.guard()
+        with self._connection:
+            self._connection.execute("BEGIN IMMEDIATE")
+            answer = change(self._connection)
+            self._at.reach("before commit")
+        self._at.reach("after commit")
+        self.guard()
+        return answer
+
     async def _in_thread(self, work: Callable[[], Answer], place: Path | None = None) -> Answer:
         def run_work() -> Answer:
             with storage_errors(place or self.path):
@@ -111,9 +148,27 @@ class Database:
         return await asyncio.get_running_loop().run_in_executor(self.thread, run_work)
 
 
+def _allow() -> None:
+    """The guard of a store without one."""
+
+
+def _connect_read_only(path: Path) -> sqlite3.Connection:
+    with storage_errors(path):
+        uri = f"{path.resolve().as_uri()}?mode=ro"
+        connection = sqlite3.connect(uri, uri=True, check_same_thread=False, isolation_level=None)
+        try:
+            connection.execute("PRAGMA query_only = ON")
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+
 def _connect(path: Path, migrate: bool) -> sqlite3.Connection:
     with storage_errors(path):
         make_folder(path.parent)
+        _make_file(path)
         connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
         try:
             _prepare(connection, path, migrate)
@@ -121,6 +176,15 @@ def _connect(path: Path, migrate: bool) -> sqlite3.Connection:
             connection.close()
             raise
         return connection
+
+
+def _make_file(path: Path) -> None:
+    """Make the database file for owner and group; SQLite gives its other files the same mode.
+
+    A file that is there is not opened: closing it would release the locks of this process' other connections.
+    """
+    with suppress(FileExistsError):
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
 
 
 def _prepare(connection: sqlite3.Connection, path: Path, migrate: bool) -> None:

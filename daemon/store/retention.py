@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import shutil
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Metric
 from daemon.runtime.workers import Workers
 from daemon.store.database import storage_errors
-from daemon.store.store import Store
+from daemon.store.store import RUN_BYTES, Store
 
 log = logging.getLogger(__name__)
 
@@ -84,13 +83,14 @@ class Retention:
             log.info("%d pictures of old runs were removed", len(removed))
         latest = [self.store.run_folder(run.id) for run in runs[:SIZE_SAMPLE_RUNS]]
         self._run_bytes = await self.workers.run(_mean_bytes, latest)
+        self.store.run_bytes = self._run_bytes or RUN_BYTES
         return removed
 
     def warnings(self) -> list[str]:
         """A warning when fewer than MIN_ROOM_RUNS more runs fit on the disk."""
-        if not self._run_bytes:
+        if not self._run_bytes or self.store.fault is not None:
             return []
-        free = shutil.disk_usage(self.store.folder).free - self.settings.reserve_mb * 1e6
+        free = self.store.free_bytes() - self.settings.reserve_mb * 1e6
         room = max(0, int(free / self._run_bytes))
         if room >= MIN_ROOM_RUNS:
             return []

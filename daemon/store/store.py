@@ -1,5 +1,7 @@
 """The persistent store of runs, calibrations and scans. Every write is on the disk when its call returns."""
 
+import asyncio
+import shutil
 import sqlite3
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -9,7 +11,7 @@ from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
-from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound
+from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound, StorageFull, StorageInconsistent
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord, ScanRecord, ScanViewRecord, Unit
 from daemon.model.run_states import FINAL_STATES
 from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
@@ -17,10 +19,10 @@ from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
-from daemon.store.database import DATABASE_NAME, Database
+from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
-from daemon.store.lock import FolderLock
+from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
 
 _UPDATE_RUN = (
@@ -31,20 +33,24 @@ _UPDATE_RUN = (
 _CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrations"
 
 
+RUN_BYTES = 20e6
+"""What a run takes on the disk, until the sizes of the latest runs are known."""
+
+
 class Store:
     """SQLite, and large files beside it in the folders runs/ID/ and scans/ID/, which the command line reads too."""
 
     def __init__(self, folder: Path, write_file: WriteFile | None = None, at: Failpoints = NO_FAILPOINTS) -> None:
-        """Open or create the store in `folder` and lock it. Raises StorageError, StorageTooNew, StorageInUse."""
+        """Open or create the store in `folder` and lock it. A store with a fault is opened for reading only.
+
+        Raises StorageError, StorageTooNew, StorageInUse.
+        """
         self.folder = folder
         self._write_file = write_file or partial(write_durably, at=at)
         self._at = at
-        self._lock = FolderLock(folder / f"{DATABASE_NAME}.in-use")
-        try:
-            self._database = Database(folder / DATABASE_NAME, at=at)
-        except BaseException:
-            self._lock.release()
-            raise
+        self._opened = LockedStore(folder, at)
+        self._database = self._opened.database
+        self.run_bytes = RUN_BYTES
         self.idempotency_keys = IdempotencyKeys(self._database)
         self.stored_events = StoredEvents(self._database)
         self.outbox = Outbox(self._database)
@@ -53,7 +59,48 @@ class Store:
 
     async def close(self) -> None:
         await self._database.close()
-        self._lock.release()
+        self._opened.lock.release()
+
+    @property
+    def fault(self) -> StoreFault | None:
+        """Why nothing is written and no run is started; None while the store is sound."""
+        return self._opened.guard.find_fault()
+
+    async def check(self, *, whole: bool = False) -> StoreFault | None:
+        """Look for faults: at the end of the audit log, or with `whole` at every page and row.
+
+        A fault that was found stays until the store is opened again. Raises StorageError.
+        """
+        guard = self._opened.guard
+        if (fault := guard.find_fault()) is None:
+            guard.fault = await (
+                asyncio.to_thread(find_fault, self._database.path) if whole else self.audit.find_fault()
+            )
+            fault = guard.fault
+        return fault
+
+    def obstacles(self) -> tuple[str, ...]:
+        """Why no run can be stored now: a fault, or too little space on the disk."""
+        if (fault := self.fault) is not None:
+            return (fault.what,)
+        return () if self.free_bytes() >= self.run_bytes else (self._full(),)
+
+    async def require_ready(self) -> None:
+        """Before a run. Raises StorageInconsistent, or StorageFull when it does not fit on the disk."""
+        if (fault := await self.check()) is not None:
+            raise StorageInconsistent(fault.what, fault.fix)
+        if self.free_bytes() < self.run_bytes:
+            raise StorageFull(self._full(), "free some space there, or lower [storage] keep_runs")
+
+    def free_bytes(self) -> int:
+        """Free space on the store's disk; 0 when the folder is not there."""
+        try:
+            return shutil.disk_usage(self.folder).free
+        except OSError:
+            return 0
+
+    def _full(self) -> str:
+        return f"the disk of {self.folder} has no room for a run, which takes about {self.run_bytes / 1e6:.0f} MB"
 
     # runs
 
@@ -230,7 +277,7 @@ class Store:
 
     async def write_file(self, path: Path, blocks: Iterable[bytes]) -> None:
         """Write a file atomically and durably. Raises StorageError."""
-        await self._database.run(lambda: self._write_file(path, blocks), path)
+        await self._database.write_files(lambda: self._write_file(path, blocks), path)
 
     async def read_file(self, path: Path) -> bytes:
         """The content of a file of the store. Raises NotFound, StorageError."""

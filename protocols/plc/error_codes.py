@@ -62,6 +62,7 @@ ERROR_CODES: dict[str, tuple[int, str]] = {
     "storage-too-new": (62, "the store was written by a newer release"),
     "storage-in-use": (63, "another daemon uses the store"),
     "not-found": (64, "no such thing is stored"),
+    "storage-inconsistent": (65, "the store is damaged, cut off, moved or replaced"),
     "internal-error": (90, "a defect of handeyed: report it with the log"),
 }
 

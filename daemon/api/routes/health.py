@@ -1,6 +1,5 @@
 """GET /, /health, /ready and /metrics."""
 
-import shutil
 from typing import get_args
 
 from fastapi import APIRouter, Request, Response
@@ -41,6 +40,7 @@ async def readiness(app: Application) -> ReadyDocument:
     calibrate = [*await app.cell.obstacles()]
     if (run := app.supervisor.in_progress) is not None:
         calibrate = [f"{run.kind} run {run.id} is in progress"]
+    calibrate += app.store.obstacles()
     register: list[str] = []
     try:
         await app.store.current()
@@ -56,8 +56,8 @@ async def readiness(app: Application) -> ReadyDocument:
 
 
 def _disk_warnings(app: Application) -> list[str]:
-    free_mb = shutil.disk_usage(app.store.folder).free / 1e6
-    if free_mb >= app.settings.storage.reserve_mb:
+    free_mb = app.store.free_bytes() / 1e6
+    if app.store.fault is not None or free_mb >= app.settings.storage.reserve_mb:
         return []
     return [f"only {free_mb:.0f} MB are left on the disk of {app.store.folder}: free some space"]
 
@@ -85,7 +85,7 @@ async def _families(app: Application) -> list[Metric]:
                 for kind in get_args(RunKind) for state in sorted(FINAL_STATES)}),
         Metric("handeyed_uptime_seconds", "gauge", "Since the daemon started.", {(): app.uptime_s()}),
         Metric("handeyed_disk_free_bytes", "gauge", "Free where the store lies.",
-               {(): float(shutil.disk_usage(app.store.folder).free)}),
+               {(): float(app.store.free_bytes())}),
         *app.metrics.families(),
         *(family for source in app.metric_sources for family in source.families()),
     ]  # fmt: skip

@@ -1,13 +1,15 @@
 """A disk that refuses while the daemon works: it says so, stays up, and goes on when there is room again."""
 
 import errno
+import shutil
+from collections import namedtuple
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from daemon.store.store import Store
-from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import PLY, POSES, cloud
 from tests.daemon.fakes import ply_of
 
@@ -58,3 +60,16 @@ async def test_what_cannot_be_saved_is_reported_and_the_daemon_goes_on(
         assert done["state"] == "finished"
         listed = (await bench.client.get(scan["links"]["self"])).json()["views"]
         assert [each["view"] for each in listed] == [*range(1 + first.is_success)]
+
+
+async def test_no_run_is_started_when_the_disk_has_no_room_for_it(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = namedtuple("usage", "free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: usage(1_000_000))
+    ready = await bench.client.get("/ready")
+    assert (ready.status_code, ready.json()["calibrate"]["ready"]) == (503, False)
+    assert "has no room for a run" in ready.json()["calibrate"]["reasons"][0]
+    refused = await bench.client.post("/calibrate")
+    assert (refused.status_code, refused.json()["code"]) == (507, "storage-full")
+    assert bench.robot.goals == []

@@ -1,0 +1,94 @@
+"""Watches the store while the daemon runs: anchors the audit log, and reports a store that is no longer sound."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from daemon.errors import StorageError, StorageInconsistent
+from daemon.runtime.event_bus import EventBus
+from daemon.runtime.metrics import Metric
+from daemon.store.consistency import StoreFault
+from daemon.store.store import Store
+
+log = logging.getLogger(__name__)
+
+ANCHOR_S = 10.0
+"""Interval of anchoring the audit log."""
+
+CHECK_S = 60.0
+"""Interval of comparing the files and the anchor with what is open."""
+
+WHOLE_CHECK_S = 24 * 3600.0
+"""Interval of reading every page and every row of the audit log; the first time CHECK_S after the start."""
+
+
+@dataclass(eq=False)
+class StoreMonitor:
+    """Background service. A fault is reported once: in the log and as event `store`; then by /ready and metrics."""
+
+    store: Store
+    events: EventBus
+    _reported: StoreFault | None = field(default=None, init=False)
+    _tasks: tuple[asyncio.Task[None], ...] = field(default=(), init=False)
+
+    async def start(self) -> None:
+        self._report(self.store.fault)
+        self._tasks = (
+            asyncio.create_task(_repeat(self.anchor, ANCHOR_S, ANCHOR_S)),
+            asyncio.create_task(_repeat(self.check, CHECK_S, CHECK_S)),
+            asyncio.create_task(_repeat(self.check_whole, CHECK_S, WHOLE_CHECK_S)),
+        )
+
+    async def stop(self) -> None:
+        for task in self._tasks:
+            task.cancel()
+            with suppress(asyncio.CancelledError):
+                await task
+
+    async def anchor(self) -> None:
+        """Write the anchor, unless the store has a fault. Raises StorageError."""
+        try:
+            await self.store.audit.anchor()
+        except StorageInconsistent:
+            await self.check()
+
+    async def check(self) -> None:
+        """Compare the files and the anchor with what is open. Raises StorageError."""
+        self._report(await self.store.check())
+
+    async def check_whole(self) -> None:
+        """Read every page and every row of the audit log. Raises StorageError."""
+        self._report(await self.store.check(whole=True))
+
+    def warnings(self) -> list[str]:
+        """The fault and what to do about it, for GET /ready."""
+        fault = self.store.fault
+        return [] if fault is None else [f"{fault.what}: {fault.fix}"]
+
+    def families(self) -> Iterable[Metric]:
+        """The families of GET /metrics."""
+        sound = float(self.store.fault is None)
+        return [Metric("handeyed_store_sound", "gauge", "0 while the store is damaged, cut off, moved or replaced.",
+                       {(): sound})]  # fmt: skip
+
+    def _report(self, fault: StoreFault | None) -> None:
+        if fault == self._reported:
+            return
+        self._reported = fault
+        if fault is None:
+            log.warning("the store is sound again")
+        else:
+            log.error("%s: nothing is written and no run is started; %s", fault.what, fault.fix)
+        self.events.publish("store", {"sound": fault is None, "what": fault and fault.what, "fix": fault and fault.fix})
+
+
+async def _repeat(act: Callable[[], Awaitable[None]], first_s: float, interval_s: float) -> None:
+    await asyncio.sleep(first_s)
+    while True:
+        try:
+            await act()
+        except StorageError as error:
+            log.warning("the store could not be checked or anchored: %s", error)
+        await asyncio.sleep(interval_s)

@@ -1,0 +1,51 @@
+"""Opens a store: locked, restored to the end, checked, and guarded against writing where it should not."""
+
+from pathlib import Path
+
+from daemon.errors import StorageInconsistent
+from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
+from daemon.store.consistency import OpenFiles, StoreFault, find_fault
+from daemon.store.database import DATABASE_NAME, Database
+from daemon.store.lock import FolderLock
+from daemon.store.restore import finish_restore
+
+MAX_CHECK_S = 5.0
+"""How long the start looks at the pages of the database; the rest is looked at while the daemon works."""
+
+MAX_CHECK_ROWS = 10_000
+"""How many of the latest rows of the audit log the start checks."""
+
+
+class WriteGuard:
+    """Refuses writing to a store with a fault, or one whose files are no longer where they were opened."""
+
+    def __init__(self, files: OpenFiles, fault: StoreFault | None = None) -> None:
+        self.fault, self._files = fault, files
+
+    def find_fault(self) -> StoreFault | None:
+        """The fault that was found, or what is wrong with the files now."""
+        return self.fault or self._files.find_fault()
+
+    def __call__(self) -> None:
+        """Raises StorageInconsistent."""
+        if (fault := self.find_fault()) is not None:
+            raise StorageInconsistent(fault.what, fault.fix)
+
+
+class LockedStore:
+    """The lock, the database and its guard. With a fault the database is opened for reading only."""
+
+    def __init__(self, folder: Path, at: Failpoints = NO_FAILPOINTS) -> None:
+        """Raises StorageError, StorageTooNew, StorageInUse; StorageInconsistent when there is nothing to read."""
+        self.lock = FolderLock(folder)
+        try:
+            finish_restore(folder)
+            path = folder / DATABASE_NAME
+            fault = find_fault(path, MAX_CHECK_S, MAX_CHECK_ROWS)
+            if fault is not None and not path.exists():
+                raise StorageInconsistent(fault.what, fault.fix)
+            self.database = Database(path, read_only=fault is not None, at=at)
+            self.database.guard = self.guard = WriteGuard(OpenFiles(folder), fault)
+        except BaseException:
+            self.lock.release()
+            raise
