@@ -85,7 +85,7 @@ def build(
         key_service=KeyService(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         services=(monitor, webhooks, retention, drift, schedule, *plc),
-        warning_sources=(monitor, webhooks, retention, drift),
+        warning_sources=(monitor, webhooks, retention, drift, schedule),
         metric_sources=(monitor, webhooks, retention, drift, *plc),
     )
 

@@ -11,6 +11,7 @@ DaemonError
 ├── PictureUnusable       the camera's picture cannot be used
 ├── NoPoses               there are no poses, or too few
 ├── PoseRefused           a pose lies outside what the settings allow; `station`
+│   └── PathRefused       the flange would leave the box on the way to a pose; `along`, `flange_mm`, `outside_mm`
 ├── NotFound              no such run, calibration, scan, frame, view or page
 ├── RunOver               the run has ended; there is nothing to abort
 ├── NotWaiting            the run drives the arm itself, it waits for no operator
@@ -37,7 +38,10 @@ DaemonError
 └── Stopping              the daemon is shutting down
 """
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
+
+if TYPE_CHECKING:
+    from calibration.kinematics.joint_path import OutsideBox
 
 
 class DaemonError(Exception):
@@ -130,6 +134,25 @@ class PoseRefused(DaemonError):
     def __init__(self, station: int, what: str, fix: str) -> None:
         self.station = station
         super().__init__(f"station {station}: {what}", fix)
+
+
+class PathRefused(PoseRefused):
+    """The flange would leave the box on the way to a pose.
+
+    `along`: the fraction of the move, 0 where the arm stands; `flange_mm`, `outside_mm`: where it would be furthest.
+    """
+
+    def __init__(self, station: int, found: "OutsideBox", box: str) -> None:
+        self.along, self.outside_mm = found.along, found.outside_mm
+        self.flange_mm: tuple[float, ...] = tuple(float(x) for x in found.flange_mm)
+        at = ", ".join(f"{x:.1f}" for x in self.flange_mm)
+        if self.along == 0:
+            what, fix = f"before this move the flange stands at ({at}) mm", "jog the arm into the box"
+        else:
+            what = f"at {100 * self.along:.0f} % of the way the flange would be at ({at}) mm"
+            fix = "put a pose between the two, further inside"
+        what = f"{what}, {self.outside_mm:.1f} mm outside the box {box}"
+        super().__init__(station, what, f"{fix}; or correct [robot] box_mm")
 
 
 class NotFound(DaemonError):

@@ -79,6 +79,7 @@ class Operations:
                 sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
                 begun = _run_plan(count, sequence, session, self._calibration_run(compared=True).drive)
                 return replace(begun, first_state=RunState.WAITING, requests=requests)
+            await self._check_poses()
             sequence = partial(AdaptiveSequence, route, self.cell, self.workers)
             return _run_plan(count, sequence, session, self._calibration_run(compared=False).drive)
 
@@ -104,6 +105,7 @@ class Operations:
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
                 return _run_plan(len(poses), await self._fixed_sequence(poses), session, run.drive)
+            await self._check_poses()
             wish = StoppingRule(VERIFY_POSITIONS)
             route = adaptive_parameters(settings, self.rules, target, SceneGuess.from_calibration(calibration), wish)
 
@@ -196,9 +198,10 @@ class Operations:
             current = None
         return SceneGuess.of(self.settings.calibration, intrinsics.camera() if intrinsics else None, current)
 
-    async def _check_poses(self, poses: tuple[TaughtPose, ...]) -> None:
+    async def _check_poses(self, poses: tuple[TaughtPose, ...] = ()) -> None:
+        """Check where the arm stands, and every move to and between the poses. Raises PoseRefused, DeviceError."""
         joints = await self.cell.robot.read_joints() if self.rules.arm else None
-        self.rules.check_poses(poses, joints)
+        await self.workers.run(self.rules.check_poses, poses, joints)
 
     async def _fixed_sequence(self, poses: tuple[TaughtPose, ...]) -> MakeSequence:
         await self._check_poses(poses)

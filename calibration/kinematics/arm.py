@@ -5,6 +5,7 @@ The wrist centre is decoupled after Pieper; the eight closed-form branches are n
 reference, confdata), so that a branch is found by its configuration and not by search.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -23,6 +24,8 @@ QUADRANT_SLACK_RAD = 1e-4
 SINGULAR_EXACT = 1e-10
 SINGULAR_ON_THE_WIRE = 1e-6
 """Sine of axis 5 below which a float32 quaternion no longer determines axes 4 and 6 separately."""
+STRAIGHT_WRIST_SAMPLES = 19
+"""Values of axis 4 that stand for its quarter turn where it is free: one every 5°."""
 
 RIGID_TOLERANCE = 1e-6
 _BEHIND_AXIS_1, _BEHIND_LOWER_ARM, _AXIS_5_NEGATIVE = 4, 2, 1
@@ -192,16 +195,34 @@ class Arm:
 
         Raises as `inverse`, and OtherConfiguration when the pose is only reachable in another configuration.
         """
-        if len(configuration) != 4:
-            raise GeometryError(f"confdata has four numbers (cf1, cf4, cf6, cfx), got {len(configuration)}")
-        wanted = Configuration(*configuration)
-        near = _middle_of(wanted) if near_rad is None else _joints(near_rad)
-        solutions = self._within_limits(np.asarray(base_T_flange, float), near, SINGULAR_ON_THE_WIRE)
-        fitting = solutions[[self._has_configuration(joints, wanted) for joints in solutions]]
-        if not len(fitting):
-            raise OtherConfiguration(wanted, tuple(dict.fromkeys(self.configuration(joints) for joints in solutions)))
+        near = _middle_of(_checked(configuration)) if near_rad is None else _joints(near_rad)
+        fitting = self._all_matching(np.asarray(base_T_flange, float), _checked(configuration), near)
         best: Array = fitting[np.argmin(np.abs(fitting - near).max(-1))]
         return best
+
+    def all_matching(
+        self, base_T_flange: ArrayLike, configuration: tuple[int, int, int, int], near_rad: ArrayLike
+    ) -> Array:
+        """The solutions (n, 6) in that configuration, of which the controller takes one. Raises as `matching`.
+
+        Rarely more than one: with a straight wrist only the sum of axes 4 and 6 is determined, and there is one for
+        every 5° of axis 4 within its quarter turn.
+        """
+        wanted, near, pose = _checked(configuration), _joints(near_rad), np.asarray(base_T_flange, float)
+        found = [self._all_matching(pose, wanted, near)]
+        if np.abs(np.sin(found[0][:, 4])).min() < SINGULAR_ON_THE_WIRE:
+            for axis_4 in (wanted.cf4 + np.linspace(0.0, 1.0, STRAIGHT_WRIST_SAMPLES)) * np.pi / 2:
+                with suppress(UnreachablePoseError):
+                    found.append(self._all_matching(pose, wanted, np.array([*near[:3], axis_4, *near[4:]])))
+        return np.concatenate(found)
+
+    def _all_matching(self, base_T_flange: Array, wanted: Configuration, near: Array) -> Array:
+        """The solutions (n, 6), n >= 1, in that configuration; a free joint is as in `near`. Raises as `matching`."""
+        solutions = self._within_limits(base_T_flange, near, SINGULAR_ON_THE_WIRE)
+        fitting: Array = solutions[[self._has_configuration(joints, wanted) for joints in solutions]]
+        if not len(fitting):
+            raise OtherConfiguration(wanted, tuple(dict.fromkeys(self.configuration(joints) for joints in solutions)))
+        return fitting
 
     def configuration(self, joints_rad: ArrayLike) -> Configuration:
         """ABB confdata of joints (6,)."""
@@ -308,6 +329,12 @@ def _poses(base_T_flange: ArrayLike) -> Array:
     if off > RIGID_TOLERANCE or np.any(np.linalg.det(rotation) < 0):
         raise GeometryError(f"base_T_flange holds no rotation (off by {off:.3g}, or mirrored): normalise it first")
     return pose
+
+
+def _checked(configuration: tuple[int, ...]) -> Configuration:
+    if len(configuration) != 4:
+        raise GeometryError(f"confdata has four numbers (cf1, cf4, cf6, cfx), got {len(configuration)}")
+    return Configuration(*configuration)
 
 
 def _middle_of(configuration: Configuration) -> Array:

@@ -1,9 +1,10 @@
-"""Check of which poses an arm can take without changing its posture on the way."""
+"""Check of which poses an arm can take without changing its posture or leaving its box on the way."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.kinematics.arm import LIMIT_SLACK_RAD, Arm
+from calibration.kinematics.joint_path import Box, stay_in_box
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
 
@@ -11,30 +12,37 @@ MIN_SINGULARITY_CLEARANCE = 0.08
 """Least distance to a singularity (see `Arm.singularity_clearance`): about 5° of axis 5."""
 
 
-def reachable_by(arm: Arm, joints_now_rad: Array | None = None, travel_rad: float = np.inf) -> Reachable:
+def reachable_by(
+    arm: Arm, joints_now_rad: Array | None = None, travel_rad: float = np.inf, box: Box | None = None
+) -> Reachable:
     """A function that marks the poses (n, 4, 4) with a solution within the joint limits, clear of singularities.
 
-    With `joints_now_rad` (6,) only in the arm's present posture (cfx), so that no move flips elbow or wrist, and with
-    a travel of at most `travel_rad` for every joint.
+    With `joints_now_rad` (6,) only in the arm's present posture (cfx), so that no move flips elbow or wrist, with a
+    travel of at most `travel_rad` for every joint, and with a joint move that keeps the flange in `box` on its way.
     """
-    postures = slice(None) if joints_now_rad is None else [arm.configuration(joints_now_rad).cfx]
-    lower, upper = np.array(arm.lower_rad) - LIMIT_SLACK_RAD, np.array(arm.upper_rad) + LIMIT_SLACK_RAD
 
     def reachable(base_T_flange: Array) -> NDArray[np.bool_]:
-        joints = arm.branches(base_T_flange, joints_now_rad)[:, postures]
+        joints = _nearest_turns(arm, arm.branches(base_T_flange, joints_now_rad), joints_now_rad)
         solved: NDArray[np.bool_] = np.all(np.isfinite(joints), axis=-1)
         joints = np.where(solved[:, :, None], joints, 0.0)
-        # Each angle plus whole turns, the lowest not below its lower limit; reachable if not above the upper one.
-        lowest = lower + np.mod(joints - lower, 2 * np.pi)
-        in_limits = lowest <= upper
-        if joints_now_rad is not None and np.isfinite(travel_rad):
-            turns = np.round((joints_now_rad - lowest) / (2 * np.pi))
-            nearest = lowest + 2 * np.pi * np.clip(turns, 0, np.floor((upper - lowest) / (2 * np.pi)))
-            in_limits &= np.abs(nearest - joints_now_rad) <= travel_rad
-        possible: NDArray[np.bool_] = (
-            solved & np.all(in_limits, axis=-1) & (arm.singularity_clearance(joints) >= MIN_SINGULARITY_CLEARANCE)
-        )
-        result: NDArray[np.bool_] = np.any(possible, axis=-1)
+        possible = solved & (arm.singularity_clearance(joints) >= MIN_SINGULARITY_CLEARANCE)
+        if joints_now_rad is None:
+            return np.asarray(possible.any(axis=-1))
+        posture = arm.configuration(joints_now_rad).cfx
+        joints, possible = joints[:, posture], possible[:, posture]
+        result: NDArray[np.bool_] = possible & (np.abs(joints - joints_now_rad).max(axis=-1) <= travel_rad)
+        if box is not None and result.any():
+            result[result] = stay_in_box(arm, joints_now_rad, joints[result], box)
         return result
 
     return reachable
+
+
+def _nearest_turns(arm: Arm, joints_rad: Array, near_rad: Array | None) -> Array:
+    """Joints (..., 6) with whole turns added, as near to `near_rad` as the limits allow; NaN outside them."""
+    lower, upper = np.array(arm.lower_rad) - LIMIT_SLACK_RAD, np.array(arm.upper_rad) + LIMIT_SLACK_RAD
+    near = np.zeros(6) if near_rad is None else near_rad
+    lowest = lower + np.mod(joints_rad - lower, 2 * np.pi)
+    turns = np.clip(np.round((near - lowest) / (2 * np.pi)), 0, np.floor((upper - lowest) / (2 * np.pi)))
+    result: Array = np.where(lowest <= upper, lowest + 2 * np.pi * turns, np.nan)
+    return result

@@ -88,6 +88,7 @@ def status_text(status: CalibrateStatus, base_url: str) -> str:
         run = status.last_run
         lines.append(f"the last calibration run, {run.id}, {run.state}" + (f": {run.cause.what}" if run.cause else ""))
     lines += [f"not ready: {reason}" for reason in status.reasons]
+    lines += [f"warning: {warning}" for warning in status.warnings]
     lines.append(f"poses: {status.poses}; applied by {status.policy}")
     lines.append(f"start:  curl -X POST -H 'Accept: text/plain' '{base_url}calibrate?wait=120'")
     return "\n".join(lines)

@@ -1,25 +1,41 @@
 """Limits of commanded motion: box, reach, posture, joint travel and speed; and the move to a pose."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import Arm, UnreachablePoseError
+from calibration.kinematics.joint_path import Box, leaves_box
 from calibration.planning.reachability import reachable_by
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
 from daemon.config.settings import RobotSettings, TaughtPose
-from daemon.errors import PoseRefused
+from daemon.errors import PathRefused, PoseRefused
 from drivers.interfaces import MoveGoal, PoseReading, Posture, Robot
 
 MAX_PLANNED_TRAVEL_DEG = 120.0
 """Limit of joint travel in one move to a planned pose: short moves are easy to foresee, and cost no accuracy."""
 
+BOX_SLACK_MM = 0.5
+"""An arm that stands at a pose on a face of the box may be reported this far outside."""
+
+MAX_MODEL_ERROR_MM = 10.0
+"""Limit of the difference between the flange's position by the arm's axes and as reported; calibrated arms have 1."""
+
+GOALS_ONLY = (
+    "the box is checked at goals only, not on the way between them: the arm is not known."
+    " Choose poses between which the arm stays inside, or set [robot] model"
+)
+
 
 @dataclass(frozen=True)
 class MotionRules:
-    """The checks before each move; the controller makes its own as well."""
+    """The checks before each move; the controller makes its own as well.
+
+    Of a known arm the whole path of the flange is checked, of another one the goal only.
+    """
 
     robot: RobotSettings
     arm: Arm | None
@@ -29,52 +45,100 @@ class MotionRules:
         return cls(robot, find_arm(robot.model) if robot.model else None)
 
     def check_poses(self, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> None:
-        """Check that all poses lie in the box and, for a known arm, can be reached in turn. Raises PoseRefused."""
+        """Check all poses and, for a known arm, where it stands and every move from one pose to the next.
+
+        Joints None: only that each pose lies in the box. Raises PoseRefused.
+        """
+        if self.arm is not None and joints_now_rad is not None:
+            self._check_path(1, self.arm, joints_now_rad, joints_now_rad)
         for station, pose in enumerate(poses, start=1):
             self.check_inside_box(station, pose)
             if self.arm is not None and joints_now_rad is not None:
-                joints_now_rad = self._joints(station, pose, self.arm, joints_now_rad)
+                joints_now_rad = self._check_move(station, pose, self.arm, joints_now_rad)
 
     def check_inside_box(self, station: int, pose: TaughtPose) -> None:
         """Raises PoseRefused when the flange's origin at `pose` lies outside the box."""
         if not self.robot.inside_box(pose.transform()):
-            at = ", ".join(f"{x:.1f}" for x in pose.translation_mm)
-            low, high = (", ".join(f"{x:g}" for x in corner) for corner in self.robot.box_mm)
             raise PoseRefused(
                 station,
-                f"the flange would stand at ({at}) mm, outside the box from ({low}) to ({high})",
+                f"the flange would stand at {_text(pose.translation_mm)} mm, outside the box {self._box_text()}",
                 "choose another pose, or correct [robot] box_mm",
             )
+
+    def warnings(self) -> list[str]:
+        """What these rules cannot check, for GET /calibrate."""
+        return [] if self.arm else [GOALS_ONLY]
 
     async def goal(self, station: int, pose: TaughtPose, robot: Robot) -> MoveGoal:
         """The move from the present pose to `pose`. Raises PoseRefused, DeviceError."""
         self.check_inside_box(station, pose)
         here = await robot.read_pose()
-        posture = await self._posture(station, pose, robot, here)
         return MoveGoal(
             base_T_flange=pose.transform(),
-            posture=posture,
+            posture=await self._posture(station, pose, robot, here),
             external_axes=here.external_axes,
             speed_mm_s=self.robot.speed_mm_s,
         )
 
     async def _posture(self, station: int, pose: TaughtPose, robot: Robot, here: PoseReading) -> Posture:
         """As taught; else the posture with the least joint travel; else the posture the arm has now."""
-        if pose.configuration is not None:
-            return pose.configuration
         if self.arm is None:
-            return here.posture
-        return self.arm.configuration(self._joints(station, pose, self.arm, await robot.read_joints()))
+            return pose.configuration or here.posture
+        joints_now_rad = await robot.read_joints()
+        self._check_model(station, self.arm, joints_now_rad, here)
+        joints = self._check_move(station, pose, self.arm, joints_now_rad)
+        return pose.configuration or self.arm.configuration(joints)
 
-    def _joints(self, station: int, pose: TaughtPose, arm: Arm, near_rad: Array) -> Array:
+    def _check_model(self, station: int, arm: Arm, joints_now_rad: Array, here: PoseReading) -> None:
+        """Raises PoseRefused when the arm's axes and its flange contradict the model, with which paths are computed."""
+        off_mm = float(np.linalg.norm(arm.forward(joints_now_rad)[:3, 3] - here.base_T_flange[:3, 3]))
+        if off_mm > MAX_MODEL_ERROR_MM:
+            raise PoseRefused(
+                station,
+                f"by the axes of {arm.name} the flange is {off_mm:.0f} mm from where the controller reports it",
+                "correct [robot] model; leave it out when the base frame is not the world frame, or on a track",
+            )
+
+    def _check_move(self, station: int, pose: TaughtPose, arm: Arm, start_rad: Array) -> Array:
+        """Check reach, joint travel and path of the move from `start_rad` (6,); returns the joints at its end.
+
+        For a pose without configuration the nearest solution, else the nearest in the posture that the arm has now:
+        turning elbow or wrist over takes a way that nobody expects.
+        """
+        if pose.configuration is not None:
+            return self._check_solutions(station, pose, pose.configuration, arm, start_rad)
         try:
-            if pose.configuration is not None:
-                joints = arm.matching(pose.transform(), pose.configuration, near_rad)
-            else:
-                joints = arm.nearest(pose.transform(), near_rad)
+            nearest = arm.nearest(pose.transform(), start_rad)
+            all_solutions = arm.inverse(pose.transform(), start_rad)
         except UnreachablePoseError as error:
             raise PoseRefused(station, error.what, error.fix) from None
-        travel_deg = np.degrees(np.abs(joints - near_rad))
+        try:
+            return self._check_solutions(station, pose, arm.configuration(nearest), arm, start_rad)
+        except PoseRefused:
+            posture = arm.configuration(start_rad).cfx
+            kept = [joints for joints in all_solutions if arm.configuration(joints).cfx == posture]
+            if not kept or arm.configuration(nearest).cfx == posture:
+                raise
+        nearest = min(kept, key=lambda joints: float(np.abs(joints - start_rad).max()))
+        return self._check_solutions(station, pose, arm.configuration(nearest), arm, start_rad)
+
+    def _check_solutions(
+        self, station: int, pose: TaughtPose, configuration: Posture, arm: Arm, start_rad: Array
+    ) -> Array:
+        """Check every move that the controller may make to the pose in that configuration; returns the nearest end."""
+        cf1, cf4, cf6, cfx = configuration
+        try:
+            ends = arm.all_matching(pose.transform(), (cf1, cf4, cf6, cfx), start_rad)
+        except UnreachablePoseError as error:
+            raise PoseRefused(station, error.what, error.fix) from None
+        for end_rad in ends:
+            self._check_travel(station, start_rad, end_rad)
+            self._check_path(station, arm, start_rad, end_rad)
+        nearest: Array = ends[np.abs(ends - start_rad).max(-1).argmin()]
+        return nearest
+
+    def _check_travel(self, station: int, start_rad: Array, end_rad: Array) -> None:
+        travel_deg = np.degrees(np.abs(end_rad - start_rad))
         if travel_deg.max() > self.robot.joint_travel_deg:
             raise PoseRefused(
                 station,
@@ -82,12 +146,27 @@ class MotionRules:
                 f" (limit {self.robot.joint_travel_deg:g}°)",
                 "put a pose between the two, choose a nearer one, or raise [robot] joint_travel_deg",
             )
-        return joints
+
+    def _check_path(self, station: int, arm: Arm, start_rad: Array, end_rad: Array) -> None:
+        found = leaves_box(arm, start_rad, end_rad, self._box, BOX_SLACK_MM)
+        if found is not None:
+            raise PathRefused(station, found, self._box_text())
+
+    @property
+    def _box(self) -> Box:
+        return Box(*self.robot.box_mm)
+
+    def _box_text(self) -> str:
+        low, high = (", ".join(f"{x:g}" for x in corner) for corner in self.robot.box_mm)
+        return f"from ({low}) to ({high})"
 
     def reachable_from(self, joints_now_rad: Array | None) -> Reachable | None:
         """Test of which poses the arm can take without a long turn of a joint; None when the arm is not known."""
         if self.arm is None or joints_now_rad is None:
             return None
-        return reachable_by(
-            self.arm, joints_now_rad, np.radians(min(self.robot.joint_travel_deg, MAX_PLANNED_TRAVEL_DEG))
-        )
+        travel_rad = np.radians(min(self.robot.joint_travel_deg, MAX_PLANNED_TRAVEL_DEG))
+        return reachable_by(self.arm, joints_now_rad, travel_rad, self._box)
+
+
+def _text(xyz_mm: Iterable[float]) -> str:
+    return f"({', '.join(f'{x:.1f}' for x in xyz_mm)})"

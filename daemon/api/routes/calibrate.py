@@ -79,6 +79,7 @@ async def _status(app: Application) -> CalibrateStatus:
         policy=app.settings.calibration.policy,
         poses=_poses_text(app.settings.calibration),
         how_to_start=HOW_TO_START,
+        warnings=app.operations.rules.warnings(),
     )
 
 

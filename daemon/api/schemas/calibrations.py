@@ -62,7 +62,7 @@ class CurrentCalibration(Answer):
 
 
 class CalibrateStatus(Answer):
-    """Where calibration stands, and how to start."""
+    """Where calibration stands, and how to start. `warnings`: what is not checked before the arm moves."""
 
     current: CalibrationSummary | None
     applied: AppliedDocument | None
@@ -73,3 +73,4 @@ class CalibrateStatus(Answer):
     policy: Literal["operator", "auto"]
     poses: str
     how_to_start: str
+    warnings: list[str]

@@ -19,36 +19,7 @@ from calibration.kinematics.arm import (
     OutsideJointLimits,
 )
 from calibration.transforms import Array, inverse, transform, transform_from_quaternion
-
-LARGE = find_arm("IRB 1600-6/1.45")
-SMALL = find_arm("IRB 120-3/0.6")
-DIFFERENT = [
-    SMALL,
-    LARGE,
-    *map(find_arm, ("IRB 1100-4/0.58", "IRB 2600-12/1.85", "IRB 6650S-90/3.9", "IRB 7600-150/3.5")),
-]
-"""Without and with a shoulder and an elbow set off; the widest, and the narrowest limits."""
-
-
-def joints_of(arm: Arm) -> st.SearchStrategy[Array]:
-    ranges = [st.floats(low, high) for low, high in zip(arm.lower_rad, arm.upper_rad, strict=True)]
-    return st.tuples(*ranges).map(np.array)
-
-
-def urdf_chain(arm: Arm, joints: Array) -> Array:
-    """Link after link as a URDF states it: offset in the parent, turn about the axis, tool0 turned by 90° about y."""
-    links = [
-        ((0, 0, 0), "z"),
-        ((arm.shoulder_forward_mm, 0, arm.shoulder_height_mm), "y"),
-        ((0, 0, arm.lower_arm_mm), "y"),
-        ((0, 0, arm.elbow_up_mm), "x"),
-        ((arm.forearm_mm, 0, 0), "y"),
-        ((arm.flange_mm, 0, 0), "x"),
-    ]
-    base_T_link = np.eye(4)
-    for (offset, axis), angle in zip(links, joints, strict=True):
-        base_T_link = base_T_link @ transform(Rotation.from_euler(axis, angle).as_matrix(), offset)
-    return base_T_link @ transform(Rotation.from_euler("y", np.pi / 2).as_matrix(), np.zeros(3))
+from tests.calibration.kinematics.link_chain import DIFFERENT, LARGE, SMALL, joints_of, urdf_chain
 
 
 @pytest.mark.parametrize(
@@ -245,3 +216,18 @@ def test_arms_are_found_by_name_and_unknown_ones_named() -> None:
         find_arm("IRB 1600-7/1.45")
     with pytest.raises(GeometryError, match="`handeyed arms` lists"):
         find_arm("KUKA")
+
+
+def test_a_configuration_has_one_solution_but_with_a_straight_wrist_axis_4_is_free_within_its_quarter() -> None:
+    joints = np.radians([10.0, 20, 15, 30, 40, 20])
+    pose = LARGE.forward(joints)
+    np.testing.assert_allclose(LARGE.all_matching(pose, LARGE.configuration(joints), joints), [joints], atol=1e-9)
+    straight = np.radians([10.0, 20, 15, 30, 0, 20])
+    pose, configuration = LARGE.forward(straight), LARGE.configuration(straight)
+    found = LARGE.all_matching(pose, configuration, straight)
+    np.testing.assert_allclose(LARGE.forward(found), np.broadcast_to(pose, (len(found), 4, 4)), atol=1e-6)
+    assert {LARGE.configuration(each)[:3] for each in found[1:-1]} <= {(0, 0, 0), (0, 0, -1), (0, 1, 0), (0, 1, -1)}
+    sixth = np.degrees(found[:, 5])
+    assert np.degrees(found[:, 3]).max() - np.degrees(found[:, 3]).min() >= 45
+    assert sixth.min() > -1e-2
+    np.testing.assert_allclose(np.degrees(found[:, 3]) + sixth, 50.0, atol=1e-6)

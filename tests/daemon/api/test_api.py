@@ -272,6 +272,7 @@ async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -
     words = (await bench.client.get("/calibrate", headers={"accept": "text/plain"})).text
     assert "no calibration is in force" in words
     assert f"curl -X POST -H 'Accept: text/plain' '{bench.url}/calibrate?wait=120'" in words
+    assert "warning: the box is checked at goals only" in words
     assert (await bench.client.get("/calibrate")).json()["poses"] == "5 taught in the settings"
     assert not bench.robot.goals
 

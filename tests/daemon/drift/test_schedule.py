@@ -195,6 +195,12 @@ class StepClock:
         await self.waits.wait()
 
 
+async def test_ready_says_when_nothing_is_scheduled(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path, drift={"every_h": 1})) as bench:
+        (warning,) = (await bench.client.get("/ready")).json()["warnings"]
+        assert warning.startswith("the drift schedule verifies nothing until somebody starts a run")
+
+
 async def test_a_released_emergency_stop_moves_nothing(tmp_path: Path) -> None:
     """The verification falls due while the stop is pressed; nobody asks for anything after it."""
     parts = Parts()
