@@ -64,7 +64,11 @@ class MetricSource(Protocol):
 
 @dataclass(eq=False)
 class Application:
-    """All parts of the daemon, built by `composition`."""
+    """All parts of the daemon, built by `composition`.
+
+    `workers` compute for runs and nothing else; `merge_workers` merge and register scans, one at a time;
+    `service_workers` do what is left: uploads, encoding, lists, the drift chart.
+    """
 
     settings: Settings
     clock: Clock
@@ -72,6 +76,8 @@ class Application:
     store: Store
     events: EventBus
     workers: Workers
+    service_workers: Workers
+    merge_workers: Workers
     supervisor: Supervisor
     operations: Operations
     scans: ScanService
@@ -127,7 +133,8 @@ class Application:
             with suppress(asyncio.CancelledError):
                 await self._watchdog
         self.scans.registration_jobs.stop()
-        self.workers.close()
+        for workers in (self.workers, self.service_workers, self.merge_workers):
+            workers.close()
         await self.cell.close()
         await self.events.flush()
         with suppress(StorageError):

@@ -55,18 +55,25 @@ def build(
     """Build the application inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
     clock = clock or Clock()
     store = store or Store(Path(settings.storage.folder), at=at)
-    events, workers, metrics = EventBus(store.stored_events), Workers(clock), Metrics()
+    events, metrics = EventBus(store.stored_events), Metrics()
+    workers, service_workers, merge_workers = Workers(clock), Workers(clock), Workers(clock, threads=1)
     interlocks = settings.interlocks.open() if settings.interlocks else None
     cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks, at)
     supervisor = Supervisor(store, events, clock, new_id)
     scans = ScanService(
-        store, workers, clock, new_id, settings.scanner, RegistrationJobs(store, workers, clock, events)
+        store,
+        service_workers,
+        merge_workers,
+        clock,
+        new_id,
+        settings.scanner,
+        RegistrationJobs(store, merge_workers, clock, events),
     )
     rules = MotionRules.of(settings.robot)
     operations = Operations(settings, cell, store, supervisor, workers, scans, rules, clock)
-    drift = DriftMonitor(settings, store, events, workers, clock)
+    drift = DriftMonitor(settings, store, events, service_workers, clock)
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
-    retention = Retention(store, workers, clock, settings.storage)
+    retention = Retention(store, service_workers, clock, settings.storage)
     monitor = StoreMonitor(store, events)
     schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
     plc = _plc(settings, operations, drift, clock)
@@ -77,6 +84,8 @@ def build(
         store=store,
         events=events,
         workers=workers,
+        service_workers=service_workers,
+        merge_workers=merge_workers,
         supervisor=supervisor,
         operations=operations,
         scans=scans,

@@ -27,6 +27,7 @@ DaemonError
 ├── TargetNotSeen         too few stations saw the target
 ├── NoScanner             the settings name no scanner
 ├── ScanEmpty             the scan has no views
+├── WorkersBusy           too many merges and registrations wait already
 ├── StorageError          the store could not be read or written; nothing stored before is lost
 │   ├── StorageFull       the disk is full
 │   ├── StorageInUse      another daemon uses the store
@@ -267,6 +268,17 @@ class ScanEmpty(DaemonError):
     """The scan has no views."""
 
     code = "scan-empty"
+
+
+class WorkersBusy(DaemonError):
+    """As many merges and registrations wait as may: one is computed at a time."""
+
+    code = "workers-busy"
+
+    def __init__(self, waiting: int) -> None:
+        super().__init__(
+            f"one merge or registration is computed at a time, and {waiting} wait already", "ask again in some seconds"
+        )
 
 
 class StorageError(DaemonError):

@@ -9,6 +9,7 @@ RegistrationError
 │   └── CloudIOError           the operating system could not read or write (disk full, no such file)
 ├── UnitUnknown            it is not stated whether coordinates are metres or millimetres
 ├── MotionError            a transform is not a rigid motion (mirrored, scaled, not finite)
+├── MergeStopped           nobody waits for the merged cloud any more
 ├── ScanError              views that cannot be registered together
 └── SphereError            the points are not a sphere of the stated radius
 """
@@ -77,6 +78,15 @@ class MotionError(RegistrationError):
     """A transform is not a rigid motion."""
 
     code = "not-a-motion"
+
+
+class MergeStopped(RegistrationError):
+    """Nobody waits for the merged cloud any more."""
+
+    code = "merge-stopped"
+
+    def __init__(self) -> None:
+        super().__init__("the merge was stopped", "ask for the cloud again")
 
 
 class ScanError(RegistrationError):

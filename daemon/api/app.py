@@ -13,6 +13,7 @@ from calibration.errors import CalibrationError
 from daemon.api import openapi, problems
 from daemon.api.dependencies import check_query_names
 from daemon.api.middleware.authentication import Authentication
+from daemon.api.middleware.disconnects import Disconnects
 from daemon.api.middleware.idempotency import Idempotency
 from daemon.api.middleware.request_checks import RequestChecks
 from daemon.api.route_table import ROUTERS
@@ -32,7 +33,7 @@ def create_api(application: Application) -> ASGIApp:
     """The REST interface of `application`, which its lifespan starts and stops."""
     keyed = Idempotency(routes(application), application)
     known = Authentication(keyed, application)
-    return RequestChecks(known, application.settings.server, application.metrics)
+    return RequestChecks(Disconnects(known), application.settings.server, application.metrics)
 
 
 def routes(application: Application | None) -> FastAPI:

@@ -28,6 +28,7 @@ EXAMPLES: dict[int, Exception] = {
     ),
     421: http_errors.HostNotAllowed("elsewhere.example"),
     422: http_errors.InvalidRequest([DocumentProblem("cuont", "unknown key", "did you mean 'count'?")]),
+    429: errors.WorkersBusy(4),
     500: errors.StorageError("/var/lib/handeyed: input/output error", "check the disk"),
     502: errors.PictureUnusable("the camera gave a picture of 640 x 480 pixels", "set its resolution back"),
     503: errors.CellNotReady(("robot: motors are off",)),

@@ -29,6 +29,7 @@ STATUS: dict[type[Exception], int] = {
     errors.NotStill: 409,
     http_errors.RequestInFlight: 409,
     errors.AppliedMeanwhile: 412,
+    errors.WorkersBusy: 429,
     http_errors.KeyReused: 422,
     errors.CursorUnknown: 422,
     http_errors.HostNotAllowed: 421,
@@ -73,7 +74,7 @@ STATUS: dict[type[Exception], int] = {
 }
 """Status by error class; the nearest base class decides."""
 
-RETRY_AFTER_S = {503: "2", 504: "2"}
+RETRY_AFTER_S = {429: "5", 503: "2", 504: "2"}
 
 HTTP_CODES = {404: ("no-such-page", "GET / lists what there is"), 405: ("method-not-allowed", "use one of: {allow}")}
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import ParamSpec, TypeVar
 
+from daemon.errors import WorkersBusy
 from daemon.runtime.clock import Clock
 
 Arguments = ParamSpec("Arguments")
@@ -13,14 +14,21 @@ Answer = TypeVar("Answer")
 THREADS = 2
 """Two, so that a long job does not delay the next; numpy and OpenCV use threads of their own."""
 
+MAX_WAITING = 4
+"""Jobs that may wait in a pool when `run_if_free` is called."""
+
 
 class Workers:
-    """A pool of THREADS threads that knows how long its oldest job has been running, to detect one that hangs."""
+    """A pool of threads that knows how long its oldest job has been running, to detect one that hangs.
 
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="worker")
+    A job whose caller is cancelled before the job has begun is dropped.
+    """
+
+    def __init__(self, clock: Clock, threads: int = THREADS) -> None:
+        self._clock, self._max_jobs = clock, threads + MAX_WAITING
+        self._threads = ThreadPoolExecutor(threads, thread_name_prefix="worker")
         self._began_s: dict[int, float] = {}
+        self._waiting: set[int] = set()
         self._jobs = 0
 
     async def run(self, work: Callable[Arguments, Answer], *args: Arguments.args, **kwargs: Arguments.kwargs) -> Answer:
@@ -30,12 +38,25 @@ class Workers:
 
         def run_timed() -> Answer:
             self._began_s[job] = self._clock.monotonic_s()
+            self._waiting.discard(job)
             try:
                 return work(*args, **kwargs)
             finally:
                 del self._began_s[job]
 
-        return await asyncio.get_running_loop().run_in_executor(self._threads, run_timed)
+        self._waiting.add(job)
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._threads, run_timed)
+        finally:
+            self._waiting.discard(job)
+
+    async def run_if_free(
+        self, work: Callable[Arguments, Answer], *args: Arguments.args, **kwargs: Arguments.kwargs
+    ) -> Answer:
+        """Like `run`; raises WorkersBusy when MAX_WAITING jobs wait already."""
+        if len(self._began_s) + len(self._waiting) >= self._max_jobs:
+            raise WorkersBusy(MAX_WAITING)
+        return await self.run(work, *args, **kwargs)
 
     def oldest_job_s(self) -> float:
         """Seconds since the oldest running job began; 0 without one."""

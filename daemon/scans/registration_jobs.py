@@ -16,7 +16,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import DocumentError
 from calibration.transforms import Array
-from daemon.errors import NotFound
+from daemon.errors import NotFound, WorkersBusy
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.workers import Workers
@@ -61,7 +61,7 @@ class RegistrationRequest:
 
 @dataclass(eq=False)
 class RegistrationJobs:
-    """The registrations in progress; equal requests share one job."""
+    """The registrations in progress; equal requests share one job. `workers`: those of merges and registrations."""
 
     store: Store
     workers: Workers
@@ -71,11 +71,16 @@ class RegistrationJobs:
         default_factory=dict, init=False
     )
 
-    def start(self, wanted: RegistrationRequest) -> "asyncio.Task[RegistrationReportDocument]":
-        """The job for this request, started if necessary; it continues when no caller waits for it."""
+    def start(
+        self, wanted: RegistrationRequest, *, only_if_free: bool = True
+    ) -> "asyncio.Task[RegistrationReportDocument]":
+        """The job for this request, started if necessary; it continues when no caller waits for it.
+
+        `only_if_free`: it ends with WorkersBusy when it would have to be computed and too many jobs wait.
+        """
         job = self._jobs.get(wanted.key)
         if job is None:
-            job = self._jobs[wanted.key] = asyncio.create_task(self._run_job(wanted))
+            job = self._jobs[wanted.key] = asyncio.create_task(self._run_job(wanted, only_if_free))
             job.add_done_callback(lambda done: self._finish_job(wanted, done))
         return job
 
@@ -96,7 +101,7 @@ class RegistrationJobs:
         for job in self._jobs.values():
             job.cancel()
 
-    async def _run_job(self, wanted: RegistrationRequest) -> RegistrationReportDocument:
+    async def _run_job(self, wanted: RegistrationRequest, only_if_free: bool) -> RegistrationReportDocument:
         earlier = await self.find_report(wanted)
         if earlier is not None:
             return earlier
@@ -105,7 +110,8 @@ class RegistrationJobs:
         def on_progress(state: str, views_read: int) -> None:
             loop.call_soon_threadsafe(self._publish, wanted, state, {"views_read": views_read})
 
-        report = await self.workers.run(_register, wanted, self.clock.monotonic_s, on_progress)
+        run = self.workers.run_if_free if only_if_free else self.workers.run
+        report = await run(_register, wanted, self.clock.monotonic_s, on_progress)
         document = StoredRegistration(
             refined=wanted.refine, flange_T_scanner=PoseDocument.of(wanted.flange_T_scanner), report=report
         )
@@ -117,6 +123,8 @@ class RegistrationJobs:
         if job.cancelled():
             return
         error = job.exception()
+        if isinstance(error, WorkersBusy):
+            return
         if error is None:
             self._publish(wanted, "finished", {"rms_mm": job.result().rms_mm.model_dump()})
         else:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -49,6 +50,7 @@ class ScanService:
 
     store: Store
     workers: Workers
+    merge_workers: Workers
     clock: Clock
     new_id: Callable[[Clock], str]
     scanner: ScannerSettings | None
@@ -108,7 +110,7 @@ class ScanService:
         return target, moved.points
 
     async def start_registration(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> ReportTask:
-        """The registration job of a scan, in progress or done. Raises ScanEmpty, NotFound."""
+        """The registration job of a scan, in progress or done. Raises ScanEmpty, NotFound; the job: WorkersBusy."""
         return self.registration_jobs.start(await self._registration_request(scan_id, calibration, refine))
 
     async def clouds(
@@ -130,15 +132,35 @@ class ScanService:
         suffix: str = ".ply",
         merge: Merge = EVERY_POINT,
     ) -> Path:
-        """Merge the clouds into a new file in the base frame, which the caller deletes. Raises RegistrationError."""
+        """Merge the clouds into a new file in the base frame, which the caller deletes; cancelled, it leaves none.
+
+        Raises RegistrationError, WorkersBusy.
+        """
         target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
-        await self.workers.run(merge_clouds, clouds, target, calibration_id, merge)
+        stop = threading.Event()
+
+        def merge_until_stopped() -> None:
+            merge_clouds(clouds, target, calibration_id, merge, stop.is_set)
+            if stop.is_set():
+                target.unlink(missing_ok=True)
+
+        try:
+            await self.merge_workers.run_if_free(merge_until_stopped)
+        except asyncio.CancelledError:
+            stop.set()
+            target.unlink(missing_ok=True)
+            raise
         return target
 
     async def assess_scanner(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
-        """The scanner's errors from a scan of an artefact. Raises ScanEmpty, NotFound, RegistrationError."""
+        """The scanner's errors from a scan of an artefact.
+
+        Raises ScanEmpty, NotFound, RegistrationError, WorkersBusy.
+        """
         views = await self._views(scan_id)
-        return await self.workers.run(assess_scanner, scan_id, self.store.scan_folder(scan_id), views, artefact)
+        return await self.merge_workers.run_if_free(
+            assess_scanner, scan_id, self.store.scan_folder(scan_id), views, artefact
+        )
 
     async def _views(self, scan_id: str) -> list[ScanViewRecord]:
         """The views of a scan, at least one. Raises ScanEmpty, NotFound."""
@@ -161,7 +183,8 @@ class ScanService:
         with suppress(NoCalibration):
             _, current = await self.store.current()
             if current.document.flange_T_camera is not None:
-                self.registration_jobs.start(await self._registration_request(scan_id, current.document, refine=True))
+                wanted = await self._registration_request(scan_id, current.document, refine=True)
+                self.registration_jobs.start(wanted, only_if_free=False)
 
     def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
         """flange_T_camera, (4, 4) in mm; times camera_T_scanner when the settings give one."""

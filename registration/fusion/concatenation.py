@@ -1,10 +1,11 @@
 """Merges clouds into one file: each moved into the base frame, with the columns all of them have, in mm."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from calibration.transforms import Array
+from registration.errors import MergeStopped
 from registration.fusion.merging import EVERY_POINT, Merge, Merger
 from registration.io.columns import Conversion, common_layout
 from registration.io.convert import move_blocks
@@ -39,19 +40,25 @@ class MergedCloud:
 
 
 def merge_clouds(
-    clouds: Sequence[PlacedCloud], target: Path, calibration_id: str | None = None, merge: Merge = EVERY_POINT
+    clouds: Sequence[PlacedCloud],
+    target: Path,
+    calibration_id: str | None = None,
+    merge: Merge = EVERY_POINT,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> MergedCloud:
     """Every finite point, or their averages, into `target`, by its suffix; whole under its name, or not there.
 
-    `calibration_id`: the file says, where its format can, that it is in base, and by which calibration. Raises
-    RegistrationError's leaves.
+    `calibration_id`: the file says, where its format can, that it is in base, and by which calibration. `stopped` is
+    asked before each block. Raises RegistrationError's leaves.
     """
     layout, lost = common_layout(_layout(cloud.file) for cloud in clouds)
     merger = Merger(merge, form_of(target, layout).layout)
-    finite = _FiniteBlocks(merger.shared)
+    finite = _FiniteBlocks(merger.shared, stopped)
     with new_cloud(target, merger.layout, calibration_id=calibration_id) as writer:
         held = Conversion.between(merger.layout, writer.form.layout)
         for block in merger.merge_views((finite.of(cloud), cloud.base_T_cloud[:3, 3]) for cloud in clouds):
+            if stopped():
+                raise MergeStopped
             writer.write(block if held.layout == merger.layout else held.convert(block))
     not_held = set(layout.dtype.names or ()) - set(merger.shared.dtype.names or ())
     return MergedCloud(writer.points, finite.dropped, merger.averaged, merger.left_out, (*lost, *sorted(not_held)))
@@ -60,14 +67,16 @@ def merge_clouds(
 class _FiniteBlocks:
     """The finite points of clouds as blocks of `layout`, in base, in mm; `dropped` counts the others."""
 
-    def __init__(self, layout: Layout) -> None:
-        self._layout = layout
+    def __init__(self, layout: Layout, stopped: Callable[[], bool]) -> None:
+        self._layout, self._stopped = layout, stopped
         self.dropped = 0
 
     def of(self, cloud: PlacedCloud) -> Iterator[Records]:
         motion = RigidMotion.of(cloud.base_T_cloud, cloud.unit)
         with open_cloud(cloud.file) as source:
             for block in move_blocks(source, motion, self._layout):
+                if self._stopped():
+                    raise MergeStopped
                 finite = self._layout.finite(block)
                 kept = block if finite.all() else block[finite]
                 self.dropped += len(block) - len(kept)

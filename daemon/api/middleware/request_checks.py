@@ -4,6 +4,7 @@ import re
 import secrets
 import socket
 
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calibration.errors import DocumentProblem
@@ -51,18 +52,22 @@ class RequestChecks:
             await self._pass(scope, exchange, headers)
 
     async def _pass(self, scope: Scope, exchange: "_Exchange", headers: dict[bytes, str]) -> None:
+        answered = True
         try:
             exchange.check_length(headers.get(b"content-length", ""))
             self._check_host(scope["http_version"], headers)
             _check_origin(scope, headers)
             _check_query(scope["query_string"])
             await self._app(scope, exchange.receive, exchange.send)
+        except ClientDisconnect:
+            answered = False
         except (BodyTooLarge, CrossOrigin, HostNotAllowed, InvalidRequest) as error:
             if exchange.status is not None:
                 raise
             await answer(problem_of(error), {"Connection": "close"})(scope, exchange.receive, exchange.send)
         finally:
-            self._metrics.requests[_method(scope["method"]), exchange.status or 500] += 1
+            if answered:
+                self._metrics.requests[_method(scope["method"]), exchange.status or 500] += 1
 
     def _check_host(self, http_version: str, headers: dict[bytes, str]) -> None:
         """Refuse host names that are not in the settings (DNS rebinding); addresses are allowed."""

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 
 from daemon.api.dependencies import App, JsonBody, Wait
+from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import status_text
 from daemon.api.problems import problem_responses
@@ -44,7 +45,7 @@ async def calibrate(
 @router.post(
     "/verify",
     response_model=RunDocument | AcceptanceDocument,
-    responses={**STARTED, **problem_responses(404)},
+    responses={**STARTED, **problem_responses(404, 429)},
 )
 async def verify(
     request: Request, app: App, body: Annotated[VerifyRequest, Depends(JsonBody(VerifyRequest))], wait: Wait = 0.0
@@ -54,7 +55,8 @@ async def verify(
     With `artefact` and `scan_id`: the scanner's probing and sphere-spacing errors, from a scan of spheres or ball bars.
     """
     if body.artefact is not None and body.scan_id is not None:
-        found = await app.scans.assess_scanner(body.scan_id, body.artefact)
+        async with client_of(request).until_disconnected():
+            found = await app.scans.assess_scanner(body.scan_id, body.artefact)
         return Response(found.model_dump_json(), media_type="application/json")
     return await answer_run_start(request, app, await app.operations.verify(body), wait)
 

@@ -51,5 +51,5 @@ async def robot(request: Request, app: App) -> Response:
 async def camera_frame(app: App) -> Response:
     """A picture taken after this request came."""
     frame = await app.cell.grab_now()
-    content = await app.workers.run(png_of, frame)
+    content = await app.service_workers.run(png_of, frame)
     return Response(content, media_type="image/png", headers={"Cache-Control": "no-store"})

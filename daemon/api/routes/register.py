@@ -3,8 +3,6 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import FileResponse
-from starlette.background import BackgroundTask
 
 from daemon.api.dependencies import App
 from daemon.api.problems import problem_responses
@@ -18,6 +16,7 @@ from daemon.api.streaming.cloud_request import (
 )
 from daemon.api.streaming.cloud_response import CloudResponse
 from daemon.api.streaming.request_body import body_chunks
+from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.scans.upload import LAZ
 from registration.io.stream import CloudStream
 
@@ -45,9 +44,8 @@ async def register(
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers)}
     if media_type == LAZ:  # its index is at the end, so it cannot be streamed
         file, points = await app.scans.transform_cloud(body_chunks(request.receive), media_type, unit, base_T_scanner)
-        removed = BackgroundTask(app.workers.run, file.unlink, missing_ok=True)
         app.metrics.registered_points += points
         app.metrics.registered_bytes += file.stat().st_size
-        return FileResponse(file, media_type=media_type, headers=headers, background=removed)
+        return TemporaryFileResponse(file, media_type=media_type, headers=headers)
     stream = CloudStream(media_type, base_T_scanner, unit)
     return CloudResponse(stream, media_type, headers, app.store.folder, app.metrics.count_cloud)

@@ -1,11 +1,14 @@
 """GET /runs, one of them, its pictures; aborting it, taking a view, finishing it."""
 
+from contextlib import suppress
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Request, Response
+from starlette.requests import ClientDisconnect
 
 from calibration.documents.calibration import CalibrationDocument
 from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Before, Identifier, Limit, Wait, no_body, page_of
+from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import run_text
 from daemon.api.problems import problem_responses
@@ -38,8 +41,7 @@ async def runs(app: App, limit: Limit = 50, before: Before = None) -> RunList:
 @router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **problem_responses(404)})
 async def run(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) -> Response:
     """The state of a run; with `wait` answered when it is over."""
-    found = await app.supervisor.wait(run_id, wait)
-    return await answer_run(request, app, found)
+    return await answer_run(request, app, await wait_for_run(request, app, run_id, wait))
 
 
 @router.post(
@@ -92,6 +94,14 @@ async def frame(
     return Response(content, media_type="image/png")
 
 
+async def wait_for_run(request: Request, app: Application, run_id: str, wait: float) -> RunRecord:
+    """The run when it is over, or as it stands after `wait` seconds, or when the client of a POST has disconnected."""
+    with suppress(ClientDisconnect):
+        async with client_of(request).until_disconnected():
+            return await app.supervisor.wait(run_id, wait)
+    return await app.supervisor.run(run_id)
+
+
 async def answer_run(
     request: Request, app: Application, run: RunRecord, status: int = 200, headers: dict[str, str] | None = None
 ) -> Response:
@@ -107,6 +117,5 @@ async def answer_run(
 
 async def answer_run_start(request: Request, app: Application, run: RunRecord, wait: float) -> Response:
     """Answer 202 with Location, or 200 with the run when it is over within `wait` seconds."""
-    if wait > 0:
-        run = await app.supervisor.wait(run.id, wait)
+    run = await wait_for_run(request, app, run.id, wait)
     return await answer_run(request, app, run, 200 if run.over else 202, {"Location": f"/runs/{run.id}"})

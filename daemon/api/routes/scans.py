@@ -6,14 +6,13 @@ from typing import Annotated, Any
 
 import numpy as np
 from fastapi import APIRouter, Depends, Query, Request, Response
-from fastapi.responses import FileResponse
-from starlette.background import BackgroundTask
 
 from calibration.documents.pose import PoseDocument
 from daemon.api.dependencies import IN_DIGITS, IN_WHOLE_DIGITS, App, Before, Identifier, JsonBody, Limit, Wait, page_of
 from daemon.api.http_errors import CloudTooLarge
 from daemon.api.problems import problem_responses
 from daemon.api.routes.register import Which
+from daemon.api.routes.runs import wait_for_run
 from daemon.api.schemas.scans import CloudDocument, RegistrationState, ScanDocument, ScanList, ScanViewDocument
 from daemon.api.streaming.cloud_request import (
     ANSWER_SUFFIXES,
@@ -26,6 +25,7 @@ from daemon.api.streaming.cloud_request import (
     media_type_of,
     parse_pose,
 )
+from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.model.records import RunRecord, ScanViewRecord
@@ -58,11 +58,13 @@ async def scans(app: App, limit: Limit = 50, before: Before = None) -> ScanList:
     responses={202: {"description": "The arm is driven to fill it; follow run.links", "model": ScanDocument},
                **problem_responses(*BODY_REFUSALS)},
 )  # fmt: skip
-async def create(app: App, body: Annotated[ScanRequest, Depends(JsonBody(ScanRequest))], wait: Wait = 0.0) -> Response:
+async def create(
+    request: Request, app: App, body: Annotated[ScanRequest, Depends(JsonBody(ScanRequest))], wait: Wait = 0.0
+) -> Response:
     """A new scan, for clouds you send; or with `capture` or `poses` one that the daemon's scanner fills."""
     scan, run = await app.operations.scan(body)
-    if run is not None and wait > 0:
-        run = await app.supervisor.wait(run.id, wait)
+    if run is not None:
+        run = await wait_for_run(request, app, run.id, wait)
     document = ScanDocument.of(scan, await app.store.scan_views(scan.id), run)
     status, headers = _status_and_headers(run)
     return Response(
@@ -131,7 +133,7 @@ CONTENT: dict[str, Any] = {
 @router.get(
     "/{scan_id}/report",
     response_model=RegistrationReportDocument,
-    responses={**STILL, **problem_responses(404, 409, 500, 507)},
+    responses={**STILL, **problem_responses(404, 409, 429, 500, 507)},
 )
 async def report(
     app: App, scan_id: Identifier, calibration: Which = "current", refine: Refine = False, wait: Patience = 30.0
@@ -149,7 +151,7 @@ async def report(
     response_class=Response,
     responses={200: {"description": "Every view in the base frame, mm, as the Accept header prefers",
                      "content": CONTENT},
-               **STILL, **problem_responses(404, 406, 409, 413, 415, 500, 507)},
+               **STILL, **problem_responses(404, 406, 409, 413, 415, 429, 500, 507)},
 )  # fmt: skip
 async def cloud(
     request: Request,
@@ -177,13 +179,12 @@ async def cloud(
         clouds = [_one_of(clouds, view, scan_id)]
     merged = await app.scans.merge_views(scan_id, clouds, document.id, ANSWER_SUFFIXES[media_type], merge)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
-    removed = BackgroundTask(app.workers.run, merged.unlink, missing_ok=True)
     if media_type != JSON:
-        return FileResponse(merged, media_type=media_type, headers=headers, background=removed)
+        return TemporaryFileResponse(merged, media_type=media_type, headers=headers)
     try:
-        content = await app.workers.run(_small_cloud, merged, document.id)
+        content = await app.service_workers.run(_small_cloud, merged, document.id)
     finally:
-        await removed()
+        await app.service_workers.run(merged.unlink, missing_ok=True)
     return Response(content, media_type=JSON, headers=headers)
 
 

@@ -1,0 +1,128 @@
+"""Ends the work for a request whose client has disconnected.
+
+A GET is cancelled as a whole, with the reading, computation or wait it is in. Other methods change something, and are
+carried out; only the waits among them end (`Client.until_disconnected`).
+"""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from daemon.errors import DaemonError
+
+WATCH_AFTER_S = 0.05
+"""Most requests are answered earlier, and need no task that listens for the disconnect."""
+
+READING_METHODS = frozenset({"GET", "HEAD"})
+
+
+class Disconnects:
+    """Cancels reading requests of clients that have disconnected. Raises ClientDisconnect then."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        reads = scope["method"] in READING_METHODS
+        client = Client(receive, send, discards_body=reads)
+        scope.setdefault("state", {})["connection"] = client
+        try:
+            if reads:
+                async with client.until_disconnected():
+                    await self._app(scope, client.receive, client.send)
+            else:
+                await self._app(scope, client.receive, client.send)
+        finally:
+            client.close()
+
+
+class Client:
+    """The client of one request: passes messages on, and notices its disconnect once the body is read.
+
+    `discards_body`: the body is not used, and is read to notice the disconnect.
+    """
+
+    def __init__(self, receive: Receive, send: Send, *, discards_body: bool = False) -> None:
+        self._receive, self._send = receive, send
+        self._discards_body = discards_body
+        self._receiving = self._body_read = self._answered = False
+        self._gone = asyncio.Event()
+        self._listener: asyncio.Task[None] | None = None
+        self._worker: asyncio.Task[None] | None = None
+
+    async def receive(self) -> Message:
+        """The next part of the body; after its end http.disconnect, when the client disconnects."""
+        if self._body_read or self._listener is not None:
+            self._listen()
+            await self._gone.wait()
+            return {"type": "http.disconnect"}
+        self._receiving = True
+        try:
+            message = await self._receive()
+        finally:
+            self._receiving = False
+        self._body_read = not message.get("more_body", False)
+        if message["type"] == "http.disconnect":
+            self._gone.set()
+        return message
+
+    async def send(self, message: Message) -> None:
+        """Send a part of the answer."""
+        if message["type"] == "http.response.body" and not message.get("more_body", False):
+            self._answered = True  # the server reports a disconnect then, too
+        await self._send(message)
+
+    @asynccontextmanager
+    async def until_disconnected(self) -> AsyncIterator[None]:
+        """Cancel the block when the client disconnects, and raise ClientDisconnect."""
+        if self._worker is not None:
+            yield  # within such a block
+            return
+        if self._gone.is_set():
+            raise ClientDisconnect
+        task = self._worker = asyncio.current_task()
+        assert task is not None
+        timer = asyncio.get_running_loop().call_later(WATCH_AFTER_S, self._listen)
+        try:
+            yield
+        except asyncio.CancelledError:
+            if self._gone.is_set() and task.uncancel() == 0:
+                raise ClientDisconnect from None
+            raise
+        finally:
+            self._worker = None
+            timer.cancel()
+
+    def close(self) -> None:
+        """Listen no more."""
+        if self._listener is not None:
+            self._listener.cancel()
+
+    def _listen(self) -> None:
+        """Listen for the disconnect, unless the body is still being read by the request."""
+        if self._listener is None and not self._receiving and (self._body_read or self._discards_body):
+            self._listener = asyncio.create_task(self._await_disconnect())
+
+    async def _await_disconnect(self) -> None:
+        try:
+            while (await self._receive())["type"] != "http.disconnect":
+                pass
+        except DaemonError:  # a discarded body that is too large
+            pass
+        if self._answered:
+            return
+        self._gone.set()
+        if self._worker is not None:
+            self._worker.cancel()
+
+
+def client_of(request: Request) -> Client:
+    """The client of a request."""
+    client: Client = request.scope["state"]["connection"]
+    return client

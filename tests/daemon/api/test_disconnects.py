@@ -1,0 +1,116 @@
+"""A client that hangs up costs nothing further: its waits, readings and queued work end; a run goes on."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.interfaces import RobotStatus
+from tests.daemon.api.raw_requests import RawRequest
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
+from tests.daemon.fakes import FakeRobot, Gate
+from tests.support.waiting import LIMIT_S, eventually
+
+HUNG_UP = 20
+
+
+class SilentRobot(FakeRobot):
+    """Answers no status request while `silent`."""
+
+    silent = False
+    waiting = 0
+
+    async def read_status(self) -> RobotStatus:
+        if self.silent:
+            self.waiting += 1
+            try:
+                await asyncio.Event().wait()
+            finally:
+                self.waiting -= 1
+        return await super().read_status()
+
+
+@pytest.fixture
+async def silent(tmp_path: Path) -> AsyncIterator[tuple[Bench, SilentRobot]]:
+    robot = SilentRobot()
+    async with serving(settings_for(tmp_path), Parts(robot)) as bench:
+        yield bench, robot
+
+
+async def run_that_stays(bench: Bench) -> tuple[str, Gate]:
+    """The path of a run held in its second move, and the gate that holds it."""
+    bench.robot.before_move = gate = Gate(at_move=2)
+    location = (await bench.client.post("/calibrate")).headers["location"]
+    await gate.reached.wait()
+    return location, gate
+
+
+async def test_waits_for_a_run_end_with_their_clients(bench: Bench) -> None:
+    location, gate = await run_that_stays(bench)
+    before = len(asyncio.all_tasks())
+    waits = [await RawRequest.send(bench, f"GET {location}?wait=3600") for _ in range(HUNG_UP)]
+    await eventually(lambda: len(asyncio.all_tasks()) >= before + HUNG_UP)
+    for wait in waits:
+        await wait.hang_up()
+    await eventually(lambda: len(asyncio.all_tasks()) <= before)
+    gate.open.set()
+    assert (await bench.run_over(location))["state"] == "finished"
+
+
+async def test_a_request_to_a_device_leaves_its_queue(silent: tuple[Bench, SilentRobot]) -> None:
+    bench, robot = silent
+    robot.silent = True
+    asked = [await RawRequest.send(bench, "GET /robot") for _ in range(HUNG_UP)]
+    await eventually(lambda: robot.waiting > 0)
+    for one in asked:
+        await one.hang_up()
+    await eventually(lambda: robot.waiting == 0)
+    robot.silent = False
+    assert (await bench.client.get("/robot")).status_code == 200
+
+
+async def test_a_run_goes_on_when_its_client_hangs_up(bench: Bench) -> None:
+    bench.robot.before_move = gate = Gate(at_move=2)
+    started = await RawRequest.send(bench, "POST /calibrate?wait=3600\nIdempotency-Key: k", b'{"count": 3}')
+    await gate.reached.wait()
+    await started.hang_up()
+    same: dict[str, Any] = {"content": b'{"count": 3}', "headers": {"idempotency-key": "k"}}
+    async with asyncio.timeout(LIMIT_S):
+        while (again := await bench.client.post("/calibrate?wait=0", **same)).status_code == 409:
+            assert again.json()["code"] == "request-in-flight"
+    assert again.headers["idempotency-replayed"] == "true"
+    gate.open.set()
+    assert (await bench.run_over(f"/runs/{again.json()['id']}"))["state"] == "finished"
+    assert len((await bench.client.get("/runs")).json()["runs"]) == 1
+
+
+async def test_half_a_body_is_no_error_of_the_daemon(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
+    for path in ("/setup", "/scans", "/calibrate"):
+        half = await RawRequest.send(bench, f"POST {path}", b"{", length=100)
+        await asyncio.sleep(0)
+        await half.hang_up()
+    metrics = (await bench.client.get("/metrics")).text
+    assert 'handeyed_http_requests_total{method="POST",status="500"} 0' in metrics
+    assert not [record for record in caplog.records if record.levelname == "ERROR"]
+
+
+@pytest.mark.parametrize("path", ["/robot", "/events", "/metrics", "/runs?limit=500", "/camera/frame.png"])
+async def test_whoever_hangs_up_at_once_leaves_nothing_behind(
+    bench: Bench, caplog: pytest.LogCaptureFixture, path: str
+) -> None:
+    assert (await bench.client.get("/health")).status_code == 200
+    before = len(asyncio.all_tasks())
+    for _ in range(HUNG_UP):
+        await (await RawRequest.send(bench, f"GET {path}")).hang_up()
+    await eventually(lambda: len(asyncio.all_tasks()) <= before)
+    assert not [record for record in caplog.records if record.levelname == "ERROR"]
+
+
+async def test_a_get_with_a_body_is_answered(bench: Bench) -> None:
+    asked = await RawRequest.send(bench, "GET /robot\nConnection: close", json.dumps({"x": 1}).encode())
+    async with asyncio.timeout(LIMIT_S):
+        assert b" 200 " in await asked.reader.readline()
+    await asked.hang_up()
