@@ -1,6 +1,13 @@
-"""Content from a URL: limited in size, dated by the response, requested again until it is recent enough."""
+"""Content from a URL: limited in size, dated by the response, requested again until it is recent enough.
+
+Whoever answers in the device's place can neither send the daemon elsewhere nor have content unpacked: redirects are
+followed at the same host only, and a Content-Encoding is refused, since a few kilobytes unpack to gigabytes.
+"""
 
 import asyncio
+import math
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
 
@@ -17,6 +24,9 @@ RETRY_S = 0.05
 HTTP_DATE_STEP_S = 1.0
 """HTTP dates and Age have a resolution of one second: content may be older by that much."""
 EXACT_AGE = "x-taken-at-age-s"
+MAX_REDIRECTS = 5
+MAX_EXCERPT = 80
+"""Characters of a foreign answer that an error shows at most."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +38,23 @@ class Fetched:
     taken_at_s: float
 
 
+def excerpt(text: object) -> str:
+    """The beginning of what a device, or an error about it, says: printable, at most MAX_EXCERPT characters."""
+    return "".join(c if c.isprintable() else "?" for c in str(text)[:MAX_EXCERPT])
+
+
 def age_s(headers: httpx.Headers) -> float:
     """Age of the content by its headers; 0 without any. Raises ValueError for a malformed header."""
+    age = _stated_age_s(headers)
+    if not math.isfinite(age):
+        raise ValueError(f"{age:g} s")
+    return age
+
+
+def _stated_age_s(headers: httpx.Headers) -> float:
     if EXACT_AGE in headers:
-        return max(0.0, float(headers[EXACT_AGE]))
+        stated = float(headers[EXACT_AGE])
+        return stated if math.isnan(stated) else max(0.0, stated)
     ages = [0.0]
     if "age" in headers:
         ages.append(float(headers["age"]) + HTTP_DATE_STEP_S)
@@ -46,9 +69,11 @@ class HttpSource(PolledDevice):
 
     def __init__(self, url: str, timing: Timing, *, name: str, limit_s: float, max_bytes: int) -> None:
         self._url = httpx.URL(url)
-        super().__init__(f"{name} {self._url.copy_with(userinfo=b'')}", timing)
+        super().__init__(f"{name} {self._url.copy_with(userinfo=b'', query=None)}", timing)
         self._limit_s, self._max_bytes = limit_s, max_bytes
-        self._client = httpx.AsyncClient(timeout=httpx.Timeout(limit_s, connect=CONNECT_LIMIT_S), follow_redirects=True)
+        self._client = httpx.AsyncClient(
+            timeout=httpx.Timeout(limit_s, connect=CONNECT_LIMIT_S), headers={"Accept-Encoding": "identity"}
+        )
 
     async def close(self) -> None:
         """Close all connections."""
@@ -90,36 +115,64 @@ class HttpSource(PolledDevice):
     async def _ask(self) -> Fetched:
         asked_at_s = self._timing.clock()
         try:
-            async with self._client.stream("GET", self._url) as answer:
+            async with self._answer() as answer:
                 self._raise_for_status(answer)
                 content = await self._read_bounded_body(answer)
         except httpx.TimeoutException as error:
             raise self._no_answer() from error
-        except (httpx.RemoteProtocolError, httpx.DecodingError, httpx.TooManyRedirects) as error:
+        except (httpx.RemoteProtocolError, httpx.DecodingError, httpx.UnsupportedProtocol) as error:
             self._report.up("it answers, but not whole HTTP answers")
-            raise GarbledAnswer(
-                self.device, f"no whole HTTP answer ({error})", "check the device and the URL"
-            ) from error
+            what = f"no whole HTTP answer ({excerpt(error)})"
+            raise GarbledAnswer(self.device, what, "check the device and the URL") from error
         except httpx.TransportError as error:
-            self._report.down(f"nobody answers ({error})")
-            what = f"nobody answers ({error or type(error).__name__})"
+            what = f"nobody answers ({excerpt(error) or type(error).__name__})"
+            self._report.down(what)
             raise DeviceUnreachable(
                 self.device, what, "check that the device is on, the address and the port"
             ) from error
         try:
             taken_at_s = asked_at_s - age_s(answer.headers)
         except (ValueError, TypeError) as error:
-            what = f"an age that cannot be read ({error})"
+            what = f"an age that cannot be read ({excerpt(error)})"
             raise GarbledAnswer(
                 self.device, what, "correct the server's Age, Last-Modified or X-Taken-At-Age-S"
             ) from error
         self._report.up("it answers")
-        media_type = answer.headers.get("content-type", "").partition(";")[0].strip().lower()
+        media_type = excerpt(answer.headers.get("content-type", "").partition(";")[0].strip().lower())
         return Fetched(content, media_type, taken_at_s)
 
+    @asynccontextmanager
+    async def _answer(self) -> AsyncIterator[httpx.Response]:
+        """The answer to a GET, its body unread, after at most MAX_REDIRECTS redirects."""
+        request = self._client.build_request("GET", self._url)
+        for _ in range(1 + MAX_REDIRECTS):
+            answer = await self._client.send(request, stream=True)
+            try:
+                if answer.next_request is None:
+                    yield answer
+                    return
+            finally:
+                await answer.aclose()
+            self._require_same_server(answer.next_request.url)
+            request = answer.next_request
+        raise GarbledAnswer(self.device, f"more than {MAX_REDIRECTS} redirects", "give the final URL in the settings")
+
+    def _require_same_server(self, url: httpx.URL) -> None:
+        """Only this host and port, and from HTTP to HTTPS at their usual ports."""
+        asked, given = ((each.scheme, each.host, each.port) for each in (self._url, url))
+        if given not in (asked, ("https", asked[1], None) if asked[2] is None else asked):
+            what = f"it redirects to {excerpt(url.copy_with(userinfo=b'', path='/', query=None, fragment=None))}"
+            self._report.up(what)
+            raise GarbledAnswer(self.device, what, "give the address that is meant in the settings")
+
     async def _read_bounded_body(self, answer: httpx.Response) -> bytes:
+        encoding = answer.headers.get("content-encoding", "identity").strip().lower()
+        if encoding not in ("identity", ""):
+            self._report.up("it answers, but packed")
+            what = f"the answer is packed (Content-Encoding: {excerpt(encoding)})"
+            raise GarbledAnswer(self.device, what, "let the server send it as it is, as it was asked to")
         content = bytearray()
-        async for chunk in answer.aiter_bytes():
+        async for chunk in answer.aiter_raw():
             content += chunk
             if len(content) > self._max_bytes:
                 what = f"more than {self._max_bytes} bytes came"
@@ -131,7 +184,7 @@ class HttpSource(PolledDevice):
     def _raise_for_status(self, answer: httpx.Response) -> None:
         if answer.status_code == 200:
             return
-        what = f"it answered {answer.status_code} {answer.reason_phrase}"
+        what = f"it answered {answer.status_code} {excerpt(answer.reason_phrase)}"
         self._report.up(what)
         if answer.status_code >= 500:
             raise DeviceUnreachable(self.device, what, "the device is not ready; look at it")

@@ -20,17 +20,18 @@ class Answer:
 
 
 class HttpDevice:
-    """`answers` is asked for each request; `url` is where."""
+    """`answer` is given to each request, unless `answers` has one for its path; `url` is where."""
 
     def __init__(self, answer: Answer, port: int = 0) -> None:
         self.answer = answer
+        self.answers: dict[str, Answer] = {}
         self.asked = 0
         device = self
 
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
                 device.asked += 1
-                answer = device.answer
+                answer = device.answers.get(self.path, device.answer)
                 if answer.hangs is not None:
                     answer.hangs.wait(20)
                 self.send_response(answer.status)

@@ -1,8 +1,10 @@
 """What a driver says when an HTTP device misbehaves."""
 
 import asyncio
+import gzip
 import threading
 import time
+import zlib
 
 import httpx
 import pytest
@@ -13,6 +15,20 @@ from drivers.http_source import age_s
 from tests.drivers.http_devices import Answer, http_device
 from tests.drivers.pictures import PNG
 from tests.support.waiting import LIMIT_S, SkippableTime, eventually
+
+BOMB = gzip.compress(gzip.compress(bytes(50_000_000)))
+"""Some hundred bytes that unpack to 50 MB."""
+
+LONG = "x" * 5000
+
+
+def packed(content: bytes, encoding: str) -> Answer:
+    return Answer(content, headers={"Content-Encoding": encoding})
+
+
+def moved(to: str) -> Answer:
+    return Answer(b"moved", status=302, headers={"Location": to})
+
 
 FAULTS = {
     "empty body": (Answer(b""), GarbledAnswer, "the answer is empty"),
@@ -25,6 +41,19 @@ FAULTS = {
     "too large": (Answer(b"\0" * 5000), AnswerTooLarge, "more than 4096 bytes"),
     "age of letters": (Answer(PNG, headers={"X-Taken-At-Age-S": "new"}), GarbledAnswer, "an age that cannot be read"),
     "date of letters": (Answer(PNG, headers={"Last-Modified": "yesterday"}), GarbledAnswer, "an age that cannot"),
+    "age that is no number": (Answer(PNG, headers={"X-Taken-At-Age-S": "nan"}), GarbledAnswer, "an age that cannot"),
+    "age without end": (Answer(PNG, headers={"Age": "inf"}), GarbledAnswer, "an age that cannot be read"),
+    "packed twice": (packed(BOMB, "gzip, gzip"), GarbledAnswer, r"packed \(Content-Encoding: gzip, gzip\)"),
+    "packed": (packed(gzip.compress(PNG), "GZIP"), GarbledAnswer, "packed"),
+    "deflated": (packed(zlib.compress(PNG), "deflate"), GarbledAnswer, "packed"),
+    "packed in an unknown way": (packed(PNG, LONG), GarbledAnswer, r"packed \(Content-Encoding: x{80}\)"),
+    "redirect to a file": (moved("file:///etc/passwd"), GarbledAnswer, "redirects to file:"),
+    "redirect to another host": (moved("http://localhost:1/"), GarbledAnswer, "redirects to http://localhost:1/:"),
+    "redirect to another port": (moved("http://127.0.0.1:1/a?b"), GarbledAnswer, "redirects to http://127.0.0.1:1/:"),
+    "redirect to TLS elsewhere": (moved("https://127.0.0.1/"), GarbledAnswer, "redirects to https://127.0.0.1/:"),
+    "redirect to itself": (moved("/now"), GarbledAnswer, "more than 5 redirects"),
+    "redirect to nowhere": (moved("http://[::"), GarbledAnswer, "no whole HTTP answer"),
+    "a page of a long kind": (Answer(b"<html>", LONG), GarbledAnswer, "neither PNG nor JPEG"),
     "old": (Answer(PNG, headers={"Age": "60"}), DeviceTimeout, "older than asked for"),
 }
 
@@ -37,8 +66,21 @@ async def test_each_fault_has_its_error(answer, error, message):
         grabbing = asyncio.create_task(camera.grab(clock.clock() - 30))
         await eventually(lambda: grabbing.done() or device.asked > 1)
         clock.skip(2 * LIMIT_S)
-        with pytest.raises(error, match=message):
+        with pytest.raises(error, match=message) as raised:
             await grabbing
+        assert len(str(raised.value)) < 400
+        await camera.close()
+
+
+async def test_a_redirect_at_the_same_server_is_followed_and_no_other_is_asked():
+    with http_device(Answer(PNG)) as other, http_device(moved("/later")) as device:
+        camera = HttpCamera(device.url, limit_s=LIMIT_S)
+        device.answers["/later"] = Answer(PNG)
+        assert (await camera.grab(0.0)).encoded == PNG
+        device.answer = moved(other.url)
+        with pytest.raises(GarbledAnswer, match="redirects to"):
+            await camera.grab(0.0)
+        assert other.asked == 0
         await camera.close()
 
 
@@ -62,7 +104,7 @@ async def test_it_is_asked_again_until_the_picture_is_fresh():
 
 
 async def test_a_password_in_the_url_is_used_and_not_shown():
-    camera = HttpCamera("http://user:secret@127.0.0.1:9/now", limit_s=0.1)
+    camera = HttpCamera("http://user:secret@127.0.0.1:9/now?token=secret", limit_s=0.1)
     with pytest.raises(DeviceUnreachable) as unreachable:
         await camera.grab(0.0)
     assert "secret" not in str(unreachable.value)
