@@ -1,7 +1,9 @@
 """The newest complete file in a folder that another program writes to."""
 
 import asyncio
+import errno
 import math
+import stat
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,10 +11,14 @@ from pathlib import Path
 from typing import TypeVar
 
 from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
+from drivers.file_thread import FileThread
 from drivers.polled_device import PolledDevice
 from drivers.timing import Timing
+from registration.io.regular_file import read_regular
 
 POLL_S = 0.1
+POLL_LIMIT_S = 10.0
+"""A folder that takes longer to list, a network share that hangs, counts as unreachable."""
 LAG_S = 0.2
 """A file's time is the end of its writing; its content is older by the exposure and the writing."""
 TEMPORARY_ENDINGS = (".tmp", ".part", ".partial", ".crdownload", ".swp", "~")
@@ -38,17 +44,21 @@ class NewestFile:
 
 
 def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Sighting]:
-    """All files with these suffixes; hidden and temporary names are skipped. Raises OSError."""
+    """All regular files with these suffixes; hidden and temporary names are skipped. Raises OSError.
+
+    Links are no regular files: one may lead out of the folder, to what its writer may not read.
+    """
     sightings = []
     for path in folder.iterdir():
         name = path.name.lower()
         if name.startswith(".") or name.endswith(TEMPORARY_ENDINGS) or not name.endswith(suffixes):
             continue
         try:
-            seen = path.stat()
+            seen = path.lstat()
         except FileNotFoundError:
             continue  # renamed or removed between listing and stat
-        sightings.append(Sighting(path, seen.st_size, seen.st_mtime_ns))
+        if stat.S_ISREG(seen.st_mode):
+            sightings.append(Sighting(path, seen.st_size, seen.st_mtime_ns))
     return sightings
 
 
@@ -72,6 +82,7 @@ class WatchedFolder(PolledDevice):
         self._limit_s, self._max_bytes, self._lag_s, self._wall_clock = limit_s, max_bytes, lag_s, wall_clock
         self._first_seen_s: dict[Sighting, float] = {}
         self._looked = False
+        self._lister, self._reader = (FileThread(f"{what} {self.device}", timing) for what in ("lists", "reads"))
         self._newest: NewestFile | None = None
 
     async def newest(
@@ -88,7 +99,9 @@ class WatchedFolder(PolledDevice):
             newest = self._newest
             if newest is not None and newest.taken_at_s > newer_than_s and newest != refused:
                 try:
-                    content, understood = await asyncio.to_thread(self._read, newest.sighting, understand)
+                    device = f"{self.device}/{newest.sighting.path.name}"
+                    content = await self._read(device, newest.sighting)
+                    understood = await asyncio.to_thread(understand, device, content)
                     return understood, content, newest.taken_at_s
                 except GarbledAnswer as error:
                     refused, garbled = newest, error
@@ -96,28 +109,41 @@ class WatchedFolder(PolledDevice):
                 raise garbled or self._nothing_fresh(newest, newer_than_s)
             await self._timing.sleep(POLL_S / 2)
 
-    def _read(self, sighting: Sighting, understand: Callable[[str, bytes], Content]) -> tuple[bytes, Content]:
-        device = f"{self.device}/{sighting.path.name}"
+    async def _read(self, device: str, sighting: Sighting) -> bytes:
+        """The file's content. Raises AnswerTooLarge, GarbledAnswer, DeviceTimeout."""
         if sighting.size > self._max_bytes:
-            what = f"the file has {sighting.size} bytes, more than {self._max_bytes}"
-            raise AnswerTooLarge(device, what, "raise the limit in the settings, or write less")
+            raise self._too_large(device, f"{sighting.size} bytes, more than {self._max_bytes}")
         try:
-            content = sighting.path.read_bytes()
+            return await self._reader.run(
+                lambda: read_regular(sighting.path, self._max_bytes, follow_links=False), self._limit_s
+            )
+        except TimeoutError:
+            what = f"it was not read in {self._limit_s:g} s"
+            raise DeviceTimeout(device, what, "check the disk or the network share") from None
         except OSError as error:
+            if error.errno == errno.EFBIG:  # it grew since it was seen
+                raise self._too_large(device, f"more than {self._max_bytes} bytes") from error
             raise GarbledAnswer(device, f"it cannot be read ({error.strerror})", "check the file's rights") from error
-        return content, understand(device, content)
+
+    def _too_large(self, device: str, size: str) -> AnswerTooLarge:
+        return AnswerTooLarge(device, f"the file has {size}", "raise the limit in the settings, or write less")
 
     async def _look(self) -> None:
         while True:
             try:
-                sightings = await asyncio.to_thread(files_in, self._folder, self._suffixes)
+                sightings = await self._lister.run(lambda: files_in(self._folder, self._suffixes), POLL_LIMIT_S)
+            except TimeoutError:
+                self._forget(f"the folder was not listed in {POLL_LIMIT_S:g} s")
             except OSError as error:
-                self._first_seen_s, self._newest, self._looked = {}, None, False
-                self._report.down(f"the folder cannot be read ({error.strerror})")
+                self._forget(f"the folder cannot be read ({error.strerror})")
             else:
                 self._report.up("the folder is there" if sightings else "the folder is there, and empty so far")
                 self._note(sightings)
             await self._timing.sleep(POLL_S)
+
+    def _forget(self, why: str) -> None:
+        self._first_seen_s, self._newest, self._looked = {}, None, False
+        self._report.down(why)
 
     def _note(self, sightings: list[Sighting]) -> None:
         """Note the newest file unchanged since the last poll; newer ones may still grow."""

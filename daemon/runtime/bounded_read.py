@@ -1,22 +1,17 @@
 """Read a file up to MAX_BYTES; refuses devices and pipes, which may never end."""
 
-import errno
-import os
 from pathlib import Path
 
 from calibration.errors import DocumentError, DocumentProblem
+from registration.io.regular_file import read_regular
 
 MAX_BYTES = 256_000_000
 """256 MB: documents and pictures are far smaller."""
 
 
 def read_bounded(file: Path) -> bytes:
-    """The content of `file`. Raises OSError, also (EFBIG) when it is longer than MAX_BYTES."""
-    with file.open("rb") as opened:
-        content = opened.read(MAX_BYTES + 1)
-    if len(content) > MAX_BYTES:
-        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(file))
-    return content
+    """The content of `file`. Raises OSError, also (EFBIG) when it is longer than MAX_BYTES or no regular file."""
+    return read_regular(file, MAX_BYTES)
 
 
 def read_document(file: Path) -> bytes:

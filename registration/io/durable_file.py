@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import BinaryIO, NoReturn, Self
 
 from registration.errors import CloudIOError
+from registration.io.regular_file import open_regular
 
 CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENODEV)
 """Errors of a file system, or of a length of 0, that cannot be reserved; writing continues without reservation."""
@@ -26,7 +27,7 @@ class GuardedFile:
     def reading(cls, path: Path, name: str) -> Self:
         """Open for reading. Raises CloudIOError."""
         try:
-            return cls(path.open("rb", buffering=0), name)
+            return cls(open_regular(path), name)
         except OSError as error:
             raise _error(name, "file", "opened", error) from None
 

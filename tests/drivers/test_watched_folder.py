@@ -3,6 +3,9 @@
 import asyncio
 import os
 import re
+import socket
+import subprocess
+import sys
 import threading
 import time
 
@@ -11,7 +14,7 @@ import pytest
 from drivers.cameras.decoding import decode
 from drivers.cameras.folder_camera import FolderCamera
 from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, GarbledAnswer
-from drivers.watched_folder import LAG_S
+from drivers.watched_folder import LAG_S, Sighting
 from tests.drivers.pictures import PNG
 from tests.support.waiting import LIMIT_S, SkippableTime, eventually
 
@@ -92,6 +95,107 @@ async def test_temporary_and_other_names_do_not_count(name, tmp_path, camera, cl
     late = await error_when_the_time_is_over(camera, clock, clock.clock() - 10, lambda: camera.link.connected)
     assert isinstance(late, DeviceTimeout)
     assert "no file came" in str(late)
+
+
+def in_the_way(kind, path, outside):
+    """Something at `path` that is no regular file."""
+    leave(outside)
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as server:
+            server.bind(str(path))
+    else:
+        path.symlink_to({"link out of the folder": outside, "link to itself": path}.get(kind, kind))
+
+
+IN_THE_WAY = [
+    "pipe",
+    "folder",
+    "socket",
+    "link out of the folder",
+    "link to itself",
+    "/dev/zero",
+    "/dev/tty",
+    "nowhere",
+]
+
+
+@pytest.mark.parametrize("kind", IN_THE_WAY)
+async def test_what_is_no_file_is_not_opened_and_hides_no_picture(kind, tmp_path, camera, clock, tmp_path_factory):
+    in_the_way(kind, tmp_path / "z.png", tmp_path_factory.mktemp("outside") / "a.png")
+    late = await error_when_the_time_is_over(camera, clock, clock.clock() - 10, lambda: camera.link.connected)
+    assert isinstance(late, DeviceTimeout)
+    assert "no file came" in str(late)
+    leave(tmp_path / "a.png")
+    assert (await camera.grab(clock.clock() - 600)).encoded == PNG
+
+
+@pytest.mark.parametrize("kind", IN_THE_WAY)
+async def test_a_file_that_is_exchanged_before_it_is_read_is_not_opened(kind, tmp_path, tmp_path_factory, monkeypatch):
+    path, outside = tmp_path / "a.png", tmp_path_factory.mktemp("outside") / "a.png"
+    leave(path)
+    camera = FolderCamera(tmp_path, limit_s=LIMIT_S)
+
+    async def exchange(read, limit_s):
+        path.unlink()
+        in_the_way(kind, path, outside)
+        return read()
+
+    monkeypatch.setattr(camera._reader, "run", exchange)
+    with pytest.raises(GarbledAnswer, match="it cannot be read"):
+        await camera._read("camera", files_in_before(path))
+
+
+def files_in_before(path):
+    seen = path.stat()
+    return Sighting(path, seen.st_size, seen.st_mtime_ns)
+
+
+async def test_a_file_that_grows_is_read_up_to_the_limit(tmp_path):
+    leave(tmp_path / "a.png")
+    camera = FolderCamera(tmp_path, limit_s=LIMIT_S, max_bytes=len(PNG) - 1)
+    with pytest.raises(AnswerTooLarge, match="more than"):
+        await camera._read("camera", Sighting(tmp_path / "a.png", 1, 0))
+
+
+HUNG_SHARE = """
+import asyncio, signal, sys, threading
+from pathlib import Path
+import drivers.watched_folder as watched
+from drivers.cameras.folder_camera import FolderCamera
+from drivers.errors import DeviceUnreachable
+
+watched.files_in = lambda *_: threading.Event().wait()
+watched.POLL_LIMIT_S = 0.05
+
+async def main():
+    ended = asyncio.Event()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, ended.set)
+    camera = FolderCamera(Path(sys.argv[1]), limit_s=0.2)
+    camera.start()
+    for _ in range(3):
+        try:
+            await camera.grab(0.0)
+        except DeviceUnreachable as error:
+            threads = threading.active_count()
+            print(error, threads, flush=True)
+    await ended.wait()
+    await camera.close()
+
+asyncio.run(main())
+"""
+
+
+def test_a_share_that_hangs_is_reported_and_does_not_keep_the_process(tmp_path):
+    with subprocess.Popen([sys.executable, "-c", HUNG_SHARE, tmp_path], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        said = [process.stdout.readline() for _ in range(3)]
+        process.terminate()
+        assert process.wait(LIMIT_S) == 0
+    assert all("the folder was not listed in 0.05 s" in line and line.endswith(" 2\n") for line in said)
 
 
 async def test_a_file_over_the_limit_is_not_even_read(tmp_path):

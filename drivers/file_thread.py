@@ -1,0 +1,55 @@
+"""Blocking calls on files in a thread of their own, which a network share that hangs holds, but not the process."""
+
+import asyncio
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from drivers.timing import Timing
+
+Answer = TypeVar("Answer")
+
+
+class FileThread:
+    """One blocking call at a time, in a daemon thread: the process ends without it."""
+
+    def __init__(self, name: str, timing: Timing) -> None:
+        self._name, self._timing = name, timing
+        self._call: asyncio.Future[Any] | None = None
+
+    async def run(self, work: Callable[[], Answer], limit_s: float) -> Answer:
+        """The result of `work`, or its exception. Raises TimeoutError after `limit_s`; the thread is then left alone.
+
+        While a call hangs no other is begun: each waits for it up to its own limit.
+        """
+        while self._call is not None and not self._call.done():
+            await self._wait(self._call, limit_s)
+        loop = asyncio.get_running_loop()
+        call: asyncio.Future[Answer] = loop.create_future()
+        self._call = call
+
+        def settle(result: Any, error: BaseException | None) -> None:
+            if error is None:
+                call.set_result(result)
+            else:
+                call.set_exception(error)
+                call.exception()  # it is known: a waiter that has left leaves no message about it
+
+        def run_and_settle() -> None:
+            result: Any = None
+            error: Exception | None = None
+            try:
+                result = work()
+            except Exception as raised:  # noqa: BLE001 - raised where the result is awaited
+                error = raised
+            with suppress(RuntimeError):  # the loop was closed meanwhile
+                loop.call_soon_threadsafe(settle, result, error)
+
+        threading.Thread(target=run_and_settle, name=self._name, daemon=True).start()
+        await self._wait(call, limit_s)
+        return call.result()
+
+    async def _wait(self, call: "asyncio.Future[Any]", limit_s: float) -> None:
+        if not await self._timing.wait_until_done(call, limit_s):
+            raise TimeoutError

@@ -1,0 +1,38 @@
+"""Opens regular files only: a pipe, a device or a socket in a file's place may never answer, or never end."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+
+def open_regular(path: Path, *, follow_links: bool = True) -> BinaryIO:
+    """Open for reading, unbuffered. Raises OSError, also for what is no regular file, or a link not to be followed."""
+    links = 0 if follow_links else os.O_NOFOLLOW
+    _require_regular(path, path.stat(follow_symlinks=follow_links))  # opening alone may set a device off
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC | links)
+    try:
+        _require_regular(path, os.fstat(descriptor))
+        return os.fdopen(descriptor, "rb", buffering=0)
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def read_regular(path: Path, max_bytes: int, *, follow_links: bool = True) -> bytes:
+    """The content. Raises OSError, also (EFBIG) when it is longer than `max_bytes`."""
+    with open_regular(path, follow_links=follow_links) as file:
+        content = bytearray()
+        while len(content) <= max_bytes and (more := file.read(min(1 << 20, max_bytes + 1 - len(content)))):
+            content += more
+    if len(content) > max_bytes:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return bytes(content)
+
+
+def _require_regular(path: Path, found: os.stat_result) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "Not a regular file", str(path))
