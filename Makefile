@@ -114,7 +114,7 @@ $(VENV)/measuring: $(VENV)/developing
 
 lock: $(VENV)/developing
 	@$(PIP) install "uv>=0.9"
-	$(LOCK) pyproject.toml --output-file deploy/requirements.lock
+	$(LOCK) pyproject.toml --extra las --output-file deploy/requirements.lock # LAZ is a media type of the REST interface
 	$(LOCK) --group build --output-file deploy/build.lock
 
 deb:

@@ -97,6 +97,9 @@ settle_in() { # user, folders, settings, unit, devices
 }
 
 [ "$(id -u)" = 0 ] || fail "run it as root: sudo deploy/install.sh"
+mkdir -p "$(dirname "$ROOT")"
+exec 9<"$(dirname "$ROOT")" # two at once would each remove what the other one builds
+flock --nonblock 9 || fail "another install.sh is at work: wait for it"
 case "${1:-}" in
 --rollback) rollback; exit ;;
 --uninstall) uninstall; exit ;;

@@ -22,6 +22,7 @@ from daemon.store.backup import FOLDERS, FORMAT, MANIFEST
 from daemon.store.consistency import NO_LIMIT_S, count_missing_files, find_fault
 from daemon.store.database import DATABASE_NAME, storage_errors
 from daemon.store.lock import LOCK_NAME, FolderLock
+from daemon.store.run_ages import AGES_NAME
 from daemon.store.schema import SCHEMA_VERSION
 
 UNPACKED = ".restoring"
@@ -111,9 +112,7 @@ def _require_empty(store: Path) -> None:
 
 
 def _belongs_to_a_store(name: str) -> bool:
-    return name in (*FOLDERS, "retention.json") or (
-        name != LOCK_NAME and name.startswith((DATABASE_NAME, "audit-anchor"))
-    )
+    return name in (*FOLDERS, AGES_NAME) or (name != LOCK_NAME and name.startswith((DATABASE_NAME, "audit-anchor")))
 
 
 def _unpack(source: Path, unpacked: Path) -> _Unpacked:

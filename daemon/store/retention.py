@@ -1,11 +1,13 @@
-"""Deletes the pictures of old runs, and warns before the disk is full."""
+"""Deletes the pictures of old runs, and warns before the disk is full.
+
+No clock that can be set decides: runs are ordered as they were stored, and aged by the daemon's working time.
+"""
 
 import asyncio
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
 from pathlib import Path
 
 from daemon.config.settings import StorageSettings
@@ -15,6 +17,7 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Metric
 from daemon.runtime.workers import Workers
 from daemon.store.database import storage_errors
+from daemon.store.run_ages import AGES_NAME, RunAges, read_ages
 from daemon.store.store import RUN_BYTES, Store
 
 log = logging.getLogger(__name__)
@@ -28,24 +31,17 @@ MIN_ROOM_RUNS = 100
 """Warn when fewer runs than this still fit: four days at one an hour."""
 
 
-def runs_to_prune(runs: Sequence[RunRecord], keep_runs: int, keep_days: float, kept: frozenset[str]) -> list[str]:
-    """Ids of the finished runs whose pictures are deleted; `runs` newest first.
+def runs_to_prune(runs: Sequence[RunRecord], keep_runs: int, old: Set[str], kept: Set[str]) -> list[str]:
+    """Ids of the finished runs whose pictures are deleted; `runs` in the order they were stored, newest first.
 
-    A run's pictures are kept while it is among the latest `keep_runs` and at most `keep_days` older than the newest run
-    (not than the clock, which may be set wrong), or when its id is in `kept`.
+    A run's pictures are kept while it is among the latest `keep_runs` and not in `old`, or when its id is in `kept`.
+    The newest run is always kept.
     """
-    if not runs:
-        return []
-    oldest = _time(runs[0].created_at) - timedelta(days=keep_days)
     return [
         run.id
         for place, run in enumerate(runs)
-        if place > 0 and run.over and run.id not in kept and (place >= keep_runs or _time(run.created_at) < oldest)
+        if place > 0 and run.over and run.id not in kept and (place >= keep_runs or run.id in old)
     ]
-
-
-def _time(timestamp: str) -> datetime:
-    return datetime.fromisoformat(timestamp)
 
 
 @dataclass(eq=False)
@@ -57,6 +53,8 @@ class Retention:
     clock: Clock
     settings: StorageSettings
     _run_bytes: float = field(default=0.0, init=False)
+    _ages: RunAges | None = field(default=None, init=False)
+    _aged_s: float | None = field(default=None, init=False)
     _task: asyncio.Task[None] | None = field(default=None, init=False)
 
     async def start(self) -> None:
@@ -69,15 +67,17 @@ class Retention:
                 await self._task
 
     async def tidy(self) -> list[Path]:
-        """Delete the pictures of old runs; returns the deleted files. Raises StorageError."""
+        """Delete the pictures of old runs, unless the store has a fault; returns the files. Raises StorageError."""
+        if self.store.fault is not None:
+            return []
         runs = await self._runs()
         try:
             _, current = await self.store.current()
             kept = frozenset(filter(None, (current.run_id,)))
         except NoCalibration:
             kept = frozenset()
-        going = [self.store.run_folder(run_id) for run_id in runs_to_prune(
-            runs, self.settings.keep_runs, self.settings.keep_days, kept)]  # fmt: skip
+        old = await self._old_runs([run.id for run in runs])
+        going = [self.store.run_folder(run_id) for run_id in runs_to_prune(runs, self.settings.keep_runs, old, kept)]
         removed: list[Path] = await self.workers.run(_remove_pictures, going)
         if removed:
             log.info("%d pictures of old runs were removed", len(removed))
@@ -100,6 +100,17 @@ class Retention:
         return [
             Metric("handeyed_run_bytes", "gauge", "Mean size of the latest runs on the disk.", {(): self._run_bytes})
         ]
+
+    async def _old_runs(self, runs: list[str]) -> set[str]:
+        """Those of `runs`, newest first, that are older than keep_days by the daemon's working time."""
+        now_s, folder = self.clock.monotonic_s(), self.store.folder
+        before = await self.workers.run(read_ages, folder) if self._ages is None else self._ages
+        elapsed_s = 0.0 if self._aged_s is None else now_s - self._aged_s
+        ages = before.after(elapsed_s, runs[0] if runs else None)
+        if ages != before:
+            await self.store.write_file(folder / AGES_NAME, [ages.json()])
+        self._ages, self._aged_s = ages, now_s
+        return ages.older_than(self.settings.keep_days * 24 * 3600, runs)
 
     async def _runs(self) -> list[RunRecord]:
         runs: list[RunRecord] = []

@@ -25,6 +25,7 @@ def _pins(lock: str) -> list[tuple[str, str]]:
     ("lock", "wanted"),
     [
         ("requirements.lock", PYPROJECT["project"]["dependencies"]),
+        ("requirements.lock", PYPROJECT["project"]["optional-dependencies"]["las"]),  # openapi.json names LAZ
         ("build.lock", PYPROJECT["build-system"]["requires"]),
         ("build.lock", PYPROJECT["dependency-groups"]["build"]),
     ],

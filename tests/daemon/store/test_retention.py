@@ -7,6 +7,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from daemon.config.settings import StorageSettings
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord
@@ -14,6 +16,7 @@ from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.store.retention import Retention, runs_to_prune
+from daemon.store.run_ages import AGES_NAME, RunAges, read_ages
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
@@ -23,8 +26,11 @@ NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
 
 
 def run_of_day(day: int, state: RunState = RunState.FINISHED) -> RunRecord:
-    at = (NOON + timedelta(days=day)).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    return replace(a_run(f"day{day}", state), created_at=at)
+    return replace(a_run(f"day{day}", state), created_at=at_day(day))
+
+
+def at_day(day: float) -> str:
+    return (NOON + timedelta(days=day)).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def newest_first(*days: int) -> list[RunRecord]:
@@ -35,29 +41,77 @@ NOTHING: frozenset[str] = frozenset()
 
 
 @pytest.mark.parametrize(
-    ("days", "keep_runs", "keep_days", "kept", "going"),
+    ("days", "keep_runs", "old", "kept", "going"),
     [
-        ((), 1, 1, NOTHING, []),
-        ((0,), 1, 1, NOTHING, []),
-        ((0, 1, 2, 3), 2, 100, NOTHING, ["day1", "day0"]),
-        ((0, 1, 2, 3), 100, 1.5, NOTHING, ["day1", "day0"]),
-        ((0, 1, 2, 3), 2, 1.5, frozenset({"day0"}), ["day1"]),
-        ((0, 20_000), 100, 100, NOTHING, ["day0"]),
+        ((), 1, NOTHING, NOTHING, []),
+        ((0,), 1, frozenset({"day0"}), NOTHING, []),
+        ((0, 1, 2, 3), 2, NOTHING, NOTHING, ["day1", "day0"]),
+        ((0, 1, 2, 3), 100, frozenset({"day0", "day1"}), NOTHING, ["day1", "day0"]),
+        ((0, 1, 2, 3), 2, frozenset({"day1"}), frozenset({"day0"}), ["day1"]),
+        ((0, 20_000), 100, NOTHING, NOTHING, []),
     ],
 )
 def test_what_goes(
-    days: tuple[int, ...], keep_runs: int, keep_days: float, kept: frozenset[str], going: list[str]
+    days: tuple[int, ...], keep_runs: int, old: frozenset[str], kept: frozenset[str], going: list[str]
 ) -> None:
-    assert runs_to_prune(newest_first(*days), keep_runs, keep_days, kept) == going
+    assert runs_to_prune(newest_first(*days), keep_runs, old, kept) == going
 
 
-def test_a_clock_set_wrong_while_nothing_ran_costs_nothing_and_a_run_in_progress_is_left_alone() -> None:
-    assert runs_to_prune(newest_first(0, 1), 100, 30, NOTHING) == []  # whatever today's date is
+def test_a_run_in_progress_is_left_alone() -> None:
     runs = [run_of_day(3), run_of_day(2, RunState.CAPTURING), run_of_day(1)]
-    assert runs_to_prune(runs, 1, 100, NOTHING) == ["day1"]
+    assert runs_to_prune(runs, 1, NOTHING, NOTHING) == ["day1"]
 
 
-async def retention(folder: Path, **settings: float) -> tuple[Store, Retention]:
+DAY_S = 24 * 3600.0
+STEPS = st.lists(
+    st.tuples(
+        st.floats(0, 20).map(lambda days: days * DAY_S),  # time that passes
+        st.sampled_from(["works", "restarts", "is off", "works"]),
+        st.sampled_from([0, 0, 400, -400, 20_000, -20_000]),  # days by which the clock is set wrong
+        st.integers(0, 3),  # runs
+    ),
+    min_size=1,
+    max_size=60,
+)
+
+
+@given(steps=STEPS, keep_days=st.floats(1, 30), keep_runs=st.integers(1, 20))
+@settings(max_examples=300, deadline=None)
+def test_nothing_goes_that_a_right_clock_would_keep(
+    steps: list[tuple[float, str, int, int]], keep_days: float, keep_runs: int
+) -> None:
+    runs: list[RunRecord] = []
+    right: dict[str, float] = {}
+    ages, now_s = RunAges(), 0.0
+    for passed_s, daemon, wrong_days, count in steps:
+        now_s += passed_s
+        for _ in range(count):
+            run = replace(run_of_day(0), id=f"r{len(runs)}", created_at=at_day(now_s / DAY_S + wrong_days))
+            runs.insert(0, run)
+            right[run.id] = now_s
+        ids = [run.id for run in runs]
+        ages = ages.after(passed_s if daemon == "works" else 0.0, ids[0] if ids else None)
+        old = ages.older_than(keep_days * DAY_S, ids)
+        keep = {run for run in ids[:keep_runs] if now_s - right[run] <= keep_days * DAY_S}
+        assert not keep & {*runs_to_prune(runs, keep_runs, old, NOTHING)}
+
+
+def test_a_daemon_that_works_all_the_time_knows_ages_to_the_day() -> None:
+    ages, ids = RunAges(), []
+    for day in range(40):
+        ids.insert(0, f"day{day}")
+        ages = ages.after(DAY_S, ids[0])
+    assert ages.older_than(10 * DAY_S, ids) == {f"day{day}" for day in range(29)}
+    assert ages.older_than(50 * DAY_S, ids) == set()
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"worked_s": "x", "marks": 7}', b"[" * 100_000])
+def test_ages_that_cannot_be_read_make_every_run_young(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / AGES_NAME).write_bytes(content)
+    assert read_ages(tmp_path) == RunAges()
+
+
+async def retention(folder: Path, **changes: float) -> tuple[Store, Retention]:
     store, clock = Store(folder), Clock()
     for day in range(5):
         run = run_of_day(day)
@@ -67,7 +121,7 @@ async def retention(folder: Path, **settings: float) -> tuple[Store, Retention]:
     document = a_calibration("day0")
     await store.save_calibration(CalibrationRecord("day0", "day0", document.created_at, True, document))
     await store.apply(AppliedCalibration("day0", document.created_at, "Ann"))
-    return store, Retention(store, Workers(clock), clock, StorageSettings(folder=str(folder), **settings))  # type: ignore[arg-type]
+    return store, Retention(store, Workers(clock), clock, StorageSettings(folder=str(folder), **changes))  # type: ignore[arg-type]
 
 
 async def test_pictures_go_and_everything_else_stays(tmp_path: Path) -> None:
@@ -79,6 +133,21 @@ async def test_pictures_go_and_everything_else_stays(tmp_path: Path) -> None:
         pictures = ["view_000.png", "view_001.png"]
         assert names == ["session.json", *([] if day in (1, 2) else pictures)]
     assert await keeper.tidy() == []
+    await store.close()
+
+
+async def test_ages_are_counted_over_restarts_and_pictures_of_old_runs_go(tmp_path: Path) -> None:
+    store, keeper = await retention(tmp_path, keep_runs=100, keep_days=1)
+    now_s, removed = [0.0], {}
+    for start in range(3):  # the daemon works for nine hours at a time
+        keeper = Retention(store, keeper.workers, Clock(monotonic_s=lambda: now_s[0]), keeper.settings)
+        for hour in range(10):
+            if pictures := await keeper.tidy():
+                removed[start * 9 + hour] = sorted({picture.parent.name for picture in pictures})
+            now_s[0] += 3600.0
+        now_s[0] += 1e6
+    assert removed == {25: ["day1", "day2", "day3"]}
+    assert read_ages(tmp_path).worked_s == 27 * 3600
     await store.close()
 
 
