@@ -32,6 +32,22 @@ inside runuser -u handeyed -- handeyed check --config-only /etc/handeyed/handeye
 inside systemd-analyze verify --man=no /lib/systemd/system/handeyed.service
 inside runuser -u handeyed -- sh -c 'cd /tmp && HOME=/tmp handeyed demo' || fail "the demo does not run"
 
+echo "== a backup is restored by the Python that is deployed"
+settings=/etc/handeyed/handeyed.toml
+inside runuser -u handeyed -- handeyed keys add $settings Ann
+inside runuser -u handeyed -- handeyed backup $settings --out /tmp/handeyed.tar
+[ "$(stat -c %a "$CHROOT/tmp/handeyed.tar")" = 600 ] || fail "others may read the backup"
+find "$CHROOT/var/lib/handeyed" -mindepth 1 -delete
+inside runuser -u handeyed -- handeyed restore /tmp/handeyed.tar $settings
+inside runuser -u handeyed -- handeyed audit verify $settings
+inside runuser -u handeyed -- handeyed keys list $settings | grep Ann || fail "the key is not there"
+find "$CHROOT/var/lib/handeyed" -mindepth 1 -delete
+
+echo "== install over itself after an administrator has deleted the settings"
+mv "$CHROOT$settings" "$CHROOT/tmp/settings"
+inside dpkg --install /tmp/handeyed.deb
+mv "$CHROOT/tmp/settings" "$CHROOT$settings"
+
 echo "== install again over itself: the settings a plant has edited stay"
 echo '# edited by the plant' >>"$CHROOT/etc/handeyed/handeyed.toml"
 inside dpkg --install /tmp/handeyed.deb

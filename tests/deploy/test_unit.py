@@ -1,5 +1,7 @@
 """deploy/: what systemd and the shell say of our files."""
 
+import fcntl
+import os
 import re
 import shutil
 import subprocess
@@ -94,6 +96,50 @@ def test_the_installer_wants_root_and_knows_its_options() -> None:
     for place in ("handeyed.service", "99-handeyed.rules", "handeyed.example.toml", "requirements.lock", "build.lock"):
         assert place in script
         assert (DEPLOY / place).exists()
+
+
+def stub(folder: Path, **programs: str) -> dict[str, str]:
+    """The environment of a script for which `programs` are these lines of shell."""
+    folder.mkdir()
+    for name, line in programs.items():
+        (folder / name).write_text(f"#!/bin/sh\n{line}\n")
+        (folder / name).chmod(0o755)
+    return {"PATH": f"{folder}:{os.environ['PATH']}"}
+
+
+def test_a_second_installer_waits_for_nobody_and_changes_nothing(tmp_path: Path) -> None:
+    text = (DEPLOY / "install.sh").read_text().replace("ROOT=/opt/handeyed", f"ROOT={tmp_path}/opt/handeyed")
+    script = tmp_path / "install.sh"
+    script.write_text(text)
+    (tmp_path / "opt").mkdir()
+    first = os.open(tmp_path / "opt", os.O_RDONLY)
+    try:
+        fcntl.flock(first, fcntl.LOCK_EX)
+        root = stub(tmp_path / "bin", id="echo 0")
+        ran = subprocess.run(["sh", str(script)], env=root, capture_output=True, text=True, check=False)
+    finally:
+        os.close(first)
+    assert (ran.returncode, "another install.sh is at work" in ran.stderr) == (1, True), ran.stderr
+    assert not [*(tmp_path / "opt").iterdir()]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_the_package_is_configured_with_and_without_its_settings(tmp_path: Path, there: bool) -> None:
+    text = (DEPLOY / "deb/postinst").read_text()
+    for place in ("/etc/handeyed", "/opt/handeyed", "/var/lib/handeyed", "/run/systemd", "/run/udev"):
+        text = text.replace(place, f"{tmp_path}{place}")
+    script, etc = tmp_path / "postinst", tmp_path / "etc/handeyed"
+    script.write_text(text)
+    etc.mkdir(parents=True)
+    if there:
+        (etc / "handeyed.toml").write_text("x")
+    stubs = stub(tmp_path / "bin", adduser="true", chown='for file in "$@"; do :; done; [ -e "$file" ]',
+                 install='for folder in "$@"; do :; done; mkdir -p "$folder"')  # fmt: skip
+    ran = subprocess.run(["sh", str(script), "configure"], env=stubs, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    assert (etc / "handeyed.toml").exists() == there
+    if there:
+        assert (etc / "handeyed.toml").stat().st_mode & 0o777 == 0o640
 
 
 def test_installer_and_package_put_the_program_where_the_unit_looks() -> None:
