@@ -13,7 +13,7 @@ from calibration.targets import Chessboard
 from calibration.transforms import Array, rotation_from_vector, transform
 from mock_robot.truth.score import score_calibration
 from tests.stories.plant import TEXT, Plant, plant, small_pictures
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 pytestmark = pytest.mark.slow
 
@@ -29,7 +29,7 @@ def off_by(a_T_b: Array, translation_mm: float, rotation_deg: float) -> dict[str
 
 async def calibrates(story: Plant, **body: Any) -> tuple[dict[str, Any], float]:
     """The finished run, and how far its X maps points from the truth."""
-    run = (await story.operator.client.post("/calibrate", params={"wait": 60}, json=body)).json()
+    run = (await story.operator.client.post("/calibrate", params={"wait": LIMIT_S}, json=body)).json()
     assert run["state"] == "finished", run
     document = (await story.application.store.calibration(run["id"])).document
     assert document.verdict.accepted, document.verdict

@@ -40,7 +40,7 @@ async def test_the_first_calibration_of_a_cell_needs_no_robot_program(tmp_path: 
             if run["planning"]["advice"].startswith("that is enough"):
                 break
             await jogs_and_waits(story.cell, where_next(story.cell, run["planning"], rng))
-        run = (await ask.post(run["links"]["finish"], params={"wait": 60})).json()
+        run = (await ask.post(run["links"]["finish"], params={"wait": LIMIT_S})).json()
         assert run["state"] == "finished", run["cause"]
         document = (await story.application.store.calibration(run["id"])).document
         assert document.flange_T_camera is not None

@@ -12,6 +12,7 @@ from daemon.sessions.session_reader import load_problem, open_session
 from mock_robot.truth.score import score_calibration, score_cloud
 from tests.daemon.fakes import ply_of, points_of
 from tests.stories.plant import TEXT, plant
+from tests.support.waiting import LIMIT_S
 
 pytestmark = pytest.mark.slow
 
@@ -24,7 +25,7 @@ DOOR_MM = 0.3
 async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None:
     async with plant(tmp_path, planned=True) as story:
         ask = story.operator.client
-        run = (await ask.post("/calibrate", params={"wait": 60})).json()
+        run = (await ask.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["state"], run["stations"]) == ("finished", 3), run["cause"]
         assert run["result"]["applied"]
         assert not story.cell.moving
@@ -43,7 +44,7 @@ async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None
         assert again == current
 
         # Tab. 1: the target stands still, so its points scatter by no more than the noise.
-        words = (await ask.post("/verify", params={"wait": 60}, headers=TEXT)).text
+        words = (await ask.post("/verify", params={"wait": LIMIT_S}, headers=TEXT)).text
         assert "(a) Position 1" in words
         assert "sigma z" in words
         verified = (await ask.get("/runs", params={"limit": 1})).json()["runs"][0]["result"]["verification"]
@@ -61,7 +62,7 @@ async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None
 
         # A part wider than one view.
         poses = story.cell.announcement.sheet["scan_poses"][::2]
-        scan = (await ask.post("/scans", params={"wait": 60}, json={"name": "door", "poses": poses})).json()
+        scan = (await ask.post("/scans", params={"wait": LIMIT_S}, json={"name": "door", "poses": poses})).json()
         assert scan["run"]["state"] == "finished", scan["run"]["cause"]
         cloud = await ask.get(scan["links"]["cloud"])
         score = score_cloud(story.truth, cloud.content)
@@ -71,7 +72,7 @@ async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None
 
 async def test_eight_poses_are_better_than_three_need_be(tmp_path: Path) -> None:
     async with plant(tmp_path, seed=11) as story:
-        run = (await story.operator.client.post("/calibrate", params={"wait": 60}, json={"count": 8})).json()
+        run = (await story.operator.client.post("/calibrate", params={"wait": LIMIT_S}, json={"count": 8})).json()
         assert (run["state"], run["stations"]) == ("finished", 8), run["cause"]
         document = (await story.application.store.calibration(run["id"])).document
         assert document.verdict.accepted

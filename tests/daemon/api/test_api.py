@@ -251,7 +251,7 @@ def test_json_unless_text_is_preferred(accept: str | None, text: bool) -> None:
 
 async def test_metrics_are_prometheus_text(bench: Bench) -> None:
     await bench.client.get("/nowhere")
-    await bench.client.post("/calibrate", params={"wait": 30})
+    await bench.client.post("/calibrate", params={"wait": LIMIT_S})
     page = (await bench.client.get("/metrics")).text
     lines = page.splitlines()
     assert 'handeyed_http_requests_total{method="GET",status="404"} 1' in lines
@@ -278,7 +278,7 @@ async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -
 
 
 async def test_events_report_every_step_and_can_be_caught_up(bench: Bench) -> None:
-    run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+    run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
     events = await read_events(bench.client, until="finished", last_event_id="0")
     states = [json.loads(event["data"])["state"] for event in events]
     assert states == ["moving", "settling", "capturing"] * 5 + ["detecting", "solving", "finished"]

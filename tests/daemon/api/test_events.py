@@ -73,7 +73,7 @@ async def test_what_was_missed_over_a_restart_is_reported_with_numbers_that_only
 
 
 async def calibrate(bench: Bench) -> str:
-    run: str = (await bench.client.post("/calibrate", params={"wait": 30})).json()["id"]
+    run: str = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()["id"]
     return run
 
 

@@ -13,6 +13,7 @@ from calibration.planning.next_view import NextView, next_view
 from calibration.transforms import transform, vector_from_rotation
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, poses_around_the_target
+from tests.support.waiting import LIMIT_S
 
 pytestmark = pytest.mark.slow
 
@@ -56,7 +57,7 @@ async def test_a_link_lost_while_it_plans_fails_the_run_before_the_next_move(
     guess = pose_json(FLANGE_T_CAMERA)
     settings = settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})
     async with serving(settings, parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert run["cause"]["what"] == "link to the controller lost after station 1 of 3"
         assert len(bench.robot.goals) == 1
         parts.robot.lost = False
@@ -65,7 +66,7 @@ async def test_a_link_lost_while_it_plans_fails_the_run_before_the_next_move(
 async def test_a_run_that_plans_shows_what_it_expects_and_keeps_every_picture(tmp_path: Path) -> None:
     guess = pose_json(FLANGE_T_CAMERA)
     async with serving(settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30}, json={"count": 4})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S}, json={"count": 4})).json()
         assert (run["state"], run["station"], run["stations"]) == ("finished", 4, 4), run["cause"]
         assert [name for name in run["links"] if name.startswith("frame")] == [f"frame {k}" for k in range(5)]
         told = [event.data["predicted"] for event in bench.application.events._kept if event.kind == "run"]
@@ -82,12 +83,12 @@ async def test_planned_views_without_the_target_are_taken_from_elsewhere_and_in_
     parts = Parts()
     parts.camera.blind = lambda k: k == 3
     async with serving(settings, parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["state"], run["stations"]) == ("finished", 4), run["cause"]
     parts = Parts()
     parts.camera.blind = lambda k: k > 2
     async with serving(settings, parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["state"], run["cause"]["code"]) == ("failed", "target-not-seen")
         assert len(bench.robot.goals) == 5
 
@@ -96,7 +97,7 @@ async def test_the_exploring_turn_that_loses_the_target_is_reversed(tmp_path: Pa
     parts = Parts()
     parts.camera.blind = lambda k: k == 2
     async with serving(settings_for(tmp_path, calibration={"poses": []}), parts) as bench:
-        await bench.client.post("/calibrate", params={"wait": 30})
+        await bench.client.post("/calibrate", params={"wait": LIMIT_S})
         start = poses_around_the_target(1)[0][:3, :3]
         turns = [
             np.degrees(vector_from_rotation(start.T @ goal.base_T_flange[:3, :3])) for goal in bench.robot.goals[:3]
@@ -107,11 +108,11 @@ async def test_the_exploring_turn_that_loses_the_target_is_reversed(tmp_path: Pa
 async def test_verify_without_taught_poses_plans_as_it_goes_from_the_calibration_in_force(tmp_path: Path) -> None:
     guess = pose_json(FLANGE_T_CAMERA)
     async with serving(settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30}, json={"count": 4})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S}, json={"count": 4})).json()
         body = {"despite_verdict": True}
         assert (await bench.client.post(f"/calibrations/{run['id']}/apply", json=body)).status_code == 200
         moves = len(bench.robot.goals)
-        seen = (await bench.client.post("/verify", params={"wait": 30})).json()
+        seen = (await bench.client.post("/verify", params={"wait": LIMIT_S})).json()
         assert (seen["state"], seen["station"], len(bench.robot.goals) - moves) == ("finished", 3, 3), seen["cause"]
         assert seen["result"]["verification"]["stations"] == [1, 2, 3]
         assert max(seen["result"]["verification"]["sigma_mm"]) < 0.5
@@ -123,6 +124,6 @@ async def test_a_camera_far_from_where_the_settings_have_it_is_reported(
 ) -> None:
     guess = pose_json(FLANGE_T_CAMERA @ transform(np.eye(3), [0.0, 0.0, off_mm]))
     async with serving(settings_for(tmp_path, calibration={"flange_T_camera_guess": guess})) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         verdict = (await bench.client.get(run["links"]["calibration"])).json()["verdict"]
         assert ("mount-not-as-expected" in {finding["code"] for finding in verdict["findings"]}) is told

@@ -39,7 +39,7 @@ async def test_a_calibration_runs_from_the_first_move_to_the_stored_result(bench
 
 
 async def test_with_wait_the_answer_is_the_finished_run_and_a_person_can_read_it(bench: Bench) -> None:
-    answer = await bench.client.post("/calibrate", params={"wait": 30})
+    answer = await bench.client.post("/calibrate", params={"wait": LIMIT_S})
     assert (answer.status_code, answer.json()["state"]) == (200, "finished")
     words = await bench.client.get(answer.headers["location"], headers=TEXT)
     assert words.headers["content-type"].startswith("text/plain")
@@ -47,7 +47,7 @@ async def test_with_wait_the_answer_is_the_finished_run_and_a_person_can_read_it
 
 
 async def test_the_folder_of_a_run_is_a_session_that_shows_the_target(bench: Bench, tmp_path: Path) -> None:
-    run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+    run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
     problem = load_problem(open_session(tmp_path / "runs" / run["id"]))
     assert [view.detection is not None for view in problem.views] == [True] * 5
 
@@ -115,7 +115,7 @@ async def test_abort_stops_and_disarms_and_nothing_moves_afterwards(tmp_path: Pa
         again = await bench.client.post(f"/runs/{run['id']}/abort")
         assert (again.status_code, again.json()["code"]) == (409, "run-over")
         assert len(bench.robot.goals) == 3
-        assert (await bench.client.post("/calibrate", params={"wait": 30})).json()["state"] == "finished"
+        assert (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()["state"] == "finished"
 
 
 async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(tmp_
 
     parts.robot.before_move = break_at_4
     async with serving(settings_for(tmp_path), parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert run["state"] == "failed"
         assert run["cause"]["what"] == "link to the controller lost after station 3 of 5"
         assert run["cause"]["fix"]
@@ -157,7 +157,7 @@ async def test_what_went_wrong_is_said(
     parts = Parts()
     break_it(parts)
     async with serving(settings_for(tmp_path), parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["state"], run["cause"]["code"]) == ("failed", code)
         assert says in run["cause"]["what"]
         assert run["cause"]["fix"]
@@ -174,7 +174,7 @@ async def test_a_camera_by_any_name_that_fails_is_not_taken_for_the_robot(tmp_pa
 
     parts.robot.before_move = unplug
     async with serving(settings_for(tmp_path), parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["cause"]["code"], run["cause"]["what"].partition(":")[0]) == ("link-lost", "GenICam 10.0.0.7")
 
 
@@ -187,7 +187,7 @@ async def test_a_robot_that_answers_garbage_fails_the_run_and_the_daemon_stays(t
 
     parts.robot.before_move = garble
     async with serving(settings_for(tmp_path), parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert run["cause"]["code"] == "garbled-answer"
         assert "no frame" in run["cause"]["what"]
         assert (await bench.client.get("/health")).status_code == 200
@@ -213,7 +213,7 @@ async def test_a_refused_move_is_reported_with_the_controllers_reason(tmp_path: 
 
     parts.robot.before_move = refuse
     async with serving(settings_for(tmp_path), parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["cause"]["code"], "UNREACHABLE" in run["cause"]["what"]) == ("move-refused", True)
 
 
@@ -262,11 +262,11 @@ async def test_the_postures_of_a_known_arm_are_computed_and_taught_ones_kept(tmp
     taught: list[dict[str, Any]] = [pose_json(pose) for pose in poses_around_the_target(3)]
     settings = settings_for(tmp_path, robot={"model": "IRB 1600-6/1.45"}, calibration={"poses": taught})
     async with serving(settings) as bench:
-        await bench.client.post("/calibrate", params={"wait": 30})
+        await bench.client.post("/calibrate", params={"wait": LIMIT_S})
         assert len({goal.posture for goal in bench.robot.goals} - {(0, 0, 0, 0)}) >= 1
     taught[1]["configuration"] = [0, 0, 0, 1]
     async with serving(settings_for(tmp_path, calibration={"poses": taught})) as bench:
-        await bench.client.post("/calibrate", params={"wait": 30})
+        await bench.client.post("/calibrate", params={"wait": LIMIT_S})
         assert [goal.posture for goal in bench.robot.goals] == [(0, 0, 0, 0), (0, 0, 0, 1), (0, 0, 0, 0)]
 
 
@@ -277,7 +277,7 @@ async def test_more_poses_than_are_taught_and_nothing_to_plan_with_are_reported(
     parts = Parts()
     parts.camera.blind = lambda _: True
     async with serving(settings_for(tmp_path, calibration={"poses": []}), parts) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["state"], run["cause"]["code"]) == ("failed", "target-not-seen")
         assert "not seen from where the arm stands" in run["cause"]["what"]
         assert not bench.robot.goals
@@ -292,9 +292,9 @@ async def test_a_full_disk_fails_the_run_keeps_what_was_stored_and_the_daemon_up
         write_durably(path, blocks)
 
     async with serving(settings_for(tmp_path), store=Store(tmp_path, disk)) as bench:
-        before = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        before = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         full.set()
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["state"], run["cause"]["code"]) == ("failed", "storage-full")
         assert "disk" in run["cause"]["what"]
         assert not bench.robot.armed
@@ -302,13 +302,13 @@ async def test_a_full_disk_fails_the_run_keeps_what_was_stored_and_the_daemon_up
         assert [view["image"] for view in session["views"]] == ["view_000.png", "view_001.png"]
         assert (await bench.client.get(f"/calibrations/{before['id']}")).status_code == 200
         full.clear()
-        assert (await bench.client.post("/calibrate", params={"wait": 30})).json()["state"] == "finished"
+        assert (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()["state"] == "finished"
 
 
 async def test_a_database_that_cannot_take_a_run_does_not_start_it(tmp_path: Path) -> None:
     store = Store(tmp_path)
     async with serving(settings_for(tmp_path), store=store) as bench:
-        before = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        before = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         database = store._database
         pages = await database.read(lambda db: db.execute("PRAGMA page_count").fetchone()[0])
         await database.read(lambda db: db.execute(f"PRAGMA max_page_count = {pages}").fetchone())
@@ -338,7 +338,7 @@ async def test_a_run_whose_end_cannot_be_stored_is_reported_from_memory_and_stor
 
     parts.robot.before_move = fill
     async with serving(settings_for(tmp_path), parts, store) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert (run["state"], run["cause"]["code"]) == ("failed", "storage-full")
         assert (await store.run(run["id"])).state == "moving"
         assert (await bench.client.post("/calibrate")).status_code == 507
@@ -346,7 +346,7 @@ async def test_a_run_whose_end_cannot_be_stored_is_reported_from_memory_and_stor
         assert (await bench.client.get("/runs")).json()["runs"][0]["state"] == "failed"
         store.full = False
         parts.robot.before_move = None
-        assert (await bench.client.post("/calibrate", params={"wait": 30})).json()["state"] == "finished"
+        assert (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()["state"] == "finished"
         assert (await store.run(run["id"])).state == "failed"
 
 
@@ -361,7 +361,7 @@ async def test_a_daemon_whose_disk_is_full_starts_and_reports_what_was_interrupt
 
 async def test_policy_auto_applies_what_the_verdict_accepts(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, calibration={"policy": "auto"})) as bench:
-        run = (await bench.client.post("/calibrate", params={"wait": 30})).json()
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert run["result"]["applied"] == run["result"]["accepted"]
         current = await bench.client.get("/calibrations/current")
         assert current.status_code == (200 if run["result"]["accepted"] else 404)

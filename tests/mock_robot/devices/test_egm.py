@@ -45,11 +45,10 @@ async def a_window_passes(monitor: EgmMonitor) -> None:
 
 async def test_a_standing_arm_does_not_vibrate_and_is_where_the_controller_says() -> None:
     async with monitored() as (cell, monitor):
-        await a_window_passes(monitor)
+        await eventually(lambda: monitor.vibration(WINDOW_S).samples > 0.3 * WINDOW_S / PERIOD_S)
         vibration = monitor.vibration(WINDOW_S)
         assert vibration.translation_mm == 0.0
         assert vibration.rotation_rad < 1e-7
-        assert vibration.samples > 0.3 * WINDOW_S / PERIOD_S
         newest = monitor.arrivals(WINDOW_S)[-1].sample
         pose = cell.controller.arm.reported_base_T_flange(cell.controller.robot_s(cell.clock()))
         assert newest.position_mm == tuple(np.float32(pose[:3, 3]))
@@ -62,8 +61,8 @@ async def test_a_standing_arm_does_not_vibrate_and_is_where_the_controller_says(
 async def test_a_ringing_arm_shows_its_amplitude() -> None:
     async with monitored() as (cell, monitor):
         cell.inject_fault("egm-vibration")
-        await a_window_passes(monitor)
-        assert monitor.vibration(WINDOW_S).translation_mm == pytest.approx(VIBRATION_MM, rel=0.1)
+        rings = pytest.approx(VIBRATION_MM, rel=0.1)  # in a window without gaps: they bend the mean square
+        await eventually(lambda: monitor.vibration(WINDOW_S).translation_mm == rings)
         cell.clear_faults()
         await a_window_passes(monitor)
         assert monitor.vibration(WINDOW_S).translation_mm == 0.0
