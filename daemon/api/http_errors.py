@@ -5,6 +5,7 @@ DaemonError
 ├── RequestInFlight       the request with this Idempotency-Key is in progress; `holder`
 ├── HostNotAllowed        the Host header names another host
 ├── RequestRefused        the request is invalid; `problems`
+├── RequestMalformed      a header that may stand there once is repeated
 ├── BodyTooLarge          more bytes than the limit
 ├── BodyMalformed         the body is not JSON
 ├── UnknownMediaType      the body's media type is not supported
@@ -62,6 +63,15 @@ class InvalidRequest(DaemonError):
     def __init__(self, problems: list[DocumentProblem]) -> None:
         self.problems = problems
         super().__init__("; ".join(f"{p.place}: {p.what}" for p in problems), "; ".join(p.fix for p in problems))
+
+
+class RequestMalformed(DaemonError):
+    """A header that may stand there once is repeated."""
+
+    code = "request-malformed"
+
+    def __init__(self, header: str) -> None:
+        super().__init__(f"the header {header} is there more than once", "send it once")
 
 
 class BodyTooLarge(DaemonError):

@@ -35,9 +35,10 @@ IDEMPOTENCY_KEY: dict[str, Any] = {
 }
 """With or without the quotes of a structured field."""
 
-EVERY_REQUEST = (421,)
+EVERY_REQUEST = (400, 415, 421)
 EVERY_POST = (403, 409, 413, 507)
-"""Statuses from the middleware: other origin, key in use, body too large, disk full."""
+"""Statuses from the middleware: a header repeated, a body encoded, another host; another origin, a key in use, a body
+too large, a full disk."""
 
 KEY_SCHEME: dict[str, Any] = {
     "type": "http",

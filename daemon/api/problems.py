@@ -49,6 +49,7 @@ STATUS: dict[type[Exception], int] = {
     http_errors.CrossOrigin: 403,
     http_errors.BodyTooLarge: 413,
     http_errors.BodyMalformed: 400,
+    http_errors.RequestMalformed: 400,
     http_errors.UnknownMediaType: 415,
     http_errors.NotAcceptable: 406,
     http_errors.CloudTooLarge: 413,

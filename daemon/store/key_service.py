@@ -55,10 +55,14 @@ class KeyService:
         """Revoke every valid key of that name now; returns their ids. Raises NotFound, StorageError."""
         return await self.keys.revoke(name, self.clock.timestamp(), context)
 
-    async def set_up(self, code: str, name: str, peer: str) -> tuple[str, KeyRecord]:
-        """Create the first key, with role admin, for the set-up code. Raises SetupRefused, KeyExists, StorageError."""
+    async def require_none(self) -> None:
+        """Raises SetupRefused when there has ever been a key, StorageError."""
         if await self.keys.any_ever():
             raise SetupRefused("there are keys already", "ask an admin for one")
+
+    async def set_up(self, code: str, name: str, peer: str) -> tuple[str, KeyRecord]:
+        """Create the first key, with role admin, for the set-up code. Raises SetupRefused, KeyExists, StorageError."""
+        await self.require_none()
         if not self.code.redeem(code):
             what = "this is not the set-up code" if self.code.usable else "the set-up code is used up"
             raise SetupRefused(what, "it stands in the daemon's log; a restart makes another")

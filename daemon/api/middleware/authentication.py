@@ -11,7 +11,9 @@ from daemon.access.roles import LOCAL, NOBODY, ROLES, Caller, Role
 from daemon.api.problems import answer, problem_of
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
+from daemon.http.connection_limiter import network_of
 from daemon.http.connections import ON_AUTHENTICATED
+from daemon.runtime.log_limit import LogLimit
 from daemon.store.actor import AuditContext, acting_as
 
 log = logging.getLogger(__name__)
@@ -27,6 +29,7 @@ class Authentication:
         self._app, self._application = app, application
         self._keys = application.store.access_keys
         self._loopback = application.settings.server.loopback
+        self._refusals = LogLimit(application.clock.monotonic_s)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -34,11 +37,11 @@ class Authentication:
             return
         needed = role_for(scope["method"], scope["path"])
         try:
-            caller = NOBODY if needed is Role.NOBODY else await self._caller(scope)
+            caller = await self._caller(scope, needed)
             if caller.role < needed:
                 raise RoleTooLow(caller.name, caller.role.word, needed.word)
         except DaemonError as error:
-            log.warning("%s %s from %s is refused: %s", scope["method"], scope["path"], _peer(scope), error.what)
+            self._log_refusal(scope, error)
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
             return
         state = scope.setdefault("state", {})
@@ -57,8 +60,20 @@ class Authentication:
             await self._app(scope, receive, send_and_note)
         await self._audit(scope, context, status)
 
-    async def _caller(self, scope: Scope) -> Caller:
-        """The caller by the request's key. Raises KeyMissing, StorageError."""
+    def _log_refusal(self, scope: Scope, error: DaemonError) -> None:
+        """Log a refused request: one line a minute and address, with the number of those left out."""
+        left_out = self._refusals.left_out(network_of(_peer(scope)))
+        if left_out is not None:
+            more = f" ({left_out} more since the last such line)" if left_out else ""
+            what = scope["method"], scope["path"], _peer(scope), error.what, more
+            log.warning("%s %s from %s is refused: %s%s", *what)
+
+    async def _caller(self, scope: Scope, needed: Role) -> Caller:
+        """The caller by the request's key. Raises KeyMissing, SetupRefused, StorageError."""
+        if needed is Role.NOBODY:
+            if scope["path"] == "/setup":
+                await self._application.key_service.require_none()  # before the body is read
+            return NOBODY
         if self._loopback and not await self._keys.any_ever():
             return LOCAL
         scheme, _, key = _authorization(scope).partition(" ")

@@ -8,7 +8,14 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calibration.errors import DocumentProblem
-from daemon.api.http_errors import BodyTooLarge, CrossOrigin, HostNotAllowed, InvalidRequest
+from daemon.api.http_errors import (
+    BodyTooLarge,
+    CrossOrigin,
+    HostNotAllowed,
+    InvalidRequest,
+    RequestMalformed,
+    UnknownMediaType,
+)
 from daemon.api.problems import answer, problem_of
 from daemon.config.server_settings import ServerSettings
 from daemon.runtime.logs import about_request
@@ -27,10 +34,18 @@ CLOUD_PATHS = ("/register", "/scans/")
 HOST = re.compile(
     r"(?:(?P<address>[0-9]{1,3}(?:\.[0-9]{1,3}){3}|\[[0-9A-Fa-f:.]+\])|(?P<name>[A-Za-z0-9._-]+))(?::[0-9]{1,5})?"
 )
+SINGLE_HEADERS = frozenset({
+    b"host", b"origin", b"authorization", b"content-type", b"content-length", b"content-encoding",
+    b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest", b"last-event-id",
+})  # fmt: skip
+"""Refused when repeated (RFC 9112, 3.2): whoever looks at them before us might look at the other one."""
+
 REQUEST_ID = re.compile(r"[A-Za-z0-9._:-]{1,64}")
 
 LINKED_PATHS = re.compile(r"/(?:health|openapi\.json|calibrations/current|(?:runs|calibrations|scans)(?:/[^/]+)?)?")
 """Documents that a link on a page of another origin may lead to: read from the store, without work for a device."""
+
+REFUSALS = (BodyTooLarge, CrossOrigin, HostNotAllowed, InvalidRequest, RequestMalformed, UnknownMediaType)
 
 
 class RequestChecks:
@@ -54,14 +69,16 @@ class RequestChecks:
     async def _pass(self, scope: Scope, exchange: "_Exchange", headers: dict[bytes, str]) -> None:
         answered = True
         try:
+            _check_repeated(scope)
             exchange.check_length(headers.get(b"content-length", ""))
             self._check_host(scope["http_version"], headers)
             _check_origin(scope, headers)
+            _check_encoding(headers)
             _check_query(scope["query_string"])
             await self._app(scope, exchange.receive, exchange.send)
         except ClientDisconnect:
             answered = False
-        except (BodyTooLarge, CrossOrigin, HostNotAllowed, InvalidRequest) as error:
+        except REFUSALS as error:
             if exchange.status is not None:
                 raise
             await answer(problem_of(error), {"Connection": "close"})(scope, exchange.receive, exchange.send)
@@ -111,6 +128,19 @@ class _Exchange:
         await self._send(message)
 
 
+def _check_repeated(scope: Scope) -> None:
+    names = [name for name, _ in scope["headers"] if name in SINGLE_HEADERS]
+    if len(names) > len(set(names)):
+        raise RequestMalformed(next(name.decode() for name in names if names.count(name) > 1))
+
+
+def _check_encoding(headers: dict[bytes, str]) -> None:
+    """Refuse a Content-Encoding: bodies are taken as they come, and nothing is ever unpacked."""
+    encoding = headers.get(b"content-encoding", "identity")
+    if encoding.strip().lower() != "identity":
+        raise UnknownMediaType(f"the body's encoding {encoding[:40]!r} is not supported", "send the body as it is")
+
+
 def _check_origin(scope: Scope, headers: dict[bytes, str]) -> None:
     """Refuse requests of browser pages from other origins (Fetch standard, Origin and Sec-Fetch-*).
 
@@ -119,7 +149,7 @@ def _check_origin(scope: Scope, headers: dict[bytes, str]) -> None:
     host, foreign = headers.get(b"host", "").lower(), ""
     for name, value in scope["headers"]:
         given = value.decode("latin-1").lower()
-        if name == b"origin" and given not in (f"http://{host}", f"https://{host}"):
+        if name == b"origin" and not (host and given in (f"http://{host}", f"https://{host}")):
             foreign = given
         if name == b"sec-fetch-site" and given not in ("same-origin", "none") and not _follows_link(scope, headers):
             foreign = foreign or f"another site ({given[:20]})"
