@@ -58,8 +58,8 @@ def build(
     events, metrics = EventBus(store.stored_events), Metrics()
     workers, service_workers, merge_workers = Workers(clock), Workers(clock), Workers(clock, threads=1)
     interlocks = settings.interlocks.open() if settings.interlocks else None
-    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks, at)
-    supervisor = Supervisor(store, events, clock, new_id)
+    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks, at, events.publish)
+    supervisor = Supervisor(cell, store, events, clock, new_id)
     scans = ScanService(
         store,
         service_workers,
@@ -93,9 +93,9 @@ def build(
         drift=drift,
         key_service=KeyService(store.access_keys, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
-        services=(monitor, webhooks, retention, drift, schedule, *plc),
-        warning_sources=(monitor, webhooks, retention, drift, schedule),
-        metric_sources=(monitor, webhooks, retention, drift, *plc),
+        services=(cell.safe_stop, monitor, webhooks, retention, drift, schedule, *plc),
+        warning_sources=(cell.safe_stop, monitor, webhooks, retention, drift, schedule),
+        metric_sources=(cell.safe_stop, monitor, webhooks, retention, drift, *plc),
     )
 
 

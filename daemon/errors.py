@@ -14,6 +14,7 @@ DaemonError
 │   └── PathRefused       the flange would leave the box on the way to a pose; `along`, `flange_mm`, `outside_mm`
 ├── NotFound              no such run, calibration, scan, frame, view or page
 ├── RunOver               the run has ended; there is nothing to abort
+├── StopUnconfirmed       the run has ended; the controller has not confirmed that the arm is stopped and disarmed
 ├── NotWaiting            the run drives the arm itself, it waits for no operator
 ├── SamePose              the arm stands where a view was taken already
 ├── TooFewViews           a manual run cannot be finished yet
@@ -194,6 +195,19 @@ class RunOver(DaemonError):
     """The run has ended."""
 
     code = "run-over"
+
+
+class StopUnconfirmed(DaemonError):
+    """The run has ended, but the controller has not confirmed that the arm is stopped and disarmed."""
+
+    code = "stop-unconfirmed"
+
+    def __init__(self, run_id: str, warning: str, *, stopped: bool, disarmed: bool) -> None:
+        self.holder, self.stopped, self.disarmed = run_id, stopped, disarmed
+        super().__init__(
+            f"run {run_id} has ended, but {warning}",
+            "press the emergency stop; the daemon goes on trying, see GET /ready",
+        )
 
 
 class NotWaiting(DaemonError):

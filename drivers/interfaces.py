@@ -77,6 +77,14 @@ class RobotStatus:
     taken_at_s: float
 
 
+@dataclass(frozen=True)
+class Standstill:
+    """What a controller confirms of a stop. `standing`: no move is in progress or pending; `disarmed`: none begins."""
+
+    standing: bool
+    disarmed: bool
+
+
 @dataclass(frozen=True, eq=False)
 class MoveGoal:
     """Target of a move: joint interpolation to a stop point unless `path` is linear.
@@ -122,8 +130,15 @@ class Robot(Device, Protocol):
         """Move; returns when the arm stands at the goal, otherwise raises a DeviceError. Cancelling stops the arm."""
         ...
 
-    async def stop(self) -> None:
-        """Stop now, whatever else is in progress."""
+    async def stop_and_disarm(self) -> None:
+        """Stop and disarm now, before every other request; returns when the controller has accepted both.
+
+        `read_standstill` then reports whether they have taken effect.
+        """
+        ...
+
+    async def read_standstill(self) -> Standstill:
+        """Whether the arm stands and is disarmed, asked before every other request but a stop."""
         ...
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from calibration.transforms import Array
 from drivers.errors import InterlockRefused
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotCapabilities, RobotStatus
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotCapabilities, RobotStatus, Standstill
 
 if TYPE_CHECKING:
     from drivers.interlocks import Interlocks
@@ -50,8 +50,11 @@ class InterlockedRobot:
         await self._require_interlocks()
         await self.robot.move_to(goal)
 
-    async def stop(self) -> None:
-        await self.robot.stop()
+    async def stop_and_disarm(self) -> None:
+        await self.robot.stop_and_disarm()
+
+    async def read_standstill(self) -> Standstill:
+        return await self.robot.read_standstill()
 
     async def close(self) -> None:
         await self.interlocks.close()

@@ -12,6 +12,7 @@ from starlette.types import ASGIApp
 from calibration.errors import CalibrationError
 from daemon.api import openapi, problems
 from daemon.api.dependencies import check_query_names
+from daemon.api.middleware.abort_first import AbortFirst
 from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.disconnects import Disconnects
 from daemon.api.middleware.idempotency import Idempotency
@@ -32,7 +33,7 @@ ABOUT = (
 def create_api(application: Application) -> ASGIApp:
     """The REST interface of `application`, which its lifespan starts and stops."""
     keyed = Idempotency(routes(application), application)
-    known = Authentication(keyed, application)
+    known = Authentication(AbortFirst(keyed, application), application)
     return RequestChecks(Disconnects(known), application.settings.server, application.metrics)
 
 

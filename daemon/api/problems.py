@@ -1,6 +1,6 @@
 """Map errors to problem details (RFC 9457): the status from one table, code and fix from the error."""
 
-from typing import Any
+from typing import Any, Literal
 
 from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -42,6 +42,7 @@ STATUS: dict[type[Exception], int] = {
     errors.PoseRefused: 422,
     http_errors.InvalidRequest: 422,
     errors.TargetNotSeen: 422,
+    errors.StopUnconfirmed: 502,
     errors.PictureUnusable: 502,
     errors.PoseMismatch: 502,
     errors.StaleCaptureError: 502,
@@ -102,7 +103,7 @@ def problem_of(error: Exception) -> Problem:
     code, what, fix = _words(error)
     problems = getattr(error, "problems", None)
     reasons = getattr(error, "reasons", None)
-    return Problem.of(
+    problem = Problem.of(
         status,
         code,
         what,
@@ -111,6 +112,13 @@ def problem_of(error: Exception) -> Problem:
         reasons=None if reasons is None else list(reasons),
         problems=None if problems is None else [PlaceProblem(place=p.place, what=p.what, fix=p.fix) for p in problems],
     )
+    if isinstance(error, errors.StopUnconfirmed):
+        problem.stopped, problem.disarmed = _confirmed(error.stopped), _confirmed(error.disarmed)
+    return problem
+
+
+def _confirmed(known: bool) -> Literal["confirmed", "unconfirmed"]:
+    return "confirmed" if known else "unconfirmed"
 
 
 def _words(error: Exception) -> tuple[str, str, str]:

@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from daemon.cell.safe_stop import Publish, SafeStop
 from daemon.cell.settling import check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
 from daemon.cell.vibration import VibrationGate
@@ -27,9 +28,6 @@ MAX_STATUS_S = 1.0
 """A controller normally answers a status request within milliseconds."""
 
 POLL_S = 0.02
-
-MAX_STOP_S = 3.0
-"""Limit for stopping and for disarming the arm; the robot does both by itself after 2 s of silence on the link."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +50,15 @@ class Cell:
         clock: Clock,
         interlocks: "Interlocks | None" = None,
         at: Failpoints = NO_FAILPOINTS,
+        publish: Publish = lambda kind, data: None,
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
         self._camera, self._scanner, self._vibration_gate = devices.camera, devices.scanner, devices.vibration_gate
         self._settling, self._clock, self._at = settling, clock, at
         self._holder: str | None = None
+        self._leased = False
+        self.safe_stop = SafeStop(self.robot, clock, lambda: self._leased, publish)
         self._camera_turn = asyncio.Lock()
         self._camera_staleness, self._scanner_staleness = (
             StaleCaptureDetector("camera"),
@@ -83,32 +84,31 @@ class Cell:
     async def motion_lease(self, holder: str) -> AsyncIterator[Robot]:
         """Hold the cell and arm the robot until the block ends; then it is stopped and disarmed in every case.
 
+        A stop that is not confirmed within MAX_ATTEMPT_S goes on, and nobody gets the lease before it is confirmed.
         Raises CellBusy, CellNotReady, DeviceError.
         """
         async with self.hold(holder):
-            reasons = motion_obstacles(await self.robot.read_status())
+            reasons = (*self._stop_obstacle(), *motion_obstacles(await self.robot.read_status()))
             if reasons:
                 raise CellNotReady(reasons)
+            self._leased = True
             try:
                 await self.robot.set_armed(True)
                 yield self.robot
             finally:
-                await asyncio.shield(asyncio.ensure_future(self._leave_safe()))
+                self._leased = False
+                await self.safe_stop.stop_and_disarm()
+
+    def stop_motion(self) -> None:
+        """Begin to stop and disarm the arm at once when somebody has a motion lease; its holder waits for the end."""
+        if self._leased:
+            self.safe_stop.begin()
 
     async def move_to(self, goal: MoveGoal) -> None:
         """Move the arm, under a motion lease; returns when it has arrived. Raises DeviceError."""
         self._at.reach("before move")
         await self.robot.move_to(goal)
         self._at.reach("after move")
-
-    async def _leave_safe(self) -> None:
-        """Stop and disarm, also when one of them fails. Without a link the robot does both by itself."""
-        for name, act in (("stop", self.robot.stop), ("disarm", lambda: self.robot.set_armed(False))):
-            try:
-                async with asyncio.timeout(MAX_STOP_S):
-                    await act()
-            except (DeviceError, TimeoutError) as error:
-                log.warning("could not %s the robot (it does so itself when the link is silent): %s", name, error)
 
     async def read_settled_pose(self) -> PoseReading:
         """Wait until the arm is at rest and no longer vibrates; returns its pose. Raises NotStill, DeviceError."""
@@ -174,14 +174,22 @@ class Cell:
         return (*_link_obstacle("robot", self.robot), *_link_obstacle("camera", self._camera))
 
     async def robot_obstacles(self) -> tuple[str, ...]:
-        """Reasons why the robot could not be moved now: controller and interlocks."""
-        return (*await self._controller_obstacles(), *(await self._interlock_obstacles()).values())
+        """Reasons why the robot could not be moved now: a stop that is not confirmed, controller and interlocks."""
+        return (
+            *self._stop_obstacle(),
+            *await self._controller_obstacles(),
+            *(await self._interlock_obstacles()).values(),
+        )
 
     async def require_interlocks(self) -> None:
         """Raises InterlockOpen with the names of interlocks that do not allow motion."""
         obstacles = await self._interlock_obstacles()
         if obstacles:
             raise InterlockOpen(tuple(obstacles), tuple(obstacles.values()))
+
+    def _stop_obstacle(self) -> tuple[str, ...]:
+        unconfirmed = self.safe_stop.unconfirmed
+        return () if unconfirmed is None else (f"robot: {unconfirmed.warning}",)
 
     async def _controller_obstacles(self) -> tuple[str, ...]:
         try:

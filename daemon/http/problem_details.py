@@ -1,6 +1,7 @@
 """Problem details (RFC 9457), the body of every error answer, and the reason phrases of RFC 9110."""
 
 from http import HTTPStatus
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
@@ -29,7 +30,10 @@ class PlaceProblem(BaseModel):
 
 
 class Problem(BaseModel):
-    """problem+json. `code` is stable, `detail` and `fix` are for people."""
+    """problem+json. `code` is stable, `detail` and `fix` are for people.
+
+    `stopped`, `disarmed`: of stop-unconfirmed, what the controller has confirmed of the arm.
+    """
 
     model_config = ConfigDict(json_schema_extra={"examples": [{
         "type": "urn:handeyed:problem:run-in-progress", "title": "Conflict", "status": 409,
@@ -47,6 +51,8 @@ class Problem(BaseModel):
     holder: str | None = None
     reasons: list[str] | None = None
     problems: list[PlaceProblem] | None = None
+    stopped: Literal["confirmed", "unconfirmed"] | None = None
+    disarmed: Literal["confirmed", "unconfirmed"] | None = None
 
     @classmethod
     def of(

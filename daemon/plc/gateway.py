@@ -12,7 +12,7 @@ from calibration.errors import CalibrationError, DocumentError
 from calibration.monitoring.control_chart import DriftStanding
 from daemon.access.actor_names import PLC_CLIENT
 from daemon.drift.monitor import DriftMonitor
-from daemon.errors import DaemonError, NoCalibration, RunOver
+from daemon.errors import DaemonError, NoCalibration, RunOver, StopUnconfirmed
 from daemon.model.records import RunRecord
 from daemon.model.requests import CalibrateRequest, ScanRequest, VerifyRequest
 from daemon.model.run_states import RunState
@@ -204,7 +204,7 @@ class PlcGateway:
         run = self.operations.supervisor.in_progress
         if run is None:
             return
-        with acting_as(AuditContext(self._by, "operator")), suppress(RunOver):
+        with acting_as(AuditContext(self._by, "operator")), suppress(RunOver, StopUnconfirmed):
             await self.operations.supervisor.abort(run.id, f"{self._by}" if why == "the PLC" else why)
 
     def _code_of(self, error: Exception) -> int:
@@ -234,8 +234,12 @@ class PlcGateway:
         except EXPECTED_ERRORS as error:
             if str(error) != self._last_warning:
                 log.warning("not ready for the PLC: %s", error)
-            self._last_warning, seen = str(error), CellStatus(ready=False)
+            self._last_warning, seen = str(error), CellStatus(ready=False, stop_unconfirmed=self._stop_unconfirmed)
         self._take(seen)
+
+    @property
+    def _stop_unconfirmed(self) -> bool:
+        return bool(self.operations.cell.safe_stop.warnings())
 
     async def _read_cell(self) -> CellStatus:
         busy = self.operations.supervisor.in_progress is not None
@@ -245,6 +249,7 @@ class PlcGateway:
             ready=not busy and not obstacles,
             drift=DriftState.DRIFTING if report.alarm else DRIFT[report.standing],
             drift_shift_um=round(1e3 * report.shift_mm),
+            stop_unconfirmed=self._stop_unconfirmed,
         )
         try:
             document = await self.operations.current_document()

@@ -7,7 +7,18 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from daemon.errors import CellBusy, NotFound, NotWaiting, RunInProgress, RunOver, RunStalled, Stopping, StorageError
+from daemon.cell.cell import Cell
+from daemon.errors import (
+    CellBusy,
+    NotFound,
+    NotWaiting,
+    RunInProgress,
+    RunOver,
+    RunStalled,
+    Stopping,
+    StopUnconfirmed,
+    StorageError,
+)
 from daemon.model.records import RunKind, RunRecord
 from daemon.model.run_states import FIRST_STATE, RunEvent, RunState
 from daemon.runs.failure_causes import abort_cause, cause_of, interruption_cause
@@ -50,8 +61,10 @@ class _InProgress:
 class Supervisor:
     """Owns the run in progress."""
 
-    def __init__(self, store: Store, events: EventBus, clock: Clock, new_id: Callable[[Clock], str]) -> None:
-        self._store, self._events, self._clock, self._new_id = store, events, clock, new_id
+    def __init__(
+        self, cell: Cell, store: Store, events: EventBus, clock: Clock, new_id: Callable[[Clock], str]
+    ) -> None:
+        self._cell, self._store, self._events, self._clock, self._new_id = cell, store, events, clock, new_id
         self._current: _InProgress | None = None
         self._starting = False
         self._stopping = False
@@ -135,18 +148,31 @@ class Supervisor:
         return run
 
     async def abort(self, run_id: str, by: str) -> RunRecord:
-        """Abort the run; when this returns the arm has been commanded to stop. Raises RunOver, NotFound."""
+        """Abort the run; when this returns, the controller has confirmed that the arm is stopped and disarmed.
+
+        Raises StopUnconfirmed when the run has ended and that is not known; the daemon then goes on trying. Raises
+        RunOver, NotFound.
+        """
         current = self._current
         if current is None or current.log.id != run_id or current.log.run.over:
             run = await self.run(run_id)
+            self._require_stopped(run_id)
             raise RunOver(f"run {run.id} has {run.state} already", "there is nothing to stop")
         if not current.log.concluding:
             current.aborted_by = current.aborted_by or by
             current.task.cancel()
+            self._cell.stop_motion()
         await asyncio.wait([current.task])
+        self._require_stopped(run_id)
         if current.log.run.state is not RunState.ABORTED:
             raise RunOver(f"run {run_id} {current.log.run.state} before it could be stopped", "look at its result")
         return current.log.run
+
+    def _require_stopped(self, run_id: str) -> None:
+        """Raises StopUnconfirmed."""
+        if (report := self._cell.safe_stop.unconfirmed) is not None:
+            known = report.confirmed
+            raise StopUnconfirmed(run_id, report.warning, stopped=known.standing, disarmed=known.disarmed)
 
     async def request_queue(self, run_id: str) -> OperatorRequestQueue:
         """The request queue of a manual run. Raises RunOver, NotWaiting, NotFound."""
@@ -184,6 +210,8 @@ class Supervisor:
                 await self.abort(run.id, by)
             except RunOver:
                 log.info("run %s ended by itself while the daemon was stopping", run.id)
+            except StopUnconfirmed as error:
+                log.error("%s", error)
 
     async def _supervise(self, run_log: RunLog, drive: Drive) -> None:
         with about_run(run_log.id):
@@ -192,7 +220,10 @@ class Supervisor:
                 await run_log.end(event, result=result)
             except asyncio.CancelledError:
                 by = self._current.aborted_by if self._current else ""
-                await run_log.end(RunEvent.ABORT, cause=abort_cause(by or "the daemon, which is stopping", run_log.run))
+                cause = abort_cause(by or "the daemon, which is stopping", run_log.run)
+                if (report := self._cell.safe_stop.unconfirmed) is not None:
+                    cause = replace(cause, what=f"{cause.what}; {report.warning}")
+                await run_log.end(RunEvent.ABORT, cause=cause)
             except Exception as error:
                 cause = cause_of(error, run_log.run)
                 if cause.code == "internal-error":

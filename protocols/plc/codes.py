@@ -60,6 +60,7 @@ class StatusBit(IntFlag):
     COMPLETED = 512
     BUFFER_OVERRUN = 1024
     RESULTS_VALID = 2048
+    STOP_UNCONFIRMED = 4096
     ERROR = 32768
 
 

@@ -25,6 +25,7 @@ ERROR_CODES: dict[str, tuple[int, str]] = {
     "forbidden": (21, "the PLC's role does not allow it"),
     "interrupted": (22, "the daemon was stopped while the run was in progress"),
     "aborted": (23, "somebody stopped the run"),
+    "stop-unconfirmed": (25, "the controller has not confirmed that the arm is stopped and disarmed"),
     "run-stalled": (24, "the run did not get any further, and was stopped"),
     # the robot and other devices
     "link-lost": (30, "the link to the controller was lost"),

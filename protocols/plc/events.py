@@ -42,13 +42,17 @@ class CommandEnded:
 
 @dataclass(frozen=True)
 class CellStatus:
-    """State of the cell for the PLC's status registers. `ready`: the daemon could start a command now."""
+    """State of the cell for the PLC's status registers. `ready`: the daemon could start a command now.
+
+    `stop_unconfirmed`: the controller has not confirmed that the arm is stopped and disarmed.
+    """
 
     ready: bool
     in_force: bool = False
     calibration_age_s: int = 0
     drift: DriftState = DriftState.OFF
     drift_shift_um: int = 0
+    stop_unconfirmed: bool = False
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ def status_bits(state: Handshake) -> StatusBit:
         (state.completed, StatusBit.COMPLETED),
         (state.overrun, StatusBit.BUFFER_OVERRUN),
         (state.valid, StatusBit.RESULTS_VALID),
+        (cell.stop_unconfirmed, StatusBit.STOP_UNCONFIRMED),
         (bool(state.error_code), StatusBit.ERROR),
     )
     return StatusBit(sum(bit for hit, bit in bits if hit))

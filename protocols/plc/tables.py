@@ -48,6 +48,10 @@ BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
         StatusBit.BUFFER_OVERRUN,
     ): "a result was lost to the PLC (not to the store): results were not acknowledged in time",
     (StatusBit, StatusBit.RESULTS_VALID): "the result block is complete and stays as it is until it is acknowledged",
+    (
+        StatusBit,
+        StatusBit.STOP_UNCONFIRMED,
+    ): "the controller has not confirmed that the arm is stopped and disarmed: press the emergency stop",
     (StatusBit, StatusBit.ERROR): "error_code says why; cleared by clear_error or by the next trigger that is begun",
     (ContentsBit, ContentsBit.X): "x, q and their integers",
     (ContentsBit, ContentsBit.UNCERTAINTY): "sigma, sigma_r, sigma_point and their integers",

@@ -23,6 +23,7 @@ from drivers.interfaces import (
     RobotCapabilities,
     RobotStatus,
     ScannedCloud,
+    Standstill,
 )
 from drivers.robots.abb.robtarget import UNUSED_AXIS
 
@@ -70,6 +71,8 @@ class FakeRobot:
     broken_with: DeviceError | None = None
     requests: int = 0
     """How often it was asked or commanded anything."""
+    deaf: bool = False
+    """A controller that accepts a stop and stays armed."""
 
     @property
     def link(self) -> LinkHealth:
@@ -120,9 +123,14 @@ class FakeRobot:
         self.base_T_flange = goal.base_T_flange.copy()
         self.arrived_at_s = time.monotonic()
 
-    async def stop(self) -> None:
+    async def stop_and_disarm(self) -> None:
         self.stops += 1
         self._alive()
+        self.armed = self.armed and self.deaf
+
+    async def read_standstill(self) -> Standstill:
+        self._alive()
+        return Standstill(standing=not self.status.get("moving", False), disarmed=not self.armed)
 
     async def close(self) -> None:
         pass

@@ -62,7 +62,7 @@ async def test_the_one_that_does_not_allow_it_is_named(what: Callable[[Terminal]
         assert refused.value.interlocks == (name,)
         assert not robot.armed
         await guarded.set_armed(False)
-        await guarded.stop()
+        await guarded.stop_and_disarm()
 
 
 async def test_one_that_cannot_be_read_forbids_motion() -> None:

@@ -160,7 +160,8 @@ HEADING = """# Faults, and what handeyed reports
 Each fault can be set on the mock cell when it starts (`handeyed mock run --fault NAME`) and while it runs
 (`POST /faults/NAME` on its control port; `DELETE` clears it). In this table it occurs
 between the first and the last station of a run. In every case the arm then stands still, disarmed, and moves only
-on a new, explicit start; captured data stay stored. A calibration that is not accepted is not put in force.
+on a new, explicit start; as long as the controller has not confirmed that, `GET /ready` says so and no run starts.
+Captured data stay stored. A calibration that is not accepted is not put in force.
 
 `pytest tests/stories/test_faults.py` tries every row; `python -m tests.stories.fault_rows` writes this page.
 

@@ -8,6 +8,7 @@ from starlette.requests import ClientDisconnect
 
 from calibration.documents.calibration import CalibrationDocument
 from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Before, Identifier, Limit, Wait, no_body, page_of
+from daemon.api.middleware.abort_first import abort_of
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import run_text
@@ -45,12 +46,17 @@ async def run(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) 
 
 
 @router.post(
-    "/{run_id}/abort", response_model=RunDocument, responses={200: or_text("Stopped"), **problem_responses(404, 409)}
+    "/{run_id}/abort",
+    response_model=RunDocument,
+    responses={200: or_text("Stopped"), **problem_responses(404, 409, 502)},
 )
 async def abort(request: Request, app: App, run_id: Identifier) -> Response:
-    """Stop the run: when this answers the arm has been stopped and disarmed."""
-    found = await app.supervisor.abort(run_id, "a request over REST")
-    return await answer_run(request, app, found)
+    """Stop the run. 200: the controller has confirmed that the arm is stopped and disarmed.
+
+    502 stop-unconfirmed: the run has ended, and `stopped` and `disarmed` say what of it is confirmed; the daemon goes
+    on trying. Press the emergency stop.
+    """
+    return await answer_run(request, app, await abort_of(request))
 
 
 @router.post(

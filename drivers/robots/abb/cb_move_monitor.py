@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 from drivers.errors import MoveFailed, MoveStalled
 from drivers.robots.abb.cb_status_errors import move_failure
+from drivers.robots.abb.cb_wire import STANDS_PER_MILLE
 from protocols.cb.codes import Flag, Status
 from protocols.cb.messages import Report
 
-STANDS_PER_MILLE = 1000
 FORGOTTEN_AFTER_S = 2.0
 """A controller that stands, reports no move and does not name this one for so long has forgotten it."""
 STALLED_AFTER_S = 5.0

@@ -5,7 +5,7 @@ import contextlib
 
 from calibration.transforms import Array
 from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus, Standstill
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.cb_link import CbLink
 from drivers.robots.abb.cb_move_monitor import MoveMonitor
@@ -83,16 +83,32 @@ class CbRobot:
         return cb_wire.robot_status(answered.reply, answered.asked_at_s)
 
     async def set_armed(self, armed: bool) -> None:
-        """Allow or forbid motion in this connection; raises RequestRefused."""
-        session = self._link.conversation().session.session
-        assert session is not None
-        await self._read(SetArmed(session, armed), "arming" if armed else "disarming")
+        """Allow or forbid motion in this connection; disarming is urgent. Raises RequestRefused.
 
-    async def stop(self) -> None:
-        """Stop now; overtakes every other request."""
-        answered = await self._link.conversation().ask(Stop())
-        if isinstance(answered.reply, Refused):
-            raise request_refusal(self._device, "the stop", answered.reply)
+        An arming that a STOP overtakes is refused (ABORTED), not repeated.
+        """
+        conversation = self._link.conversation()
+        if not armed:
+            await self._read(_set_armed(conversation, False), "disarming", conversation, urgent=True)
+            return
+        try:
+            answered = await conversation.ask(_set_armed(conversation, True))
+        except OvertakenByStop:
+            raise request_refusal(self._device, "arming", Refused(Status.ABORTED)) from None
+        self._require_accepted(answered, "arming")
+
+    async def stop_and_disarm(self) -> None:
+        """Stop and disarm now; overtakes every other request."""
+        conversation = self._link.conversation()
+        stopped, disarmed = await conversation.ask_in_turn(Stop(), _set_armed(conversation, False))
+        self._require_accepted(stopped, "the stop")
+        self._require_accepted(disarmed, "disarming")
+
+    async def read_standstill(self) -> Standstill:
+        """Whether the arm stands, without a move in progress or pending, and is disarmed; urgent."""
+        report = (await self._read(GetStatus(), "reading the status", urgent=True)).reply
+        assert isinstance(report, Report)
+        return cb_wire.standstill(report)
 
     async def move_to(self, goal: MoveGoal) -> None:
         """Move and return when the arm stands at the goal. Cancellation or an error on the way stops the arm."""
@@ -113,17 +129,23 @@ class CbRobot:
         """Send BYE (the controller disarms), and stop connecting."""
         await self._link.close()
 
-    async def _read(self, request: Request, doing: str, conversation: CbConversation | None = None) -> Answered:
+    async def _read(
+        self, request: Request, doing: str, conversation: CbConversation | None = None, *, urgent: bool = False
+    ) -> Answered:
         """Send a request that may be repeated: it is sent again when a STOP overtook it."""
         conversation = conversation or self._link.conversation()
         while True:
             try:
-                answered = await conversation.ask(request)
+                answered = await conversation.ask(request, urgent=urgent)
             except OvertakenByStop:
                 continue
-            if isinstance(answered.reply, Refused):
-                raise request_refusal(self._device, doing, answered.reply)
+            self._require_accepted(answered, doing)
             return answered
+
+    def _require_accepted(self, answered: Answered, doing: str) -> None:
+        """Raises RequestRefused."""
+        if isinstance(answered.reply, Refused):
+            raise request_refusal(self._device, doing, answered.reply)
 
     async def _begin(self, conversation: CbConversation, move: Move) -> int:
         """Number of the accepted move. A lost answer is requested again only under the same number."""
@@ -144,6 +166,12 @@ class CbRobot:
             assert isinstance(answered.reply, Report)
             if arrival.has_arrived(answered.reply, self._timing.clock()):
                 return
+
+
+def _set_armed(conversation: CbConversation, armed: bool) -> SetArmed:
+    session = conversation.session.session
+    assert session is not None
+    return SetArmed(session, armed)
 
 
 def _nothing_is_under_way(error: BaseException) -> bool:

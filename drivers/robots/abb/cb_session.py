@@ -83,16 +83,26 @@ class CbConversation:
         assert isinstance(reply, Welcome)
         return reply
 
-    async def ask(self, request: Request) -> Answered:
-        """Send a request and return the answer. Raises LinkLost or GarbledAnswer, and Overtaken for all but a STOP."""
-        urgent = isinstance(request, Stop)
-        if urgent and not self._stopping:
+    async def ask(self, request: Request, *, urgent: bool = False) -> Answered:
+        """Send a request and return the answer. `urgent`: before all requests that are not.
+
+        Raises LinkLost or GarbledAnswer, and OvertakenByStop for all but a STOP.
+        """
+        return (await self.ask_in_turn(request, urgent=urgent))[0]
+
+    async def ask_in_turn(self, *requests: Request, urgent: bool = False) -> list[Answered]:
+        """Send requests one after the other with no other between them; errors as in `ask`.
+
+        When the first is a STOP, they are urgent, and the exchange in progress is abandoned at once.
+        """
+        stops = isinstance(requests[0], Stop)
+        if stops and not self._stopping:
             self._settle(OvertakenByStop())
-        async with self._turnstile.hold(urgent=urgent):
+        async with self._turnstile.hold(urgent=urgent or stops):
             self._require_alive()
-            self._stopping = urgent
+            self._stopping = stops
             try:
-                return await self._exchange(request)
+                return [await self._exchange(request) for request in requests]
             finally:
                 self._stopping = False
                 self._outcome = None

@@ -8,7 +8,7 @@ from calibration.errors import GeometryError
 from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
-from drivers.interfaces import MoveGoal, PoseReading, Posture, RobotStatus
+from drivers.interfaces import MoveGoal, PoseReading, Posture, RobotStatus, Standstill
 from drivers.robots.abb.robtarget import UNUSED_AXES, UNUSED_AXIS, external_axis
 from protocols.cb.codes import Flag, MoveKind, Status
 from protocols.cb.errors import FieldOutOfRange
@@ -17,6 +17,8 @@ from protocols.cb.messages import Joints, Move, Pose, Report, pack
 ROTATION_TOLERANCE = 1e-6
 MAX_POSITION_MM = 1e5
 MAX_CONFIGURATION = 2**15
+STANDS_PER_MILLE = 1000
+"""Progress reported while no move is in progress."""
 KINDS = {"joint": MoveKind.JOINT, "linear": MoveKind.LINEAR}
 
 
@@ -62,6 +64,12 @@ def robot_status(report: Report, taken_at_s: float) -> RobotStatus:
         speed_limited=bool(flags & Flag.SPEED_LIMITED),
         taken_at_s=taken_at_s,
     )
+
+
+def standstill(report: Report) -> Standstill:
+    """Convert flags and progress: a move that was accepted and has not begun yet has a progress below 1000."""
+    moving = report.flags & Flag.MOVING or report.progress_per_mille < STANDS_PER_MILLE
+    return Standstill(standing=not moving, disarmed=not report.flags & Flag.ARMED)
 
 
 def move_of(device: str, goal: MoveGoal) -> Move:

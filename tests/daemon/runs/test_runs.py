@@ -101,23 +101,6 @@ async def test_two_calibrates_in_the_same_moment_start_one_run(bench: Bench) -> 
     assert sorted(answer.status_code for answer in answers) == [202, 409, 409, 409, 409]
 
 
-async def test_abort_stops_and_disarms_and_nothing_moves_afterwards(tmp_path: Path) -> None:
-    parts = Parts()
-    parts.robot.before_move = gate = Gate(3)
-    async with serving(settings_for(tmp_path), parts) as bench:
-        run = (await bench.client.post("/calibrate")).json()
-        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
-        stopped = await bench.client.post(f"/runs/{run['id']}/abort")
-        assert stopped.json()["state"] == "aborted"
-        assert stopped.json()["cause"]["what"] == "aborted by a request over REST after station 2 of 5"
-        assert (bench.robot.stops, bench.robot.armed, len(bench.robot.goals)) == (1, False, 3)
-        gate.open.set()
-        again = await bench.client.post(f"/runs/{run['id']}/abort")
-        assert (again.status_code, again.json()["code"]) == (409, "run-over")
-        assert len(bench.robot.goals) == 3
-        assert (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()["state"] == "finished"
-
-
 async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(tmp_path: Path) -> None:
     parts = Parts()
 

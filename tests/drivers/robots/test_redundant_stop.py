@@ -7,7 +7,7 @@ import pytest
 
 from calibration.kinematics.arm import Configuration
 from drivers.errors import AddressNotUnderstood, DeviceUnreachable, LinkLost, MoveRefused
-from drivers.interfaces import LinkHealth, MoveGoal
+from drivers.interfaces import LinkHealth, MoveGoal, Standstill
 from drivers.registry import check_stop_address
 from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from tests.support.waiting import quick_timing
@@ -22,9 +22,12 @@ class Way:
         self.answers, self.stops, self.closed = answers, 0, False
         self.link = LinkHealth(connected, "somewhere", 0.0)
 
-    async def stop(self) -> None:
+    async def stop_and_disarm(self) -> None:
         self.stops += 1
         await self._answer()
+
+    async def read_standstill(self) -> Standstill:
+        return Standstill(standing=True, disarmed=True)
 
     async def move_to(self, goal: MoveGoal) -> None:
         await self._answer()
@@ -44,22 +47,28 @@ def both(own: Way, second: Way) -> RedundantStop:
 
 async def test_a_stop_that_is_answered_leaves_the_program_alone():
     own, second = Way(), Way()
-    await both(own, second).stop()
+    await both(own, second).stop_and_disarm()
     assert (own.stops, second.stops) == (1, 0)
 
 
 @pytest.mark.parametrize("answers", [LinkLost("r", "gone", "wait"), 30.0])
 async def test_a_stop_that_fails_or_is_late_goes_the_second_way(answers):
     own, second = Way(answers), Way()
-    await both(own, second).stop()
+    await both(own, second).stop_and_disarm()
     assert (own.stops, second.stops) == (1, 1)
 
 
 async def test_when_both_ways_fail_the_first_ones_error_is_raised():
     own, second = Way(LinkLost("r", "gone", "wait")), Way(DeviceUnreachable("s", "away", "look"))
     with pytest.raises(LinkLost):
-        await both(own, second).stop()
+        await both(own, second).stop_and_disarm()
     assert second.stops == 1
+
+
+@pytest.mark.parametrize("connected", [True, False])
+async def test_the_second_way_cannot_confirm_that_the_arm_is_disarmed(connected):
+    robot = both(Way(connected=connected), Way())
+    assert await robot.read_standstill() == Standstill(standing=True, disarmed=connected)
 
 
 async def test_a_link_that_breaks_in_a_move_stops_the_arm_the_second_way():

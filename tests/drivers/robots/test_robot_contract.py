@@ -145,7 +145,7 @@ async def test_a_stop_overtakes_and_the_move_fails(cell):
     await robot.set_armed(True)
     moving = asyncio.create_task(robot.move_to(GOAL))
     await eventually(lambda: controller.arm.running_seq != 0)
-    await asyncio.gather(robot.stop(), robot.stop())
+    await asyncio.gather(robot.stop_and_disarm(), robot.stop_and_disarm())
     with pytest.raises(MoveFailed) as failed:
         await moving
     assert failed.value.status == "ABORTED"

@@ -105,7 +105,7 @@ async def test_a_stop_overtakes_and_the_move_fails(cell):
     await robot.set_armed(True)
     moving = asyncio.create_task(robot.move_to(dataclasses.replace(GOAL, speed_mm_s=50.0)))
     await eventually(lambda: running.moving)
-    await asyncio.gather(robot.stop(), robot.stop())
+    await asyncio.gather(robot.stop_and_disarm(), robot.stop_and_disarm())
     with pytest.raises(MoveFailed) as failed:
         await moving
     assert failed.value.status == "ABORTED"

@@ -7,13 +7,13 @@ import itertools
 import pytest
 
 from calibration.kinematics.arm import Configuration
-from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost, MoveFailed, MoveStalled
-from drivers.interfaces import MoveGoal
+from drivers.errors import DeviceUnreachable, GarbledAnswer, LinkLost, MoveFailed, MoveStalled, RequestRefused
+from drivers.interfaces import MoveGoal, Standstill
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.cb_session import REPLY_LIMIT_S
-from protocols.cb.codes import Command
+from protocols.cb.codes import Command, Status
 from protocols.cb.frames import Frame
-from protocols.cb.messages import GetPose, GetStatus, Hello, Ping, Stop
+from protocols.cb.messages import GetPose, GetStatus, Hello, Ping, SetArmed, Stop
 from tests.drivers.robots.fake_controller import BASE_T_FLANGE, FakeController
 from tests.support.waiting import FakeTime, settle
 
@@ -220,11 +220,80 @@ async def test_a_stop_does_not_wait_behind_a_question_without_an_answer():
         reading = asyncio.create_task(robot.read_pose())
         also_waiting = asyncio.create_task(robot.read_status())
         await settle()
-        await robot.stop()
-        assert [type(request) for request in controller.arm.heard[-2:]] == [GetPose, Stop]
+        await robot.stop_and_disarm()
+        assert [type(request) for request in controller.arm.heard[-3:]] == [GetPose, Stop, SetArmed]
         controller.mangle = lambda request, reply: [reply]
         await fake.advance(0.5)
         await asyncio.gather(reading, also_waiting)
+
+
+async def test_stop_disarm_and_their_confirmation_go_before_a_thousand_readers():
+    controller = FakeController()
+    async with on_a_memory_line(controller) as (robot, _, _fake):
+        await robot.set_armed(True)
+        controller.mangle = lambda request, reply: [] if isinstance(request, GetPose) else [reply]
+        readers = [asyncio.create_task(robot.read_pose()) for _ in range(1000)]
+        await settle()
+        confirmed = asyncio.gather(robot.stop_and_disarm(), robot.read_standstill())
+        assert (await confirmed)[1] == Standstill(standing=True, disarmed=True)
+        heard = [type(request) for request in controller.arm.heard]
+        stopped = heard.index(Stop)
+        assert heard[stopped - 1 : stopped + 3] == [GetPose, Stop, SetArmed, GetStatus]
+        for reader in readers:
+            reader.cancel()
+
+
+async def test_a_reader_that_is_cancelled_leaves_the_queue():
+    controller = FakeController()
+    async with on_a_memory_line(controller) as (robot, _, fake):
+        controller.mangle = lambda request, reply: [] if isinstance(request, GetPose) else [reply]
+        readers = [asyncio.create_task(robot.read_pose()) for _ in range(1000)]
+        await settle()
+        for reader in readers[1:]:
+            reader.cancel()
+        await settle()
+        controller.mangle = lambda request, reply: [reply]
+        joints = asyncio.create_task(robot.read_joints())
+        await fake.advance(0.5)
+        await asyncio.gather(joints, readers[0])
+        assert controller.arm.count(GetPose) == 1
+
+
+async def test_an_arming_that_a_stop_overtakes_is_refused_and_not_repeated():
+    controller = FakeController()
+    async with on_a_memory_line(controller) as (robot, _, _fake):
+        controller.mangle = lambda request, reply: [] if request == SetArmed(7, True) else [reply]
+        arming = asyncio.create_task(robot.set_armed(True))
+        await settle()
+        await robot.stop_and_disarm()
+        with pytest.raises(RequestRefused) as refused:
+            await arming
+        assert refused.value.status == "ABORTED"
+        assert not controller.arm.armed
+
+
+async def test_a_disarming_that_the_controller_refuses_is_an_error():
+    controller = FakeController()
+    async with on_a_memory_line(controller) as (robot, _, _fake):
+        controller.arm.refuses[SetArmed] = Status.BAD_FIELD
+        with pytest.raises(RequestRefused, match="disarming was refused"):
+            await robot.stop_and_disarm()
+        assert controller.arm.count(Stop) == 1
+
+
+async def test_an_accepted_move_that_has_not_begun_is_no_standstill():
+    controller = FakeController()
+    async with on_a_memory_line(controller) as (robot, _, fake):
+        controller.arm.polls_per_move = None
+        await robot.set_armed(True)
+        moving = asyncio.create_task(robot.move_to(GOAL))
+        await settle()
+        assert await robot.read_standstill() == Standstill(standing=False, disarmed=False)
+        await robot.stop_and_disarm()
+        assert await robot.read_standstill() == Standstill(standing=True, disarmed=True)
+        await fake.advance(0.2)
+        with pytest.raises(MoveFailed):
+            await moving
 
 
 async def test_closing_in_the_moment_of_a_loss_leaves_no_connection_open():

@@ -1,5 +1,6 @@
 """The product's own RWS driver at the mock: found by itself, read, watched, stopped; and what each fault does to it."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -8,7 +9,7 @@ import pytest
 
 from calibration.kinematics.arm import Configuration
 from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer, LinkLost, MoveRefused, RequestRefused
-from drivers.interfaces import MoveGoal
+from drivers.interfaces import MoveGoal, Standstill
 from drivers.registry import open_robot
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.rws.address import RwsAddress
@@ -107,17 +108,40 @@ async def test_nothing_moves_over_rws_and_the_refusal_says_what_to_do(version: i
 async def test_stop_ends_the_program_and_the_move(version: int) -> None:
     async with rws_cell(time_scale=1.0) as cell, robot_at(cell, version) as robot:
         cell.controller.arm.depart(AWAY, 20.0, False, cell.controller.robot_s(cell.cell.clock()))
-        await robot.stop()
+        await robot.stop_and_disarm()
         assert not cell.controller.panel.program_running
         await eventually(lambda: not cell.cell.flange_now().moving)
         assert (await robot.read_event_log())[0].code == 10005
+
+
+@VERSIONS
+async def test_a_standstill_is_confirmed_once_the_program_is_stopped(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        assert not (await robot.read_standstill()).standing
+        await robot.stop_and_disarm()
+        assert await robot.read_standstill() == Standstill(standing=True, disarmed=True)
+
+
+@VERSIONS
+async def test_a_stop_goes_before_a_hundred_readers(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version) as robot:
+        readers = [asyncio.create_task(robot.read_joints()) for _ in range(100)]
+        await asyncio.sleep(0)
+        await robot.stop_and_disarm()
+        assert not cell.controller.panel.program_running
+        assert (await robot.read_standstill()).standing
+        assert sum(reader.done() for reader in readers) < len(readers)
+        for reader in readers:
+            reader.cancel()
+        await asyncio.gather(*readers, return_exceptions=True)
+        await robot.read_joints()
 
 
 async def test_stop_works_before_anything_was_asked() -> None:
     async with rws_cell() as cell:
         robot = RwsRobot(RwsAddress.parse(cell.rws(2)), quick_timing())
         try:
-            await robot.stop()
+            await robot.stop_and_disarm()
             assert not cell.controller.panel.program_running
         finally:
             await robot.close()
@@ -147,7 +171,7 @@ async def test_modules_are_uploaded_when_asked_and_never_without_mastership(vers
         with pytest.raises(RequestRefused) as running:
             await robot.upload_modules(modules, load_into="T_ROB1")
         assert running.value.status == "WRONG_STATE"
-        await robot.stop()
+        await robot.stop_and_disarm()
         await robot.upload_modules(modules, load_into="T_ROB1")
         assert cell.world.volumes.files == {"HOME/handeyed/CELL_shared.sys": modules["CELL_shared.sys"]}
         assert cell.world.memory.modules["T_ROB1"]["CELL_shared"] == "SysMod"
@@ -162,7 +186,7 @@ async def test_reconnects_and_a_restart_leave_one_session(version: int) -> None:
             sessions.open("another client", cell.cell.clock())
         for _ in range(6):
             robot = RwsRobot(RwsAddress.parse(cell.rws(version) + f"?version={version}"), quick_timing())
-            await robot.stop()
+            await robot.stop_and_disarm()
             await robot.close()
         assert sessions.count == MAX_SESSIONS - 3
         async with robot_at(cell, version) as robot:
@@ -204,19 +228,19 @@ async def test_a_fault_of_which_no_version_is_known_is_reported_in_the_controlle
         cell.cell.inject_fault("rws-503")
         robot = RwsRobot(RwsAddress.parse(cell.rws(version)), quick_timing())
         with pytest.raises(DeviceUnreachable, match="503"):
-            await robot.stop()
+            await robot.stop_and_disarm()
         await robot.close()
 
 
 async def test_nobody_there_is_reported_for_both_versions_and_a_wrong_password_is_tried_once() -> None:
     robot = RwsRobot(RwsAddress.parse("rws://127.0.0.1:9"), quick_timing())
     with pytest.raises(DeviceUnreachable, match=r"HTTPS: nobody answers.*HTTP: nobody answers"):
-        await robot.stop()
+        await robot.stop_and_disarm()
     await robot.close()
     async with rws_cell() as cell:
         robot = RwsRobot(RwsAddress.parse(cell.rws(2).replace("rws://", "rws://Admin:guess@")), quick_timing())
         with pytest.raises(RequestRefused, match="user or password") as refused:
-            await robot.stop()
+            await robot.stop_and_disarm()
         assert "guess" not in str(refused.value)
         await robot.close()
 
@@ -257,7 +281,7 @@ async def test_a_certificate_that_is_given_is_the_only_one_that_is_trusted(tmp_p
     async with rws_cell() as cell:
         robot = RwsRobot(RwsAddress.parse(f"{cell.rws(2)}?version=2&certificate={certificate}"), quick_timing())
         with pytest.raises(DeviceUnreachable, match="CERTIFICATE_VERIFY_FAILED"):
-            await robot.stop()
+            await robot.stop_and_disarm()
         await robot.close()
 
 

@@ -14,6 +14,10 @@ from drivers.robots.abb.rws.status_errors import error_of_response
 from drivers.timing import Timing
 
 LIMIT_S, CONNECT_LIMIT_S = 5.0, 3.0
+CONNECTIONS, URGENT_CONNECTIONS = 4, 1
+"""Connections to the controller, and how many of them only urgent requests use: a controller that answers late does
+not hold up a stop.
+"""
 REQUESTS_PER_S, BURST = 15.0, 8.0
 """Below the controllers' limit of 20 requests per second, which all clients share."""
 LISTENS = "check the address; on the controller: option PC Interface, the network port, the firewall"
@@ -29,6 +33,7 @@ class RwsClient:
         self._http: httpx.AsyncClient | None = None
         self._finding = asyncio.Lock()
         self._tokens, self._counted_s = BURST, timing.clock()
+        self._ordinary = asyncio.Semaphore(CONNECTIONS - URGENT_CONNECTIONS)
 
     async def find(self) -> Dialect:
         """The session's dialect; without one, tries 2.0 over HTTPS, then 1.0 over HTTP. Raises DeviceError."""
@@ -57,11 +62,13 @@ class RwsClient:
                 return dialect
         raise self._most_specific(errors)
 
-    async def get(self, path: str, query: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
-        """Resources at a path. Raises DeviceError."""
+    async def get(
+        self, path: str, query: Mapping[str, str] | None = None, *, urgent: bool = False
+    ) -> list[dict[str, Any]]:
+        """Resources at a path; `urgent` skips the rate limit. Raises DeviceError."""
         dialect = self._require_dialect()
-        await self._pace()
-        answer = await self._ask("GET", path, {**(query or {}), **dialect.query}, headers=dialect.headers)
+        every = {**(query or {}), **dialect.query}
+        answer = await self._ask("GET", path, every, headers=dialect.headers, urgent=urgent)
         try:
             return dialect.items(answer.content)
         except ValueError as error:
@@ -72,13 +79,11 @@ class RwsClient:
         self, path: str, query: Mapping[str, str], form: Mapping[str, str], *, urgent: bool = False
     ) -> httpx.Response:
         """Post a form; `urgent` skips the rate limit. Raises DeviceError."""
-        if not urgent:
-            await self._pace()
-        return await self._ask("POST", path, query, form=form, headers=self._require_dialect().post_headers)
+        headers = self._require_dialect().post_headers
+        return await self._ask("POST", path, query, form=form, headers=headers, urgent=urgent)
 
     async def put_file(self, path: str, content: bytes) -> None:
         """Write a file below the controller's home folder. Raises DeviceError."""
-        await self._pace()
         dialect = self._require_dialect()
         kind = "application/octet-stream" + (";v=2.0" if dialect.version == 2 else "")
         await self._ask(
@@ -117,6 +122,11 @@ class RwsClient:
             raise DeviceUnreachable(self.device, "no session with the controller", "it is looked for again by itself")
         return self.dialect
 
+    def _session_now(self) -> httpx.AsyncClient:
+        self._require_dialect()
+        assert self._http is not None
+        return self._http
+
     def _most_specific(self, errors: list[DeviceError]) -> DeviceError:
         """From one error per version tried, the one that was answered, or all combined."""
         for error in errors:
@@ -138,7 +148,7 @@ class RwsClient:
             verify=self._tls() if version == 2 else True,
             timeout=httpx.Timeout(LIMIT_S, connect=CONNECT_LIMIT_S),
             trust_env=False,
-            limits=httpx.Limits(max_connections=4),
+            limits=httpx.Limits(max_connections=CONNECTIONS),
         )
 
     def _tls(self) -> ssl.SSLContext:
@@ -163,7 +173,11 @@ class RwsClient:
         self._tokens = min(BURST, self._tokens + (now_s - self._counted_s) * REQUESTS_PER_S) - 1.0
         self._counted_s = now_s
         if self._tokens < 0:
-            await self._timing.sleep(-self._tokens / REQUESTS_PER_S)
+            try:
+                await self._timing.sleep(-self._tokens / REQUESTS_PER_S)
+            except asyncio.CancelledError:
+                self._tokens += 1.0  # nothing was sent: those behind it wait less
+                raise
 
     async def _ask(
         self,
@@ -174,11 +188,17 @@ class RwsClient:
         headers: Mapping[str, str],
         form: Mapping[str, str] | None = None,
         content: bytes | None = None,
+        urgent: bool = False,
     ) -> httpx.Response:
-        self._require_dialect()
-        assert self._http is not None
-        doing = f"{method} {path}"
-        return await self._send(self._http, method, path, query, form, headers, doing, content)
+        if urgent:
+            return await self._send(
+                self._session_now(), method, path, query, form, headers, f"{method} {path}", content
+            )
+        await self._pace()
+        async with self._ordinary:
+            return await self._send(
+                self._session_now(), method, path, query, form, headers, f"{method} {path}", content
+            )
 
     async def _send(
         self,

@@ -69,26 +69,30 @@ class RwsLink:
         await self._client.close()
         self._report.down("closed")
 
-    async def one(self, path: str, query: Mapping[str, str] | None = None) -> parsing.Values:
+    async def one(self, path: str, query: Mapping[str, str] | None = None, *, urgent: bool = False) -> parsing.Values:
         """The first resource at a path; empty when there is none. Raises DeviceError."""
-        items = await self._client.get(path, query)
+        items = await self._client.get(path, query, urgent=urgent)
         return items[0] if items else {}
 
     async def read_state(self) -> ControllerState:
         """State of panel and program. Raises DeviceError."""
         device, dialect = self._client.device, self._client.dialect or DIALECTS[2]
-        controller, mode, run, speed = await asyncio.gather(
+        controller, mode, execution, speed = await asyncio.gather(
             self.one(dialect.controller_state),
             self.one("/rw/panel/opmode"),
-            self.one("/rw/rapid/execution"),
+            self.read_execution(),
             self.one("/rw/panel/speedratio"),
         )
         return ControllerState(
             controller=parsing.word(device, controller, "ctrlstate"),
             mode=parsing.word(device, mode, "opmode"),
-            execution=parsing.word(device, run, "ctrlexecstate"),
+            execution=execution,
             speed_ratio=parsing.number(device, speed, "speedratio"),
         )
+
+    async def read_execution(self, *, urgent: bool = False) -> str:
+        """Execution state of RAPID, "running" or "stopped". Raises DeviceError."""
+        return parsing.word(self._client.device, await self.one("/rw/rapid/execution", urgent=urgent), "ctrlexecstate")
 
     async def _connect_repeatedly(self) -> None:
         while True:

@@ -2,10 +2,19 @@
 
 import asyncio
 import logging
+from dataclasses import replace
 
 from calibration.transforms import Array
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotCapabilities, RobotStatus
+from drivers.interfaces import (
+    LinkHealth,
+    MoveGoal,
+    PoseReading,
+    Robot,
+    RobotCapabilities,
+    RobotStatus,
+    Standstill,
+)
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.timing import Timing
 
@@ -68,17 +77,23 @@ class RedundantStop:
                 await self._stop_the_second_way_whatever_happens()
             raise
 
-    async def stop(self) -> None:
-        """Stop over the robot's own link, and over the second way when that fails or is late. Raises DeviceError."""
-        own = asyncio.ensure_future(self._robot.stop())
+    async def stop_and_disarm(self) -> None:
+        """Over the robot's own link, and over the second way when that fails or is late. Raises DeviceError."""
+        own = asyncio.ensure_future(self._robot.stop_and_disarm())
         own.add_done_callback(_retrieve)
         if await self._timing.wait_until_done(own, OWN_LIMIT_S) and own.exception() is None:
             return
         try:
-            await self._second.stop()
+            await self._second.stop_and_disarm()
         except DeviceError as error:
             log.warning("stopping the second way: %s", error)
             await own
+
+    async def read_standstill(self) -> Standstill:
+        """Over the robot's own link; while that is down, over the second way, which cannot confirm the disarming."""
+        if self._robot.link.connected:
+            return await self._robot.read_standstill()
+        return replace(await self._second.read_standstill(), disarmed=False)
 
     async def close(self) -> None:
         """Close both links."""
@@ -92,7 +107,7 @@ class RedundantStop:
 
     async def _stop_the_second_way(self) -> None:
         try:
-            await self._second.stop()
+            await self._second.stop_and_disarm()
         except DeviceError as error:
             log.warning("stopping the second way: %s", error)
 

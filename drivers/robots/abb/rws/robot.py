@@ -6,7 +6,7 @@ from typing import NoReturn
 
 from calibration.transforms import Array
 from drivers.errors import MoveRefused, RequestRefused
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus, Standstill
 from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import FRAMES, RwsAddress
@@ -94,11 +94,19 @@ class RwsRobot:
 
     # --- acting ---
 
-    async def stop(self) -> None:
-        """Stop the program now, also when the controller seems unreachable."""
+    async def stop_and_disarm(self) -> None:
+        """Stop the program now, also when the controller seems unreachable. Over RWS nothing is armed."""
         dialect = await self._client.find()
         path, query = dialect.stop
         await self._client.post(path, query, {"stopmode": "stop"}, urgent=True)
+
+    async def read_standstill(self) -> Standstill:
+        """Standing: the program is stopped, and two poses 100 ms apart agree."""
+        execution = await self._link.read_execution(urgent=True)
+        before = await self._pose(urgent=True)
+        await self._timing.sleep(STILL_GAP_S)
+        after = await self._pose(before, urgent=True)
+        return Standstill(standing=after.still and execution != "running", disarmed=True)
 
     async def set_armed(self, armed: bool) -> None:
         """Disarming has no effect; arming raises RequestRefused."""
@@ -128,9 +136,10 @@ class RwsRobot:
         finally:
             await self._client.post(*dialect.release_mastership, {})
 
-    async def _pose(self, before: PoseReading | None = None) -> PoseReading:
+    async def _pose(self, before: PoseReading | None = None, *, urgent: bool = False) -> PoseReading:
         asked_at_s = self._timing.clock()
         query = {"tool": "tool0", "wobj": "wobj0", "coordinate": FRAMES[self._address.frame]}
-        values = await self._link.one(f"/rw/motionsystem/mechunits/{self._address.mechunit}/robtarget", query)
+        path = f"/rw/motionsystem/mechunits/{self._address.mechunit}/robtarget"
+        values = await self._link.one(path, query, urgent=urgent)
         now = parsing.pose(self._device, values, asked_at_s)
         return parsing.with_standstill(before, now) if before is not None else now

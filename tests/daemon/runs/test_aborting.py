@@ -1,0 +1,91 @@
+"""Aborting a run: the arm is stopped and disarmed before anything else, and the answer says what is confirmed."""
+
+import asyncio
+import threading
+from pathlib import Path
+
+import pytest
+
+from daemon.access.roles import Role
+from daemon.store.store import Store
+from tests.daemon.access_keys import TEST, bearer
+from tests.daemon.cell_under_test import Parts, serving, settings_for
+from tests.daemon.fakes import Gate
+from tests.support.waiting import LIMIT_S, eventually
+
+
+async def test_abort_stops_and_disarms_and_nothing_moves_afterwards(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(3)
+    async with serving(settings_for(tmp_path), parts) as bench:
+        run = (await bench.client.post("/calibrate")).json()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        stopped = await bench.client.post(f"/runs/{run['id']}/abort")
+        assert stopped.json()["state"] == "aborted"
+        assert stopped.json()["cause"]["what"] == "aborted by a request over REST after station 2 of 5"
+        assert (bench.robot.armed, len(bench.robot.goals)) == (False, 3)
+        assert bench.robot.stops >= 1
+        gate.open.set()
+        again = await bench.client.post(f"/runs/{run['id']}/abort")
+        assert (again.status_code, again.json()["code"]) == (409, "run-over")
+        assert len(bench.robot.goals) == 3
+        assert (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()["state"] == "finished"
+
+
+async def test_an_abort_that_the_controller_does_not_confirm_says_so_until_it_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("daemon.cell.safe_stop.MAX_ATTEMPT_S", 0.3)
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(2)
+    parts.robot.deaf = True
+    async with serving(settings_for(tmp_path), parts) as bench:
+        run = (await bench.client.post("/calibrate")).json()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        for _ in range(2):
+            answer = await bench.client.post(f"/runs/{run['id']}/abort")
+            problem = answer.json()
+            assert (answer.status_code, problem["code"]) == (502, "stop-unconfirmed")
+            assert (problem["stopped"], problem["disarmed"], problem["holder"]) == (
+                "confirmed", "unconfirmed", run["id"],
+            )  # fmt: skip
+            assert "emergency stop" in problem["fix"]
+        ended = (await bench.client.get(f"/runs/{run['id']}")).json()
+        assert ended["state"] == "aborted"
+        assert "not confirmed to be disarmed" in ended["cause"]["what"]
+        ready = (await bench.client.get("/ready")).json()
+        assert "not confirmed to be disarmed" in ready["warnings"][0]
+        refused = await bench.client.post("/calibrate")
+        assert (refused.status_code, refused.json()["code"]) == (503, "cell-not-ready")
+        assert "handeyed_arm_stop_unconfirmed 1" in (await bench.client.get("/metrics")).text
+
+        parts.robot.deaf = False
+        await eventually(lambda: not bench.robot.armed)
+        await eventually(lambda: bench.application.cell.safe_stop.unconfirmed is None)
+        assert (await bench.client.post(f"/runs/{run['id']}/abort")).json()["code"] == "run-over"
+        assert (await bench.client.get("/ready")).json()["warnings"] == []
+        gate.open.set()
+        assert (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()["state"] == "finished"
+
+
+async def test_an_abort_does_not_wait_for_the_store(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(2)
+    store, done = Store(tmp_path), threading.Event()
+    async with serving(settings_for(tmp_path), parts, store) as bench:
+        key, _ = await bench.application.key_service.add("an operator", Role.OPERATOR, TEST)
+        bench.client.headers.update(bearer(key))
+        run = (await bench.client.post("/calibrate")).json()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        busy = asyncio.create_task(store._database.run(done.wait, tmp_path))
+        try:
+            headers = {"Idempotency-Key": "stop-it"}
+            aborting = asyncio.create_task(bench.client.post(f"/runs/{run['id']}/abort", headers=headers))
+            await eventually(lambda: not bench.robot.armed)
+            assert not aborting.done()
+        finally:
+            done.set()
+        assert (await aborting).json()["state"] == "aborted"
+        again = await bench.client.post(f"/runs/{run['id']}/abort", headers=headers)
+        assert (again.status_code, again.headers["idempotency-replayed"]) == (200, "true")
+        await busy
