@@ -2,11 +2,13 @@
 
 import sqlite3
 from dataclasses import astuple
+from functools import partial
 
 from daemon.access.actor_names import skeleton
 from daemon.access.errors import KeyExists
 from daemon.access.keys import KeyRecord, id_of, matches
 from daemon.errors import NotFound
+from daemon.runtime.shared_reading import SharedReading
 from daemon.store.actor import AuditContext, append_audit
 from daemon.store.database import Database
 
@@ -14,28 +16,29 @@ _COLUMNS = "id, name, role, hash, created_at, expires_at, revoked_at"
 
 
 class AccessKeys:
-    """The API keys. Read from the database at every request, because other processes may change them."""
+    """The API keys. Read from the database at every request, because other processes may change them.
 
-    def __init__(self, database: Database) -> None:
+    `reader`: a connection of its own for reading, so that a look-up does not wait for the store's other work; requests
+    at the same time share one reading.
+    """
+
+    def __init__(self, database: Database, reader: Database | None = None) -> None:
         self._database = database
+        self._rows = SharedReading(partial((reader or database).read, _all))
 
     async def all(self) -> list[KeyRecord]:
         """All keys, including expired and revoked ones, oldest first."""
-        return await self._database.read(_all)
+        return await self._rows.read()
 
     async def any_ever(self) -> bool:
         """True when a key was ever added. From then on requests need one, also after the last has expired."""
-        return await self._database.read(lambda db: _count(db) > 0)
+        return bool(await self._rows.read())
 
     async def find(self, key: str) -> KeyRecord | None:
         """The record of a key, valid or not; None for an unknown key."""
         key_id = id_of(key)
-        query = f"SELECT {_COLUMNS} FROM access_keys WHERE id = ?"
-        row = await self._database.read(lambda db: db.execute(query, (key_id,)).fetchone())
-        if row is None:
-            return None
-        record = KeyRecord(*row)
-        return record if matches(key, record.hash) else None
+        records = (record for record in await self._rows.read() if record.id == key_id)
+        return next((record for record in records if matches(key, record.hash)), None)
 
     async def add(self, record: KeyRecord, context: AuditContext, *, only_first: bool = False) -> None:
         """Insert a key. Raises KeyExists when a valid key has its name, or, with `only_first`, when any key exists."""

@@ -33,7 +33,10 @@ class WriteGuard:
 
 
 class LockedStore:
-    """The lock, the database and its guard. With a fault the database is opened for reading only."""
+    """The lock, the database and its guard. With a fault the database is opened for reading only.
+
+    `key_reader`: a second connection, for reading keys.
+    """
 
     def __init__(self, folder: Path, at: Failpoints = NO_FAILPOINTS) -> None:
         """Raises StorageError, StorageTooNew, StorageInUse; StorageInconsistent when there is nothing to read."""
@@ -45,6 +48,7 @@ class LockedStore:
             if fault is not None and not path.exists():
                 raise StorageInconsistent(fault.what, fault.fix)
             self.database = Database(path, read_only=fault is not None, at=at)
+            self.key_reader = Database(path, read_only=True)
             self.database.guard = self.guard = WriteGuard(OpenFiles(folder), fault)
         except BaseException:
             self.lock.release()

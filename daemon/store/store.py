@@ -54,10 +54,11 @@ class Store:
         self.idempotency_keys = IdempotencyKeys(self._database)
         self.stored_events = StoredEvents(self._database)
         self.outbox = Outbox(self._database)
-        self.access_keys = AccessKeys(self._database)
+        self.access_keys = AccessKeys(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
 
     async def close(self) -> None:
+        await self._opened.key_reader.close()
         await self._database.close()
         self._opened.lock.release()
 
