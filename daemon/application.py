@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from daemon.cell.cell import Cell
+from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import StorageError, StorageInconsistent
@@ -73,6 +74,7 @@ class Application:
     settings: Settings
     clock: Clock
     cell: Cell
+    readings: CellReadings
     store: Store
     events: EventBus
     workers: Workers

@@ -13,6 +13,7 @@ from daemon.application import Application
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.devices import open_devices
 from daemon.cell.motion_rules import MotionRules
+from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
@@ -28,6 +29,7 @@ from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
 from daemon.server import Announce, Server, make_announcer
+from daemon.sessions.session_writer import png_of
 from daemon.store.key_service import KeyService
 from daemon.store.monitor import StoreMonitor
 from daemon.store.retention import Retention
@@ -81,6 +83,7 @@ def build(
         settings=settings,
         clock=clock,
         cell=cell,
+        readings=CellReadings(cell, clock, lambda frame: service_workers.run(png_of, frame)),
         store=store,
         events=events,
         workers=workers,

@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from daemon.cell.camera_turns import CameraTurns
 from daemon.cell.safe_stop import Publish, SafeStop
 from daemon.cell.settling import check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
@@ -59,7 +60,7 @@ class Cell:
         self._holder: str | None = None
         self._leased = False
         self.safe_stop = SafeStop(self.robot, clock, lambda: self._leased, publish)
-        self._camera_turn = asyncio.Lock()
+        self._camera_turns = CameraTurns(devices.camera, clock)
         self._camera_staleness, self._scanner_staleness = (
             StaleCaptureDetector("camera"),
             StaleCaptureDetector("scanner"),
@@ -156,14 +157,12 @@ class Cell:
         return cloud
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
-        """A frame exposed after `newer_than_s`; concurrent callers wait for each other. Raises DeviceError."""
-        async with self._camera_turn:
-            with errors_of("camera"):
-                return await self._camera.grab(newer_than_s)
+        """A frame exposed after `newer_than_s`; goes before `read_frame`. Raises DeviceError."""
+        return await self._camera_turns.grab(newer_than_s)
 
-    async def grab_now(self) -> CameraFrame:
-        """A frame exposed after this call. Raises DeviceError."""
-        return await self.grab(self._clock.monotonic_s())
+    async def read_frame(self) -> CameraFrame:
+        """A frame exposed after this call, or the one that a run has grabbed since. Raises DeviceError."""
+        return await self._camera_turns.read()
 
     async def obstacles(self) -> tuple[str, ...]:
         """Reasons why a run with robot and camera could not start now; empty when it could."""

@@ -10,7 +10,6 @@ from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import robot_text
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.cell import RobotDocument
-from daemon.sessions.session_writer import png_of
 
 router = APIRouter(tags=["cell"])
 
@@ -19,16 +18,17 @@ router = APIRouter(tags=["cell"])
     "/robot", response_model=RobotDocument, responses={200: or_text("The robot"), **problem_responses(502, 503, 504)}
 )
 async def robot(request: Request, app: App) -> Response:
-    """The pose of the arm, and the status of the controller."""
-    arm = app.cell.robot
-    status, pose, joints = await arm.read_status(), await arm.read_pose(), await arm.read_joints()
+    """The pose of the arm, and the status of the controller, of at most the last 0.1 s."""
+    link = app.cell.robot.link
+    reading = await app.readings.robot.read()
+    status, pose = reading.status, reading.pose
     cf1, cf4, cf6, cfx = pose.posture
     document = RobotDocument(
-        connected=arm.link.connected,
-        detail=arm.link.detail,
+        connected=link.connected,
+        detail=link.detail,
         base_T_flange=PoseDocument.of(pose.base_T_flange),
         configuration=(cf1, cf4, cf6, cfx),
-        joints_deg=[math.degrees(angle) for angle in joints],
+        joints_deg=[math.degrees(angle) for angle in reading.joints],
         still=pose.still,
         motors_on=status.motors_on,
         automatic=status.automatic,
@@ -49,7 +49,6 @@ async def robot(request: Request, app: App) -> Response:
                **problem_responses(502, 503, 504)},
 )  # fmt: skip
 async def camera_frame(app: App) -> Response:
-    """A picture taken after this request came."""
-    frame = await app.cell.grab_now()
-    content = await app.service_workers.run(png_of, frame)
+    """A picture of at most the last 0.1 s, or one taken for those who asked meanwhile."""
+    content = await app.readings.picture.read()
     return Response(content, media_type="image/png", headers={"Cache-Control": "no-store"})

@@ -36,10 +36,9 @@ async def ready(request: Request, app: App) -> Response:
 
 
 async def readiness(app: Application) -> ReadyDocument:
-    """Check every device and the calibration in force."""
-    calibrate = [*await app.cell.obstacles()]
-    if (run := app.supervisor.in_progress) is not None:
-        calibrate = [f"{run.kind} run {run.id} is in progress"]
+    """Check the calibration in force, and the devices unless a run uses them."""
+    run = app.supervisor.in_progress
+    calibrate = [f"{run.kind} run {run.id} is in progress"] if run else [*await app.readings.obstacles.read()]
     calibrate += app.store.obstacles()
     register: list[str] = []
     try:

@@ -1,0 +1,39 @@
+"""What readers see of the cell: each reading is shared among all who ask within 0.1 s."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+from calibration.transforms import Array
+from daemon.cell.cell import Cell
+from daemon.cell.recent_reading import RecentReading
+from daemon.runtime.clock import Clock
+from drivers.interfaces import CameraFrame, PoseReading, RobotStatus
+
+
+@dataclass(frozen=True, eq=False)
+class RobotReading:
+    """Status, pose and axis angles (6,) in rad, read one after the other."""
+
+    status: RobotStatus
+    pose: PoseReading
+    joints: Array
+
+
+class CellReadings:
+    """Readings for GET requests: however many clients ask, the devices answer ten times a second at most.
+
+    `encode`: a frame as PNG.
+    """
+
+    def __init__(self, cell: Cell, clock: Clock, encode: Callable[[CameraFrame], Awaitable[bytes]]) -> None:
+        self._cell, self._encode = cell, encode
+        self.robot = RecentReading(self._read_robot, clock.monotonic_s)
+        self.picture = RecentReading(self._read_picture, clock.monotonic_s)
+        self.obstacles = RecentReading(cell.obstacles, clock.monotonic_s)
+
+    async def _read_robot(self) -> RobotReading:
+        robot = self._cell.robot
+        return RobotReading(await robot.read_status(), await robot.read_pose(), await robot.read_joints())
+
+    async def _read_picture(self) -> bytes:
+        return await self._encode(await self._cell.read_frame())

@@ -1,0 +1,47 @@
+"""One reading of a device for all who ask within a short time."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Generic, TypeVar
+
+Answer = TypeVar("Answer")
+
+MAX_AGE_S = 0.1
+"""Age up to which a reading is given again, counted from its end: readers cost a device ten readings a second."""
+
+
+class RecentReading(Generic[Answer]):
+    """A reading of `source` that is in progress, or ended at most MAX_AGE_S ago, else a new one.
+
+    A reading that nobody waits for any more is cancelled. Errors are given to those who wait, and not again.
+    """
+
+    def __init__(self, source: Callable[[], Awaitable[Answer]], monotonic_s: Callable[[], float]) -> None:
+        self._source, self._monotonic_s = source, monotonic_s
+        self._reading: asyncio.Task[Answer] | None = None
+        self._waiting = 0
+        self._ended_s = 0.0
+
+    async def read(self) -> Answer:
+        """The reading. Raises what the source raises."""
+        if self._reading is None or self._is_old(self._reading):
+            self._reading = asyncio.create_task(self._read())
+        reading = self._reading
+        self._waiting += 1
+        try:
+            return await asyncio.shield(reading)
+        finally:
+            self._waiting -= 1
+            if not self._waiting and not reading.done():
+                reading.cancel()
+
+    async def _read(self) -> Answer:
+        answer = await self._source()
+        self._ended_s = self._monotonic_s()
+        return answer
+
+    def _is_old(self, reading: "asyncio.Task[Answer]") -> bool:
+        if not reading.done():
+            return reading.cancelling() > 0
+        failed = reading.cancelled() or reading.exception() is not None
+        return failed or self._monotonic_s() - self._ended_s > MAX_AGE_S

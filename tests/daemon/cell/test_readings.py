@@ -1,0 +1,162 @@
+"""Readers share the devices' readings, and a run goes before them."""
+
+import asyncio
+
+import numpy as np
+import pytest
+
+from daemon.cell.camera_turns import CameraTurns
+from daemon.cell.recent_reading import MAX_AGE_S, RecentReading
+from daemon.runtime.clock import Clock
+from drivers.errors import DeviceTimeout
+from drivers.interfaces import CameraFrame, LinkHealth
+from tests.daemon.cell_under_test import Bench
+from tests.support.waiting import FakeTime, settle
+
+READERS = 1000
+
+
+class Source:
+    """Counts its readings; each waits until it is answered."""
+
+    def __init__(self) -> None:
+        self.begun = self.cancelled = 0
+        self.answers: asyncio.Queue[int | Exception] = asyncio.Queue()
+
+    async def read(self) -> int:
+        self.begun += 1
+        try:
+            answer = await self.answers.get()
+        except asyncio.CancelledError:
+            self.cancelled += 1
+            raise
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+
+@pytest.fixture
+def source() -> Source:
+    return Source()
+
+
+@pytest.fixture
+def time() -> FakeTime:
+    return FakeTime()
+
+
+@pytest.fixture
+def shared(source: Source, time: FakeTime) -> RecentReading[int]:
+    return RecentReading(source.read, lambda: time.now_s)
+
+
+async def test_all_who_ask_share_one_reading(shared: RecentReading[int], source: Source) -> None:
+    readers = [asyncio.create_task(shared.read()) for _ in range(READERS)]
+    await settle()
+    source.answers.put_nowait(7)
+    assert set(await asyncio.gather(*readers)) == {7}
+    assert await shared.read() == 7
+    assert source.begun == 1
+
+
+async def test_an_old_reading_is_not_given(shared: RecentReading[int], source: Source, time: FakeTime) -> None:
+    source.answers.put_nowait(7)
+    assert await shared.read() == 7
+    time.now_s += MAX_AGE_S * 1.01
+    source.answers.put_nowait(8)
+    assert await shared.read() == 8
+
+
+async def test_a_reading_ends_with_the_last_who_waits(shared: RecentReading[int], source: Source) -> None:
+    first, second = (asyncio.create_task(shared.read()) for _ in range(2))
+    await settle()
+    first.cancel()
+    await settle()
+    assert source.cancelled == 0
+    second.cancel()
+    await settle()
+    assert source.cancelled == 1
+    source.answers.put_nowait(9)
+    assert await shared.read() == 9
+
+
+async def test_an_error_is_for_those_who_waited(shared: RecentReading[int], source: Source) -> None:
+    readers = [asyncio.create_task(shared.read()) for _ in range(3)]
+    await settle()
+    source.answers.put_nowait(DeviceTimeout("robot", "no answer", "look"))
+    assert {type(error) for error in await asyncio.gather(*readers, return_exceptions=True)} == {DeviceTimeout}
+    source.answers.put_nowait(7)
+    assert await shared.read() == 7
+
+
+class SlowCamera:
+    """Gives a frame for each `release`; knows the grabs in progress, and those that were cancelled."""
+
+    link = LinkHealth(True, "connected", 0.0)
+
+    def __init__(self) -> None:
+        self.grabs: list[float] = []
+        self.cancelled: list[float] = []
+        self.frames: asyncio.Queue[CameraFrame] = asyncio.Queue()
+
+    def start(self) -> None: ...
+
+    async def grab(self, newer_than_s: float) -> CameraFrame:
+        self.grabs.append(newer_than_s)
+        try:
+            return await self.frames.get()
+        except asyncio.CancelledError:
+            self.cancelled.append(newer_than_s)
+            raise
+
+    async def close(self) -> None: ...
+
+
+def a_frame() -> CameraFrame:
+    return CameraFrame(np.zeros((2, 2), np.uint8), 0.0)
+
+
+async def test_a_run_goes_before_a_reader_and_shares_its_frame() -> None:
+    camera = SlowCamera()
+    turns = CameraTurns(camera, Clock(monotonic_s=lambda: 5.0))
+    reader = asyncio.create_task(turns.read())
+    await settle()
+    run = asyncio.create_task(turns.grab(7.0))
+    await settle()
+    assert (camera.grabs, camera.cancelled) == ([5.0, 7.0], [5.0])
+    camera.frames.put_nowait(frame := a_frame())
+    assert await run is frame
+    assert await reader is frame
+    assert camera.grabs == [5.0, 7.0]
+
+
+async def test_a_reader_who_leaves_ends_its_grab() -> None:
+    camera = SlowCamera()
+    turns = CameraTurns(camera, Clock(monotonic_s=lambda: 5.0))
+    reader = asyncio.create_task(turns.read())
+    await settle()
+    reader.cancel()
+    await settle()
+    assert camera.cancelled == [5.0]
+    camera.frames.put_nowait(frame := a_frame())
+    assert await turns.read() is frame
+
+
+async def test_a_frame_of_a_run_is_not_given_to_those_who_ask_later() -> None:
+    camera = SlowCamera()
+    turns = CameraTurns(camera, Clock(monotonic_s=lambda: 5.0))
+    for frame in (first := a_frame(), second := a_frame()):
+        camera.frames.put_nowait(frame)
+    assert await turns.grab(1.0) is first
+    assert await turns.read() is second
+
+
+@pytest.mark.parametrize("path", ["/robot", "/camera/frame.png", "/ready", "/calibrate"])
+async def test_many_requests_cost_a_device_few_readings(bench: Bench, path: str) -> None:
+    readings = bench.application.readings
+    for shared in (readings.robot, readings.picture, readings.obstacles):
+        shared._monotonic_s = lambda: 0.0  # nothing becomes old
+    before = bench.robot.requests + bench.camera.pictures
+    answers = await asyncio.gather(*(bench.client.get(path) for _ in range(50)))
+    assert {answer.status_code for answer in answers} == {200}
+    assert bench.robot.requests + bench.camera.pictures - before <= 3
