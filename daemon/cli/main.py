@@ -62,5 +62,6 @@ app.command(rich_help_panel=OFFLINE)(version)
 
 def main() -> None:
     """The console script."""
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")  # read by OpenCV when it is loaded
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its messages would mix with ours; failures are raised
     app()

@@ -34,7 +34,10 @@ def read_grey(file: Path) -> NDArray[np.uint8]:
         raise ImageError(f"'{file.name}' is empty (0 bytes)", TAKE_AGAIN)
     if is_truncated(content):
         raise ImageError(f"'{file.name}' is cut off or damaged", TAKE_AGAIN)
-    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    try:
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error:
+        image = None
     if image is None:
         raise ImageError(f"'{file.name}' is not a picture", TAKE_AGAIN)
     return np.asarray(image, np.uint8)

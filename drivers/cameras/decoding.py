@@ -12,9 +12,15 @@ from drivers.errors import GarbledAnswer
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 JPEG_MAGIC = b"\xff\xd8\xff"
 JPEG_END = b"\xff\xd9"
+JPEG_SCAN = b"\xff\xda"
 JPEG_SIZES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers whose segment holds a JPEG's height and width (ITU T.81, table B.1)."""
-MAX_PIXELS = 200_000_000
+JPEG_LONE = frozenset({0x01, *range(0xD0, 0xDA)})
+"""Markers without a segment, and that of the first scan: none of them stands before the size."""
+MAX_SCANS = 100
+"""Scans of a JPEG: each is a pass over all pixels; progressive ones have about ten."""
+MAX_DECODED_BYTES = 200_000_000
+"""Bytes of the decoded picture: 200 megapixels grey, 66 in colour."""
 FIX = "check that the device writes whole PNG or JPEG pictures"
 
 # Keeps grey images grey, drops alpha and 16 bit; EXIF rotation is ignored, since calibration needs the sensor's rows.
@@ -33,8 +39,6 @@ def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = Non
     if image_size is not None and (width, height) != image_size:
         what = f"the picture is {width}×{height}, expected {image_size[0]}×{image_size[1]}"
         raise GarbledAnswer(device, what, "set the camera to the size its intrinsics were found at")
-    if not 0 < width * height <= MAX_PIXELS:
-        raise GarbledAnswer(device, f"the picture claims {width}×{height} pixels", FIX)
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), FLAGS)
     except cv2.error as error:
@@ -45,7 +49,7 @@ def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = Non
 
 
 def is_truncated(encoded: bytes) -> bool:
-    """True for a PNG or JPEG that is truncated or damaged, False for every other file.
+    """True for a PNG or JPEG that is truncated, damaged or of too many pixels, False for every other file.
 
     Checked here because libpng would write to standard error, and OpenCV 4 would fill the missing part with grey.
     """
@@ -60,19 +64,24 @@ def _whole_picture_size(encoded: bytes) -> tuple[int, int]:
     """(width, height) of a complete PNG or JPEG; raises ValueError, or IndexError when it is truncated."""
     if not encoded:
         raise ValueError("it is empty")
-    if encoded.startswith(PNG_MAGIC):
-        return _png_size(encoded)
-    if encoded.startswith(JPEG_MAGIC):
-        return _jpeg_size(encoded)
+    for magic, size_of in ((PNG_MAGIC, _png_size), (JPEG_MAGIC, _jpeg_size)):
+        if encoded.startswith(magic):
+            width, height, channels = size_of(encoded)
+            if not 0 < width * height * channels <= MAX_DECODED_BYTES:
+                raise ValueError(f"it claims {width}×{height} pixels of {channels} bytes")
+            return width, height
     if PNG_MAGIC.startswith(encoded[:8]) or JPEG_MAGIC.startswith(encoded[:3]):
         raise ValueError("it ends early")
     raise ValueError(f"neither PNG nor JPEG, it begins with {encoded[:8]!r}")
 
 
-def _png_size(encoded: bytes) -> tuple[int, int]:
-    """Size of a PNG with valid chunk checksums (PNG specification, 5.3) up to IEND."""
+def _png_size(encoded: bytes) -> tuple[int, int, int]:
+    """(width, height, channels) of a PNG with valid chunk checksums (PNG specification, 5.3) up to IEND.
+
+    IHDR must be the first chunk and the only one: readers differ in which of two they believe.
+    """
     at = len(PNG_MAGIC)
-    size = (0, 0)
+    size = (0, 0, 0)
     while True:
         if len(encoded) < at + 12:
             raise ValueError("the PNG ends early")
@@ -82,17 +91,24 @@ def _png_size(encoded: bytes) -> tuple[int, int]:
             raise ValueError("the PNG ends early")
         if zlib.crc32(memoryview(encoded)[at + 4 : end - 4]) != int.from_bytes(encoded[end - 4 : end]):
             raise ValueError(f"the PNG's checksum does not hold in its {kind!r} part")
+        if (kind == b"IHDR") != (at == len(PNG_MAGIC)) or (kind == b"IHDR" and length != 13):
+            raise ValueError("the PNG's size does not stand in one IHDR part at its start")
+        if kind == b"acTL":
+            raise ValueError("the PNG is animated")
         if kind == b"IHDR":
-            size = struct.unpack_from(">II", encoded, at + 8)
+            width, height, _, colour_type = struct.unpack_from(">IIBB", encoded, at + 8)
+            size = (width, height, 3 if colour_type & 2 else 1)
         if kind == b"IEND":
-            return size[0], size[1]
+            return size
         at = end
 
 
-def _jpeg_size(encoded: bytes) -> tuple[int, int]:
-    """Size of a JPEG with an end marker; JPEG has no checksums."""
+def _jpeg_size(encoded: bytes) -> tuple[int, int, int]:
+    """(width, height, channels) of a JPEG with an end marker; JPEG has no checksums."""
     if JPEG_END not in encoded[-64:]:
         raise ValueError("the JPEG ends early")
+    if encoded.count(JPEG_SCAN) > MAX_SCANS:
+        raise ValueError(f"the JPEG has more than {MAX_SCANS} scans")
     at = 2
     while encoded[at] == 0xFF:
         marker = encoded[at + 1]
@@ -100,8 +116,10 @@ def _jpeg_size(encoded: bytes) -> tuple[int, int]:
             at += 1
             continue
         length = int.from_bytes(encoded[at + 2 : at + 4])
+        if marker in JPEG_LONE or length < 2:
+            break
         if marker in JPEG_SIZES:
-            height, width = struct.unpack_from(">HH", encoded, at + 5)
-            return width, height
+            height, width, channels = struct.unpack_from(">HHB", encoded, at + 5)
+            return width, height, min(channels, 3)
         at += 2 + length
     raise ValueError("the JPEG's segments are torn")
