@@ -37,6 +37,8 @@ def parse_document(model: type[Model], content: bytes, origin: str) -> Model:
         raise _syntax_error(origin, f"byte {error.start}", "not UTF-8 text") from None
     except json.JSONDecodeError as error:
         raise _syntax_error(origin, f"line {error.lineno}, column {error.colno}", f"not JSON ({error.msg})") from None
+    except (ValueError, RecursionError) as error:  # an integer of thousands of digits; brackets a thousand deep
+        raise _syntax_error(origin, "document", f"beyond what is read ({error})") from None
     return validate_document(model, data, origin)
 
 

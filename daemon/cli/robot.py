@@ -53,8 +53,10 @@ def upload(
 
 
 def _files(folder: Path) -> dict[str, bytes]:
+    from daemon.runtime.bounded_read import read_bounded
+
     try:
-        found = {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.suffix in SUFFIXES}
+        found = {path.name: read_bounded(path) for path in sorted(folder.iterdir()) if path.suffix in SUFFIXES}
     except OSError as error:
         raise CommandError(
             str(folder), error.strerror or str(error), "name the folder of the modules", ExitStatus.UNREADABLE

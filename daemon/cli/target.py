@@ -102,7 +102,7 @@ def from_file(
     try:
         data = tomllib.loads(content.decode()) if file.suffix == ".toml" else loads(content)
         target = data["target"]
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         problem = DocumentProblem("target", f"not found ({error!s})", "give a file with a target in it")
         raise DocumentError(str(file), [problem]) from None
     _write(target, page, out, json, origin=str(file))

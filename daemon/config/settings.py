@@ -202,6 +202,8 @@ def parse_settings(content: bytes, origin: str) -> Settings:
         raise _unreadable(origin, f"byte {error.start}", "not UTF-8 text", "save the file as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
         raise _unreadable(origin, "document", f"not TOML ({error})", "correct the line") from None
+    except (ValueError, RecursionError) as error:  # an integer of thousands of digits; brackets a thousand deep
+        raise _unreadable(origin, "document", f"beyond what is read ({error})", "shorten it") from None
     return validate_document(Settings, data, origin)
 
 

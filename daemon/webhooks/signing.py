@@ -7,9 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from daemon.webhooks.errors import SecretUnusable
+from registration.io.regular_file import read_regular
 
 MIN_SECRET_BYTES = 32
 """The length of the hash: a longer secret is no stronger, a shorter one is weaker."""
+
+MAX_FILE_BYTES = 1 << 16
 
 
 def signature_headers(message_id: str, at_s: int, body: bytes, secrets: Sequence[bytes]) -> dict[str, str]:
@@ -32,7 +35,7 @@ def signature(message_id: str, at_s: int, body: bytes, secret: bytes) -> str:
 def read_secrets(file: Path) -> tuple[bytes, ...]:
     """The secrets of a file, one per line: text, or base64 after "whsec_". Raises SecretUnusable."""
     try:
-        lines = [line.strip() for line in file.read_bytes().splitlines() if line.strip()]
+        lines = [line.strip() for line in read_regular(file, MAX_FILE_BYTES).splitlines() if line.strip()]
     except OSError as error:
         raise SecretUnusable(file, (error.strerror or str(error)).lower()) from None
     secrets = tuple(_secret(line, file) for line in lines)

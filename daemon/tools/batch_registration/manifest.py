@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from calibration.documents.validation import Document
+from registration.io.regular_file import open_regular
 
 MANIFEST_NAME = "manifest.json"
 PIECE_BYTES = 1 << 20
@@ -41,7 +42,7 @@ def hash_of_inputs(folder: Path, names: list[str], about: bytes) -> str:
 def file_hash(path: Path) -> str:
     """The SHA-256 of a file's content, hexadecimal."""
     found = hashlib.sha256()
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         while piece := file.read(PIECE_BYTES):
             found.update(piece)
     return found.hexdigest()

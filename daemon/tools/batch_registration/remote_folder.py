@@ -13,8 +13,12 @@ from typing import Any
 
 from daemon.tools.batch_registration.errors import ArchiveError
 from registration.io.durable_file import new_file
+from registration.io.regular_file import read_regular
 
 INSTALL = "install handeyed[archive]"
+
+MAX_DOCUMENT_BYTES = 1 << 26
+"""64 MB: scan.json and manifest.json are far smaller."""
 
 
 def import_extra(name: str) -> Any:
@@ -69,12 +73,16 @@ class RemoteFolder:
         return sorted("" if each.parent == root else each.parent.relative_to(root).as_posix() for each in found)
 
     def read(self, name: str) -> bytes | None:
-        """The content of a small file; None when it does not exist."""
-        system, path = self._system()
+        """The content of a small file; None when it does not exist. Raises OSError, ArchiveError."""
         try:
-            content: bytes = system.cat_file(f"{path}/{name}")
+            if (folder := self.local) is not None:
+                return read_regular(folder / name, MAX_DOCUMENT_BYTES)
+            system, path = self._system()
+            content: bytes = system.cat_file(f"{path}/{name}", end=MAX_DOCUMENT_BYTES + 1)
         except FileNotFoundError:
             return None
+        if len(content) > MAX_DOCUMENT_BYTES:
+            raise ArchiveError(f"{self.url}/{name}: it has more than {MAX_DOCUMENT_BYTES} bytes", "check the file")
         return content
 
     def size(self, name: str) -> int | None:

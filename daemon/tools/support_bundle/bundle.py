@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import sqlite3
 import tarfile
 import tomllib
@@ -14,6 +15,7 @@ from typing import Any
 
 from calibration.errors import DocumentError
 from daemon.config.settings import Settings, load_settings
+from daemon.runtime.bounded_read import read_bounded
 from daemon.runtime.durable_files import write_durably
 from daemon.runtime.key_redaction import redact_keys
 from daemon.runtime.version import SOFTWARE
@@ -22,6 +24,7 @@ from daemon.tools.support_bundle.redaction import redact, redact_values
 from daemon.tools.support_bundle.store_summary import last_runs, summarise_store
 from daemon.tools.support_bundle.system_reports import COMMANDS, fetch_pages, output_of
 from daemon.tools.support_bundle.versions import describe_machine
+from registration.io.regular_file import open_regular
 
 MAX_SESSIONS = 5
 """Number of runs whose session.json (poses and picture names, no pictures) is included."""
@@ -58,7 +61,7 @@ class SupportBundle:
 def gather(config: Path, at: datetime, log_file: Path | None = None) -> SupportBundle:
     """Gather the bundle; without valid settings, only what does not depend on them."""
     files = {"README.txt": README.format(software=SOFTWARE, at=at.isoformat(timespec="seconds"))}
-    files["settings.json"] = _json_or_error(lambda: redact_values(tomllib.loads(config.read_text(encoding="utf-8"))))
+    files["settings.json"] = _json_or_error(lambda: redact_values(tomllib.loads(read_bounded(config).decode())))
     try:
         settings = load_settings(config)
     except DocumentError as error:
@@ -77,7 +80,7 @@ def _json_or_error(gathered: Callable[[], Any]) -> str:
     """The JSON of the returned value, or of the reason why it could not be gathered."""
     try:
         return json.dumps(gathered(), indent=1, default=str)
-    except (OSError, ValueError, sqlite3.Error) as error:
+    except (OSError, ValueError, RecursionError, sqlite3.Error) as error:
         return json.dumps({"could not be gathered": redact(f"{type(error).__name__}: {error}")})
 
 
@@ -86,7 +89,7 @@ def _sessions(store: Path) -> dict[str, str]:
     found = sorted((store / "runs").glob("*/session.json"), reverse=True)[:MAX_SESSIONS]
 
     def load(file: Path) -> Any:
-        return redact_values(json.loads(file.read_text()))
+        return redact_values(json.loads(read_bounded(file)))
 
     return {f"sessions/{redact_keys(file.parent.name)}.json": _json_or_error(partial(load, file)) for file in found}
 
@@ -100,7 +103,9 @@ def _system(log_file: Path | None) -> dict[str, str]:
     files = {name: redact(output_of(command)) for name, command in COMMANDS.items()}
     if log_file is not None:
         try:
-            files["log.txt"] = redact(log_file.read_bytes()[-MAX_LOG_BYTES:].decode("utf-8", "replace"))
+            with open_regular(log_file) as log:
+                log.seek(max(0, log.seek(0, os.SEEK_END) - MAX_LOG_BYTES))
+                files["log.txt"] = redact(log.read(MAX_LOG_BYTES).decode("utf-8", "replace"))
         except OSError as error:
             files["log.txt"] = f"{log_file}: {error.strerror}"
     return files
