@@ -4,7 +4,8 @@ DaemonError
 ├── RunInProgress         one run at a time; `holder` says which
 ├── CellBusy              the cell is held; `holder` says by what
 ├── CellNotReady          the robot or a device is not ready; `reasons`
-│   └── InterlockOpen     an interlock of the cell does not allow motion; `interlocks`
+│   ├── InterlockOpen     an interlock of the cell does not allow motion; `interlocks`
+│   └── AbortHeld         a PLC holds abort, or set it while the run was being prepared; `holders`
 ├── NotStill              the arm moved during a capture, or did not come to rest
 ├── ElsewhereThanSent     the arm reports another pose than the commanded one
 ├── SameAgain             a device repeated its last capture from another pose
@@ -96,6 +97,19 @@ class InterlockOpen(CellNotReady):
     def __init__(self, interlocks: tuple[str, ...], reasons: tuple[str, ...]) -> None:
         self.interlocks = interlocks
         super().__init__(reasons)
+
+
+class AbortHeld(CellNotReady):
+    """A PLC holds abort; `holders` names which, empty for one that set it while the run was being prepared."""
+
+    code = "abort-held"
+
+    def __init__(self, holders: tuple[str, ...]) -> None:
+        self.holders = holders
+        self.reasons = tuple(f"{holder} holds abort" for holder in holders) or ("a PLC has set abort",)
+        DaemonError.__init__(
+            self, "; ".join(self.reasons), "clear abort in the PLC's control register (bit 4), then start again"
+        )
 
 
 class NotStill(DaemonError):

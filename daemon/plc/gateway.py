@@ -12,7 +12,7 @@ from calibration.errors import CalibrationError, DocumentError
 from calibration.monitoring.control_chart import DriftStanding
 from daemon.access.actor_names import PLC_CLIENT
 from daemon.drift.monitor import DriftMonitor
-from daemon.errors import DaemonError, NoCalibration, RunOver, StopUnconfirmed
+from daemon.errors import DaemonError, NoCalibration, RunOver, StopUnconfirmed, StorageError
 from daemon.model.records import RunRecord
 from daemon.model.requests import CalibrateRequest, ScanRequest, VerifyRequest
 from daemon.model.run_states import RunState
@@ -96,11 +96,18 @@ class PlcGateway:
 
     def bank(self, client: str, may_write: bool) -> PlcBank:
         """The register bank for one client."""
-        return PlcBank(self.image, lambda words: self._write(words, client), may_write)
+        return PlcBank(lambda: self._image_for(client), lambda words: self._write(words, client), may_write)
 
     def image(self) -> Words:
         """The current register values."""
         return self._image
+
+    def _image_for(self, client: str) -> Words:
+        """The register values with the control register as `client` left it: it holds abort by itself, or not."""
+        if not self._state.abort_writers:
+            return self._image
+        own = self._state.written_by(client)
+        return (*own, *self._image[len(own) :])
 
     def start(self) -> None:
         self._run(self._send_beats(), "PLC heartbeat")
@@ -113,11 +120,14 @@ class PlcGateway:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _write(self, words: Words, client: str) -> None:
-        rising = ControlBit(words[0]) & ~self._state.control
+        rising = ControlBit(words[0]) & ~ControlBit(self._state.written_by(client)[0])
         if rising:
             self._by = f"{PLC_CLIENT} {client}"
             log.info("%s sets %s", self._by, ", ".join(bit.name.lower() for bit in rising if bit.name))
-        self._take(RegistersWritten(words))
+        held = self._state.abort_writers
+        self._take(RegistersWritten(words, client))
+        if self._state.abort_writers != held:
+            self.operations.supervisor.hold_abort([f"{PLC_CLIENT} {each}" for each in self._state.abort_writers])
 
     def _take(self, event: HandshakeEvent) -> None:
         reaction = react(self._state, event)
@@ -132,7 +142,7 @@ class PlcGateway:
             case StartCommand():
                 self._run(self._carry_out(effect), f"PLC {effect.command.name.lower()}")
             case AbortRun(why):
-                self._run(self._abort(why), "PLC abort")
+                self._run(self._abort(self._by if why == "the PLC" else why), "PLC abort")
 
     def _run(self, work: Coroutine[Any, Any, None], name: str) -> None:
         task = asyncio.create_task(work, name=name)
@@ -199,13 +209,18 @@ class PlcGateway:
             return calibration_result(run, document, now)
         return verification_result(run, document, now, holds=not (await self.drift.report_after(run)).alarm)
 
-    async def _abort(self, why: str) -> None:
-        """Abort the run in progress, also one that another client started."""
+    async def _abort(self, by: str) -> None:
+        """Abort the run in progress, also one that another client started; then append its audit row."""
         run = self.operations.supervisor.in_progress
         if run is None:
             return
-        with acting_as(AuditContext(self._by, "operator")), suppress(RunOver, StopUnconfirmed):
-            await self.operations.supervisor.abort(run.id, f"{self._by}" if why == "the PLC" else why)
+        context = AuditContext(by if by.startswith(PLC_CLIENT) else self._by, "operator")
+        with acting_as(context), suppress(RunOver, StopUnconfirmed):
+            await self.operations.supervisor.abort(run.id, by)
+        try:
+            await self.operations.store.audit.append(context, self.clock.timestamp(), "abort", run.id, by=by)
+        except StorageError as error:
+            log.error("the audit log could not be written: %s", error)
 
     def _code_of(self, error: Exception) -> int:
         """The error code for the registers; the message goes to the log."""

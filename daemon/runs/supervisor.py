@@ -3,12 +3,13 @@
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
 from daemon.cell.cell import Cell
 from daemon.errors import (
+    AbortHeld,
     CellBusy,
     NotFound,
     NotWaiting,
@@ -68,6 +69,8 @@ class Supervisor:
         self._current: _InProgress | None = None
         self._starting = False
         self._stopping = False
+        self._abort_holders: tuple[str, ...] = ()
+        self._abort_holds = 0
         self._unsaved: dict[str, RunRecord] = {}
         self.end_counts: Counter[tuple[str, str]] = Counter()
 
@@ -85,10 +88,21 @@ class Supervisor:
         """Seconds since the last step of the run in progress, for the watchdog."""
         return self._current.log.silent_s() if self._current else 0.0
 
+    def hold_abort(self, holders: Collection[str]) -> None:
+        """While `holders` is not empty nobody starts a run; one whose start is being prepared is not begun."""
+        self._abort_holders = tuple(sorted(holders))
+        self._abort_holds += bool(holders)
+
+    def obstacles(self) -> tuple[str, ...]:
+        """Reasons why nobody may start a run now, whatever the cell's state."""
+        return AbortHeld(self._abort_holders).reasons if self._abort_holders else ()
+
     def require_free(self) -> None:
-        """Raises RunInProgress, CellBusy or Stopping when a run could not start now."""
+        """Raises RunInProgress, CellBusy, AbortHeld or Stopping when a run could not start now."""
         if self._stopping:
             raise Stopping
+        if self._abort_holders:
+            raise AbortHeld(self._abort_holders)
         if (run := self.in_progress) is not None:
             raise RunInProgress(run.kind, run.id)
         if self._starting:
@@ -127,12 +141,15 @@ class Supervisor:
     ) -> RunRecord:
         """Start the run that `prepare` plans; returns as soon as it is started.
 
-        Raises RunInProgress at once when there is one, Stopping, StorageError, and what `prepare` raises.
+        Raises RunInProgress at once when there is one, AbortHeld, Stopping, StorageError, and what `prepare` raises.
         """
         self.require_free()
+        holds_before = self._abort_holds
         self._starting = True
         try:
             departure = await prepare()
+            if self._abort_holds != holds_before:
+                raise AbortHeld(self._abort_holders)
             now, first = self._clock.timestamp(), departure.first_state
             run = RunRecord(self._new_id(self._clock), kind, first, 0, departure.stations, now, now, request=request)
             run_log = RunLog(run, self._save, self._events, self._clock)
@@ -140,6 +157,9 @@ class Supervisor:
             if self._stopping:
                 await run_log.end(RunEvent.ABORT, cause=abort_cause("the daemon, which is stopping", run))
                 raise Stopping
+            if self._abort_holds != holds_before:
+                await run_log.end(RunEvent.ABORT, cause=abort_cause(", ".join(self._abort_holders) or "a PLC", run))
+                raise AbortHeld(self._abort_holders)
             task = asyncio.create_task(self._supervise(run_log, departure.drive))
             self._current = _InProgress(run_log, task, departure.requests)
             await asyncio.sleep(0)  # a task that is cancelled before its first step would not record its end

@@ -26,7 +26,7 @@ class PlcVerdict(IntEnum):
 
 
 class ControlBit(IntFlag):
-    """Bits of the control register. All act on their rising edge; RESULTS_ACK is read as a level, too."""
+    """Bits of the control register. All act on their rising edge; RESULTS_ACK and ABORT are read as levels, too."""
 
     TRIGGER_CALIBRATE = 1
     TRIGGER_VERIFY = 2

@@ -4,27 +4,31 @@ NO_ERROR = 0
 UNKNOWN = 999
 """An error without a number: the log and the REST interface have its message."""
 
+ABORTED = "the run was stopped by somebody, or is not begun because a PLC holds abort: clear abort, then trigger again"
+
 ERROR_CODES: dict[str, tuple[int, str]] = {
     # the PLC itself
     "plc-trigger-ambiguous": (1, "two triggers rose at once: set one of them"),
     "plc-motion-not-allowed": (2, "[plc] motion = true is not set: the PLC may not move the arm"),
     "plc-silent": (3, "heartbeat_in has not changed in time"),
     "plc-not-online": (4, "the daemon is not ready for triggers yet"),
+    "plc-result-pending": (5, "the last result has not been acknowledged: read it, then pulse results_ack"),
     # refused now
     "run-in-progress": (10, "another run is in progress"),
     "cell-busy": (11, "somebody else holds the cell"),
     "cell-not-ready": (12, "robot or camera would not do it now: emergency stop, motors, mode, link"),
     "interlock-open": (13, "an interlock does not allow motion: gate, part"),
-    "not-still": (14, "the arm moved while it was looked at"),
+    "not-still": (14, "the arm moved during a picture or scan, or did not come to rest: find what moves or shakes it"),
     "no-poses": (15, "nothing says where to look from"),
-    "pose-refused": (16, "a pose lies outside what the settings allow"),
+    "pose-refused": (16, "a pose, or the way to it, lies outside what [robot] allows: see the log for which"),
     "no-calibration": (17, "no calibration is applied yet"),
     "calibration-unusable": (18, "the calibration holds no transform, or was not accepted"),
     "no-scanner": (19, "the settings name no scanner"),
     "stopping": (20, "the daemon is stopping"),
     "forbidden": (21, "the PLC's role does not allow it"),
     "interrupted": (22, "the daemon was stopped while the run was in progress"),
-    "aborted": (23, "somebody stopped the run"),
+    "aborted": (23, ABORTED),
+    "abort-held": (23, ABORTED),
     "stop-unconfirmed": (25, "the controller has not confirmed that the arm is stopped and disarmed"),
     "run-stalled": (24, "the run did not get any further, and was stopped"),
     # the robot and other devices
@@ -38,7 +42,10 @@ ERROR_CODES: dict[str, tuple[int, str]] = {
     "move-refused": (37, "the controller refused a move"),
     "move-failed": (38, "a move did not reach its goal"),
     "device-error": (39, "a device failed"),
-    "elsewhere-than-sent": (41, "the arm says it stands where nobody sent it"),
+    "elsewhere-than-sent": (
+        41,
+        "the arm reports another pose than the one it was sent to: compare units, tool and work object with the log",
+    ),
     "nothing-measured": (42, "a cloud of the scanner has no points"),
     "same-again": (43, "camera or scanner sent what it had sent before"),
     "picture-unusable": (40, "the camera's picture cannot be used"),

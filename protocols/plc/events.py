@@ -8,9 +8,13 @@ from protocols.plc.results import CommandResult
 
 @dataclass(frozen=True)
 class RegistersWritten:
-    """The PLC wrote to the control block; `words` are all writable registers from address 0 on, after the write."""
+    """`writer` wrote to the control block; `words` are all writable registers from address 0 on, after the write.
+
+    In them ABORT is the writer's own: several writers hold it independently.
+    """
 
     words: tuple[int, ...]
+    writer: str = ""
 
 
 @dataclass(frozen=True)

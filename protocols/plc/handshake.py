@@ -2,7 +2,8 @@
 
 Triggers act on their rising edge, and only after all of them have been seen low once since the daemon started, so that
 a trigger held over a restart moves nothing. A result block is written before RESULTS_VALID rises and stays unchanged
-until it is acknowledged. Up to MAX_WAITING_RESULTS further results queue behind it; beyond that BUFFER_OVERRUN is set.
+until it is acknowledged; before that no trigger starts anything, so that a flickering one starts one run a result.
+ABORT acts on its rising edge, and as a level keeps everybody from starting: each writer holds its own.
 """
 
 from collections.abc import Callable
@@ -29,9 +30,6 @@ from protocols.plc.events import (
 )
 from protocols.plc.registers import BY_NAME, WRITABLE
 from protocols.plc.results import NO_RESULT, result_block
-
-MAX_WAITING_RESULTS = 4
-"""Results queued behind the one shown."""
 
 
 class Phase(Enum):
@@ -84,8 +82,8 @@ class Handshake:
     stations: int = 0
     shown: Words = NO_RESULT
     valid: bool = False
-    waiting: tuple[Words, ...] = ()
-    overrun: bool = False
+    waiting: Words | None = None
+    abort_writers: frozenset[str] = frozenset()
     cell: CellStatus | None = None
     heartbeat_out: int = 0
     silent_s: float = 0.0
@@ -103,7 +101,18 @@ class Handshake:
     def ready(self) -> bool:
         """Whether a trigger rising now would be accepted, as far as is known."""
         could = self.cell is not None and self.cell.ready and self.rules.motion_allowed and not self.silent
-        return could and self.armed and self.phase is Phase.IDLE and not self.control & TRIGGER_BITS
+        free = self.phase is Phase.IDLE and not self.result_pending and not self.abort_writers
+        return could and self.armed and free and not self.control & TRIGGER_BITS
+
+    @property
+    def result_pending(self) -> bool:
+        """Whether the last result has not been acknowledged."""
+        return self.valid or self.waiting is not None
+
+    def written_by(self, writer: str) -> Words:
+        """The writable registers as that writer left them: ABORT is its own."""
+        abort = ControlBit.ABORT if writer in self.abort_writers else ControlBit(0)
+        return (int(self.control & ~ControlBit.ABORT | abort), *self.written[1:])
 
     def input(self, name: str) -> int:
         """Value of a register written by the PLC."""
@@ -134,12 +143,17 @@ Change = tuple[Handshake, tuple[Effect, ...]]
 
 
 def _on_write(state: Handshake, event: RegistersWritten) -> Change:
-    rising = ControlBit(event.words[0]) & ~state.control
+    own = ControlBit(event.words[0])
+    rising = own & ~ControlBit(state.written_by(event.writer)[0])
+    holders = state.abort_writers | {event.writer} if own & ControlBit.ABORT else state.abort_writers - {event.writer}
+    control = own & ~ControlBit.ABORT | (ControlBit.ABORT if holders else ControlBit(0))
     beat = event.words[BY_NAME["heartbeat_in"].address] != state.input("heartbeat_in")
     effects: tuple[Effect, ...] = ()
-    after = replace(state, written=event.words, silent_s=0.0 if beat else state.silent_s)
+    written = (int(control), *event.words[1:])
+    silent_s = 0.0 if beat else state.silent_s
+    after = replace(state, written=written, abort_writers=holders, silent_s=silent_s)
     if rising & ControlBit.CLEAR_ERROR:
-        after = replace(after, error_code=NO_ERROR, missed=False, overrun=False)
+        after = replace(after, error_code=NO_ERROR, missed=False)
     if rising & ControlBit.RESULTS_ACK:
         after = replace(after, valid=False)
     if rising & ControlBit.ABORT:
@@ -184,6 +198,7 @@ def _refusal_code(state: Handshake, rising: ControlBit) -> str:
         (not state.rules.motion_allowed, "plc-motion-not-allowed"),
         (state.silent, "plc-silent"),
         (state.cell is None, "plc-not-online"),
+        (state.result_pending, "plc-result-pending"),
     )
     return next((code for hit, code in checks if hit), "")
 
@@ -227,9 +242,7 @@ def _on_end(state: Handshake, event: CommandEnded) -> Change:
         completed=True,
         error_code=event.result.error_code or state.error_code,
     )
-    if len(state.waiting) >= MAX_WAITING_RESULTS:
-        return replace(after, overrun=True), ()
-    return replace(after, waiting=(*state.waiting, block)), ()
+    return replace(after, waiting=block), ()
 
 
 def _on_cell_status(state: Handshake, event: CellStatus) -> Change:
@@ -247,11 +260,10 @@ def _on_time(state: Handshake, event: TimePassed) -> Change:
 
 
 def _show_next_result(state: Handshake) -> tuple[Handshake, ...]:
-    """Show the next result once the last is acknowledged: first its block, then RESULTS_VALID."""
-    if state.valid or not state.waiting or state.control & ControlBit.RESULTS_ACK:
+    """Show the result once results_ack is low: first its block, then RESULTS_VALID."""
+    if state.valid or state.waiting is None or state.control & ControlBit.RESULTS_ACK:
         return (state,)
-    block, *behind = state.waiting
-    laid_out = replace(state, shown=block, waiting=tuple(behind))
+    laid_out = replace(state, shown=state.waiting, waiting=None)
     return laid_out, replace(laid_out, valid=True)
 
 

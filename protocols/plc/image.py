@@ -34,7 +34,6 @@ def status_bits(state: Handshake) -> StatusBit:
         (state.cell is not None, StatusBit.ONLINE),
         (state.phase is not Phase.IDLE, StatusBit.BUSY),
         (state.completed, StatusBit.COMPLETED),
-        (state.overrun, StatusBit.BUFFER_OVERRUN),
         (state.valid, StatusBit.RESULTS_VALID),
         (cell.stop_unconfirmed, StatusBit.STOP_UNCONFIRMED),
         (bool(state.error_code), StatusBit.ERROR),
@@ -58,7 +57,7 @@ def _values(state: Handshake) -> dict[str, Value]:
         "station": state.station,
         "stations": state.stations,
         "calibration_age": cell.calibration_age_s,
-        "results_waiting": len(state.waiting),
+        "results_waiting": int(state.waiting is not None),
         "drift_state": cell.drift,
         "drift_shift": cell.drift_shift_um,
     }

@@ -81,7 +81,7 @@ REGISTERS: tuple[Register, ...] = (
     Register(28, "station", Kind.UINT16, "", "stations done by the command in progress"),
     Register(29, "stations", Kind.UINT16, "", "stations planned"),
     Register(30, "calibration_age", Kind.UINT32, "s", "since the calibration in force was made; 0 without one"),
-    Register(32, "results_waiting", Kind.UINT16, "", "results queued behind the one shown"),
+    Register(32, "results_waiting", Kind.UINT16, "", "1 while a result waits for results_ack to be low"),
     Register(33, "drift_state", Kind.UINT16, "", "0 off, 1 learning, 2 steady, 3 drifting"),
     Register(34, "drift_shift", Kind.INT32, "µm", "how far the fixed target seems to have moved, averaged over time"),
     Register(64, "result_number", Kind.UINT16, "", "result_id of this block"),

@@ -18,9 +18,12 @@ BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
     (
         ControlBit,
         ControlBit.RESULTS_ACK,
-    ): "rising edge: the result has been read; the next is shown when this is low again",
-    (ControlBit, ControlBit.ABORT): "rising edge: stop the run in progress, whoever started it",
-    (ControlBit, ControlBit.CLEAR_ERROR): "rising edge: clear error, missed_trigger and buffer_overrun",
+    ): "rising edge: the result has been read, and the next trigger may come; its result is shown when this is low",
+    (
+        ControlBit,
+        ControlBit.ABORT,
+    ): "rising edge: stop the run in progress, whoever started it; while it is set, nobody starts one",
+    (ControlBit, ControlBit.CLEAR_ERROR): "rising edge: clear error and missed_trigger",
     (StatusBit, StatusBit.READY): "a trigger that rises now would be accepted",
     (
         StatusBit,
@@ -46,7 +49,7 @@ BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
     (
         StatusBit,
         StatusBit.BUFFER_OVERRUN,
-    ): "a result was lost to the PLC (not to the store): results were not acknowledged in time",
+    ): "always 0: no command is begun before the last result was acknowledged, so that none is lost",
     (StatusBit, StatusBit.RESULTS_VALID): "the result block is complete and stays as it is until it is acknowledged",
     (
         StatusBit,

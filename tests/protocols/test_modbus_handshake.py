@@ -25,7 +25,6 @@ from protocols.plc.events import (
     TimePassed,
 )
 from protocols.plc.handshake import (
-    MAX_WAITING_RESULTS,
     NEXT_PHASE,
     Handshake,
     IllegalHandshakeEvent,
@@ -42,8 +41,8 @@ MOVING = Rules(motion_allowed=True)
 SEEN = CellStatus(ready=True, in_force=True)
 
 
-def control(word: int, stations: int = 0, part: int = 0, beat: int = 0) -> RegistersWritten:
-    return RegistersWritten((word, beat, stations, part >> 16, part & 0xFFFF))
+def control(word: int, stations: int = 0, part: int = 0, beat: int = 0, writer: str = "") -> RegistersWritten:
+    return RegistersWritten((word, beat, stations, part >> 16, part & 0xFFFF), writer)
 
 
 def ended(verdict: PlcVerdict = PlcVerdict.ACCEPTED, error: int = 0) -> CommandEnded:
@@ -98,12 +97,23 @@ STORIES: dict[str, tuple[tuple[HandshakeEvent, ...], StatusBit, list[Effect], in
     "a second trigger meanwhile is missed": (
         (*RUNNING, control(0), control(C.TRIGGER_CALIBRATE)),
         S.ONLINE | S.BUSY | S.TRIGGER_ACK | S.MISSED_TRIGGER | S.ERROR, [VERIFY], 10),
-    "done": (DONE, S.ONLINE | S.READY | S.COMPLETED | S.RESULTS_VALID, [VERIFY], 0),
+    "done": (DONE, S.ONLINE | S.COMPLETED | S.RESULTS_VALID, [VERIFY], 0),
     "done with the trigger still held": (
         (*RUNNING, ended()), S.ONLINE | S.TRIGGER_ACK | S.COMPLETED | S.RESULTS_VALID, [VERIFY], 0),
     "failed": (
         (*RUNNING, control(0), ended(PlcVerdict.FAILED, 30)),
-        S.ONLINE | S.READY | S.COMPLETED | S.RESULTS_VALID | S.ERROR, [VERIFY], 30),
+        S.ONLINE | S.COMPLETED | S.RESULTS_VALID | S.ERROR, [VERIFY], 30),
+    "a trigger before the result is acknowledged starts nothing": (
+        (*DONE, control(C.TRIGGER_VERIFY)),
+        S.ONLINE | S.TRIGGER_ACK | S.COMPLETED | S.RESULTS_VALID | S.ERROR, [VERIFY], 5),
+    "nor does one that flickers": (
+        (*DONE, *5 * (control(C.TRIGGER_VERIFY), control(0))),
+        S.ONLINE | S.COMPLETED | S.RESULTS_VALID | S.ERROR, [VERIFY], 5),
+    "nor one before the result of a held ack is shown": (
+        (*RUNNING, control(C.RESULTS_ACK), ended(), control(C.RESULTS_ACK | C.TRIGGER_VERIFY)),
+        S.ONLINE | S.TRIGGER_ACK | S.COMPLETED | S.ERROR, [VERIFY], 5),
+    "after the acknowledgement it does": (
+        (*DONE, control(C.RESULTS_ACK), control(0), control(C.TRIGGER_VERIFY)), S.ONLINE | S.BUSY, [VERIFY, VERIFY], 0),
     "acknowledged": ((*DONE, control(C.RESULTS_ACK)), S.ONLINE | S.READY | S.COMPLETED, [VERIFY], 0),
     "abort": ((*RUNNING, control(C.ABORT)), S.ONLINE | S.BUSY, [VERIFY, AbortRun("the PLC")], 0),
     "abort while it is being started is remembered": (
@@ -113,7 +123,18 @@ STORIES: dict[str, tuple[tuple[HandshakeEvent, ...], StatusBit, list[Effect], in
         (*READY, control(C.TRIGGER_VERIFY), control(C.ABORT), StartRefused(12), control(0), control(C.TRIGGER_VERIFY),
          StartAccepted()), S.ONLINE | S.BUSY | S.TRIGGER_ACK, [VERIFY, VERIFY], 0),
     "abort when nothing of ours runs still goes out": (
-        (*READY, control(C.ABORT)), S.ONLINE | S.READY, [AbortRun("the PLC")], 0),
+        (*READY, control(C.ABORT)), S.ONLINE, [AbortRun("the PLC")], 0),
+    "a trigger while abort is held starts nothing": (
+        (*READY, control(C.ABORT), control(C.ABORT | C.TRIGGER_VERIFY)),
+        S.ONLINE | S.TRIGGER_ACK | S.ERROR, [AbortRun("the PLC")], 23),
+    "nor while another writer holds it": (
+        (*READY, control(C.ABORT, writer="other"), control(C.TRIGGER_VERIFY)),
+        S.ONLINE | S.TRIGGER_ACK | S.ERROR, [AbortRun("the PLC")], 23),
+    "which only that one ends": (
+        (*READY, control(C.ABORT, writer="other"), control(0), control(0, writer="other"), control(C.TRIGGER_VERIFY)),
+        S.ONLINE | S.BUSY, [AbortRun("the PLC"), VERIFY], 0),
+    "abort by two writers is two aborts": (
+        (*READY, control(C.ABORT, writer="other"), control(C.ABORT)), S.ONLINE, 2 * [AbortRun("the PLC")], 0),
     "drift": (
         (replace(SEEN, drift=DriftState.DRIFTING), control(0)), S.ONLINE | S.READY | S.DRIFT_ALARM, [], 0),
     "the cell is not ready": ((replace(SEEN, ready=False), control(0)), S.ONLINE, [], 0),
@@ -151,20 +172,12 @@ def test_the_block_is_written_before_it_is_valid() -> None:
     assert last[16] & S.RESULTS_VALID
 
 
-def test_results_wait_behind_the_one_shown_in_order_until_there_are_too_many() -> None:
-    state, _ = after(*DONE)
-    for _ in range(MAX_WAITING_RESULTS + 2):
-        for event in (control(C.TRIGGER_VERIFY), StartAccepted(), control(0), ended()):
-            state = react(state, event).state
-    assert (state.result_id, len(state.waiting), state.overrun) == (MAX_WAITING_RESULTS + 3, MAX_WAITING_RESULTS, True)
-    numbers = []
-    while state.valid:
-        numbers.append(state.shown[0])
-        assert react(state, control(C.RESULTS_ACK)).state.shown == state.shown
-        state = react(react(state, control(C.RESULTS_ACK)).state, control(0)).state
-    assert numbers == list(range(1, MAX_WAITING_RESULTS + 2))
-    assert state.overrun
-    assert not react(state, control(C.CLEAR_ERROR)).state.overrun
+def test_the_writers_of_abort_each_read_back_their_own() -> None:
+    state, _ = after(*READY, control(C.ABORT, writer="gate"), control(C.CLEAR_ERROR, writer="panel"))
+    assert [state.written_by(writer)[0] for writer in ("gate", "panel", "else")] == [
+        C.CLEAR_ERROR | C.ABORT, C.CLEAR_ERROR, C.CLEAR_ERROR
+    ]  # fmt: skip
+    assert register_image(state)[0] == C.CLEAR_ERROR | C.ABORT
 
 
 def test_a_result_that_comes_while_the_ack_is_held_waits_for_it() -> None:
@@ -181,7 +194,7 @@ def test_a_silent_plc_is_noticed_and_what_it_started_is_stopped() -> None:
     assert state.error_code == number_of("plc-silent")
     state = react(react(state, ended(PlcVerdict.ABORTED, 23)).state, control(C.TRIGGER_VERIFY, beat=1)).state
     assert (state.phase, state.error_code) == (Phase.IDLE, number_of("plc-silent"))
-    state = react(state, control(0, beat=2)).state
+    state = react(react(state, control(C.RESULTS_ACK, beat=2)).state, control(0, beat=2)).state
     assert not status_bits(state) & S.PLC_SILENT
     assert react(state, control(C.TRIGGER_VERIFY, beat=3)).effects == (VERIFY,)
 
@@ -219,6 +232,7 @@ class AnyOrder(RuleBasedStateMachine):
         self.asked: list[StartCommand] = []
         self.run = 0
         self.blocks: list[int] = []
+        self.aborting: set[str] = set()
 
     def _take(self, event: HandshakeEvent) -> None:
         before = register_image(self.state)
@@ -239,10 +253,19 @@ class AnyOrder(RuleBasedStateMachine):
             assert event.words[0] & TRIGGER_BITS
         self.asked += starts
 
-    @rule(word=st.integers(0, 63), beat=st.integers(0, 3), stations=st.integers(0, 65535), part=st.integers(0, 9))
-    def writes(self, word: int, beat: int, stations: int, part: int) -> None:
+    @rule(
+        word=st.integers(0, 63),
+        beat=st.integers(0, 3),
+        stations=st.integers(0, 65535),
+        part=st.integers(0, 9),
+        writer=st.sampled_from(["gate", "panel"]),
+    )
+    def writes(self, word: int, beat: int, stations: int, part: int, writer: str) -> None:
         old = self.state
-        self._take(control(word, stations, part, beat))
+        self._take(control(word, stations, part, beat, writer))
+        self.aborting = self.aborting | {writer} if word & C.ABORT else self.aborting - {writer}
+        if self.aborting or (old.result_pending and not word & ~old.control & C.RESULTS_ACK):
+            assert len(self.asked) == (old.phase is Phase.STARTING)
         if old.phase is not Phase.IDLE or not (old.armed and C(word) & ~old.control & TRIGGER_BITS):
             assert len(self.asked) == (old.phase is Phase.STARTING)
 
@@ -288,7 +311,6 @@ class AnyOrder(RuleBasedStateMachine):
     @invariant()
     def results_come_in_order_and_are_never_shown_twice(self) -> None:
         assert self.blocks == sorted(set(self.blocks))
-        assert len(self.state.waiting) <= MAX_WAITING_RESULTS
 
     @invariant()
     def the_image_is_registers(self) -> None:

@@ -39,7 +39,7 @@ async def readiness(app: Application) -> ReadyDocument:
     """Check the calibration in force, and the devices unless a run uses them."""
     run = app.supervisor.in_progress
     calibrate = [f"{run.kind} run {run.id} is in progress"] if run else [*await app.readings.obstacles.read()]
-    calibrate += app.store.obstacles()
+    calibrate += (*app.supervisor.obstacles(), *app.store.obstacles())
     register: list[str] = []
     try:
         await app.store.current()

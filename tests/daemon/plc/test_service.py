@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.transforms import transform_from_quaternion
+from calibration.transforms import Array, transform_from_quaternion
 from daemon.config.plc_settings import PlcSettings
 from daemon.errors import PortTaken
 from drivers.errors import LinkLost
@@ -15,7 +15,7 @@ from protocols.plc.codes import ContentsBit, ControlBit, DriftState, PlcCommand,
 from protocols.plc.registers import RESULT, SIZE
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
-from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, poses_around_the_target
+from tests.daemon.fakes import FLANGE_T_CAMERA, FakeRobot, Gate, poses_around_the_target
 from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
 from tests.support.waiting import LIMIT_S
 
@@ -128,6 +128,91 @@ async def test_a_command_is_aborted_and_reported(tmp_path: Path) -> None:
         assert value_of(image, "result_stations") == 2
         assert bench.robot.stops
         assert not bench.robot.armed
+
+
+async def test_while_abort_is_held_nobody_starts(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path, plc=MOVING), Parts()) as bench, ladder(bench) as plc:
+        await plc.sets(C(0))
+        await plc.waits(S.READY)
+        await plc.sets(C.ABORT)
+        await plc.waits(S.ONLINE, unwanted=S.READY)
+        for path, body in (("/calibrate", {}), ("/calibrate", {"manual": True}), ("/scans", {"capture": True})):
+            answer = await bench.client.post(path, json=body)
+            assert (answer.status_code, answer.json()["code"]) == (503, "abort-held")
+            assert answer.json()["reasons"] == ["the PLC at 127.0.0.1 holds abort"]
+        assert (await bench.client.get("/ready")).json()["calibrate"]["reasons"] == ["the PLC at 127.0.0.1 holds abort"]
+        await plc.sets(C.ABORT | C.TRIGGER_CALIBRATE)
+        await plc.waits(S.TRIGGER_ACK | S.ERROR)
+        assert value_of(await plc.image(), "error_code") == 23
+        assert not bench.robot.goals
+        await plc.sets(C(0))
+        assert (await bench.client.post("/calibrate", params={"wait": 30})).json()["state"] == "finished"
+
+
+@pytest.mark.parametrize("words", [(C.ABORT,), (C.ABORT, C(0))], ids=["held", "a pulse"])
+async def test_an_abort_while_a_run_is_prepared_keeps_it_from_starting(tmp_path: Path, words: tuple[C, ...]) -> None:
+    reached, answers = asyncio.Event(), asyncio.Event()
+
+    class SlowRobot(FakeRobot):
+        async def read_joints(self) -> Array:
+            reached.set()
+            await answers.wait()
+            return await super().read_joints()
+
+    taught = {"poses": [pose_json(pose) for pose in poses_around_the_target(3)]}
+    settings = settings_for(tmp_path, plc=MOVING, robot={"model": "IRB 1600-6/1.45"}, calibration=taught)
+    async with serving(settings, Parts(SlowRobot())) as bench, ladder(bench) as plc:
+        starting = asyncio.create_task(bench.client.post("/calibrate"))
+        await reached.wait()
+        for word in words:
+            await plc.sets(word)
+        answers.set()
+        answer = await starting
+        assert (answer.status_code, answer.json()["code"]) == (503, "abort-held")
+        assert not bench.robot.goals
+
+
+async def test_a_trigger_that_flickers_starts_one_run(tmp_path: Path) -> None:
+    settings = settings_for(tmp_path, plc=MOVING)
+    async with serving(settings) as bench, ladder(bench) as plc:
+        await plc.sets(C(0))
+        await plc.waits(S.READY)
+        while not await plc.status() & S.RESULTS_VALID:
+            await plc.sets(C.TRIGGER_CALIBRATE)
+            await plc.sets(C(0))
+        moves = len(bench.robot.goals)
+        for _ in range(20):
+            await plc.sets(C.TRIGGER_CALIBRATE)
+            await plc.sets(C(0))
+        assert not await plc.status() & (S.BUSY | S.READY)
+        assert len(bench.robot.goals) == moves == 5
+        assert value_of(await plc.image(), "error_code") == 5
+        await plc.result()
+        await plc.waits(S.READY)
+        await plc.triggers(C.TRIGGER_CALIBRATE)
+        await plc.result()
+        assert len(bench.robot.goals) == 10
+
+
+async def test_an_abort_by_the_plc_is_one_row_of_the_audit_log(tmp_path: Path) -> None:
+    parts = Parts()
+    gate = parts.robot.before_move = Gate(at_move=2)
+    async with serving(settings_for(tmp_path, plc=MOVING), parts) as bench, ladder(bench) as plc:
+        run = (await bench.client.post("/calibrate")).json()
+        await gate.reached.wait()
+        await plc.sets(C.ABORT)
+        await bench.run_over(run["links"]["self"])
+
+        async def aborts() -> list[tuple[str, str]]:
+            rows = (await bench.client.get("/audit")).json()["rows"]
+            return [(row["actor"], row["subject"]) for row in rows if row["action"] == "abort"]
+
+        async with asyncio.timeout(LIMIT_S):
+            while not await aborts():  # noqa: ASYNC110 - the row appears behind HTTP
+                await asyncio.sleep(0.01)
+        await plc.sets(C.ABORT)
+        await plc.status()
+        assert await aborts() == [("the PLC at 127.0.0.1", run["id"])]
 
 
 async def test_a_command_that_fails_says_why(tmp_path: Path) -> None:
