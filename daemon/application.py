@@ -21,6 +21,7 @@ from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
 from daemon.store.key_service import KeyService
+from daemon.store.key_watch import KeyWatch
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -86,6 +87,7 @@ class Application:
     metrics: Metrics
     drift: DriftMonitor
     key_service: KeyService
+    key_watch: KeyWatch
     systemd: Systemd
     services: tuple[BackgroundService, ...] = ()
     warning_sources: tuple[WarningSource, ...] = ()

@@ -31,6 +31,7 @@ from daemon.scans.scan_service import ScanService
 from daemon.server import Announce, Server, make_announcer
 from daemon.sessions.session_writer import png_of
 from daemon.store.key_service import KeyService
+from daemon.store.key_watch import KeyWatch
 from daemon.store.monitor import StoreMonitor
 from daemon.store.retention import Retention
 from daemon.store.store import Store
@@ -77,6 +78,7 @@ def build(
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, service_workers, clock, settings.storage)
     monitor = StoreMonitor(store, events)
+    key_watch = KeyWatch(store.access_keys, clock)
     schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
     plc = _plc(settings, operations, drift, clock)
     return Application(
@@ -95,8 +97,9 @@ def build(
         metrics=metrics,
         drift=drift,
         key_service=KeyService(store.access_keys, clock),
+        key_watch=key_watch,
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
-        services=(cell.safe_stop, monitor, webhooks, retention, drift, schedule, *plc),
+        services=(cell.safe_stop, key_watch, monitor, webhooks, retention, drift, schedule, *plc),
         warning_sources=(cell.safe_stop, monitor, webhooks, retention, drift, schedule),
         metric_sources=(cell.safe_stop, monitor, webhooks, retention, drift, *plc),
     )

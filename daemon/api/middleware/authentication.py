@@ -56,7 +56,7 @@ class Authentication:
             status = message.get("status", status)
             await send(message)
 
-        with acting_as(context):
+        with acting_as(context), self._application.key_watch.watch(caller, state["connection"].end):
             await self._app(scope, receive, send_and_note)
         await self._audit(scope, context, status)
 

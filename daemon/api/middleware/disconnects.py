@@ -1,4 +1,4 @@
-"""Ends the work for a request whose client has disconnected.
+"""Ends the work for a request whose client has disconnected, or whose key has ended.
 
 A GET is cancelled as a whole, with the reading, computation or wait it is in. Other methods change something, and are
 carried out; only the waits among them end (`Client.until_disconnected`).
@@ -11,6 +11,8 @@ from contextlib import asynccontextmanager
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from daemon.access.errors import KeyMissing
+from daemon.api.problems import answer, problem_of
 from daemon.errors import DaemonError
 
 WATCH_AFTER_S = 0.05
@@ -20,7 +22,10 @@ READING_METHODS = frozenset({"GET", "HEAD"})
 
 
 class Disconnects:
-    """Cancels reading requests of clients that have disconnected. Raises ClientDisconnect then."""
+    """Cancels reading requests of clients that have disconnected, and raises ClientDisconnect.
+
+    When the key ends, an answer that has not begun is 401, and an event stream ends; a file is sent to its end.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -38,12 +43,16 @@ class Disconnects:
                     await self._app(scope, client.receive, client.send)
             else:
                 await self._app(scope, client.receive, client.send)
+        except KeyMissing as error:
+            await client.refuse(scope, error)
         finally:
             client.close()
 
 
 class Client:
     """The client of one request: passes messages on, and notices its disconnect once the body is read.
+
+    The work for it ends with its disconnect, or with `end`.
 
     `discards_body`: the body is not used, and is read to notice the disconnect.
     """
@@ -52,6 +61,8 @@ class Client:
         self._receive, self._send = receive, send
         self._discards_body = discards_body
         self._receiving = self._body_read = self._answered = False
+        self._begun = self._sized = False
+        self._end: ClientDisconnect | KeyMissing | None = None
         self._gone = asyncio.Event()
         self._listener: asyncio.Task[None] | None = None
         self._worker: asyncio.Task[None] | None = None
@@ -69,35 +80,51 @@ class Client:
             self._receiving = False
         self._body_read = not message.get("more_body", False)
         if message["type"] == "http.disconnect":
-            self._gone.set()
+            self._finish(ClientDisconnect())
         return message
 
     async def send(self, message: Message) -> None:
         """Send a part of the answer."""
-        if message["type"] == "http.response.body" and not message.get("more_body", False):
+        if message["type"] == "http.response.start":
+            self._begun = True
+            self._sized = any(name.lower() == b"content-length" for name, _ in message.get("headers", ()))
+        elif not message.get("more_body", False):
             self._answered = True  # the server reports a disconnect then, too
         await self._send(message)
 
     @asynccontextmanager
     async def until_disconnected(self) -> AsyncIterator[None]:
-        """Cancel the block when the client disconnects, and raise ClientDisconnect."""
+        """Cancel the block when the client disconnects or its key ends; raises ClientDisconnect or KeyMissing."""
         if self._worker is not None:
             yield  # within such a block
             return
-        if self._gone.is_set():
-            raise ClientDisconnect
+        if (reason := self._reason()) is not None:
+            raise reason
         task = self._worker = asyncio.current_task()
         assert task is not None
         timer = asyncio.get_running_loop().call_later(WATCH_AFTER_S, self._listen)
         try:
             yield
         except asyncio.CancelledError:
-            if self._gone.is_set() and task.uncancel() == 0:
-                raise ClientDisconnect from None
+            reason = self._reason()
+            if reason is not None and task.uncancel() == 0:
+                raise reason from None
             raise
         finally:
             self._worker = None
             timer.cancel()
+
+    def end(self, reason: KeyMissing) -> None:
+        """End the work because the key has ended, unless a file is being sent."""
+        if not self._sized:
+            self._finish(reason)
+
+    async def refuse(self, scope: Scope, error: KeyMissing) -> None:
+        """Answer a key that has ended, or end the event stream."""
+        if self._begun:
+            await self.send({"type": "http.response.body", "body": b"", "more_body": False})
+        else:
+            await answer(problem_of(error), {"Connection": "close"})(scope, self.receive, self.send)
 
     def close(self) -> None:
         """Listen no more."""
@@ -115,9 +142,16 @@ class Client:
                 pass
         except DaemonError:  # a discarded body that is too large
             pass
-        if self._answered:
-            return
+        self._finish(ClientDisconnect())
+
+    def _reason(self) -> ClientDisconnect | KeyMissing | None:
+        return self._end
+
+    def _finish(self, reason: ClientDisconnect | KeyMissing) -> None:
         self._gone.set()
+        if self._end is not None or self._answered:
+            return
+        self._end = reason
         if self._worker is not None:
             self._worker.cancel()
 

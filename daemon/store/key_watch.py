@@ -1,0 +1,70 @@
+"""Ends the requests in progress of a key that has ended: revoked, expired, or rotated out.
+
+Keys change in other processes, too (`handeyed keys`), so the table is read while there are such requests.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from daemon.access.errors import KeyMissing
+from daemon.access.roles import LOCAL, NOBODY, Caller
+from daemon.errors import StorageError
+from daemon.runtime.clock import Clock
+from daemon.store.access_keys import AccessKeys
+
+CHECK_S = 0.5
+"""Interval of reading the keys."""
+
+OnEnd = Callable[[KeyMissing], None]
+
+
+class KeyWatch:
+    """Background service: knows the requests in progress and their callers."""
+
+    def __init__(self, keys: AccessKeys, clock: Clock) -> None:
+        self._keys, self._clock = keys, clock
+        self._requests: dict[object, tuple[Caller, OnEnd]] = {}
+        self._task: asyncio.Task[None] | None = None
+
+    @contextmanager
+    def watch(self, caller: Caller, on_end: OnEnd) -> Iterator[None]:
+        """Call `on_end` once when the caller's key ends during the block; for LOCAL, when the first key is created."""
+        request = object()
+        if caller != NOBODY:
+            self._requests[request] = caller, on_end
+        try:
+            yield
+        finally:
+            self._requests.pop(request, None)
+
+    async def start(self) -> None:
+        self._task = asyncio.create_task(self._check_repeatedly(), name="looks for keys that end")
+
+    async def stop(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._task
+
+    async def _check_repeatedly(self) -> None:
+        while True:
+            await self._clock.sleep(CHECK_S)
+            if self._requests:
+                with suppress(StorageError):  # reported by whoever needs the store
+                    await self._check()
+
+    async def _check(self) -> None:
+        records = {record.id: record for record in await self._keys.all()}
+        now = self._clock.timestamp()
+        for request, (caller, on_end) in list(self._requests.items()):
+            record = records.get(caller.key_id)
+            if caller == LOCAL:
+                why = "there are keys now: this needs one" if records else None
+            elif record is None:
+                why = f"the key of {caller.name!r} is not known"
+            else:
+                why = None if record.valid(now) else f"the key of {caller.name!r} is {record.state(now)}"
+            if why is not None:
+                self._requests.pop(request, None)
+                on_end(KeyMissing(why))
