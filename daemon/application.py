@@ -16,6 +16,7 @@ from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
+from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.metrics import Metric, Metrics
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
@@ -89,6 +90,7 @@ class Application:
     key_service: KeyService
     key_watch: KeyWatch
     systemd: Systemd
+    loop_monitor: EventLoopMonitor
     services: tuple[BackgroundService, ...] = ()
     warning_sources: tuple[WarningSource, ...] = ()
     metric_sources: tuple[MetricSource, ...] = ()

@@ -1,0 +1,130 @@
+"""How long one turn of the event loop takes is measured, and no answer takes it for long."""
+
+import asyncio
+import gc
+import json
+import sqlite3
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.runtime.loop_monitor import PERIOD_S, WINDOW_S, EventLoopMonitor, Stall
+from daemon.store.database import DATABASE_NAME
+from tests.daemon.calibrations import apply_calibration
+from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.clouds import OCTETS, POSE, cloud
+from tests.daemon.scans.scan_folders import a_scan
+from tests.support.waiting import LIMIT_S, eventually
+
+MAX_STALL_S = 0.1
+"""Processor time of one turn. Answers are meant to stay below 20 ms; this leaves room for a slow machine."""
+
+OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text(encoding="utf-8"))
+ROWS = 500
+SLOW = {"/runs"}  # a list of 500 verifications
+
+
+class FakeClocks:
+    wall_s = processor_s = 0.0
+
+    def monitor(self) -> EventLoopMonitor:
+        return EventLoopMonitor(lambda: self.wall_s, lambda: self.processor_s, period_s=0.001)
+
+
+async def measured_after(clocks: FakeClocks, monitor: EventLoopMonitor, wall_s: float, processor_s: float) -> Stall:
+    """What is measured when the clocks have gone on by so much until the timer's turn."""
+    clocks.wall_s += wall_s
+    clocks.processor_s += processor_s
+    await asyncio.sleep(0.01)
+    return monitor.longest()
+
+
+async def test_the_longest_turn_is_reported_for_a_minute_or_two() -> None:
+    clocks = FakeClocks()
+    monitor = clocks.monitor()
+    await monitor.start()
+    try:
+        assert await measured_after(clocks, monitor, 0.501, 0.3) == Stall(0.5, 0.3)
+        assert await measured_after(clocks, monitor, 0.101, 0.1) == Stall(0.5, 0.3)
+        assert (await measured_after(clocks, monitor, WINDOW_S + 1, 0.0)).processor_s == 0.3
+        assert (await measured_after(clocks, monitor, WINDOW_S + 1, 0.0)).processor_s == 0.0
+    finally:
+        await monitor.stop()
+
+
+async def test_a_busy_machine_is_no_stall_of_the_processor() -> None:
+    clocks = FakeClocks()
+    monitor = clocks.monitor()
+    await monitor.start()
+    stall = await measured_after(clocks, monitor, 3.001, 0.002)
+    await monitor.stop()
+    assert stall == Stall(3.0, 0.002)
+
+
+async def test_a_turn_that_computes_is_measured(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        bench.application.loop_monitor.reset()
+        await asyncio.sleep(PERIOD_S)
+        until_s = time.thread_time() + 0.3
+        while time.thread_time() < until_s:
+            pass
+        await eventually(lambda: bench.application.loop_monitor.longest().processor_s > 0.25)
+        page = (await bench.client.get("/metrics")).text
+    shown = next(line for line in page.splitlines() if line.startswith('handeyed_event_loop_stall_seconds{clock="proc'))
+    assert float(shown.split()[1]) > 0.25
+
+
+@pytest.fixture
+def heap_of_a_new_process() -> Iterator[None]:
+    """Without what other tests left behind, which the garbage collector would look through on the loop."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("heap_of_a_new_process")
+async def test_no_answer_keeps_the_loop(tmp_path: Path) -> None:
+    """Every GET route, each with the largest answer there is, of a store with hundreds of rows in each table."""
+    async with serving(settings_for(tmp_path)) as bench:
+        known = await filled(bench, tmp_path)
+        stalls = {}
+        for path in [*OPENAPI["paths"], "/openapi.json"]:
+            if path != "/events" and "get" in OPENAPI["paths"].get(path, {"get": {}}):
+                stalls[path] = await longest_while(bench, path, path.format(**known))
+    print({k: round(1000 * v, 1) for k, v in stalls.items()})
+    assert {path: stall_s for path, stall_s in stalls.items() if stall_s > MAX_STALL_S and path not in SLOW} == {}
+
+
+async def longest_while(bench: Bench, path: str, url: str) -> float:
+    """Processor time in seconds of the longest turn while this is answered."""
+    monitor = bench.application.loop_monitor
+    await bench.client.get(url)  # what is computed once is not counted
+    monitor.reset()
+    query = {"limit": ROWS} if "limit" in str(OPENAPI["paths"].get(path, {}).get("get")) else {}
+    answer = await bench.client.get(url, params=query)
+    assert answer.status_code in (200, 503), answer.text
+    await asyncio.sleep(2 * PERIOD_S)
+    return monitor.longest().processor_s
+
+
+async def filled(bench: Bench, folder: Path) -> dict[str, str]:
+    """Fill the store with copies of one calibration, verification and scan; returns the ids by their name in a path."""
+    run: dict[str, Any] = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
+    assert run["state"] == "finished", run
+    await apply_calibration(bench)
+    await bench.verify()
+    scan = await a_scan(bench)
+    content = cloud(20_000).astype("<f4").tobytes()
+    await bench.client.post(scan["links"]["views"], params={"pose": POSE}, content=content, headers=OCTETS)
+    verification = (await bench.client.get("/runs")).json()["runs"][0]["id"]
+    calibration = (await bench.client.get("/calibrations")).json()["calibrations"][0]["id"]
+    with sqlite3.connect(folder / DATABASE_NAME) as database:
+        for table, source in (("runs", verification), ("calibrations", calibration), ("scans", scan["id"])):
+            names = ", ".join(row[1] for row in database.execute(f"PRAGMA table_info({table})") if row[1] != "id")
+            copy = f"INSERT INTO {table} (id, {names}) SELECT ?, {names} FROM {table} WHERE id = ?"
+            database.executemany(copy, [(f"copy-{k}", source) for k in range(ROWS)])
+    return {"run_id": run["id"], "k": "0", "scan_id": scan["id"], "calibration_id": calibration}
