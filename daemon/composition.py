@@ -118,7 +118,7 @@ def _plc(settings: Settings, operations: Operations, drift: DriftMonitor, clock:
 
 
 def serve(settings: Settings, *, ready_file: Path | None = None) -> None:
-    """Run the daemon until SIGTERM or SIGINT. `ready_file` gets {"url", "pid"} once it answers.
+    """Run the daemon until SIGTERM, SIGINT or one of ENDING_SIGNALS. `ready_file` gets {"url", "pid"} once it answers.
 
     Raises StorageError, DeviceError, PortTaken.
     """

@@ -6,11 +6,13 @@ import os
 import signal
 import socket
 import ssl
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import uvicorn
 
@@ -28,6 +30,9 @@ GRACE_S = 4
 
 KEEP_ALIVE_S = 10
 """An idle connection is closed after this."""
+
+ENDING_SIGNALS = (signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM)
+"""Signals that end a process unless it handles them; uvicorn handles SIGTERM and SIGINT only."""
 
 Announce = Callable[[str], None]
 """Called with the URL once requests are answered."""
@@ -93,13 +98,24 @@ class Server(uvicorn.Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Like uvicorn's, but does not raise a handled signal again, so that the process ends with status 0."""
-        with super().capture_signals():
-            yield
-            self._captured_signals.clear()
+        """As uvicorn's, for ENDING_SIGNALS too; a handled signal is not raised again: the process ends with status 0.
+
+        A signal that the process was started to ignore, as by nohup, stays ignored.
+        """
+        before: dict[int, Any] = {}
+        if threading.current_thread() is threading.main_thread():
+            handled = [each for each in ENDING_SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
+            before = {each: signal.signal(each, self.handle_exit) for each in handled}
+        try:
+            with super().capture_signals():
+                yield
+                self._captured_signals.clear()
+        finally:
+            for each, handler in before.items():
+                signal.signal(each, handler)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """On SIGTERM and SIGINT stop the arm first, then everything else."""
+        """On a signal stop the arm first, then everything else."""
         if self._loop is not None:
             name = signal.Signals(sig).name
             self._loop.call_soon_threadsafe(self._application.begin_stop, f"the daemon, which is stopping ({name})")

@@ -12,7 +12,7 @@ def serve(
         Path | None, typer.Option(help='A file that is written with {"url", "pid"} once requests are answered.')
     ] = None,
 ) -> None:
-    """Run the daemon until SIGTERM or Ctrl-C. Nothing moves until a request asks for it."""
+    """Run the daemon until SIGTERM, SIGHUP or Ctrl-C. Nothing moves until a request asks for it."""
     import gc
 
     gc.disable()  # what is imported stays: looking through it again and again takes a tenth of the start

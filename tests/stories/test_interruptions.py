@@ -208,3 +208,23 @@ async def test_sigterm_in_mid_run_aborts_it_ends_event_streams_and_leaves_the_ar
             seen = await daemon.operator.sees(run)
             assert seen["state"] == "aborted"
             assert "SIGTERM" in seen["cause"]["what"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1], ids=lambda number: number.name)
+async def test_any_signal_that_ends_the_daemon_stops_and_disarms_the_arm_in_mid_move(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    async with running_cell(time_scale=20, truth=small_pictures(7)) as cell:
+        settings = taught_settings(cell, tmp_path)
+        async with daemon_process(tmp_path, settings) as daemon:
+            await daemon.operator.waits_until_ready()
+            run = await daemon.operator.starts("/calibrate", count=6)
+            await daemon.operator.waits_until_station(run, 1)
+            await eventually(lambda: cell.moving)
+            daemon.process.send_signal(number)
+            assert await daemon.ends() == 0
+            assert not cell.controller.armed
+            await assert_nothing_moves(cell, cell.commanded_moves)
+        async with daemon_process(tmp_path, settings) as daemon:
+            seen = await daemon.operator.sees(run)
+            assert (seen["state"], number.name in seen["cause"]["what"]) == ("aborted", True)
