@@ -59,6 +59,7 @@ class Cell:
         self._settling, self._clock, self._at = settling, clock, at
         self._holder: str | None = None
         self._leased = False
+        self.obstacles_seen, self.last_obstacle = 0, ""
         self.safe_stop = SafeStop(self.robot, clock, lambda: self._leased, publish)
         self._camera_turns = CameraTurns(devices.camera, clock)
         self._camera_staleness, self._scanner_staleness = (
@@ -173,12 +174,18 @@ class Cell:
         return (*_link_obstacle("robot", self.robot), *_link_obstacle("camera", self._camera))
 
     async def robot_obstacles(self) -> tuple[str, ...]:
-        """Reasons why the robot could not be moved now: a stop that is not confirmed, controller and interlocks."""
-        return (
+        """Reasons why the robot could not be moved now: a stop that is not confirmed, controller and interlocks.
+
+        Whoever asks, each answer with a reason is counted in `obstacles_seen`; `last_obstacle` is its first.
+        """
+        reasons = (
             *self._stop_obstacle(),
             *await self._controller_obstacles(),
             *(await self._interlock_obstacles()).values(),
         )
+        if reasons:
+            self.obstacles_seen, self.last_obstacle = self.obstacles_seen + 1, reasons[0]
+        return reasons
 
     async def require_interlocks(self) -> None:
         """Raises InterlockOpen with the names of interlocks that do not allow motion."""

@@ -21,10 +21,30 @@ log = logging.getLogger(__name__)
 RETRY_S = 60.0
 """A verification that is due during another run is tried again after this."""
 
-POLL_S = 1.0
+POLL_S = 0.2
 """Interval of checks for an emergency stop, manual mode, an open interlock."""
 
 SCHEDULE = AuditContext(actor=DRIFT_SCHEDULE)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What others have seen of the cell: counts that only rise, and the link with the start of its state."""
+
+    abort_holds: int
+    obstacles: int
+    last_obstacle: str
+    connected: bool
+    link_since_s: float
+
+    def since(self, before: "_Seen") -> str:
+        """What has kept the arm from moving since `before`; empty when nothing has."""
+        if self.abort_holds != before.abort_holds:
+            return "a PLC set abort"
+        if self.obstacles != before.obstacles:
+            return self.last_obstacle
+        unlinked = (self.connected, self.link_since_s) != (before.connected, before.link_since_s)
+        return "the link to the robot was interrupted" if unlinked else ""
 
 
 @dataclass(eq=False)
@@ -33,7 +53,8 @@ class DriftSchedule:
 
     The cell is in use when since the daemon's start a run was started over REST or by a PLC and finished, and since
     then no run failed or was aborted and no obstacle to motion occurred (emergency stop, manual mode, motors off, open
-    interlock, a controller that does not answer). Otherwise a verification that is due is skipped.
+    interlock, a controller that does not answer, a link that was interrupted, a PLC's abort). Otherwise a verification
+    that is due is skipped. An obstacle counts whoever saw it, also between two checks.
     """
 
     operations: Operations
@@ -42,6 +63,8 @@ class DriftSchedule:
     _task: asyncio.Task[None] | None = field(default=None, init=False)
     _withdrawn_run: str = field(default="", init=False)
     _withdrawn_because: str = field(default="", init=False)
+    _seen_after: str = field(default="", init=False)
+    _seen: "_Seen | None" = field(default=None, init=False)
 
     async def start(self) -> None:
         if self.every_s > 0:
@@ -72,9 +95,17 @@ class DriftSchedule:
         latest = self.operations.supervisor.latest
         if latest is None or not latest.over or self._skip_reason():
             return
-        obstacles = await self.operations.cell.robot_obstacles()
+        if self._seen is None or self._seen_after != latest.id:
+            self._seen_after, self._seen = latest.id, self._see()
+        missed = self._see().since(self._seen)
+        obstacles = (missed,) if missed else await self.operations.cell.robot_obstacles()
         if obstacles:
             self._withdraw(latest.id, obstacles[0])
+
+    def _see(self) -> "_Seen":
+        cell, supervisor = self.operations.cell, self.operations.supervisor
+        obstacles = supervisor.abort_holds, cell.obstacles_seen
+        return _Seen(*obstacles, cell.last_obstacle, cell.robot.link.connected, cell.robot.link.since_s)
 
     async def _verify(self) -> bool:
         """Start a verification or skip it. Returns True when another run is in progress."""

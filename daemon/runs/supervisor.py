@@ -70,7 +70,7 @@ class Supervisor:
         self._starting = False
         self._stopping = False
         self._abort_holders: tuple[str, ...] = ()
-        self._abort_holds = 0
+        self.abort_holds = 0
         self._unsaved: dict[str, RunRecord] = {}
         self.end_counts: Counter[tuple[str, str]] = Counter()
 
@@ -89,9 +89,12 @@ class Supervisor:
         return self._current.log.silent_s() if self._current else 0.0
 
     def hold_abort(self, holders: Collection[str]) -> None:
-        """While `holders` is not empty nobody starts a run; one whose start is being prepared is not begun."""
+        """While `holders` is not empty nobody starts a run; one whose start is being prepared is not begun.
+
+        `abort_holds` counts the calls with holders.
+        """
         self._abort_holders = tuple(sorted(holders))
-        self._abort_holds += bool(holders)
+        self.abort_holds += bool(holders)
 
     def obstacles(self) -> tuple[str, ...]:
         """Reasons why nobody may start a run now, whatever the cell's state."""
@@ -144,11 +147,11 @@ class Supervisor:
         Raises RunInProgress at once when there is one, AbortHeld, Stopping, StorageError, and what `prepare` raises.
         """
         self.require_free()
-        holds_before = self._abort_holds
+        holds_before = self.abort_holds
         self._starting = True
         try:
             departure = await prepare()
-            if self._abort_holds != holds_before:
+            if self.abort_holds != holds_before:
                 raise AbortHeld(self._abort_holders)
             now, first = self._clock.timestamp(), departure.first_state
             run = RunRecord(self._new_id(self._clock), kind, first, 0, departure.stations, now, now, request=request)
@@ -157,7 +160,7 @@ class Supervisor:
             if self._stopping:
                 await run_log.end(RunEvent.ABORT, cause=abort_cause("the daemon, which is stopping", run))
                 raise Stopping
-            if self._abort_holds != holds_before:
+            if self.abort_holds != holds_before:
                 await run_log.end(RunEvent.ABORT, cause=abort_cause(", ".join(self._abort_holders) or "a PLC", run))
                 raise AbortHeld(self._abort_holders)
             task = asyncio.create_task(self._supervise(run_log, departure.drive))

@@ -11,6 +11,7 @@ from daemon.errors import CellBusy, CellNotReady, DaemonError, InterlockOpen, No
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
+from drivers.interfaces import LinkHealth
 from tests.daemon.cell_under_test import Parts, serving, settings_for
 from tests.support.waiting import FakeTime
 
@@ -28,6 +29,10 @@ class FakeOperations:
 
     latest: RunRecord | None = None
     obstacles: tuple[str, ...] = ()
+    obstacles_seen: int = 0
+    last_obstacle: str = ""
+    abort_holds: int = 0
+    link: LinkHealth = field(default_factory=lambda: LinkHealth(True, "connected", 0.0))
     refusals: list[DaemonError] = field(default_factory=list)
     asked: int = 0
     started: int = 0
@@ -38,6 +43,10 @@ class FakeOperations:
 
     @property
     def cell(self) -> "FakeOperations":
+        return self
+
+    @property
+    def robot(self) -> "FakeOperations":
         return self
 
     @property
@@ -142,6 +151,42 @@ async def test_after_what_kept_the_arm_from_moving_it_waits_for_somebody(schedul
     await scheduled.pass_s(60)
     assert scheduled.operations.started == 1
     await scheduled.schedule.stop()
+
+
+BETWEEN_TWO_CHECKS: list[tuple[dict[str, object], str]] = [
+    ({"obstacles_seen": 1, "last_obstacle": "interlock gate: is 0"}, "interlock gate: is 0"),
+    ({"abort_holds": 1}, "a PLC set abort"),
+    ({"link": LinkHealth(True, "connected", 7.0)}, "the link to the robot was interrupted"),
+]
+
+
+@pytest.mark.parametrize(("changes", "why"), BETWEEN_TWO_CHECKS, ids=[why for _, why in BETWEEN_TWO_CHECKS])
+async def test_what_was_over_before_the_next_check_counts_too(
+    scheduled: Scheduled, changes: dict[str, object], why: str
+) -> None:
+    await scheduled.schedule.start()
+    await scheduled.pass_s(10)
+    for name, value in changes.items():
+        setattr(scheduled.operations, name, value)
+    await scheduled.pass_s(100)
+    assert scheduled.operations.asked == 0
+    assert scheduled.schedule.warnings()[0].endswith(why)
+    scheduled.operations.latest = a_run("by somebody else")
+    await scheduled.pass_s(60)
+    assert scheduled.operations.started == 1
+    await scheduled.schedule.stop()
+
+
+async def test_an_obstacle_that_anybody_sees_is_counted(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path)) as bench:
+        cell = bench.application.cell
+        assert await cell.robot_obstacles() == ()
+        assert cell.obstacles_seen == 0
+        bench.robot.status = {"automatic": False}
+        await bench.client.get("/calibrate")
+        bench.robot.status = {}
+        assert cell.obstacles_seen == 1
+        assert cell.last_obstacle == "robot: not in automatic mode"
 
 
 @pytest.mark.parametrize(
