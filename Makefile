@@ -80,6 +80,7 @@ DEPLOYED_TESTS ?= tests/daemon/store tests/daemon/cli/test_main.py tests/daemon/
 
 test-deployed: export OPENBLAS_NUM_THREADS ?= 1
 test-deployed: $(DEPLOYED)/installed
+	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --no-deps --no-build-isolation --force-reinstall .
 	$(DEPLOYED)/bin/python --version
 	$(DEPLOYED)/bin/python -m pytest -n $(TEST_WORKERS) -m "not slow" $(DEPLOYED_TESTS)
 	$(DEPLOYED)/bin/handeyed demo
@@ -89,7 +90,6 @@ $(DEPLOYED)/installed: pyproject.toml deploy/requirements.lock
 	@$(DEPLOYED_PYTHON) -m venv $(DEPLOYED)
 	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --require-hashes --requirement deploy/build.lock
 	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --require-hashes --requirement deploy/requirements.lock
-	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --no-deps --no-build-isolation --editable .
 	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install hypothesis pytest pytest-asyncio pytest-timeout pytest-xdist
 	@touch $@
 

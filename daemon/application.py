@@ -11,7 +11,7 @@ from daemon.cell.cell import Cell
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
-from daemon.errors import StorageError, StorageInconsistent
+from daemon.errors import StorageError
 from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
@@ -105,7 +105,9 @@ class Application:
             await self.events.recover()
             await self.supervisor.recover()
             await self.scans.recover()
-        except StorageInconsistent as error:
+        except StorageError as error:
+            if self.store.fault is None:
+                raise
             log.error("what the previous process left unfinished was not looked at: %s", error)
         await self._log_setup_code()
         await self.cell.wait_for_links(MAX_LINK_WAIT_S)

@@ -18,7 +18,6 @@ import tempfile
 import time
 from collections import Counter
 from contextlib import suppress
-from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -29,8 +28,6 @@ KINDS = {
     "openat": "openat",
 }
 ERRORS = ("EIO", "ENOSPC")
-AT = "2026-11-21T09:00:00.000Z"
-PICTURE = b"\x89PNG" + bytes(20_000)
 
 
 def save_everything(folder: str, pipe: Connection) -> None:
@@ -39,48 +36,11 @@ def save_everything(folder: str, pipe: Connection) -> None:
 
 
 async def _save(folder: Path, pipe: Connection) -> None:
-    import numpy as np
-
-    from calibration.documents.pose import PoseDocument
     from daemon.errors import StorageError
-    from daemon.model.records import AppliedCalibration, CalibrationRecord, ScanRecord
-    from daemon.model.run_states import RunState
-    from daemon.runtime.event_bus import BusEvent
-    from daemon.store.actor import AuditContext
     from daemon.store.store import Store
-    from tests.daemon.calibrations import a_calibration
-    from tests.daemon.fakes import ply_of
-    from tests.daemon.records import a_run
+    from tests.daemon.save_paths import save_steps
 
-    store = Store(folder)
-    run, scan = a_run("r"), ScanRecord("s", AT, "door")
-    calibration = CalibrationRecord("c", "r", AT, True, a_calibration("c"))
-    upload = store.scan_folder("s") / ".upload"
-    pose = PoseDocument.of(np.eye(4))
-    cloud = ply_of(np.ones((500, 3)))
-
-    async def view() -> None:
-        upload.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            upload.write_bytes(cloud)
-        except OSError as error:
-            raise StorageError(str(error), "") from None
-        await store.add_scan_view("s", upload, ".ply", "mm", pose, AT)
-
-    steps = {
-        "run": lambda: store.save_run(run),
-        "picture": lambda: store.write_file(store.run_folder("r") / "view_000.png", [PICTURE]),
-        "session": lambda: store.write_file(store.run_folder("r") / "session.json", [b'{"views": 1}']),
-        "session again": lambda: store.write_file(store.run_folder("r") / "session.json", [b'{"views": 2}']),
-        "calibration": lambda: store.save_calibration(calibration),
-        "applied": lambda: store.apply(AppliedCalibration("c", AT, "Ann")),
-        "run over": lambda: store.save_run(replace(run, state=RunState.FINISHED)),
-        "scan": lambda: store.save_scan(scan),
-        "view": view,
-        "event": lambda: store.stored_events.keep([BusEvent(7, "run", {})]),
-        "audit": lambda: store.audit.append(AuditContext(), AT, "x", "y"),
-        "anchor": store.audit.anchor,
-    }
+    steps = save_steps(Store(folder))
     (folder / "warm").write_bytes(b"")
     pipe.send(None)
     pipe.recv()  # strace is attached now
@@ -100,56 +60,9 @@ async def _save(folder: Path, pipe: Connection) -> None:
 
 def check_store(folder: str, done: list[str], pipe: Connection) -> None:
     """Check the store with a working disk."""
-    pipe.send(asyncio.run(_check(Path(folder), done)))
+    from tests.daemon.save_paths import find_losses
 
-
-async def _check(folder: Path, done: list[str]) -> list[str]:
-    from daemon.errors import NoCalibration, NotFound
-    from daemon.model.run_states import RunState
-    from daemon.store.audit_log import check_audit_log
-    from daemon.store.database import DATABASE_NAME
-    from daemon.store.store import Store
-
-    store = Store(folder)
-    wrong: list[str] = []
-
-    def expect(name: str, there: bool, what: str = "is not there") -> None:
-        if name in done and not there:
-            wrong.append(f"{name} was acknowledged and {what}")
-
-    try:
-        run = await store.run("r")
-        expect("run over", run.state is RunState.FINISHED, f"the run is {run.state}")
-    except NotFound:
-        expect("run", False)
-    picture, session = store.run_folder("r") / "view_000.png", store.run_folder("r") / "session.json"
-    expect("picture", picture.exists())
-    if picture.exists() and picture.read_bytes() != PICTURE:
-        wrong.append("the picture is torn")
-    text = session.read_text() if session.exists() else ""
-    allowed = {'{"views": 2}'} if "session again" in done else {'{"views": 1}', '{"views": 2}'}
-    if text not in (allowed if {"session", "session again"} & {*done} else {"", *allowed}):
-        wrong.append(f"session.json says {text!r} after {done}")
-    try:
-        await store.calibration("c")
-    except NotFound:
-        expect("calibration", False)
-    try:
-        await store.current()
-    except NoCalibration:
-        expect("applied", False)
-    try:
-        await store.scan("s")
-        views = await store.scan_views("s")
-        expect("view", len(views) == 1)
-        for view in views:
-            if (store.scan_folder("s") / view.file).stat().st_size < 6000:
-                wrong.append("the view is torn")
-    except NotFound:
-        expect("scan", False)
-    expect("event", any(event.number == 7 for event in await store.stored_events.last()))
-    await store.close()
-    return wrong + check_audit_log(folder / DATABASE_NAME, [])[1]
+    pipe.send(asyncio.run(find_losses(Path(folder), done)))
 
 
 class Disk:
@@ -158,9 +71,7 @@ class Disk:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(
-            ["tests.daemon.calibrations", "tests.daemon.fakes", "tests.daemon.records"]
-        )
+        self._context.set_forkserver_preload(["tests.daemon.save_paths"])
         self.refused: Counter[str] = Counter()
 
     def fault(self, kind: str, error: str, nth: int) -> tuple[bool, list[str]]:

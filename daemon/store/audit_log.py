@@ -52,9 +52,10 @@ class AuditLog:
         """Compare the anchor file with the end of the log. Raises StorageError."""
 
         def find(db: sqlite3.Connection) -> StoreFault | None:
+            anchor = read_anchor(self._folder)
             db.execute("BEGIN")
             try:
-                return find_audit_fault(self._folder, db, latest_rows=1)
+                return find_audit_fault(self._folder, db, anchor, latest_rows=1)
             finally:
                 db.execute("ROLLBACK")
 

@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from daemon.access.audit_chain import AuditRow, find_flaws
+from daemon.access.audit_chain import AuditAnchor, AuditRow, find_flaws
 from daemon.store.anchor_file import ANCHOR_NAME, read_anchor
 from daemon.store.database import DATABASE_NAME, storage_errors
 
@@ -54,10 +54,11 @@ def find_fault(database: Path, limit_s: float = NO_LIMIT_S, latest_rows: int = A
     """
     if not database.exists():
         return _find_orphans(database.parent)
+    anchor = read_anchor(database.parent)
     with open_read_only(database) as connection:
         try:
             return _find_damage(database, connection, limit_s) or find_audit_fault(
-                database.parent, connection, latest_rows
+                database.parent, connection, anchor, latest_rows
             )
         except sqlite3.DatabaseError as error:
             if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
@@ -76,7 +77,7 @@ def _find_orphans(folder: Path) -> StoreFault | None:
     if not left:
         return None
     return StoreFault(
-        f"there is no {DATABASE_NAME} in {folder}, though {' and '.join(left)} are there",
+        f"there is no {DATABASE_NAME} in {folder}, or it is empty, though {' and '.join(left)} are there",
         "put it back; or move all of it away, and restore a backup or begin anew",
     )
 
@@ -95,14 +96,16 @@ def _find_damage(database: Path, connection: sqlite3.Connection, limit_s: float)
     return None if found == "ok" else StoreFault(f"{database} is damaged ({found})", _RESTORE)
 
 
-def find_audit_fault(folder: Path, connection: sqlite3.Connection, latest_rows: int = ALL_ROWS) -> StoreFault | None:
+def find_audit_fault(
+    folder: Path, connection: sqlite3.Connection, anchor: AuditAnchor | None, latest_rows: int = ALL_ROWS
+) -> StoreFault | None:
     """Compare the log with the anchor, and check its chain from the last acknowledgement on.
 
-    The connection is in a transaction, so that every query sees the same rows. Raises sqlite3.Error.
+    The connection is in a transaction, so that every query sees the same rows; the anchor was read before it, since the
+    log grows. Raises sqlite3.Error.
     """
-    anchor = read_anchor(folder)  # before the rows: the log only grows
     if connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'audit'").fetchone() is None:
-        return None  # of an older schema
+        return _find_orphans(folder) if anchor or connection.execute("PRAGMA user_version").fetchone() == (0,) else None
     (acknowledged,) = connection.execute(
         "SELECT coalesce(max(sequence), 1) FROM audit WHERE action = ?", (ACKNOWLEDGED,)
     ).fetchone()

@@ -22,6 +22,7 @@ DATABASE_NAME = "handeyed.sqlite"
 """In the store's folder."""
 
 _FULL_ERRNOS = frozenset({errno.ENOSPC, errno.EDQUOT})
+_RESTORE = "stop the daemon, keep a copy of the folder, and restore a backup into an empty one"
 _FREE_SOME = "free some space there"
 
 
@@ -37,7 +38,7 @@ def storage_errors(place: Path) -> Iterator[None]:
         if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
             raise StorageInconsistent(
                 f"{place} is damaged ({error})",
-                "stop the daemon, keep a copy of the folder, and restore a backup into an empty one",
+                _RESTORE,
             ) from error
         raise StorageError(f"{place}: {error}", "check the disk, and that it belongs to the daemon's user") from error
     except OSError as error:
@@ -158,7 +159,8 @@ def _connect_read_only(path: Path) -> sqlite3.Connection:
         connection = sqlite3.connect(uri, uri=True, check_same_thread=False, isolation_level=None)
         try:
             connection.execute("PRAGMA query_only = ON")
-            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            if connection.execute("PRAGMA user_version").fetchone() == (0,):
+                raise StorageInconsistent(f"{path} is empty, and should not be", _RESTORE)
         except BaseException:
             connection.close()
             raise

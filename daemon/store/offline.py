@@ -32,8 +32,7 @@ def open_offline(folder: Path) -> Iterator[Database]:
     try:
         yield opened.database
     finally:
-        opened.database.close_now()
-        opened.lock.release()
+        opened.close()
 
 
 @contextmanager

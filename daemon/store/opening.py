@@ -1,11 +1,13 @@
 """Opens a store: locked, restored to the end, checked, and guarded against writing where it should not."""
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 from daemon.errors import StorageInconsistent
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.consistency import OpenFiles, StoreFault, find_fault
-from daemon.store.database import DATABASE_NAME, Database
+from daemon.store.database import DATABASE_NAME, Database, storage_errors
 from daemon.store.lock import FolderLock
 from daemon.store.restore import finish_restore
 
@@ -14,6 +16,16 @@ MAX_CHECK_S = 5.0
 
 MAX_CHECK_ROWS = 10_000
 """How many of the latest rows of the audit log the start checks."""
+
+
+def roll_back(path: Path) -> None:
+    """Undo what a power cut interrupted before the database had its write-ahead log. Raises StorageError.
+
+    A connection that only reads cannot do this. Such a journal is there while the database is made.
+    """
+    if path.exists() and path.with_name(f"{path.name}-journal").exists():
+        with storage_errors(path), closing(sqlite3.connect(path)) as connection:
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
 
 
 class WriteGuard:
@@ -44,12 +56,23 @@ class LockedStore:
         try:
             finish_restore(folder)
             path = folder / DATABASE_NAME
+            roll_back(path)
             fault = find_fault(path, MAX_CHECK_S, MAX_CHECK_ROWS)
             if fault is not None and not path.exists():
                 raise StorageInconsistent(fault.what, fault.fix)
             self.database = Database(path, read_only=fault is not None, at=at)
-            self.key_reader = Database(path, read_only=True)
+            try:
+                self.key_reader = Database(path, read_only=True)
+            except BaseException:
+                self.database.close_now()
+                raise
             self.database.guard = self.guard = WriteGuard(OpenFiles(folder), fault)
         except BaseException:
             self.lock.release()
             raise
+
+    def close(self) -> None:
+        """Close the connections, then release the lock. The database is closed last: that empties its log."""
+        self.key_reader.close_now()
+        self.database.close_now()
+        self.lock.release()

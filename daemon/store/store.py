@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound, StorageFull, StorageInconsistent
@@ -297,10 +299,15 @@ class Store:
 
 
 def _calibration(row: tuple[str, str | None, str, int, str]) -> CalibrationRecord:
-    calibration_id, run_id, created_at, accepted, document = row
-    return CalibrationRecord(
-        calibration_id, run_id, created_at, bool(accepted), CalibrationDocument.model_validate_json(document)
-    )
+    """The record of a row. Raises StorageInconsistent when its document is not what was stored."""
+    calibration_id, run_id, created_at, accepted, content = row
+    try:
+        document = CalibrationDocument.model_validate_json(content)
+    except ValidationError as error:
+        raise StorageInconsistent(
+            f"calibration {calibration_id} in the store is damaged", "restore a backup, or calibrate again"
+        ) from error
+    return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document)
 
 
 def _scan(row: tuple[str, str, str, int]) -> ScanRecord:

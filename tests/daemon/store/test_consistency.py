@@ -221,6 +221,14 @@ def test_a_store_without_its_database_is_not_begun_anew(tmp_path: Path, left: st
     assert not (tmp_path / DATABASE_NAME).exists()
 
 
+async def test_an_empty_database_beside_an_anchor_is_not_begun_anew(tmp_path: Path) -> None:
+    await fill_store(tmp_path)
+    (tmp_path / DATABASE_NAME).write_bytes(b"")
+    with pytest.raises(StorageInconsistent, match="is empty"):
+        Store(tmp_path)
+    assert (tmp_path / DATABASE_NAME).stat().st_size == 0
+
+
 async def test_a_backup_of_a_store_with_a_fault_is_refused(tmp_path: Path) -> None:
     await fill_store(tmp_path / "store", SCANS)
     cut_off(tmp_path / "store")

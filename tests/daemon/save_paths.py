@@ -1,0 +1,101 @@
+"""Saves one record of each kind to a store, and checks afterwards that what was acknowledged is there completely."""
+
+from collections.abc import Awaitable, Callable, Collection
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from calibration.documents.pose import PoseDocument
+from daemon.errors import NoCalibration, NotFound, StorageError
+from daemon.model.records import AppliedCalibration, CalibrationRecord, ScanRecord
+from daemon.model.run_states import RunState
+from daemon.runtime.durable_files import make_folder
+from daemon.runtime.event_bus import BusEvent
+from daemon.store.actor import AuditContext
+from daemon.store.audit_log import check_audit_log
+from daemon.store.database import DATABASE_NAME
+from daemon.store.store import Store
+from tests.daemon.calibrations import a_calibration
+from tests.daemon.fakes import ply_of
+from tests.daemon.records import AT, a_run
+
+PICTURE = b"\x89PNG" + bytes(20_000)
+
+Step = Callable[[], Awaitable[object]]
+
+
+def save_steps(store: Store) -> dict[str, Step]:
+    """What saves one record of each kind, by name and in order."""
+    run, scan = a_run("r"), ScanRecord("s", AT, "door")
+    calibration = CalibrationRecord("c", "r", AT, True, a_calibration("c"))
+    upload, pose, cloud = store.scan_folder("s") / ".upload", PoseDocument.of(np.eye(4)), ply_of(np.ones((500, 3)))
+
+    async def view() -> None:
+        try:
+            make_folder(upload.parent)
+            upload.write_bytes(cloud)
+        except OSError as error:
+            raise StorageError(str(error), "") from None
+        await store.add_scan_view("s", upload, ".ply", "mm", pose, AT)
+
+    return {
+        "run": lambda: store.save_run(run),
+        "picture": lambda: store.write_file(store.run_folder("r") / "view_000.png", [PICTURE]),
+        "session": lambda: store.write_file(store.run_folder("r") / "session.json", [b'{"views": 1}']),
+        "session again": lambda: store.write_file(store.run_folder("r") / "session.json", [b'{"views": 2}']),
+        "calibration": lambda: store.save_calibration(calibration),
+        "applied": lambda: store.apply(AppliedCalibration("c", AT, "Ann")),
+        "run over": lambda: store.save_run(replace(run, state=RunState.FINISHED)),
+        "scan": lambda: store.save_scan(scan),
+        "view": view,
+        "event": lambda: store.stored_events.keep([BusEvent(7, "run", {})]),
+        "audit": lambda: store.audit.append(AuditContext(), AT, "x", "y"),
+        "anchor": store.audit.anchor,
+    }
+
+
+async def find_losses(folder: Path, done: Collection[str]) -> list[str]:
+    """What was acknowledged (`done`) and is not in the store, or is there in part."""
+    store = Store(folder)
+    wrong: list[str] = [] if store.fault is None else [store.fault.what]
+
+    def expect(name: str, there: bool, what: str = "is not there") -> None:
+        if name in done and not there:
+            wrong.append(f"{name} was acknowledged and {what}")
+
+    try:
+        run = await store.run("r")
+        expect("run over", run.state is RunState.FINISHED, f"the run is {run.state}")
+    except NotFound:
+        expect("run", False)
+    picture, session = store.run_folder("r") / "view_000.png", store.run_folder("r") / "session.json"
+    expect("picture", picture.exists())
+    if picture.exists() and picture.read_bytes() != PICTURE:
+        wrong.append("the picture is torn")
+    text = session.read_text() if session.exists() else ""
+    allowed = {'{"views": 2}'} if "session again" in done else {'{"views": 1}', '{"views": 2}'}
+    if text not in (allowed if {"session", "session again"} & {*done} else {"", *allowed}):
+        wrong.append(f"session.json says {text!r} after {done}")
+    try:
+        await store.calibration("c")
+    except NotFound:
+        expect("calibration", False)
+    try:
+        await store.current()
+    except NoCalibration:
+        expect("applied", False)
+    try:
+        await store.scan("s")
+        views = await store.scan_views("s")
+        expect("view", len(views) == 1)
+        for view in views:
+            file = store.scan_folder("s") / view.file
+            if not file.exists() or file.stat().st_size < 6000:
+                wrong.append("the view is torn, or not there")
+    except NotFound:
+        expect("scan", False)
+    expect("event", any(event.number == 7 for event in await store.stored_events.last()))
+    expect("audit", any(row.action == "x" for row in await store.audit.rows(10, None)))
+    await store.close()
+    return wrong + check_audit_log(folder / DATABASE_NAME, [])[1]
