@@ -24,7 +24,7 @@ from registration.io.durable_file import GuardedFile
 from registration.io.reading import open_cloud
 from registration.points.layout import Layout, Records
 from registration.points.rigid_motion import RigidMotion, scale_to_mm
-from registration.points.surface import Surface, sample_points
+from registration.points.surface import MAX_RANGE_MM, Surface, sample_points
 
 DOCUMENT_LIMIT = 1 << 26
 
@@ -120,6 +120,9 @@ def _sample(view: ScanView) -> ViewSample:
     with open_cloud(view.path) as cloud:
         blocks = _CountedBlocks(cloud.blocks(), cloud.layout)
         points = sample_points(blocks, cloud.layout, scale)
+        if not len(points) and blocks.points > blocks.non_finite:
+            what = f"{view.path.name}: no point lies within {MAX_RANGE_MM / 1e6:g} km of the scanner"
+            raise ScanError(what, "check the cloud and its unit")
         return ViewSample(Surface.of(points), cloud.layout, blocks.points, blocks.non_finite)
 
 

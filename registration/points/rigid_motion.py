@@ -18,6 +18,9 @@ Unit = Literal["m", "mm"]
 
 MILLIMETRES: dict[str, float] = {"mm": 1.0, "m": 1000.0}
 
+MAX_TRANSLATION_MM = 1e6
+"""1 km: no cell is as large."""
+
 RIGID_TOLERANCE = 1e-5
 """Tolerance of R^T R against the identity: quaternions printed with six decimals stay within 4e-6."""
 
@@ -67,6 +70,9 @@ def _require_rigid(a_T_b: Array) -> None:
         raise MotionError("the transform has elements that are not finite", fix)
     if not np.array_equal(a_T_b[3], [0, 0, 0, 1]):
         raise MotionError(f"the transform's last row is {a_T_b[3].tolist()}", fix)
+    farthest = float(np.abs(a_T_b[:3, 3]).max())
+    if farthest > MAX_TRANSLATION_MM:
+        raise MotionError(f"the transform moves by {farthest:.3g} mm, more than {MAX_TRANSLATION_MM:g}", fix)
     rotation = a_T_b[:3, :3]
     off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if off > RIGID_TOLERANCE:

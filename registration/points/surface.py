@@ -13,6 +13,9 @@ from registration.points.layout import Layout, Records
 POINT_LIMIT = 30_000
 """Points kept per view; more would not improve six parameters."""
 
+MAX_RANGE_MM = 1e6
+"""1 km: no scanner of parts measures as far; such coordinates stand for "no measurement"."""
+
 NEIGHBOURS = 14
 """Number of points a normal is fitted to."""
 
@@ -56,7 +59,7 @@ def planes_of(patches: Array) -> tuple[Array, Array]:
 
 
 class PointSample:
-    """A sample of at most `limit` finite points of a stream, in order.
+    """A sample of at most `limit` points of a stream within MAX_RANGE_MM, in order.
 
     Chosen by a hash of their index: every n-th point of a scanner's raster would form stripes, to which no normal can
     be fitted.
@@ -75,10 +78,10 @@ class PointSample:
         hashes = _hashes(self._seen, len(block))
         self._seen += len(block)
         chosen = np.flatnonzero(hashes < self._below)
-        points = np.stack([block[name][chosen].astype(float) for name in layout.xyz], axis=1) * self._scale
-        finite = np.isfinite(points).all(axis=1)
-        self._kept.append(points[finite])
-        self._hashes.append(hashes[chosen[finite]])
+        points = np.stack([block[name][chosen].astype(float) for name in layout.xyz], axis=1)
+        near = (np.abs(points) <= MAX_RANGE_MM / self._scale).all(axis=1)
+        self._kept.append(points[near] * self._scale)
+        self._hashes.append(hashes[chosen[near]])
         while sum(map(len, self._kept)) > 2 * self._limit:
             self._below >>= 1
             hashes = np.concatenate(self._hashes)

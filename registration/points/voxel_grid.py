@@ -44,6 +44,7 @@ class VoxelGrid:
         for start in range(0, len(block), BLOCK_POINTS):
             self._add(block[start : start + BLOCK_POINTS])
 
+    @np.errstate(all="ignore")  # sums of extreme values are infinite
     def _add(self, block: Records) -> None:
         columns = {name: block[name].astype(float) for name in self._names}
         finite = self.layout.finite(block)
@@ -77,10 +78,11 @@ class VoxelGrid:
         """The averages in the order of their cubes."""
         order = np.argsort(self._cells.keys)
         for start in range(0, len(order), BLOCK_POINTS):
-            piece = self._sums[:, order[start : start + BLOCK_POINTS]]
-            yield self._averages(piece[:-1] / piece[-1])
+            yield self._averages(self._sums[:, order[start : start + BLOCK_POINTS]])
 
-    def _averages(self, means: Array) -> Records:
+    @np.errstate(all="ignore")
+    def _averages(self, sums: Array) -> Records:
+        means = sums[:-1] / sums[-1]
         block = np.empty(means.shape[1], self.layout.dtype)
         if self.layout.normals:
             at = [self._names.index(name) for name in self.layout.normals]

@@ -11,6 +11,7 @@ from daemon.api.dependencies import DECIMAL
 from daemon.api.http_errors import InvalidRequest, NotAcceptable, UnknownMediaType
 from daemon.api.negotiation import media_ranges
 from daemon.scans.upload import LAZ, SUFFIXES
+from registration.points.rigid_motion import MAX_TRANSLATION_MM
 
 POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"
 PoseQuery = Annotated[str, Query(max_length=300, description=POSE, examples=["now"])]
@@ -69,5 +70,8 @@ def parse_pose(text: str) -> PoseDocument:
         problem = DocumentProblem("query.pose", f"{text[:60]!r} is not seven numbers", f"give {POSE}")
         raise InvalidRequest([problem])
     numbers = [float(part.replace(" ", "+")) for part in parts]
+    if max(map(abs, numbers[:3])) > MAX_TRANSLATION_MM:
+        what = f"it is farther than {MAX_TRANSLATION_MM:g} mm from the base"
+        raise InvalidRequest([DocumentProblem("query.pose", what, f"give {POSE}")])
     data = {"translation_mm": numbers[:3], "quaternion_wxyz": numbers[3:]}
     return validate_document(PoseDocument, data, "query.pose")

@@ -189,3 +189,12 @@ async def test_laz_cut_short_is_refused_and_leaves_nothing(bench: Bench, share: 
     assert answer.json()["code"] == "cloud-truncated", answer.text
     assert "again" in answer.json()["fix"]
     assert not list(bench.application.store.folder.rglob("*upload*"))
+
+
+@pytest.mark.parametrize("pose", ["1e308,0,0,1,0,0,0", "0,-1000001,0,1,0,0,0", "0,0,1e999,1,0,0,0"])
+async def test_a_pose_farther_than_a_kilometre_is_refused(bench: Bench, pose: str) -> None:
+    await apply_calibration(bench)
+    scan = (await bench.client.post("/scans")).headers["location"]
+    for path in ("/register", f"{scan}/views"):
+        refused = await bench.client.post(f"{path}?unit=mm&pose={pose}", content=ply_of(cloud(10)), headers=PLY)
+        assert (refused.status_code, refused.json()["code"]) == (422, "request-refused")
