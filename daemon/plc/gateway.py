@@ -102,6 +102,10 @@ class PlcGateway:
         """The current register values."""
         return self._image
 
+    def bank_for_repetitions(self, client: str, may_write: bool) -> PlcBank:
+        """As `bank`, for older requests that come again after newer ones: of what they write only abort counts."""
+        return PlcBank(lambda: self._image_for(client), lambda words: self._write_again(words, client), may_write)
+
     def _image_for(self, client: str) -> Words:
         """The register values with the control register as `client` left it: it holds abort by itself, or not."""
         if not self._state.abort_writers:
@@ -128,6 +132,12 @@ class PlcGateway:
         self._take(RegistersWritten(words, client))
         if self._state.abort_writers != held:
             self.operations.supervisor.hold_abort([f"{PLC_CLIENT} {each}" for each in self._state.abort_writers])
+
+    def _write_again(self, words: Words, client: str) -> None:
+        log.warning("%s %s repeats an older write after newer ones: it is ignored", PLC_CLIENT, client)
+        if ControlBit(words[0]) & ControlBit.ABORT:
+            control, *others = self._state.written_by(client)
+            self._write((control | ControlBit.ABORT, *others), client)
 
     def _take(self, event: HandshakeEvent) -> None:
         reaction = react(self._state, event)

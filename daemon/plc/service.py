@@ -35,8 +35,9 @@ class PlcService:
         gateway = PlcGateway(operations, drift, clock, rules)
 
         def respond_to(client: str) -> Respond:
-            bank = gateway.bank(client, settings.may_write(client))
-            return lambda pdu: respond(pdu, bank, IDENTIFICATION)
+            may_write = settings.may_write(client)
+            bank, again = gateway.bank(client, may_write), gateway.bank_for_repetitions(client, may_write)
+            return lambda pdu, repeated: respond(pdu, again if repeated else bank, IDENTIFICATION)
 
         limits = ModbusTcpLimits(settings.connections, settings.idle_limit_s, has_priority=settings.may_write)
         tcp = ModbusTcp(open_listener(settings.host, settings.port, "plc"), respond_to, limits)

@@ -12,6 +12,7 @@ from typing import cast
 
 from protocols.modbus.errors import HeaderBroken
 from protocols.modbus.mbap import Adu, MbapReader
+from protocols.modbus.repetition import RequestNumbers
 
 log = logging.getLogger(__name__)
 
@@ -21,8 +22,8 @@ MAX_PIPELINED_REQUESTS = 32
 MAX_HALF_FRAME_S = 0.8
 """A connection is closed when the rest of a request takes longer than 0.8 s; normally it takes milliseconds."""
 
-Respond = Callable[[bytes], bytes]
-"""Maps a request's PDU to the answer's PDU."""
+Respond = Callable[[bytes, bool], bytes]
+"""Maps a request's PDU to the answer's PDU. True: an older request that comes again after newer ones."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class _Connection(asyncio.Protocol):
 
     def __init__(self, server: ModbusTcp) -> None:
         self._server = server
-        self._reader = MbapReader()
+        self._reader, self._numbers = MbapReader(), RequestNumbers()
         self._loop = asyncio.get_running_loop()
         self.client = "?"
         self._respond: Respond | None = None
@@ -157,7 +158,8 @@ class _Connection(asyncio.Protocol):
         answers = []
         try:
             for adu in self._reader.feed(data):
-                answers.append(Adu(adu.transaction, adu.unit, respond(adu.pdu)).encode())
+                pdu = respond(adu.pdu, self._numbers.is_repeated(adu))
+                answers.append(Adu(adu.transaction, adu.unit, pdu).encode())
                 if len(answers) >= MAX_PIPELINED_REQUESTS:
                     self._working = True
                     break

@@ -15,7 +15,6 @@ COUNTER_BITS = 16
 
 # what happens to a message before anything else does
 CARRY, LOSE, DOUBLE, SWAP, TICK, BUSY, GIVE_UP = "carry", "lose", "double", "swap", "tick", "busy", "give up"
-IN_ORDER = st.sampled_from([CARRY, CARRY, CARRY, LOSE, DOUBLE, TICK, BUSY, GIVE_UP])
 IN_ANY_ORDER = st.sampled_from([CARRY, CARRY, CARRY, LOSE, DOUBLE, TICK, BUSY, GIVE_UP, SWAP, SWAP])
 SERVER_DEVICE_BUSY = 6
 

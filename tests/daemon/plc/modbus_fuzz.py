@@ -12,10 +12,10 @@ import random
 import socket
 import struct
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 
-from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits
+from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits, Respond
 from protocols.modbus.bank import Identification, respond
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.modbus.words import Words
@@ -42,9 +42,9 @@ class Registers:
         self.state = react(self.state, RegistersWritten(words)).state
         self.image = register_image(self.state)
 
-    def respond_to(self, _client: str) -> Callable[[bytes], bytes]:
+    def respond_to(self, _client: str) -> Respond:
         bank = PlcBank(lambda: self.image, self.write, may_write=True)
-        return lambda pdu: respond(pdu, bank, IDENTIFICATION)
+        return lambda pdu, _repeated: respond(pdu, bank, IDENTIFICATION)
 
 
 @dataclass

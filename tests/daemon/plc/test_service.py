@@ -1,6 +1,7 @@
 """A PLC runs the cell: the same work by the same door as over REST, told in registers."""
 
 import asyncio
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from calibration.transforms import Array, transform_from_quaternion
 from daemon.config.plc_settings import PlcSettings
 from daemon.errors import PortTaken
 from drivers.errors import LinkLost
+from protocols.modbus.mbap import Adu
 from protocols.modbus.words import WordOrder, crc16
 from protocols.plc.codes import ContentsBit, ControlBit, DriftState, PlcCommand, PlcVerdict, StatusBit
 from protocols.plc.registers import RESULT, SIZE
@@ -192,6 +194,46 @@ async def test_a_trigger_that_flickers_starts_one_run(tmp_path: Path) -> None:
         await plc.triggers(C.TRIGGER_CALIBRATE)
         await plc.result()
         assert len(bench.robot.goals) == 10
+
+
+def write_of_control(number: int, control: C) -> bytes:
+    return Adu(number, 1, struct.pack(">BHH", 6, 0, int(control))).encode()
+
+
+async def test_an_old_press_that_comes_again_after_newer_writes_starts_nothing_but_an_old_abort_aborts(
+    tmp_path: Path,
+) -> None:
+    async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
+        await plc.waits(S.ONLINE)
+        reader, writer = await asyncio.open_connection("127.0.0.1", plc_of(bench).tcp.port)
+        press, release = write_of_control(2, C.TRIGGER_CALIBRATE), write_of_control(3, C(0))
+        acknowledge, abort = write_of_control(4, C.RESULTS_ACK), write_of_control(6, C.ABORT)
+
+        async def sends(frame: bytes) -> None:
+            writer.write(frame)
+            assert await reader.readexactly(len(frame)) == frame
+
+        await sends(write_of_control(1, C(0)))
+        await sends(press)
+        await sends(release)
+        await plc.waits(S.RESULTS_VALID)
+        await sends(acknowledge)
+        await sends(write_of_control(5, C(0)))
+        await plc.waits(S.READY, unwanted=S.RESULTS_VALID)
+        for frame in (press, release, acknowledge, press):
+            await sends(frame)
+        assert not await plc.status() & (S.BUSY | S.TRIGGER_ACK)
+        assert len(bench.robot.goals) == 5
+        await sends(abort)
+        await sends(write_of_control(7, C(0)))
+        await plc.waits(S.READY)
+        await sends(abort)
+        assert (await bench.client.post("/calibrate")).json()["code"] == "abort-held"
+        await sends(write_of_control(8, C(0)))
+        await sends(write_of_control(9, C.TRIGGER_CALIBRATE))
+        await plc.waits(S.RESULTS_VALID)
+        assert len(bench.robot.goals) == 10
+        writer.close()
 
 
 async def test_an_abort_by_the_plc_is_one_row_of_the_audit_log(tmp_path: Path) -> None:
