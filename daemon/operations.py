@@ -176,10 +176,6 @@ class Operations:
             )
         return document
 
-    async def read_pose(self) -> PoseDocument:
-        """The pose of the flange at rest. Raises NotStill, DeviceError."""
-        return PoseDocument.of((await self.cell.read_settled_pose()).base_T_flange)
-
     async def _start(self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[RunPlan]]) -> RunRecord:
         self.supervisor.require_free()
         await self.store.require_ready()

@@ -2,11 +2,11 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Generic, Protocol, TypeVar
 
-from fastapi import Depends, Path, Query, Request
+from fastapi import Depends, Path, Query, Request, Response
 from pydantic import BaseModel, BeforeValidator
 
 from calibration.documents.validation import (
@@ -80,6 +80,11 @@ def page_of(found: list[Record], limit: int, path: str) -> tuple[list[Record], s
     """The page and the link to the next one, or None, from up to `limit` + 1 records."""
     page = found[:limit]
     return page, f"{path}?limit={limit}&before={page[-1].id}" if len(found) > limit else None
+
+
+async def respond_page(app: Application, as_json: Callable[[], bytes]) -> Response:
+    """Answer a page that `as_json` builds, in a thread: pages of 500 would hold the event loop up."""
+    return Response(await app.service_workers.run(as_json), media_type="application/json")
 
 
 @dataclass(frozen=True)

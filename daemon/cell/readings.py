@@ -3,10 +3,12 @@
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
+from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.recent_reading import RecentReading
 from daemon.runtime.clock import Clock
+from daemon.runtime.shared_reading import SharedReading
 from drivers.interfaces import CameraFrame, PoseReading, RobotStatus
 
 
@@ -29,7 +31,12 @@ class CellReadings:
         self._cell, self._encode = cell, encode
         self.robot = RecentReading(self._read_robot, clock.monotonic_s)
         self.picture = RecentReading(self._read_picture, clock.monotonic_s)
+        self._settled_pose = SharedReading(cell.read_settled_pose)
         self.obstacles = RecentReading(cell.obstacles, clock.monotonic_s)
+
+    async def flange_pose(self) -> PoseDocument:
+        """base_T_flange at rest, read after the call; those who ask at once share it. Raises NotStill, DeviceError."""
+        return PoseDocument.of((await self._settled_pose.read()).base_T_flange)
 
     async def _read_robot(self) -> RobotReading:
         robot = self._cell.robot

@@ -14,6 +14,7 @@ from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.metrics import Metric
+from daemon.runtime.shared_reading import SharedReading
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
@@ -33,8 +34,10 @@ class DriftMonitor:
     _verifications: VerificationHistory = field(init=False)
     _task: asyncio.Task[None] | None = field(default=None, init=False)
     _turn: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
+    _refreshed: SharedReading[None] = field(init=False)
 
     def __post_init__(self) -> None:
+        self._refreshed = SharedReading(self._refresh)
         self._verifications = VerificationHistory(self.store, self.workers, self.settings.target.target().points_mm)
 
     @property
@@ -78,8 +81,8 @@ class DriftMonitor:
             yield Metric(f"handeyed_drift_{name}", "gauge", about, {(): value})
 
     async def refresh(self) -> DriftChart:
-        """The chart with every finished run. Raises StorageError."""
-        await self._refresh()
+        """The chart with every finished run; those who ask at once share it. Raises StorageError."""
+        await self._refreshed.read()
         return self.chart
 
     async def report_after(self, run: RunRecord) -> DriftReport:

@@ -28,6 +28,7 @@ from daemon.runs.run_log import RunLog, ignore_step, run_event
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
+from daemon.store.listings import RunListing
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -214,9 +215,10 @@ class Supervisor:
             return current.log.run
         return self._unsaved.get(run_id) or await self._store.run(run_id)
 
-    async def runs(self, limit: int, before: str | None) -> list[RunRecord]:
-        """A page of runs, newest first; see Store.runs."""
-        return [self._unsaved.get(run.id, run) for run in await self._store.runs(limit, before)]
+    async def listings(self, limit: int, before: str | None) -> list[RunListing]:
+        """A page of runs, newest first; see Listings.runs."""
+        unsaved = {run_id: RunListing.of(run) for run_id, run in self._unsaved.items()}
+        return [unsaved.get(found.id, found) for found in await self._store.listings.runs(limit, before)]
 
     async def wait(self, run_id: str, seconds: float) -> RunRecord:
         """Wait for the end of the run up to `seconds`; returns its record then."""

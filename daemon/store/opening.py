@@ -47,12 +47,13 @@ class WriteGuard:
 class LockedStore:
     """The lock, the database and its guard. With a fault the database is opened for reading only.
 
-    `key_reader`: a second connection, for reading keys.
+    `key_reader`, `list_reader`: connections of their own, for reading keys and lists.
     """
 
     def __init__(self, folder: Path, at: Failpoints = NO_FAILPOINTS) -> None:
         """Raises StorageError, StorageTooNew, StorageInUse; StorageInconsistent when there is nothing to read."""
         self.lock = FolderLock(folder)
+        self._connections: list[Database] = []
         try:
             finish_restore(folder)
             path = folder / DATABASE_NAME
@@ -60,19 +61,20 @@ class LockedStore:
             fault = find_fault(path, MAX_CHECK_S, MAX_CHECK_ROWS)
             if fault is not None and not path.exists():
                 raise StorageInconsistent(fault.what, fault.fix)
-            self.database = Database(path, read_only=fault is not None, at=at)
-            try:
-                self.key_reader = Database(path, read_only=True)
-            except BaseException:
-                self.database.close_now()
-                raise
+            self.database = self._connect(path, read_only=fault is not None, at=at)
+            self.key_reader, self.list_reader = (self._connect(path, read_only=True) for _ in range(2))
             self.database.guard = self.guard = WriteGuard(OpenFiles(folder), fault)
         except BaseException:
-            self.lock.release()
+            self.close()
             raise
 
     def close(self) -> None:
         """Close the connections, then release the lock. The database is closed last: that empties its log."""
-        self.key_reader.close_now()
-        self.database.close_now()
+        for connection in reversed(self._connections):
+            connection.close_now()
         self.lock.release()
+
+    def _connect(self, path: Path, *, read_only: bool, at: Failpoints = NO_FAILPOINTS) -> Database:
+        connection = Database(path, read_only=read_only, at=at)
+        self._connections.append(connection)
+        return connection

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
-from daemon.errors import AppliedMeanwhile, CursorUnknown, NoCalibration, NotFound, StorageFull, StorageInconsistent
+from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord, ScanRecord, ScanViewRecord, Unit
 from daemon.model.run_states import FINAL_STATES
 from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
@@ -24,6 +24,7 @@ from daemon.store.audit_log import AuditLog
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
+from daemon.store.listings import Listings, read_page
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
 
@@ -58,8 +59,10 @@ class Store:
         self.outbox = Outbox(self._database)
         self.access_keys = AccessKeys(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
+        self.listings = Listings(self._opened.list_reader)
 
     async def close(self) -> None:
+        await self._opened.list_reader.close()
         await self._opened.key_reader.close()
         await self._database.close()
         self._opened.lock.release()
@@ -157,10 +160,6 @@ class Store:
         if row is None:
             raise NotFound(f"there is no calibration {calibration_id!r}", "GET /calibrations lists them")
         return _calibration(row)
-
-    async def calibrations(self, limit: int, before: str | None = None) -> list[CalibrationRecord]:
-        """Up to `limit` calibrations older than the one with the id `before`, newest first. Raises CursorUnknown."""
-        return [_calibration(row) for row in await self._page(_CALIBRATION, "calibrations", limit, before)]
 
     async def apply(self, applied: AppliedCalibration, expected: Sequence[int] | None = None) -> AppliedCalibration:
         """Put a calibration in force by appending it to the history; returns it with its sequence number.
@@ -263,18 +262,7 @@ class Store:
         ]
 
     async def _page(self, query: str, table: str, limit: int, before: str | None) -> list[Any]:
-        """One page, latest insertion first: ordered by rowid and not by time, since the clock may jump back."""
-
-        def page(db: sqlite3.Connection) -> list[Any]:
-            end = None
-            if before is not None:
-                end = db.execute(f"SELECT rowid FROM {table} WHERE id = ?", (before,)).fetchone()
-                if end is None:
-                    raise CursorUnknown(table, before)
-            where = "" if end is None else f"WHERE rowid < {end[0]}"
-            return db.execute(f"{query} {where} ORDER BY rowid DESC LIMIT ?", (limit,)).fetchall()
-
-        return await self._database.read(page)
+        return await self._database.read(lambda db: read_page(db, query, table, limit, before))
 
     # files
 

@@ -1,13 +1,15 @@
 """POST /setup and GET /audit."""
 
 import json
+from collections.abc import Iterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import APIRouter, Depends, Query, Request, Response
 
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit, respond_page
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.access import AuditDocument, AuditList, NewKeyDocument
+from daemon.api.schemas.answer import page_json
 from daemon.model.requests import SetupRequest
 
 router = APIRouter(tags=["access"])
@@ -34,9 +36,13 @@ Sequence = Annotated[
 
 
 @router.get("/audit", response_model=AuditList)
-async def audit(app: App, limit: Limit = 50, before: Sequence = None) -> AuditList:
+async def audit(app: App, limit: Limit = 50, before: Sequence = None) -> Response:
     """Who did what, the newest first. `handeyed audit verify` checks that nothing was changed or removed."""
     found = await app.store.audit.rows(limit + 1, before)
-    rows: list[Any] = [{**vars(row), "detail": json.loads(row.detail)} for row in found[:limit]]
     following = f"/audit?limit={limit}&before={found[limit - 1].sequence}" if len(found) > limit else None
-    return AuditList(rows=[AuditDocument(**row) for row in rows], next=following)
+
+    def as_json() -> bytes:
+        rows: Iterator[Any] = ({**vars(row), "detail": json.loads(row.detail)} for row in found[:limit])
+        return page_json("rows", (AuditDocument(**row).model_dump_json() for row in rows), following)
+
+    return await respond_page(app, as_json)

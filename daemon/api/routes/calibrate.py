@@ -67,10 +67,12 @@ async def _status(app: Application) -> CalibrateStatus:
     except NoCalibration:
         current, in_force = None, None
     else:
-        current, in_force = CalibrationSummary.of(record, record.id), AppliedDocument.of(applied)
+        current, in_force = CalibrationSummary.of_current(record), AppliedDocument.of(applied)
     ready = (await readiness(app)).calibrate
     running = app.supervisor.in_progress
-    last = next((run for run in await app.supervisor.runs(20, None) if run.kind == "calibration" and run.over), None)
+    found = (listing.run for listing in await app.supervisor.listings(20, None))
+    ended = next((run.id for run in found if run.kind == "calibration" and run.over), None)
+    last = None if ended is None else await app.supervisor.run(ended)
     return CalibrateStatus(
         current=current,
         applied=in_force,

@@ -17,11 +17,12 @@ from daemon.api.conditional_requests import (
     parse_if_none_match,
     tag_of,
 )
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
 from daemon.api.middleware.authentication import caller_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import current_text
 from daemon.api.problems import problem_responses
+from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.errors import NoCalibration, NotFound
 from daemon.model.requests import ApplyRequest
@@ -30,16 +31,18 @@ router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
 
 @router.get("", response_model=CalibrationList)
-async def calibrations(app: App, limit: Limit = 50, before: Before = None) -> CalibrationList:
+async def calibrations(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The calibrations, newest first, and the latest applied ones."""
-    page, following = page_of(await app.store.calibrations(limit + 1, before), limit, "/calibrations")
-    applied = await app.store.history(limit)
-    current = applied[0].calibration_id if applied else None
-    return CalibrationList(
-        calibrations=[CalibrationSummary.of(record, current) for record in page],
-        applied=[AppliedDocument.of(row) for row in applied],
-        next=following,
-    )
+    page, following = page_of(await app.store.listings.calibrations(limit + 1, before), limit, "/calibrations")
+    history = await app.store.history(limit)
+    current = history[0].calibration_id if history else None
+
+    def as_json() -> bytes:
+        found = (CalibrationSummary.of(listing, current).model_dump_json() for listing in page)
+        applied = (AppliedDocument.of(row).model_dump_json() for row in history)
+        return page_json("calibrations", found, following, applied=applied)
+
+    return await respond_page(app, as_json)
 
 
 @router.get(

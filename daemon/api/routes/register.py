@@ -38,7 +38,7 @@ async def register(
     """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in."""
     media_type = media_type_of(request)
     document = await app.operations.calibration(calibration)
-    base_T_flange = await app.operations.read_pose() if pose == "now" else parse_pose(pose)
+    base_T_flange = await app.readings.flange_pose() if pose == "now" else parse_pose(pose)
     base_T_scanner = base_T_flange.transform() @ app.scans.flange_T_scanner(document)
     numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers)}

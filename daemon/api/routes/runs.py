@@ -7,13 +7,24 @@ from fastapi import APIRouter, Depends, Path, Request, Response
 from starlette.requests import ClientDisconnect
 
 from calibration.documents.calibration import CalibrationDocument
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Before, Identifier, Limit, Wait, no_body, page_of
+from daemon.api.dependencies import (
+    IN_WHOLE_DIGITS,
+    App,
+    Before,
+    Identifier,
+    Limit,
+    Wait,
+    no_body,
+    page_of,
+    respond_page,
+)
 from daemon.api.middleware.abort_first import abort_of
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import run_text
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.runs import RunDocument, RunList
+from daemon.api.schemas.answer import page_json
+from daemon.api.schemas.runs import RunDocument, RunList, listing_json
 from daemon.application import Application
 from daemon.model.records import RunRecord
 from daemon.sessions.session_writer import image_name
@@ -33,10 +44,10 @@ FINISHING = {status: answer for status, answer in STARTED.items() if status not 
 
 
 @router.get("", response_model=RunList)
-async def runs(app: App, limit: Limit = 50, before: Before = None) -> RunList:
+async def runs(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The newest first."""
-    page, following = page_of(await app.supervisor.runs(limit + 1, before), limit, "/runs")
-    return RunList(runs=[RunDocument.of(run) for run in page], next=following)
+    page, following = page_of(await app.supervisor.listings(limit + 1, before), limit, "/runs")
+    return await respond_page(app, lambda: page_json("runs", map(listing_json, page), following))
 
 
 @router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **problem_responses(404)})

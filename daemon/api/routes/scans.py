@@ -8,12 +8,31 @@ import numpy as np
 from fastapi import APIRouter, Depends, Query, Request, Response
 
 from calibration.documents.pose import PoseDocument
-from daemon.api.dependencies import IN_DIGITS, IN_WHOLE_DIGITS, App, Before, Identifier, JsonBody, Limit, Wait, page_of
+from daemon.api.dependencies import (
+    IN_DIGITS,
+    IN_WHOLE_DIGITS,
+    App,
+    Before,
+    Identifier,
+    JsonBody,
+    Limit,
+    Wait,
+    page_of,
+    respond_page,
+)
 from daemon.api.http_errors import CloudTooLarge
 from daemon.api.problems import problem_responses
 from daemon.api.routes.register import Which
 from daemon.api.routes.runs import wait_for_run
-from daemon.api.schemas.scans import CloudDocument, RegistrationState, ScanDocument, ScanList, ScanViewDocument
+from daemon.api.schemas.answer import page_json
+from daemon.api.schemas.scans import (
+    CloudDocument,
+    RegistrationState,
+    ScanDocument,
+    ScanList,
+    ScanViewDocument,
+    listing_json,
+)
 from daemon.api.streaming.cloud_request import (
     ANSWER_SUFFIXES,
     BINARY,
@@ -44,11 +63,10 @@ BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
 
 
 @router.get("", response_model=ScanList)
-async def scans(app: App, limit: Limit = 50, before: Before = None) -> ScanList:
+async def scans(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The newest first."""
-    page, following = page_of(await app.store.scans(limit + 1, before), limit, "/scans")
-    found = [ScanDocument.of(scan, await app.store.scan_views(scan.id)) for scan in page]
-    return ScanList(scans=found, next=following)
+    page, following = page_of(await app.store.listings.scans(limit + 1, before), limit, "/scans")
+    return await respond_page(app, lambda: page_json("scans", map(listing_json, page), following))
 
 
 @router.post(
@@ -103,7 +121,7 @@ async def add_view(
 
 async def _upload(request: Request, app: Application, scan_id: str, pose: str, unit: UnitQuery) -> ScanViewRecord:
     media_type = media_type_of(request)
-    base_T_flange: PoseDocument = await app.operations.read_pose() if pose == "now" else parse_pose(pose)
+    base_T_flange: PoseDocument = await app.readings.flange_pose() if pose == "now" else parse_pose(pose)
     return await app.scans.add_view(scan_id, request.stream(), media_type, unit, base_T_flange)
 
 

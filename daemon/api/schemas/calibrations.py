@@ -6,6 +6,7 @@ from calibration.documents.calibration import CalibrationDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.api.schemas.runs import RunDocument
 from daemon.model.records import AppliedCalibration, CalibrationRecord
+from daemon.store.listings import CalibrationListing
 
 
 class CalibrationSummary(Answer):
@@ -23,11 +24,16 @@ class CalibrationSummary(Answer):
     point_mm: float | None
 
     @classmethod
-    def of(cls, record: CalibrationRecord, current_id: str | None) -> "CalibrationSummary":
+    def of(cls, listing: CalibrationListing, current_id: str | None) -> "CalibrationSummary":
+        return cls(**vars(listing), current=listing.id == current_id)
+
+    @classmethod
+    def of_current(cls, record: CalibrationRecord) -> "CalibrationSummary":
+        """Of the calibration in force."""
         uncertainty = record.document.uncertainty
         return cls(
             id=record.id, run_id=record.run_id, created_at=record.created_at, accepted=record.accepted,
-            current=record.id == current_id, point_mm=uncertainty.point_mm if uncertainty else None,
+            current=True, point_mm=uncertainty.point_mm if uncertainty else None,
         )  # fmt: skip
 
 

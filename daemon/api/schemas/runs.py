@@ -7,6 +7,7 @@ from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.model.records import Planning, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runs.run_log import prediction_text
+from daemon.store.listings import RunListing
 
 
 class CauseDocument(Answer):
@@ -92,6 +93,12 @@ class RunDocument(Answer):
             created_at=run.created_at, updated_at=run.updated_at, cause=cause, request=run.request, result=run.result,
             planning=None if run.planning is None else PlanningDocument.of(run.planning), links=links,
         )  # fmt: skip
+
+
+def listing_json(listing: RunListing) -> str:
+    """The RunDocument of a list as JSON, with request and result as stored."""
+    rest = RunDocument.of(listing.run).model_dump_json(exclude={"request", "result"})
+    return f'{rest[:-1]},"request":{listing.request},"result":{listing.result or "null"}}}'
 
 
 class RunList(Answer):

@@ -1,11 +1,13 @@
 """Schemas of scans, their views and clouds. Lengths in mm."""
 
+import json
 from typing import Literal
 
 from calibration.documents.pose import PoseDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.api.schemas.runs import RunDocument
 from daemon.model.records import RunRecord, ScanRecord, ScanViewRecord
+from daemon.store.listings import ScanListing
 
 
 class ScanViewDocument(Answer):
@@ -76,6 +78,18 @@ class CloudDocument(Answer):
     unit: Literal["mm"]
     calibration_id: str
     points: list[tuple[float, float, float]]
+
+
+def listing_json(listing: ScanListing) -> str:
+    """The ScanDocument of a list as JSON, with the views' poses as stored."""
+    rest = ScanDocument.of(listing.scan, []).model_dump_json(exclude={"views"})
+    views = ",".join(_view_json(*view) for view in listing.views)
+    return f'{rest[:-1]},"views":[{views}]}}'
+
+
+def _view_json(view: int, file: str, unit: str, base_T_flange: str, created_at: str) -> str:
+    given = json.dumps({"view": view, "file": file, "unit": unit, "created_at": created_at})
+    return f'{given[:-1]},"base_T_flange":{base_T_flange}}}'
 
 
 class ScanList(Answer):

@@ -1,0 +1,112 @@
+"""Pages of runs, calibrations and scans for lists: heavy documents are passed on as stored, and not parsed.
+
+Read over a connection of its own, so that a long list keeps no run waiting for the store.
+"""
+
+import json
+import sqlite3
+from dataclasses import dataclass, replace
+from typing import Any
+
+from daemon.errors import CursorUnknown
+from daemon.model.records import RunRecord, ScanRecord
+from daemon.store.database import Database
+
+_RUNS = (
+    "SELECT *, json_object('manual', json_extract(request, '$.manual')),"
+    " json_object('calibration_id', json_extract(result, '$.calibration_id'),"
+    " 'scan_id', json_extract(result, '$.scan_id')) FROM runs"
+)
+_CALIBRATIONS = (
+    "SELECT id, run_id, created_at, accepted, json_extract(document, '$.uncertainty.point_mm') FROM calibrations"
+)
+_SCANS = "SELECT id, created_at, name, refine FROM scans"
+
+
+@dataclass(frozen=True)
+class RunListing:
+    """A run of a list. `request` and `result` are JSON as stored; `run` holds of them what its links need."""
+
+    run: RunRecord
+    request: str
+    result: str | None
+
+    @property
+    def id(self) -> str:
+        return self.run.id
+
+    @classmethod
+    def of(cls, run: RunRecord) -> "RunListing":
+        return cls(run, json.dumps(run.request), None if run.result is None else json.dumps(run.result))
+
+    @classmethod
+    def of_row(cls, row: tuple[Any, ...]) -> "RunListing":
+        *columns, manual, linked = row
+        request, result = columns[10], columns[11]
+        columns[10], columns[11] = manual, None
+        links = {key: value for key, value in json.loads(linked).items() if value is not None}
+        return cls(replace(RunRecord.of(tuple(columns)), result=links or None), request, result)
+
+
+@dataclass(frozen=True)
+class CalibrationListing:
+    """A calibration of a list. `point_mm`: one sigma of a mapped point."""
+
+    id: str
+    run_id: str | None
+    created_at: str
+    accepted: bool
+    point_mm: float | None
+
+
+@dataclass(frozen=True)
+class ScanListing:
+    """A scan of a list. `views`: view, file, unit, base_T_flange (JSON), created_at of each."""
+
+    scan: ScanRecord
+    views: tuple[tuple[int, str, str, str, str], ...]
+
+    @property
+    def id(self) -> str:
+        return self.scan.id
+
+
+class Listings:
+    """Pages, newest first; `before` is the last id of the page before. Each raises CursorUnknown, StorageError."""
+
+    def __init__(self, reader: Database) -> None:
+        self._reader = reader
+
+    async def runs(self, limit: int, before: str | None = None) -> list[RunListing]:
+        """Up to `limit` runs older than `before`."""
+        return await self._reader.read(
+            lambda db: [RunListing.of_row(row) for row in read_page(db, _RUNS, "runs", limit, before)]
+        )
+
+    async def calibrations(self, limit: int, before: str | None = None) -> list[CalibrationListing]:
+        """Up to `limit` calibrations older than `before`."""
+        rows = await self._reader.read(lambda db: read_page(db, _CALIBRATIONS, "calibrations", limit, before))
+        return [CalibrationListing(i, run_id, at, bool(accepted), mm) for i, run_id, at, accepted, mm in rows]
+
+    async def scans(self, limit: int, before: str | None = None) -> list[ScanListing]:
+        """Up to `limit` scans older than `before`, with their views."""
+
+        def read(db: sqlite3.Connection) -> list[ScanListing]:
+            query = "SELECT view, file, unit, base_T_flange, created_at FROM scan_views WHERE scan_id = ? ORDER BY view"
+            return [
+                ScanListing(ScanRecord(i, at, name, bool(refine)), tuple(db.execute(query, (i,)).fetchall()))
+                for i, at, name, refine in read_page(db, _SCANS, "scans", limit, before)
+            ]
+
+        return await self._reader.read(read)
+
+
+def read_page(db: sqlite3.Connection, query: str, table: str, limit: int, before: str | None) -> list[Any]:
+    """One page, latest insertion first: ordered by rowid and not by time, since the clock may jump back."""
+    end = None
+    if before is not None:
+        end = db.execute(f"SELECT rowid FROM {table} WHERE id = ?", (before,)).fetchone()
+        if end is None:
+            raise CursorUnknown(table, before)
+    where = "" if end is None else f"WHERE rowid < {end[0]}"
+    return db.execute(f"{query} {where} ORDER BY rowid DESC LIMIT ?", (limit,)).fetchall()
