@@ -67,9 +67,14 @@ def robot_status(report: Report, taken_at_s: float) -> RobotStatus:
 
 
 def standstill(report: Report) -> Standstill:
-    """Convert flags and progress: a move that was accepted and has not begun yet has a progress below 1000."""
+    """Convert flags and progress.
+
+    A move that was accepted and has not begun has a progress below 1000. One that was stopped is under way until the
+    arm is in position; a program that is not running reports no position.
+    """
     moving = report.flags & Flag.MOVING or report.progress_per_mille < STANDS_PER_MILLE
-    return Standstill(standing=not moving, disarmed=not report.flags & Flag.ARMED)
+    settling = report.flags & Flag.TASK_RUNNING and not report.flags & Flag.IN_POSITION
+    return Standstill(standing=not (moving or settling), disarmed=not report.flags & Flag.ARMED)
 
 
 def move_of(device: str, goal: MoveGoal) -> Move:

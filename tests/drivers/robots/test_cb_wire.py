@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from calibration.kinematics.arm import Configuration
 from calibration.transforms import rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
-from drivers.interfaces import MoveGoal
-from drivers.robots.abb.cb_wire import joints_rad, move_of, pose_reading
+from drivers.interfaces import MoveGoal, Standstill
+from drivers.robots.abb.cb_wire import joints_rad, move_of, pose_reading, standstill
 from drivers.robots.abb.robtarget import UNUSED_AXIS
 from protocols.cb.codes import Flag, MoveKind
-from protocols.cb.messages import Joints, Pose, pack, unpack
+from protocols.cb.messages import Joints, Pose, Report, pack, unpack
 from tests.drivers.robots.fake_controller import BASE_T_FLANGE
 
 NO_AXES = (9e9,) * 6
@@ -42,6 +42,23 @@ def test_axes_that_are_there_are_kept_and_9e9_is_unused():
 )
 def test_still_means_in_position_and_not_moving(flags, still):
     assert pose_reading("r", pose(flags=flags), 0.0).still is still
+
+
+@pytest.mark.parametrize(
+    ("flags", "progress_per_mille", "standing", "disarmed"),
+    [
+        (Flag.TASK_RUNNING | Flag.IN_POSITION, 1000, True, True),
+        (Flag.TASK_RUNNING | Flag.IN_POSITION | Flag.ARMED, 1000, True, False),
+        (Flag.TASK_RUNNING | Flag.MOVING, 1000, False, True),
+        (Flag.TASK_RUNNING | Flag.IN_POSITION, 0, False, True),  # accepted, not begun
+        (Flag.TASK_RUNNING, 1000, False, True),  # stopped, not settled
+        (Flag(0), 1000, True, True),  # the program does not run, and reports no position
+        (Flag.MOVING, 1000, False, True),
+    ],
+)
+def test_an_arm_stands_when_no_move_is_under_way_or_pending(flags, progress_per_mille, standing, disarmed):
+    report = Report(flags, 1, 0, progress_per_mille, 0)
+    assert standstill(report) == Standstill(standing, disarmed)
 
 
 @pytest.mark.parametrize("norm", [0.9979, 1.0021, 0.0, 2.0])
