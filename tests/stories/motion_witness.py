@@ -1,0 +1,218 @@
+"""A witness of every move at the mock cell: was it asked for, by somebody who may, with the gate seen closed?"""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from daemon.access.roles import Role
+from daemon.application import Application
+from daemon.cell.cell import Devices
+from daemon.composition import build
+from daemon.server import Server
+from drivers.registry import open_robot
+from protocols.modbus.codes import Function
+from tests.daemon.access_keys import TEST, bearer
+from tests.daemon.fakes import FakeCamera, FakeRobot, FakeScanner
+from tests.drivers.modbus_terminal import Terminal
+from tests.mock_robot.running_cell import RunningCell, running_cell
+from tests.stories.plant import settings_of
+from tests.support.waiting import LIMIT_S, eventually
+
+MAX_IDLE_S = 2.0
+
+
+class Gate(Terminal):
+    """A terminal whose first input is the gate. `seen`: how it was read last; `readings`: how often."""
+
+    seen = False
+    readings = 0
+
+    def bits(self, function: Function, address: int, count: int) -> Any:
+        self.seen, self.readings = self.inputs[0], self.readings + 1
+        return super().bits(function, address, count)
+
+
+@dataclass
+class Witness:
+    """Records what is wrong with each departure of the arm."""
+
+    gate: Gate
+    starting: int = 0
+    entitled: set[str] = field(default_factory=set)
+    wrong: list[str] = field(default_factory=list)
+    departures: int = 0
+    readings: int = 0
+
+    def watch(self, cell: RunningCell, run_in_progress: Callable[[], str | None]) -> None:
+        """Look at every departure from now on."""
+        depart = cell.controller.arm.depart
+
+        def departs(*arguments: Any) -> Any:
+            self.departures += 1
+            run = run_in_progress()
+            if run not in self.entitled and not self.starting:
+                self.wrong.append(f"departure {self.departures}: nobody's request is in progress (run {run})")
+            if not self.gate.seen or self.gate.readings == self.readings:
+                self.wrong.append(f"departure {self.departures}: the gate was not seen closed before it")
+            self.readings = self.gate.readings
+            return depart(*arguments)
+
+        cell.controller.arm.depart = departs  # type: ignore[method-assign]
+
+
+@dataclass
+class WatchedPlant:
+    """Mock cell, daemon, gate, and an operator and a viewer with keys; each step of a history is a method."""
+
+    cell: RunningCell
+    gate: Gate
+    witness: Witness
+    folder: Path
+    running: "contextlib.AsyncExitStack" = field(default_factory=contextlib.AsyncExitStack)
+    keys: dict[str, str] = field(default_factory=dict)
+    flood: list["asyncio.Task[Any]"] = field(default_factory=list)
+    run: str = ""
+    application: Application = field(init=False)
+    client: httpx.AsyncClient = field(init=False)
+
+    def run_in_progress(self) -> str | None:
+        run = self.application.supervisor.in_progress
+        return None if run is None else run.id
+
+    async def restart(self) -> None:
+        """The daemon ends in order, and starts again."""
+        await self.stop()
+        await self.start()
+
+    async def start(self) -> None:
+        signals = [{"name": "gate closed", "address": 0}]
+        interlocks = {"address": f"tcp://127.0.0.1:{self.gate.port}", "limit_s": 5.0, "signals": signals}
+        settings = settings_of(self.cell.announcement, self.folder).model_dump(mode="json", exclude_none=True)
+        settings = type(settings_of(self.cell.announcement, self.folder)).model_validate(
+            {**settings, "interlocks": interlocks}
+        )
+        arm = FakeRobot()
+        self.application = build(
+            settings,
+            lambda made, _clock: Devices(open_robot(made.robot.address), FakeCamera(arm), FakeScanner()),
+        )
+        announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        server = Server(self.application, announced.set_result)
+        task = asyncio.create_task(server.listen())
+        await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
+        if not self.keys:
+            for role in (Role.OPERATOR, Role.VIEWER):
+                self.keys[role.word], _ = await self.application.key_service.add(role.word, role, TEST)
+        self.client = await self.running.enter_async_context(
+            httpx.AsyncClient(base_url=announced.result(), timeout=LIMIT_S)
+        )
+
+        async def end() -> None:
+            server.should_exit = True
+            self.application.begin_stop("the test")
+            await task
+
+        self.running.push_async_callback(end)
+
+    async def stop(self) -> None:
+        self.stop_flood()
+        await self.running.aclose()
+        self.witness.entitled.clear()
+
+    async def _post(self, path: str, who: str, **body: Any) -> httpx.Response:
+        return await self.client.post(path, headers=bearer(self.keys[who]), json=body)
+
+    # --- steps ---
+
+    async def operator_starts(self) -> None:
+        self.witness.starting += 1
+        answer = await self._post("/scans", "operator", capture=True, name="part")
+        if answer.status_code in (201, 202) and (run := self.run_in_progress()):
+            self.run = run
+            self.witness.entitled.add(run)
+        self.witness.starting -= 1
+
+    async def viewer_starts(self) -> None:
+        answer = await self._post("/scans", "viewer", capture=True, name="part")
+        assert answer.status_code == 403, answer.text
+
+    async def operator_aborts(self) -> None:
+        if not self.run:
+            return
+        answer = await self._post(f"/runs/{self.run}/abort", "operator")
+        assert answer.status_code in (200, 409, 502), answer.text
+        self.witness.entitled.discard(self.run)
+        if answer.status_code == 200 and (self.cell.controller.armed or self.cell.moving):
+            self.witness.wrong.append("an abort was answered with 200 while the arm was moving or armed")
+
+    async def waits_for_a_move(self) -> None:
+        seen = self.witness.departures
+        with contextlib.suppress(AssertionError):
+            await eventually(lambda: self.witness.departures > seen or not self.run_in_progress(), MAX_IDLE_S)
+
+    async def gate_moves(self) -> None:
+        self.gate.inputs[0] = not self.gate.inputs[0]
+
+    async def link_breaks(self) -> None:
+        self.cell.inject_fault("link-reset", strikes=1)
+
+    async def reply_is_lost(self) -> None:
+        self.cell.inject_fault("link-reply-lost", strikes=2)
+
+    async def emergency_stop(self) -> None:
+        self.cell.presses_emergency_stop(not self.cell.controller.panel.emergency_stop)
+
+    async def readers_hang_up(self) -> None:
+        """A hundred requests for the robot whose clients disconnect."""
+        self.flood += [asyncio.create_task(self._read_and_hang_up()) for _ in range(100)]
+
+    async def _read_and_hang_up(self) -> None:
+        with contextlib.suppress(httpx.HTTPError):
+            await self.client.get("/robot", headers=bearer(self.keys["viewer"]), timeout=0.02)
+
+    def stop_flood(self) -> None:
+        for task in self.flood:
+            task.cancel()
+        self.flood.clear()
+
+
+STEPS = (
+    WatchedPlant.operator_starts,
+    WatchedPlant.viewer_starts,
+    WatchedPlant.operator_aborts,
+    WatchedPlant.waits_for_a_move,
+    WatchedPlant.gate_moves,
+    WatchedPlant.link_breaks,
+    WatchedPlant.reply_is_lost,
+    WatchedPlant.emergency_stop,
+    WatchedPlant.readers_hang_up,
+    WatchedPlant.restart,
+)
+
+
+@asynccontextmanager
+async def watched_plant(folder: Path) -> AsyncIterator[WatchedPlant]:
+    """A plant whose gate is closed, with a witness; nothing is in progress."""
+    gate = Gate()
+    server = await asyncio.start_server(gate.serve, "127.0.0.1", 0)
+    gate.port = server.sockets[0].getsockname()[1]
+    try:
+        async with running_cell(time_scale=20.0, devices=True, program="python") as cell:
+            plant = WatchedPlant(cell, gate, Witness(gate), folder)
+            plant.witness.watch(cell, plant.run_in_progress)
+            try:
+                await plant.start()
+                yield plant
+            finally:
+                await plant.stop()
+    finally:
+        server.close()
+        for writer in gate.writers:
+            writer.close()
+        await server.wait_closed()
