@@ -78,7 +78,7 @@ async def check_devices(settings: Settings) -> list[CheckResult]:
 def _daemon_url(settings: Settings) -> str:
     """The URL of a daemon with these settings on this machine."""
     server = settings.server
-    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(server.host, server.host)
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(server.host, server.host)  # noqa: S104 - it is asked at, not listened on
     scheme = "http" if server.certificate is None else "https"
     return f"{scheme}://[{host}]:{server.port}" if ":" in host else f"{scheme}://{host}:{server.port}"
 

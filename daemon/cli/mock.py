@@ -17,4 +17,4 @@ def mock(
     `handeyed mock run --help` lists its options; `handeyed mock faults` the faults it can simulate.
     """
     # Replaces this process: the daemon does not import the mock, and signals reach it directly.
-    os.execv(sys.executable, [sys.executable, "-m", "mock_robot", *(arguments or ["run"])])
+    os.execv(sys.executable, [sys.executable, "-m", "mock_robot", *(arguments or ["run"])])  # noqa: S606 - our own mock

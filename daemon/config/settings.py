@@ -69,7 +69,7 @@ class SettlingSettings(Document):
 class EgmSettings(Document):
     """The vibration monitor: where the controller sends EGM packets, and how much the flange may vibrate."""
 
-    host: str = "0.0.0.0"
+    host: str = "0.0.0.0"  # noqa: S104 - the controller's network is not known here; `robot` names the sender
     port: Annotated[int, Field(ge=0, le=65535)] = 6510
     robot: str | None = None
     window_s: Annotated[float, Field(gt=0, le=5)] = 0.25

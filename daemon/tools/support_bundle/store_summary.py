@@ -40,7 +40,8 @@ def last_runs(folder: Path) -> list[dict[str, Any]]:
 def _counts(db: sqlite3.Connection) -> Iterator[tuple[str, int]]:
     names = [row[0] for row in db.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")]
     for name in names:
-        yield name, db.execute(f'SELECT COUNT(*) FROM "{name}"').fetchone()[0]
+        quoted = name.replace('"', '""')
+        yield name, db.execute(f'SELECT COUNT(*) FROM "{quoted}"').fetchone()[0]  # noqa: S608 - a name, quoted
 
 
 def _rows(db: sqlite3.Connection, query: str) -> list[dict[str, Any]]:

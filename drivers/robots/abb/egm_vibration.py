@@ -47,7 +47,7 @@ class ReceivedSample:
 class EgmAddress:
     """Address to listen on, and the only accepted sender when one is named."""
 
-    host: str = "0.0.0.0"
+    host: str = "0.0.0.0"  # noqa: S104 - the controller's network is not known here; `robot` names the sender
     port: int = PORT
     robot: str | None = None
 
