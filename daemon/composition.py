@@ -1,6 +1,5 @@
 """Composition root: builds the application from its settings."""
 
-import gc
 import logging
 import os
 import random
@@ -128,6 +127,6 @@ def serve(settings: Settings, *, ready_file: Path | None = None) -> None:
 
 async def _serve(settings: Settings, announce: Announce) -> None:
     application = build(settings, open_devices)
-    gc.collect()
-    gc.freeze()  # what lives as long as the process: looking through it would keep the event loop for 75 ms each time
-    await Server(application, announce).listen()
+    server = Server(application, announce)
+    await server.prepare()
+    await server.listen()

@@ -1,6 +1,7 @@
 """The daemon's process: uvicorn, signals, and the announcement of its URL."""
 
 import asyncio
+import gc
 import json
 import os
 import signal
@@ -17,7 +18,7 @@ from typing import Any
 import uvicorn
 
 from daemon.access.tls_context import server_context
-from daemon.api.app import create_api
+from daemon.api.app import create_api, prepare, routes
 from daemon.application import Application
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.http.connections import limited_connection
@@ -43,11 +44,13 @@ class Server(uvicorn.Server):
 
     def __init__(self, application: Application, announce: Announce, limiter: ConnectionLimiter | None = None) -> None:
         self._limiter = limiter or ConnectionLimiter()
+        self._routes = routes(application)
         super().__init__(
             uvicorn.Config(
-                create_api(application),
+                create_api(self._routes, application),
                 http=partial(limited_connection, self._limiter),  # type: ignore[arg-type] # called, never subclassed
                 ws="none",
+                proxy_headers=False,  # anybody on this machine could give themselves another address
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=KEEP_ALIVE_S,
                 log_config=None,
@@ -60,6 +63,12 @@ class Server(uvicorn.Server):
         self._loop: asyncio.AbstractEventLoop | None = None
         self._listener: socket.socket | None = None
         self._tls: ssl.SSLContext | None = None
+
+    async def prepare(self) -> None:
+        """Do before the first request what would keep the event loop then: routes, openapi.json, garbage collection."""
+        await prepare(self._routes)
+        gc.collect()
+        gc.freeze()  # what lives as long as the process is not looked through again
 
     async def listen(self) -> None:
         """Serve until a signal comes or `should_exit` is set. Raises PortTaken, CertificateUnusable."""

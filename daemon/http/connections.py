@@ -7,6 +7,7 @@ progress is cut off, and what follows a request is not parsed before that reques
 
 import asyncio
 import select
+from contextlib import suppress
 from typing import Any
 
 import httptools
@@ -266,7 +267,8 @@ class LimitedConnection(HttpToolsProtocol):
         self._lingering = True
         self._held = b""
         if self.transport.can_write_eof():
-            self.transport.write_eof()
+            with suppress(OSError):  # the client has reset the connection
+                self.transport.write_eof()
         self.flow.resume_reading()
         self.loop.call_later(self._limits.linger_s, self.transport.close)
 

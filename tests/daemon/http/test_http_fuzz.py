@@ -1,0 +1,45 @@
+"""Any bytes on any connection: no answer is an error of the daemon's, and it answers afterwards."""
+
+import asyncio
+import gc
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from daemon.access.roles import Role
+from tests.daemon.access_keys import TEST
+from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.http.http_fuzz import Answers, Target, send_streams
+from tests.daemon.http.tls_files import certificate, trusting
+from tests.support.cases import cases
+from tests.support.waiting import eventually
+
+MAX_STALL_S = 0.1
+"""Processor time of one turn of the event loop."""
+
+
+@pytest.fixture
+def heap_of_a_new_process() -> Iterator[None]:
+    """Without what other tests left behind, which the garbage collector would look through on the loop."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("heap_of_a_new_process")
+@pytest.mark.parametrize("secured", [False, True], ids=["plain", "tls"])
+async def test_random_and_damaged_streams(tmp_path: Path, secured: bool) -> None:
+    server = certificate(tmp_path / "tls") if secured else {}
+    async with serving(settings_for(tmp_path / "store", server=server)) as bench:
+        key, _ = await bench.application.key_service.add("viewer", Role.VIEWER, TEST)
+        target = Target(urlsplit(bench.url).port or 0, key, trusting(tmp_path / "tls") if secured else None)
+        answers = Answers()
+        bench.application.loop_monitor.reset()
+        await asyncio.to_thread(asyncio.run, send_streams([target], range(cases(300)), 1, answers))
+        assert bench.application.loop_monitor.longest().processor_s < MAX_STALL_S
+        await eventually(lambda: not bench.server.server_state.connections and not bench.server.server_state.tasks)
+    assert answers.failures == {}
+    assert {200, 400, 401, 404} <= set(answers.by_status)
