@@ -16,6 +16,9 @@ TOP = "document"
 MAX_PROBLEMS = 20
 """Problems of a document that an error names; more are counted in one last line."""
 
+MAX_EXACT_FLOAT = 2.0**53
+"""Up to this every whole number is a float."""
+
 MAX_NAME_LENGTH = 60
 """Characters of a name in a message; a longer one is shortened, and no similar name is searched for."""
 
@@ -53,6 +56,29 @@ def validate_document(model: type[Model], data: Any, origin: str) -> Model:
 
 def _syntax_error(origin: str, place: str, what: str) -> DocumentError:
     return DocumentError(origin, [DocumentProblem(place, what, "restore the file, or write it again")])
+
+
+def validate_json(model: type[Model], data: Any, origin: str) -> Model:
+    """`data` (as json gives it) as `model`, with JSON's types: "3" is no number and 1 no boolean. Raises DocumentError.
+
+    A number like 3.0 is an integer, as in JSON Schema.
+    """
+    try:
+        return model.model_validate_json(json.dumps(_with_integers(data)), strict=True)
+    except RecursionError:
+        raise DocumentError(origin, [DocumentProblem(TOP, "it nests too deep", "send less")]) from None
+    except ValidationError as error:
+        details = error.errors(include_url=False, include_context=False)
+        raise DocumentError(origin, _problems(model, details)) from None
+
+
+def _with_integers(data: Any) -> Any:
+    """`data` with integers for floats that are whole numbers."""
+    if isinstance(data, float) and data.is_integer() and abs(data) < MAX_EXACT_FLOAT:
+        return int(data)
+    if isinstance(data, dict):
+        return {key: _with_integers(value) for key, value in data.items()}
+    return [_with_integers(value) for value in data] if isinstance(data, list) else data
 
 
 def _problems(model: type[BaseModel], details: Sequence[Any]) -> list[DocumentProblem]:

@@ -15,7 +15,7 @@ from calibration.documents.validation import (
     limit_problems,
     nearest_fix,
     shortened,
-    validate_document,
+    validate_json,
 )
 from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, InvalidRequest
@@ -95,7 +95,7 @@ class JsonBody(Generic[Model]):
 
     async def __call__(self, request: Request) -> Model:
         """Raises DocumentError, BodyMalformed."""
-        return validate_document(self.model, _json(await request.body()), ORIGIN)
+        return validate_json(self.model, _json(await request.body()), ORIGIN)
 
 
 class _Nothing(Document):

@@ -20,8 +20,14 @@ _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6,
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
 
 
-NAME_PATTERN = r"^[^\x00-\x1f\x7f]*$"
-"""No control characters: it is printed and logged."""
+NAME_PATTERN = r"^[^\x00-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]*$"
+"""No control characters (C0, C1), and none that change the direction of text or cannot be seen: names are printed."""
+
+
+def _require_printable(name: str) -> str:
+    if not name.isprintable():
+        raise ValueError("it has a character that cannot be printed; leave it out")
+    return name
 
 
 def _validate_applied_by(name: str) -> str:
@@ -89,7 +95,7 @@ class ScanRequest(Document):
 
     model_config = _examples({"name": "door 4711"}, {"name": "door 4711", "capture": True, "refine": True})
 
-    name: Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
+    name: Annotated[str, Field(max_length=200, pattern=NAME_PATTERN), AfterValidator(_require_printable)] = ""
     capture: bool = False
     refine: bool = False
     poses: Stations | None = None
