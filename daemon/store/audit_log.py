@@ -11,6 +11,8 @@ from daemon.store.anchor_file import read_anchor, set_anchor_aside, write_anchor
 from daemon.store.consistency import ACKNOWLEDGED, AUDIT_COLUMNS, StoreFault, find_audit_fault, open_read_only
 from daemon.store.database import Database, storage_errors
 
+_MAX_SEQUENCE = 2**63 - 1
+
 
 class AuditLog:
     """Reads and anchors the log. Its rows are written by the store's own changes."""
@@ -22,8 +24,9 @@ class AuditLog:
 
     async def rows(self, limit: int, before: int | None) -> list[AuditRow]:
         """Up to `limit` rows with a sequence below `before`, newest first."""
-        query = f"SELECT {AUDIT_COLUMNS} FROM audit WHERE ?1 IS NULL OR sequence < ?1 ORDER BY sequence DESC LIMIT ?2"
-        rows = await self._database.read(lambda db: db.execute(query, (before, limit)).fetchall())
+        query = f"SELECT {AUDIT_COLUMNS} FROM audit WHERE sequence < ? ORDER BY sequence DESC LIMIT ?"
+        end = _MAX_SEQUENCE if before is None else before
+        rows = await self._database.read(lambda db: db.execute(query, (end, limit)).fetchall())
         return [AuditRow(*row) for row in rows]
 
     async def append(self, context: AuditContext, at: str, action: str, subject: str, **detail: Any) -> None:
