@@ -9,6 +9,7 @@ import httpx
 from daemon.config.settings import Settings
 
 MAX_ANSWER_S = 5.0
+MAX_ANSWER_BYTES = 5_000_000
 LOG_LINES = 5000
 PAGES = ("/health", "/ready", "/metrics", "/runs?limit=5")
 
@@ -32,12 +33,22 @@ def fetch_pages(settings: Settings) -> dict[str, str]:
     ) as client:
         for path in PAGES:
             try:
-                answer = client.get(path)
+                pages[path] = _answer_of(client, path)
             except httpx.HTTPError as error:
                 pages[path] = f"no answer: {type(error).__name__}: {error}"
                 break
-            pages[path] = f"{answer.status_code}\n{answer.text}"
     return pages
+
+
+def _answer_of(client: httpx.Client, path: str) -> str:
+    """Status and the first MAX_ANSWER_BYTES of the answer, as sent: another program may listen at the port."""
+    content = bytearray()
+    with client.stream("GET", path, headers={"Accept-Encoding": "identity"}) as answer:
+        for piece in answer.iter_raw():
+            content += piece
+            if len(content) > MAX_ANSWER_BYTES:
+                break
+    return f"{answer.status_code}\n{content[:MAX_ANSWER_BYTES].decode('utf-8', 'replace')}"
 
 
 def output_of(command: Sequence[str]) -> str:

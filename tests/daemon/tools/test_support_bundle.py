@@ -1,5 +1,6 @@
 """A support bundle tells an engineer what is needed, and nobody a secret: secrets are planted, and looked for."""
 
+import gzip
 import io
 import json
 import sqlite3
@@ -15,6 +16,7 @@ from daemon.cli.main import app
 from daemon.tools.support_bundle.bundle import gather
 from daemon.tools.support_bundle.redaction import REMOVED, redact, redact_values
 from tests.daemon.cell_under_test import serving, settings_for
+from tests.drivers.http_devices import Answer, http_device
 
 NOW = datetime(2026, 11, 21, 9, tzinfo=UTC)
 
@@ -129,6 +131,17 @@ async def test_what_an_engineer_needs_is_inside(tmp_path: Path) -> None:
     assert "no answer" in found["daemon-health.txt"]
 
 
+def test_another_program_at_the_daemons_port_does_not_fill_the_bundle(tmp_path: Path) -> None:
+    bomb = gzip.compress(bytes(60_000_000))
+    with http_device(Answer(bomb, headers={"Content-Encoding": "gzip"})) as device:
+        device.answers["/metrics"] = Answer(b"x" * 6_000_000)
+        config = tmp_path / "handeyed.toml"
+        config.write_text(filled(SETTINGS).replace("{{folder}}", "store").replace("port = 1", f"port = {device.port}"))
+        found = gather(config, NOW).files
+    assert len(found["daemon-health.txt"]) <= 2 * len(bomb)
+    assert found["daemon-metrics.txt"] == f"200\n{REMOVED}"
+
+
 def test_settings_that_cannot_be_loaded_are_no_reason_to_stop(tmp_path: Path) -> None:
     config = tmp_path / "broken.toml"
     config.write_text('[robot]\naddress = "tcp://r:1"\npassword = "s3cr3t-of-the-camera"\n')
@@ -150,6 +163,14 @@ def test_the_command(tmp_path: Path) -> None:
     nowhere = CliRunner().invoke(app, ["support-bundle", str(config), "--out", "/proc/nowhere/out.tar.gz"])
     assert nowhere.exit_code == 1
     assert "/proc/nowhere" in nowhere.output
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(
+    "word", ["x", "a-", "secret", "http://", "-----BEGIN ", "+", "AAAA-", "bearer ", "://", "hek_"]
+)
+def test_a_hostile_log_takes_no_quadratic_time(word: str) -> None:
+    redact(word * (300_000 // len(word)))
 
 
 @pytest.mark.parametrize(
