@@ -27,6 +27,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "hand_eye.peers": ("--cells", "20"),
     "daemon.http": ("--rounds", "8"),
     "daemon.link": ("--schedules", "10", "--reads", "10", "--reconnects", "50"),
+    "daemon.readers": ("--readers", "100", "--rounds", "3"),
     "daemon.restart": ("--starts", "5"),
     "daemon.schemathesis": ("--cases", "300"),
     "daemon.soak": ("--minutes", "1"),

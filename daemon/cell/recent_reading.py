@@ -13,27 +13,21 @@ MAX_AGE_S = 0.1
 class RecentReading(Generic[Answer]):
     """A reading of `source` that is in progress, or ended at most MAX_AGE_S ago, else a new one.
 
-    A reading that nobody waits for any more is cancelled. Errors are given to those who wait, and not again.
+    A reading goes on when all who wait have left, and is given to the next: one that is asked for and given up again
+    and again would reach the device each time. Errors are given to those who wait, and not again.
     """
 
     def __init__(self, source: Callable[[], Awaitable[Answer]], monotonic_s: Callable[[], float]) -> None:
         self._source, self._monotonic_s = source, monotonic_s
         self._reading: asyncio.Task[Answer] | None = None
-        self._waiting = 0
         self._ended_s = 0.0
 
     async def read(self) -> Answer:
         """The reading. Raises what the source raises."""
         if self._reading is None or self._is_old(self._reading):
             self._reading = asyncio.create_task(self._read())
-        reading = self._reading
-        self._waiting += 1
-        try:
-            return await asyncio.shield(reading)
-        finally:
-            self._waiting -= 1
-            if not self._waiting and not reading.done():
-                reading.cancel()
+            self._reading.add_done_callback(_retrieve)
+        return await asyncio.shield(self._reading)
 
     async def _read(self) -> Answer:
         answer = await self._source()
@@ -42,6 +36,12 @@ class RecentReading(Generic[Answer]):
 
     def _is_old(self, reading: "asyncio.Task[Answer]") -> bool:
         if not reading.done():
-            return reading.cancelling() > 0
+            return False
         failed = reading.cancelled() or reading.exception() is not None
         return failed or self._monotonic_s() - self._ended_s > MAX_AGE_S
+
+
+def _retrieve(reading: "asyncio.Task[Answer]") -> None:
+    """Retrieve an error that nobody waits for any more, so that asyncio does not log it."""
+    if not reading.cancelled():
+        reading.exception()

@@ -18,18 +18,19 @@ HUNG_UP = 20
 
 
 class SilentRobot(FakeRobot):
-    """Answers no status request while `silent`."""
+    """Answers a status request when `answers` is set."""
 
-    silent = False
-    waiting = 0
+    def __init__(self) -> None:
+        super().__init__()
+        self.waiting, self.answers = 0, asyncio.Event()
+        self.answers.set()
 
     async def read_status(self) -> RobotStatus:
-        if self.silent:
-            self.waiting += 1
-            try:
-                await asyncio.Event().wait()
-            finally:
-                self.waiting -= 1
+        self.waiting += 1
+        try:
+            await self.answers.wait()
+        finally:
+            self.waiting -= 1
         return await super().read_status()
 
 
@@ -60,15 +61,17 @@ async def test_waits_for_a_run_end_with_their_clients(bench: Bench) -> None:
     assert (await bench.run_over(location))["state"] == "finished"
 
 
-async def test_a_request_to_a_device_leaves_its_queue(silent: tuple[Bench, SilentRobot]) -> None:
+async def test_those_who_hang_up_leave_one_request_to_a_device(silent: tuple[Bench, SilentRobot]) -> None:
     bench, robot = silent
-    robot.silent = True
-    asked = [await RawRequest.send(bench, "GET /robot") for _ in range(HUNG_UP)]
-    await eventually(lambda: robot.waiting > 0)
-    for one in asked:
-        await one.hang_up()
-    await eventually(lambda: robot.waiting == 0)
-    robot.silent = False
+    robot.answers.clear()
+    before = len(asyncio.all_tasks())
+    for _ in range(HUNG_UP):
+        asked = await RawRequest.send(bench, "GET /robot")
+        await eventually(lambda: robot.waiting == 1)
+        await asked.hang_up()
+    await eventually(lambda: len(asyncio.all_tasks()) <= before + 1)
+    assert robot.waiting == 1
+    robot.answers.set()
     assert (await bench.client.get("/robot")).status_code == 200
 
 
