@@ -32,7 +32,7 @@ class HttpLimits:
     """
 
     head_s: float = 10.0
-    head_bytes: int = 65_536
+    head_bytes: int = 32_768
     headers: int = 100
     body_s: float = 10.0
     body_bytes_per_s: float = 1000.0

@@ -19,14 +19,21 @@ from daemon.http.problem_details import MEDIA_TYPE, Problem
 from daemon.http.receive_buffer import BUFFER_BYTES, BufferedConnection
 from daemon.http.tls_handshake import PendingTlsConnection
 
-Refusal = tuple[int, str, str, str]
 
-MALFORMED: Refusal = (
+def _answer(status: int, code: str, detail: str, fix: str) -> bytes:
+    """A whole answer, after which the connection is closed."""
+    problem = Problem.of(status, code, detail, fix)
+    body = problem.model_dump_json(exclude_none=True).encode()
+    head = f"HTTP/1.1 {status} {problem.title}\r\nContent-Type: {MEDIA_TYPE}\r\nContent-Length: {len(body)}\r\n"
+    return f"{head}Connection: close\r\n\r\n".encode() + body
+
+
+MALFORMED = _answer(
     400, "request-malformed", "this is not an HTTP/1.1 request", "send one, without trailers; for TLS use https://"
-)  # fmt: skip
-TOO_SLOW: Refusal = (408, "request-too-slow", "the request did not come in time", "send it in one go")
-TOO_LONG: Refusal = (431, "head-too-large", "the request's head is too large", "send fewer or shorter headers")
-TOO_MANY: Refusal = (503, "too-many-connections", "too many connections are open", "close some, and ask again")
+)
+TOO_SLOW = _answer(408, "request-too-slow", "the request did not come in time", "send it in one go")
+TOO_LONG = _answer(431, "head-too-large", "the request's head is too large", "send fewer or shorter headers")
+TOO_MANY = _answer(503, "too-many-connections", "too many connections are open", "close some, and ask again")
 
 MAX_CHUNK_BYTES = 65_536
 """Bytes parsed at once, except of a body with Content-Length."""
@@ -88,7 +95,7 @@ class LimitedConnection(HttpToolsProtocol):
         answering = self._lingering or self.transport.get_write_buffer_size() or self._answer_has_begun
         if not answering and self.scheme == "http":  # TLS would wait for the client before closing
             self._drop_request()
-            self.transport.write(_answer(TOO_MANY))
+            self.transport.write(TOO_MANY)
             self.transport.close()
         else:
             self.transport.abort()
@@ -245,13 +252,13 @@ class LimitedConnection(HttpToolsProtocol):
         poll.register(self.transport.get_extra_info("socket").fileno(), select.POLLRDHUP)
         return bool(poll.poll(0))
 
-    def _refuse(self, refusal: Refusal) -> None:
-        """Answer with a problem document, unless an answer is in progress, and close the connection."""
+    def _refuse(self, answer: bytes) -> None:
+        """Send this answer, unless another is in progress, and close the connection."""
         if self._answer_has_begun:
             self.transport.abort()
         else:
             self._drop_request()
-            self.transport.write(_answer(refusal))
+            self.transport.write(answer)
             self.linger()
 
     def _drop_request(self) -> None:
@@ -305,11 +312,3 @@ def _next_end(data: bytes) -> int:
 
 def _content_length(headers: list[tuple[bytes, bytes]]) -> int:
     return next((int(value) for name, value in headers if name == b"content-length"), 0)
-
-
-def _answer(refusal: Refusal) -> bytes:
-    status, code, detail, fix = refusal
-    problem = Problem.of(status, code, detail, fix)
-    body = problem.model_dump_json(exclude_none=True).encode()
-    head = f"HTTP/1.1 {status} {problem.title}\r\nContent-Type: {MEDIA_TYPE}\r\nContent-Length: {len(body)}\r\n"
-    return f"{head}Connection: close\r\n\r\n".encode() + body

@@ -18,6 +18,9 @@ log = logging.getLogger(__name__)
 PAUSE_S = 0.5
 """Pause after an accept that failed, usually for want of descriptors."""
 
+SHUTDOWN_S = 2.0
+"""How long the end of a TLS connection may take; meanwhile it keeps 100 kB. asyncio's default is 30 s."""
+
 
 class PendingTlsConnection:
     """A connection during its TLS handshake."""
@@ -54,7 +57,7 @@ class PendingTlsConnection:
         self._begun = True
         with suppress(OSError):  # ssl.SSLError is one
             await asyncio.get_running_loop().connect_accepted_socket(
-                follows, self._connection, ssl=context, ssl_handshake_timeout=limit_s
+                follows, self._connection, ssl=context, ssl_handshake_timeout=limit_s, ssl_shutdown_timeout=SHUTDOWN_S
             )
 
 

@@ -64,6 +64,12 @@ def test_network_serial_lines_and_cameras_still_work() -> None:
     assert "192.168.0.0/16" in settings["IPAddressAllow"][0]
 
 
+def test_memory_has_a_limit_that_ends_the_daemon_and_starts_it_again() -> None:
+    settings = _settings()
+    assert settings["MemoryMax"] == ["2G"]
+    assert settings["Restart"] == ["on-failure"]  # which an end for want of memory is
+
+
 def test_the_watchdog_is_fed_by_the_daemon_and_state_lies_where_the_settings_say() -> None:
     settings = _settings()
 
