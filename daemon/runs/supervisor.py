@@ -182,8 +182,8 @@ class Supervisor:
             run = await self.run(run_id)
             self._require_stopped(run_id)
             raise RunOver(f"run {run.id} has {run.state} already", "there is nothing to stop")
-        if not current.log.concluding:
-            current.aborted_by = current.aborted_by or by
+        if not (current.log.concluding or current.aborted_by):  # a second cancellation would end its cleaning up
+            current.aborted_by = by
             current.task.cancel()
             self._cell.stop_motion()
         await asyncio.wait([current.task])

@@ -24,6 +24,7 @@ class AccessKeys:
 
     def __init__(self, database: Database, reader: Database | None = None) -> None:
         self._database = database
+        self._any_ever = False
         self._rows = SharedReading(partial((reader or database).read, _all))
 
     async def all(self) -> list[KeyRecord]:
@@ -32,7 +33,8 @@ class AccessKeys:
 
     async def any_ever(self) -> bool:
         """True when a key was ever added. From then on requests need one, also after the last has expired."""
-        return bool(await self._rows.read())
+        self._any_ever = self._any_ever or bool(await self._rows.read())
+        return self._any_ever
 
     async def find(self, key: str) -> KeyRecord | None:
         """The record of a key, valid or not; None for an unknown key."""

@@ -65,18 +65,20 @@ async def test_an_arm_that_comes_to_rest_is_commanded_once_and_waited_for() -> N
 
 
 @pytest.mark.parametrize(
-    ("answers", "told"),
+    ("answers", "published"),
     [
         ((ARMED, CONFIRMED), [(True, False), (True, True)]),
         ((LOST, LOST, ARMED, CONFIRMED), [(False, False), (True, False), (True, True)]),
         ((RuntimeError("a defect"), CONFIRMED), [(False, False), (True, True)]),
     ],
 )
-async def test_what_is_not_confirmed_is_tried_again_and_told(answers: Any, told: list[tuple[bool, bool]]) -> None:
+async def test_what_is_not_confirmed_is_tried_again_and_published(
+    answers: Any, published: list[tuple[bool, bool]]
+) -> None:
     robot = Controller(*answers)
     async with stopping(robot) as (safe_stop, events):
         assert await safe_stop.stop_and_disarm() is None
-        assert facts(events) == told
+        assert facts(events) == published
         assert robot.stops == len(answers)
         assert safe_stop.warnings() == []
 
@@ -126,7 +128,7 @@ async def test_an_arm_that_stands_is_not_stopped_again_while_its_link_is_down() 
         await eventually(lambda: safe_stop.unconfirmed is None)
 
 
-async def test_an_arm_armed_without_a_lease_is_disarmed_and_told() -> None:
+async def test_an_arm_armed_without_a_lease_is_disarmed_and_published() -> None:
     robot = FakeRobot(armed=True)
     async with stopping(robot) as (safe_stop, events):
         await safe_stop.start()
