@@ -65,6 +65,9 @@ class Places:
     def __len__(self) -> int:
         return len(self._networks)
 
+    def __contains__(self, one: Connection) -> bool:
+        return one in self._networks
+
     def has_room_for(self, newcomer: Connection) -> bool:
         """True when neither all places nor those of the newcomer's address are taken."""
         return len(self) < self._count and len(self._of(network_of(newcomer.address))) < self._count // 2
@@ -114,8 +117,11 @@ class ConnectionLimiter:
         self.unauthenticated.take(newcomer)
 
     def authenticate(self, one: Connection) -> None:
-        """The connection has shown a valid key: from now on it is not displaced, as long as there are places."""
-        if self.authenticated.has_room_for(one):
+        """The connection has shown a valid key: from now on it is not displaced, as long as there are places.
+
+        One that has ended meanwhile takes none.
+        """
+        if one in self.unauthenticated and self.authenticated.has_room_for(one):
             self.unauthenticated.leave(one)
             self.authenticated.take(one)
 

@@ -106,6 +106,10 @@ class LimitedConnection(HttpToolsProtocol):
         self._limiter.release(self)
         self._held = b""
         super().connection_lost(exc)
+        self._unset_keepalive_if_required()
+        # Without these references the connection is freed at once, with the 100 kB that TLS keeps for it, and not when
+        # the garbage collector comes by.
+        self.cycle = self.scope = None  # type: ignore[assignment]
 
     def data_received(self, data: bytes | memoryview) -> None:
         if self._lingering or self.transport.is_closing():

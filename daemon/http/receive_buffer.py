@@ -33,6 +33,22 @@ class ConnectionProtocol(Protocol):
     def resume_writing(self) -> None: ...
 
 
+class _Lost:
+    """Takes the place of a connection that is lost, and does nothing."""
+
+    max_chunk_bytes = BUFFER_BYTES
+
+    def connection_made(self, transport: Any) -> None: ...
+    def data_received(self, data: memoryview) -> None: ...
+    def eof_received(self) -> bool | None: ...
+    def connection_lost(self, exc: Exception | None) -> None: ...
+    def pause_writing(self) -> None: ...
+    def resume_writing(self) -> None: ...
+
+
+_LOST = _Lost()
+
+
 class BufferedConnection(asyncio.BufferedProtocol):
     """BufferedProtocol that lets all connections of a server share one receive buffer, and passes each a view of it."""
 
@@ -53,6 +69,7 @@ class BufferedConnection(asyncio.BufferedProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._connection.connection_lost(exc)
+        self._connection = _LOST  # the transport refers to this object, and the connection to its transport
 
     def pause_writing(self) -> None:
         self._connection.pause_writing()

@@ -258,6 +258,14 @@ def test_the_address_with_most_connections_makes_room() -> None:
     assert len(places) == 0
 
 
+def test_a_connection_that_ends_before_its_key_is_found_valid_takes_no_place() -> None:
+    limiter, gone = ConnectionLimiter(FEW), FakeConnection("10.0.0.1")
+    limiter.admit(gone)
+    limiter.release(gone)
+    limiter.authenticate(gone)
+    assert (len(limiter.unauthenticated), len(limiter.authenticated)) == (0, 0)
+
+
 def test_a_machine_does_not_gain_by_its_many_ipv6_addresses() -> None:
     assert network_of("2001:db8::1") == network_of("2001:db8::ffff:1") != network_of("2001:db8:0:1::1")
     assert network_of("::ffff:10.0.0.1") == network_of("10.0.0.1") != network_of("10.0.0.2")
