@@ -117,17 +117,19 @@ def a_frame() -> CameraFrame:
     return CameraFrame(np.zeros((2, 2), np.uint8), 0.0)
 
 
-async def test_a_run_goes_before_a_reader_and_shares_its_frame() -> None:
+async def test_a_run_waits_for_one_reader_and_shares_its_frame_with_the_next() -> None:
     camera = SlowCamera()
     turns = CameraTurns(camera, Clock(monotonic_s=lambda: 5.0))
-    reader = asyncio.create_task(turns.read())
+    first = asyncio.create_task(turns.read())
     await settle()
     run = asyncio.create_task(turns.grab(7.0))
     await settle()
-    assert (camera.grabs, camera.cancelled) == ([5.0, 7.0], [5.0])
-    camera.frames.put_nowait(frame := a_frame())
-    assert await run is frame
-    assert await reader is frame
+    second = asyncio.create_task(turns.read())
+    await settle()
+    assert (camera.grabs, camera.cancelled) == ([5.0], [])
+    for frame in (of_reader := a_frame(), of_run := a_frame()):
+        camera.frames.put_nowait(frame)
+    assert (await first, await run, await second) == (of_reader, of_run, of_run)
     assert camera.grabs == [5.0, 7.0]
 
 
