@@ -24,6 +24,7 @@ class CameraTurns:
         self._runs += 1
         try:
             async with self._turn:
+                self._latest = None
                 with errors_of("camera"):
                     self._latest = await self._camera.grab(newer_than_s)
                 return self._latest

@@ -164,3 +164,18 @@ async def test_many_requests_cost_a_device_few_readings(bench: Bench, path: str)
     answers = await asyncio.gather(*(bench.client.get(path) for _ in range(50)))
     assert {answer.status_code for answer in answers} == {200}
     assert bench.robot.requests + bench.camera.pictures - before <= 3
+
+
+async def test_a_reader_does_not_receive_an_older_frame_when_the_runs_grab_fails() -> None:
+    camera = SlowCamera()
+    turns = CameraTurns(camera, Clock(monotonic_s=lambda: 5.0))
+    camera.frames.put_nowait(a_frame())
+    await turns.grab(1.0)
+    run = asyncio.create_task(turns.grab(7.0))
+    await settle()
+    reader = asyncio.create_task(turns.read())
+    await settle()
+    run.cancel()
+    await settle()
+    camera.frames.put_nowait(new := a_frame())
+    assert await reader is new
