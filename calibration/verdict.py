@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.kinematics.robot_accuracy import MAX_USUAL_NOISE
+from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, MAX_USUAL_NOISE
 from calibration.observability import summarise_motion
 from calibration.problem import Problem
 from calibration.solution import Finding, Noise, Solution, Verdict
@@ -13,16 +13,20 @@ from calibration.solution import Finding, Noise, Solution, Verdict
 
 @dataclass(frozen=True)
 class VerdictLimits:
-    """Limits of acceptance. Beyond `point_mm` a solution is rejected; the others raise warnings of likely causes."""
+    """Limits of acceptance. Beyond `point_mm` or what is `possible` for a robot or a view left out, a solution is
+    rejected; the others raise warnings of likely causes."""
 
     point_mm: float = 2.0
     point_warning_mm: float = 0.5
     axis_angle_rad: float = float(np.radians(15.0))
     robot_translation_mm: float = MAX_USUAL_NOISE.translation_mm
     robot_rotation_rad: float = MAX_USUAL_NOISE.rotation_rad
+    possible_translation_mm: float = MAX_POSSIBLE_NOISE.translation_mm
+    possible_rotation_rad: float = MAX_POSSIBLE_NOISE.rotation_rad
     image_px: float = 0.5
     rejected_share: float = 0.34
     hold_out_ratio: float = 3.0
+    possible_hold_out_mm: float = 40.0
 
 
 DEFAULT_VERDICT_LIMITS = VerdictLimits()
@@ -69,6 +73,29 @@ def robot_findings(noise: Noise, limits: VerdictLimits, fix: str) -> Iterator[Fi
         yield Finding("robot-noise", "warning", f"the robot's poses scatter by {translation_mm:.2g} mm{and_turns}", fix)
 
 
+def contradiction_findings(
+    noise: Noise, hold_out_mm: float | None, limits: VerdictLimits, fix: str
+) -> Iterator[Finding]:
+    """When poses and images disagree by more than any robot errs: whatever X is found says nothing then.
+
+    `hold_out_mm`: by how much views left out are missed, None when none were.
+    """
+    translation_mm, rotation_rad = noise.robot_translation_mm or 0.0, noise.robot_rotation_rad or 0.0
+    missed = "" if hold_out_mm is None else f", and views left out are missed by {hold_out_mm:.3g} mm"
+    if (
+        translation_mm > limits.possible_translation_mm
+        or rotation_rad > limits.possible_rotation_rad
+        or (hold_out_mm or 0.0) > limits.possible_hold_out_mm
+    ):
+        yield Finding(
+            "poses-contradict-images",
+            "error",
+            f"poses and images contradict each other by {translation_mm:.2g} mm and {np.degrees(rotation_rad):.2g}"
+            f" degrees, more than any robot errs by{missed}",
+            fix,
+        )
+
+
 def rejection_findings(rejected: int, views: int, limits: VerdictLimits, suffix: str, fix: str) -> Iterator[Finding]:
     """When too large a share of `views` was `rejected` for contradicting the others; `suffix` ends the sentence."""
     if rejected > limits.rejected_share * views:
@@ -97,6 +124,12 @@ def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterat
 def _robot(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     fix = "check tool and work object of the reported pose, the settling time, the camera mount and the arm's zero"
     return robot_findings(solution.noise, limits, fix)
+
+
+def _contradiction(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
+    hold_out_mm = None if solution.hold_out is None else solution.hold_out.base_error_mm
+    fix = "check the convention, the units and the order of the poses, the setup, and which image belongs to which pose"
+    return contradiction_findings(solution.noise, hold_out_mm, limits, fix)
 
 
 def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
@@ -141,4 +174,4 @@ def _typical_base_error(solution: Solution) -> float | None:
     return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
 
 
-RULES: tuple[Rule, ...] = (_point, _axes, _robot, _image, _rejections, _hold_out)
+RULES: tuple[Rule, ...] = (_contradiction, _point, _axes, _robot, _image, _rejections, _hold_out)

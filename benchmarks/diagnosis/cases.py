@@ -17,6 +17,8 @@ from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faults import Fault, clean_fit, poses_of, with_poses
 
 CAUSES = CHANGE_CODES | {convention.code for convention in CONVENTIONS}
+CAUSES |= {"setup-swapped", "poses-shifted", "poses-reversed", "poses-in-lexical-order", "poses-blocks-swapped"}
+CAUSES |= {"rotation-transposed", "euler-order", "vector-read-as-euler", "euler-read-as-vector"}
 CAUSES |= {"poses-off-by-one", "poses-swapped", "pose-mistyped", "board-turned", "intrinsics-do-not-fit"}
 SIZE = frozenset({"wrong-pitch", "target-scale"})
 CAUSES |= SIZE

@@ -5,19 +5,20 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import kronecker
+from calibration.diagnosis.angle_agreement import angles_between_images, choose_candidates
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit
 from calibration.diagnosis.hypothesis import Hypothesis
+from calibration.diagnosis.orientation_readings import READINGS, likely_readings
 from calibration.diagnosis.significance import NoisePosterior
+from calibration.problem import Setup
 from calibration.solver.target_scale_check import MIN_SCALE_ERROR
 from calibration.transforms import (
     Array,
     inverse,
     quaternion_from_rotation,
-    rotation_angle_rad,
     rotation_from_quaternion,
     rotation_from_vector,
     transform,
@@ -65,44 +66,8 @@ def _degrees_read_as_radians(base_T_flange: Array, camera_T_target: Array) -> Ar
     degrees = np.concatenate([wrapped[:, None] + turns, wrapped[:, None] - turns[1:]], axis=1)  # (n, 57)
     rotations = rotation_from_vector((np.radians(degrees)[..., None] * axes[:, None]).reshape(-1, 3))
     rotations = rotations.reshape(len(vectors), -1, 3, 3)
-    seen = rotation_angle_rad(camera_T_target[:, None, :3, :3] @ np.swapaxes(camera_T_target[None, :, :3, :3], 2, 3))
-    chosen = _turns_that_agree(rotations, seen)
+    chosen = choose_candidates(rotations, angles_between_images(camera_T_target))
     return transform(rotations[np.arange(len(vectors)), chosen], base_T_flange[:, :3, 3])
-
-
-def _turns_that_agree(rotations: Array, seen: Array) -> NDArray[np.intp]:
-    """The index (n,) of each view's reading (n, c, 3, 3) for which angles between views agree with `seen` (n, n).
-
-    Several readings may agree with one view, few with all, so the search starts from each reading of the first view.
-    """
-    from_first = np.array([_misses(rotations, first, seen[:, 0]) for first in rotations[0]])  # (c, n, c)
-    starts = from_first.argmin(axis=2)
-    starts[:, 0] = np.arange(len(starts))
-    best_total, best = np.inf, starts[0]
-    for start in starts[np.argsort(from_first[:, 1:].min(axis=2).sum(axis=1))[:UNWRAPPING_STARTS]]:
-        total, chosen = _refine_choice(rotations, seen, start)
-        if total < best_total:
-            best_total, best = total, chosen
-        if best_total < seen.size * AGREEMENT_TOLERANCE_RAD:
-            break
-    return np.asarray(best, np.intp)
-
-
-def _refine_choice(rotations: Array, seen: Array, chosen: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
-    """The total mismatch and each view's reading (n,), after rounds of choosing the best against the present ones."""
-    total = np.inf
-    for _ in range(UNWRAPPING_ROUNDS):
-        present = rotations[np.arange(len(chosen)), chosen]
-        misses = np.sum([_misses(rotations, one, seen[:, row]) for row, one in enumerate(present)], axis=0)
-        chosen, total = misses.argmin(axis=1), float(misses.min(axis=1).sum())
-    return total, chosen
-
-
-def _misses(rotations: Array, other: Array, seen: Array) -> Array:
-    """Mismatch (n, c) rad between the angle from another view (3, 3) to each reading (n, c, 3, 3) and `seen` (n,)."""
-    traces = rotations.reshape(*rotations.shape[:2], 9) @ other.ravel()
-    misses: Array = np.abs(np.arccos(np.clip((traces - 1) / 2, -1, 1)) - seen[:, None])
-    return misses
 
 
 MAX_CELL_MM = 20_000.0
@@ -111,12 +76,11 @@ MAX_CELL_MM = 20_000.0
 PITCH_FACTORS = (0.2, 5.0)
 """Bounds of the target's scale; beyond them a unit is wrong, not the target."""
 
+MIN_SETUP_RATIO = 1.5
+"""Least ratio of the longer unknown transform to the shorter that decides between inverted poses and another setup."""
+
 SCALE_ROUNDS = 2
 """Newton steps of the scale; the first uses noise levels that are still too large."""
-
-UNWRAPPING_STARTS, UNWRAPPING_ROUNDS = 8, 3
-AGREEMENT_TOLERANCE_RAD = float(np.radians(0.5))
-"""Mean mismatch below which the search ends."""
 
 MIN_NEIGHBOURS, MAX_NEIGHBOURS = 4, 40
 """Bounds of the number of pairs of successive views on which a shift of the poses by one is tested."""
@@ -182,8 +146,45 @@ def reading_hypotheses(evidence: Evidence, alternatives: int = len(CONVENTIONS))
         if np.median(np.linalg.norm(corrected.base_T_flange[:, :3, 3], axis=1)) > MAX_CELL_MM:
             continue
         yield Hypothesis(
-            convention.code, (), corrected, evidence, convention.message, convention.fix, alternatives=alternatives
-        )
+            convention.code, (), corrected, evidence, convention.message, convention.fix,
+            alternatives=alternatives, whole_session=True,
+        )  # fmt: skip
+
+
+def orientation_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
+    """One hypothesis for each likely reading of the three numbers of an orientation."""
+    seen = angles_between_images(evidence.camera_T_target)
+    for likely in likely_readings(evidence.base_T_flange[:, :3, :3], seen):
+        reading, whole = likely.reading, len(likely.rows) == len(evidence)
+        baseline = evidence if whole else evidence.take(likely.rows)
+        corrected = baseline.with_robot_poses(transform(likely.rotations, baseline.base_T_flange[:, :3, 3]))
+        yield Hypothesis(
+            reading.code, (), corrected, baseline, reading.message, reading.fix,
+            alternatives=READINGS, whole_session=True,
+        )  # fmt: skip
+
+
+def inverted_or_other_setup(inverted: Hypothesis) -> Hypothesis:
+    """The hypothesis of inverted poses, or that of the other setup, whose equations are the same.
+
+    What is on the flange is near it, and the base is further from what stands in the cell: the shorter of the two
+    unknown transforms belongs to the flange.
+    """
+    fitted = fit(inverted.evidence)
+    setup = inverted.evidence.setup
+    camera_mm, target_mm = (
+        float(np.linalg.norm(pose[0, :3, 3])) for pose in (fitted.mount_T_camera, fitted.anchor_T_target)
+    )
+    on_flange_mm, in_cell_mm = (camera_mm, target_mm) if setup == "eye-in-hand" else (target_mm, camera_mm)
+    other: Setup = "eye-to-hand" if setup == "eye-in-hand" else "eye-in-hand"
+    carried, standing = ("target", "camera") if setup == "eye-in-hand" else ("camera", "target")
+    swapped = f"the {carried} is on the flange and the {standing} stands in the cell, which is {other}, not {setup}"
+    change = f'set "setup" to "{other}"'
+    if on_flange_mm > MIN_SETUP_RATIO * in_cell_mm:
+        return replace(inverted, code="setup-swapped", message=swapped, fix=change)
+    if in_cell_mm > MIN_SETUP_RATIO * on_flange_mm:
+        return inverted
+    return replace(inverted, message=f"{inverted.message}; or {swapped}", fix=f"{inverted.fix}; or {change}")
 
 
 def off_by_one_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
@@ -205,6 +206,7 @@ def off_by_one_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
             f"the poses are off by one: {message}",
             "pair every image with the pose it was taken at; a missing or doubled first row is the usual cause",
             alternatives=2,
+            whole_session=True,
         )
 
 

@@ -6,11 +6,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.diagnosis.convention_hypotheses import convention_hypotheses, off_by_one_hypotheses, reading_hypotheses
+from calibration.diagnosis.convention_hypotheses import (
+    convention_hypotheses,
+    inverted_or_other_setup,
+    off_by_one_hypotheses,
+    orientation_hypotheses,
+    reading_hypotheses,
+)
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit, likeliest_fit
 from calibration.diagnosis.hypothesis import Hypothesis, HypothesisResult, evaluate
+from calibration.diagnosis.pairing_hypotheses import pairing_hypotheses
 from calibration.diagnosis.pose_entry_hypotheses import pose_entry_results
+from calibration.diagnosis.screening import is_unusual
 from calibration.diagnosis.view_hypotheses import (
     CHANGE_CODES,
     CHANGES,
@@ -23,6 +31,7 @@ from calibration.diagnosis.view_hypotheses import (
     pose_swap_hypotheses,
 )
 from calibration.errors import UndeterminedError
+from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
 from calibration.observability import require_observable
 from calibration.transforms import Array
 
@@ -64,17 +73,18 @@ class Diagnosis:
     after_rad: float
 
 
-def diagnose(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
+def diagnose(evidence: Evidence, target_centre_mm: Array, views: int) -> Diagnosis | None:
     """The cause of the inconsistency; None when no known cause is significant.
 
-    `target_centre_mm` (3,): the middle of the target, about which a board may have been turned.
+    `target_centre_mm` (3,): the middle of the target, about which a board may have been turned; `views`: number of
+    views of the session, with those in which the target was not found.
     """
     if len(evidence) < MIN_VIEWS:
         return None
     # Wrong hypotheses may overflow; their likelihood is then too low to be chosen.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         if _is_observable(evidence.base_T_flange):
-            return _best_explanation(evidence, target_centre_mm)
+            return _best_explanation(evidence, target_centre_mm, views)
         return _diagnose_convention(evidence)
 
 
@@ -82,14 +92,16 @@ def _diagnose_convention(evidence: Evidence) -> Diagnosis | None:
     """The diagnosis of motions that do not determine X: only another convention can be found."""
     sample = evidence.take(evenly_spaced(len(evidence), MAX_VIEWS))
     hypotheses = [
-        hypothesis for hypothesis in reading_hypotheses(sample) if _is_observable(hypothesis.evidence.base_T_flange)
+        hypothesis
+        for hypothesis in (*reading_hypotheses(sample), *orientation_hypotheses(sample))
+        if _is_observable(hypothesis.evidence.base_T_flange)
     ]
     uncorrected = likeliest_fit(sample)
     results = _best_of_each(evaluate(hypotheses, sample, uncorrected))
-    return _diagnosis(uncorrected, [result for result in results if result.gain >= MIN_LOG_LIKELIHOOD_GAIN])
+    return _diagnosis(uncorrected, [result for result in results if _is_significant(result, uncorrected, 1, 1)])
 
 
-def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis | None:
+def _best_explanation(evidence: Evidence, target_centre_mm: Array, views: int) -> Diagnosis | None:
     few = evenly_spaced(len(evidence), MAX_VIEWS)
     suspects = find_suspects(evidence, few, fit(evidence.take(few)))
     rows = few if len(few) == len(evidence) else np.union1d(few, suspects.rows)
@@ -99,6 +111,8 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis 
     hypotheses = [
         *convention_hypotheses(sample),
         *off_by_one_hypotheses(evidence),
+        *(orientation_hypotheses(sample) if is_unusual(uncorrected) else ()),
+        *(pairing_hypotheses(evidence, views) if is_unusual(uncorrected) else ()),
         *pose_swap_hypotheses(sample, among, suspects.half),
         *board_turn_hypotheses(sample, among, target_centre_mm),
         *change_hypotheses(sample, change_points(len(sample))),
@@ -109,7 +123,7 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array) -> Diagnosis 
     ]
     # The views left out of the sample count as alternatives.
     best_of_each = _best_of_each(results)
-    found = [result for result in best_of_each if _is_significant(result, len(evidence), len(sample))]
+    found = [result for result in best_of_each if _is_significant(result, uncorrected, len(evidence), len(sample))]
     if found and found[0].hypothesis.code in CHANGE_CODES:
         found[0] = (
             _locate_change(evidence, found[0])
@@ -133,6 +147,8 @@ def _diagnosis(uncorrected: Fit, found: Sequence[HypothesisResult]) -> Diagnosis
     if not found:
         return None
     best, *others = found
+    if best.hypothesis.code == "poses-inverted":
+        best = replace(best, hypothesis=inverted_or_other_setup(best.hypothesis))
     return Diagnosis(
         best.hypothesis,
         best.gain,
@@ -153,13 +169,28 @@ def _best_of_each(results: list[HypothesisResult]) -> list[HypothesisResult]:
     return list(best.values())
 
 
-def _is_significant(result: HypothesisResult, views: int, tried: int) -> bool:
+def _is_significant(result: HypothesisResult, uncorrected: Fit, views: int, tried: int) -> bool:
     """Whether a result is significant, with the `views` that were not `tried` counted as alternatives."""
+    if not _is_possible(result, uncorrected):
+        return False
     left_out = views / tried
     gain = result.gain - np.log(left_out)
     if result.p_value is None:
         return bool(gain >= MIN_LOG_LIKELIHOOD_GAIN)
     return bool(gain > 0) and result.p_value() * left_out < FALSE_ALARM_PROBABILITY
+
+
+def _is_possible(result: HypothesisResult, uncorrected: Fit) -> bool:
+    """Whether the explanation lessens the disagreement, and one of all poses leaves no more than a robot can err by.
+
+    A wrong reading of all poses, such as translations shrunk to nothing, may fit garbage better than the garbage fits.
+    """
+    after = result.robot_translation_mm, result.robot_rotation_rad
+    before = uncorrected.robot_translation_mm, uncorrected.robot_rotation_rad
+    if all(left >= given for left, given in zip(after, before, strict=True)):
+        return False
+    possible = after[0] <= MAX_POSSIBLE_NOISE.translation_mm and after[1] <= MAX_POSSIBLE_NOISE.rotation_rad
+    return possible or not result.hypothesis.whole_session
 
 
 def _locate_change(evidence: Evidence, found: HypothesisResult) -> HypothesisResult:

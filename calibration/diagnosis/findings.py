@@ -4,16 +4,12 @@ from collections.abc import Set
 
 import numpy as np
 
-from calibration.diagnosis.convention_hypotheses import CONVENTIONS
 from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, Diagnosis
 from calibration.diagnosis.intrinsics_check import LensMisfit
 from calibration.diagnosis.view_hypotheses import CHANGE_CODES
 from calibration.solution import Finding, Severity
 
 DISAGREE = "Robot and images disagree"
-WHOLE_SESSION = frozenset({*(convention.code for convention in CONVENTIONS), "poses-off-by-one"})
-"""Causes that affect every view."""
-
 MAX_PRINT_SCALE_ERROR = 0.01
 """Up to a hundredth is a printer; more is a wrong number."""
 
@@ -24,10 +20,8 @@ MAX_LENS_SHARE = 0.005
 def diagnosis_findings(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Finding, ...]:
     """The diagnosis as a finding; `used`: indices of the views of the solution."""
     cause = diagnosis.cause
-    message = (
-        f"{cause.message}. {DISAGREE} by {_size(diagnosis.before_mm, diagnosis.before_rad)}"
-        f" as they came, by {_size(diagnosis.after_mm, diagnosis.after_rad)} with this explanation"
-    )
+    before, after = _lessened(diagnosis)
+    message = f"{cause.message}. {DISAGREE} by {before} as they came, by {after} with this explanation"
     other = diagnosis.runner_up
     if other is not None and diagnosis.runner_up_gain > diagnosis.gain - MIN_LOG_LIKELIHOOD_GAIN:
         message += f". Nearly as likely: {other.message}"
@@ -42,7 +36,7 @@ def comparison_text(finding: Finding) -> str:
 def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
     """Severity of the cause: an error when it affects the `used` views, otherwise a warning."""
     cause = diagnosis.cause
-    if cause.code in WHOLE_SESSION:
+    if cause.whole_session:
         return "error"
     if cause.code in CHANGE_CODES:
         before = {index for index in used if index < cause.where[0]}
@@ -67,5 +61,12 @@ def lens_findings(misfit: LensMisfit) -> tuple[Finding, ...]:
     )
 
 
-def _size(translation_mm: float, rotation_rad: float) -> str:
-    return f"{translation_mm:.3g} mm and {np.degrees(rotation_rad):.2g} deg"
+def _lessened(diagnosis: Diagnosis) -> tuple[str, str]:
+    """The disagreement before and after, in the units in which the explanation lessens it."""
+    both = (
+        (diagnosis.before_mm, diagnosis.after_mm, "{:.3g} mm"),
+        (float(np.degrees(diagnosis.before_rad)), float(np.degrees(diagnosis.after_rad)), "{:.2g} deg"),
+    )
+    less = [(text.format(before), text.format(after)) for before, after, text in both if after < before]
+    before, after = (" and ".join(sizes) for sizes in zip(*less, strict=True))
+    return before, after

@@ -24,6 +24,7 @@ class Hypothesis:
     unknowns, alternatives : free parameters of the cause, and the number of such hypotheses; both are penalised.
     bonus : log-likelihood of the cause besides the fit (a change of measure).
     size : scale of the target under this cause.
+    whole_session : whether the cause changes all poses, by another reading or another order of them.
     test : p value from the corrected evidence and the fit to it; None for another reading of the same numbers, which
         noise cannot imitate.
     """
@@ -40,6 +41,7 @@ class Hypothesis:
     alternatives: int = 1
     bonus: float = 0.0
     size: float = 1.0
+    whole_session: bool = False
     test: Callable[[Evidence, Fit], float] | None = None
 
 

@@ -28,13 +28,15 @@ the pixels' noise dominates."""
 
 def needs_diagnosis(evidence: Evidence, fitted: Fit) -> bool:
     """Whether a diagnosis might find a fault of these views."""
-    unusual = (
-        fitted.robot_translation_mm > MAX_USUAL_NOISE.translation_mm
-        or fitted.robot_rotation_rad > MAX_USUAL_NOISE.rotation_rad
-    )
-    if len(evidence) <= FEW_VIEWS or unusual:
+    if len(evidence) <= FEW_VIEWS or is_unusual(fitted):
         return True
     return any(gain > limit for gain, limit in _gains(evidence, fitted))
+
+
+def is_unusual(fitted: Fit) -> bool:
+    """Whether robot and images disagree by more than is usual."""
+    rotation_rad, translation_mm = np.sqrt(fitted.variances)
+    return bool(translation_mm > MAX_USUAL_NOISE.translation_mm or rotation_rad > MAX_USUAL_NOISE.rotation_rad)
 
 
 def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:

@@ -8,9 +8,11 @@ From the smallest to the largest (translation, rotation), and what each is for:
     PRIOR_NOISE          0.2 mm,  0.02 deg    median of the prior on the noise level in a working volume
     MAX_USUAL_NOISE      1.0 mm,  0.1 deg     an estimated level above it is reported
     ABSOLUTE_NOISE       1.0 mm,  0.15 deg    assumed over a metre where no calibration has estimated it
+    MAX_POSSIBLE_NOISE   15 mm,   1.5 deg     more is no robot's error: poses and images contradict each other
 
-The first two are floors of estimates, the last two bounds of what is usual. The planner's default is below the prior's
-median: it is the user's statement about one robot, which the estimate replaces once there are enough views.
+The first two are floors of estimates, the last three bounds of what is usual and of what is possible. The planner's
+default is below the prior's median: it is the user's statement about one robot, which the estimate replaces once there
+are enough views.
 """
 
 from dataclasses import dataclass
@@ -51,3 +53,6 @@ MAX_USUAL_NOISE = RobotNoise(1.0, float(np.radians(0.1)))
 
 ABSOLUTE_NOISE = RobotNoise(1.0, float(np.radians(0.15)))
 """Absolute accuracy of articulated robots over a metre: 0.5 to 2 mm on real data."""
+
+MAX_POSSIBLE_NOISE = RobotNoise(15.0, float(np.radians(1.5)))
+"""Four times the errors of the worst real session at hand (3.8 mm, 0.34 degrees)."""

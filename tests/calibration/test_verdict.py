@@ -35,7 +35,17 @@ ROWS: dict[str, tuple[Solution, str | None, bool]] = {
     "three of ten views rejected": (rejecting(3), None, True),
     "four of ten views rejected": (rejecting(4), "many-rejected", False),
     "nothing held out": (replace(SOLVED, hold_out=None), "nothing-held-out", True),
-    "a hold-out out of all proportion": (replace(SOLVED, hold_out=HoldOut(50.0, 90.0)), "hold-out-large", True),
+    "a hold-out out of all proportion": (replace(SOLVED, hold_out=HoldOut(30.0, 90.0)), "hold-out-large", True),
+    "a hold-out that no cell explains": (
+        replace(SOLVED, hold_out=HoldOut(50.0, 90.0)),
+        "poses-contradict-images",
+        False,
+    ),
+    "more noise than any robot has": (
+        replace(SOLVED, noise=replace(SOLVED.noise, robot_rotation_rad=0.05)),
+        "poses-contradict-images",
+        False,
+    ),
     "an error of the solver's": (
         replace(SOLVED, findings=(Finding("x", "error", "what", "fix"),)),
         "x",

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import Evidence, evidence_of
@@ -113,6 +114,21 @@ def _w_last(poses: Array) -> Array:
     return transform(rotation_from_quaternion(x_first), poses[:, :3, 3])
 
 
+def _rotations_changed(change: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    return lambda poses: transform(change(poses[:, :3, :3]), poses[:, :3, 3])
+
+
+def _euler_of(rotations: Array, order: str) -> Array:
+    """Angles (n, 3) in SciPy's notation: intrinsic in capitals, extrinsic in small letters."""
+    angles: Array = Rotation.from_matrix(rotations).as_euler(order)
+    return angles
+
+
+def _as_euler(angles_rad: Array, order: str) -> Array:
+    rotations: Array = Rotation.from_euler(order, angles_rad).as_matrix()
+    return rotations
+
+
 CONVENTIONS: dict[str, Callable[[Array], Array]] = {
     "quaternion-w-last": _w_last,
     "poses-inverted": inverse,
@@ -122,12 +138,23 @@ CONVENTIONS: dict[str, Callable[[Array], Array]] = {
     "radians-read-as-degrees": _vector_scaled(float(np.pi / 180)),
     "degrees-read-as-radians": _vector_scaled(float(180 / np.pi)),
     "poses-off-by-one": lambda poses: np.roll(poses, 1, axis=0),
+    "poses-shifted": lambda poses: np.concatenate([poses[:5], poses[4:-1]]),
+    "poses-reversed": lambda poses: poses[::-1],
+    "poses-in-lexical-order": lambda poses: poses[sorted(range(len(poses)), key=str)],
+    "poses-blocks-swapped": lambda poses: np.roll(poses, 4, axis=0),
+    "rotation-transposed": _rotations_changed(lambda rotations: np.swapaxes(rotations, 1, 2)),
+    "euler-order": _rotations_changed(lambda rotations: _as_euler(_euler_of(rotations, "ZYX"), "XYZ")),
+    "vector-read-as-euler": _rotations_changed(lambda rotations: _as_euler(vector_from_rotation(rotations), "ZYX")),
+    "euler-read-as-vector": _rotations_changed(lambda rotations: rotation_from_vector(_euler_of(rotations, "xyz"))),
 }
+SAME_EQUATIONS = {"poses-inverted": frozenset({"poses-inverted", "setup-swapped"})}
+"""Inverted poses and the other setup differ only in which unknown transform is long."""
 
 
 def in_convention(code: str) -> Callable[[Problem, np.random.Generator], Fault]:
     """All poses as another convention would write them."""
-    return lambda problem, _: Fault(with_poses(problem, CONVENTIONS[code](poses_of(problem))), frozenset({code}))
+    codes = SAME_EQUATIONS.get(code, frozenset({code}))
+    return lambda problem, _: Fault(with_poses(problem, CONVENTIONS[code](poses_of(problem))), codes)
 
 
 def swapped(problem: Problem, rng: np.random.Generator) -> Fault:

@@ -46,7 +46,7 @@ def mistyped_at(clean: Evidence, row: int, size_mm: float) -> Evidence:
 
 
 def named(spoilt: Evidence) -> Diagnosis:
-    diagnosis = diagnose(spoilt, CENTRE_MM)
+    diagnosis = diagnose(spoilt, CENTRE_MM, len(spoilt))
     assert diagnosis is not None
     return diagnosis
 
@@ -111,7 +111,7 @@ def test_many_views_are_thinned_and_the_one_at_fault_is_found_all_the_same(n: in
 @pytest.mark.parametrize("size_mm", [0.6, 0.8, 1.0])
 def test_the_gate_opens_for_what_the_diagnosis_names_in_many_views(size_mm: float) -> None:
     spoilt = mistyped_at(evidence(20, 40, ORDINARY), 9, size_mm)
-    assert diagnose(spoilt, CENTRE_MM) is None or needs_diagnosis(spoilt, fit(spoilt))
+    assert diagnose(spoilt, CENTRE_MM, len(spoilt)) is None or needs_diagnosis(spoilt, fit(spoilt))
 
 
 def test_the_gate_stays_shut_for_most_clean_sessions_of_many_views() -> None:
@@ -120,7 +120,7 @@ def test_the_gate_stays_shut_for_most_clean_sessions_of_many_views() -> None:
 
 
 def test_fewer_than_five_views_blame_nobody() -> None:
-    assert diagnose(mistyped_at(evidence(3, 4), 1, 100.0), CENTRE_MM) is None
+    assert diagnose(mistyped_at(evidence(3, 4), 1, 100.0), CENTRE_MM, 4) is None
 
 
 def test_the_runner_up_is_far_behind_when_the_cause_is_plain() -> None:
@@ -184,7 +184,7 @@ def test_motions_that_determine_nothing_say_nothing_of_conventions(setup: Setup)
         exact = np.tile(1e-12 * np.eye(6), (8, 1, 1))
         turned = transform(rotation_from_vector(rng.uniform(-2, 2, 3)), rng.uniform(-50, 50, 3))
         still = Evidence(setup, np.arange(8), poses, turned @ seen @ turned, exact, np.full(8, 100.0))
-        assert diagnose(still, CENTRE_MM) is None
+        assert diagnose(still, CENTRE_MM, len(still)) is None
 
 
 def test_a_camera_that_is_not_where_the_drawing_has_it_is_reported() -> None:
@@ -215,7 +215,7 @@ def test_the_size_of_the_target_is_the_likeliest_where_images_measure_distances_
 
 def test_a_target_that_is_only_warm_is_nobody_s_fault() -> None:
     exact = evidence(5, 20, Noise(0.002, 0, 0))
-    assert diagnose(exact.scale_target(1 / 1.00015), CENTRE_MM) is None
+    assert diagnose(exact.scale_target(1 / 1.00015), CENTRE_MM, len(exact)) is None
     assert named(exact.scale_target(1 / 1.0008)).cause.code == "wrong-pitch"
 
 

@@ -1,0 +1,204 @@
+"""Wrong readings of the robot's orientations: three numbers taken in another Euler order, or as a rotation vector.
+
+A controller shows three numbers. Read in one convention they give the rotation in the session; a reading undoes
+that: back to the three numbers, then by another convention. An extrinsic order is the reversed intrinsic order of the
+reversed numbers (Diebel, "Representing Attitude", 2006, 2.3), so 12 intrinsic orders, direct and reversed, are all 24.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.diagnosis.angle_agreement import angles_between, choose_candidates, mean_mismatch_rad
+from calibration.transforms import Array, rotation_from_vector, vector_from_rotation
+
+ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ")
+"""Intrinsic orders; the first six are of three axes (Tait and Bryan), the others of two."""
+
+MIN_LOCK_SINE = 0.01
+"""Sine of the angle from gimbal lock below which two of the numbers are not determined; such views are left out."""
+
+MAX_SCREENED_VIEWS = 12
+"""Views by whose angles the readings are compared first."""
+
+MAX_READINGS = 150
+"""Readings fitted in full. Orders that differ by the axes' names alone agree equally in the angles: up to 144."""
+
+MIN_MISMATCH_RAD = float(np.radians(1.0))
+"""Mean mismatch of the angles between views that a reading may leave in any case: poor robots do."""
+
+MAX_MISMATCH_SHARE = 0.5
+"""Share of the mismatch as given that a reading may leave."""
+
+READINGS = 12 * 23 + 24 + 24 + 12 + 1
+"""Readings that are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One wrong reading and what it would make of the session's rotations.
+
+    candidates : (n, c, 3, 3), what each view's rotation may have been.
+    determined : (n,) whether the numbers of a view are determined.
+    """
+
+    code: str
+    message: str
+    fix: str
+    candidates: Array
+    determined: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class LikelyReading:
+    """A reading with the rotations (n, 3, 3) that it gives to the views `rows` (n,), and the mismatch they leave."""
+
+    reading: Reading
+    rows: NDArray[np.intp]
+    rotations: Array
+    mismatch_rad: float
+
+
+def likely_readings(rotations: Array, seen: Array) -> list[LikelyReading]:
+    """The readings of rotations (n, 3, 3) that agree best with the angles `seen` (n, n) between images, best first."""
+    limit = max(MAX_MISMATCH_SHARE * mean_mismatch_rad(angles_between(rotations), seen), MIN_MISMATCH_RAD)
+    few = np.unique(np.linspace(0, len(rotations) - 1, min(len(rotations), MAX_SCREENED_VIEWS)).astype(np.intp))
+    screened = [
+        (left.mismatch_rad, position)
+        for position, reading in enumerate(readings_of(rotations[few]))
+        if (left := _apply(reading, seen[np.ix_(few, few)])) is not None
+    ]
+    best = {position for _, position in sorted(screened)[:MAX_READINGS]}
+    chosen = [reading for position, reading in enumerate(readings_of(rotations)) if position in best]
+    applied = [left for reading in chosen if (left := _apply(reading, seen)) is not None]
+    likely = [left for left in applied if left.mismatch_rad < limit]
+    return sorted(likely, key=lambda left: left.mismatch_rad)
+
+
+def _apply(reading: Reading, seen: Array) -> LikelyReading | None:
+    rows = np.flatnonzero(reading.determined)
+    if len(rows) < 3:
+        return None
+    candidates, seen = reading.candidates[rows], seen[np.ix_(rows, rows)]
+    chosen = choose_candidates(candidates, seen)
+    rotations = candidates[np.arange(len(rows)), chosen]
+    return LikelyReading(reading, rows, rotations, mean_mismatch_rad(angles_between(rotations), seen))
+
+
+def readings_of(rotations: Array) -> Iterator[Reading]:
+    """Every reading of the rotations (n, 3, 3)."""
+    everywhere = np.ones(len(rotations), bool)
+    for read in ORDERS:
+        numbers, determined = euler_numbers(rotations, read)
+        for true in ORDERS:
+            if true != read:
+                yield _euler_order(
+                    f"intrinsic {read}", f"intrinsic {true}", rotation_from_euler(numbers, true), determined
+                )
+            # Extrinsic is the reversed order of the reversed numbers.
+            turned = rotation_from_euler(numbers[..., ::-1], true[::-1])
+            yield _euler_order(f"intrinsic {read}", f"extrinsic {true}", turned, determined)
+        yield _vector_as_euler(f"intrinsic {read}", rotation_from_vector(numbers.reshape(-1, 3)), numbers, determined)
+        backwards = numbers[..., ::-1]
+        yield _vector_as_euler(
+            f"extrinsic {read[::-1]}", rotation_from_vector(backwards.reshape(-1, 3)), backwards, determined
+        )
+        yield Reading(
+            "radians-read-as-degrees",
+            f"the Euler angles (intrinsic {read}) were in radians and were read as degrees",
+            "convert the angles without the factor pi/180",
+            rotation_from_euler(np.degrees(numbers[:, :1]), read),
+            determined,
+        )
+    vectors = _both_vectors(rotations)
+    for true in ORDERS:
+        yield _euler_as_vector(f"intrinsic {true}", rotation_from_euler(vectors, true), everywhere)
+        yield _euler_as_vector(f"extrinsic {true}", rotation_from_euler(vectors[..., ::-1], true[::-1]), everywhere)
+    yield Reading(
+        "rotation-transposed",
+        "the rotations are transposed (the quaternions conjugated), the translations are not",
+        "give base_T_flange: transpose the rotation matrices, or negate x, y, z of every quaternion",
+        np.swapaxes(rotations, 1, 2)[:, None],
+        everywhere,
+    )
+
+
+def rotation_from_euler(angles_rad: Array, order: str) -> Array:
+    """(..., 3, 3) of intrinsic Euler angles (..., 3): R_i(a) R_j(b) R_k(c) for the order "ijk"."""
+    one, two, three = (_about("XYZ".index(axis), angles_rad[..., at]) for at, axis in enumerate(order))
+    rotation: Array = one @ two @ three
+    return rotation
+
+
+def euler_numbers(rotations: Array, order: str) -> tuple[Array, NDArray[np.bool_]]:
+    """Both triples of intrinsic Euler angles (n, 2, 3) rad of rotations (n, 3, 3), and whether they are determined."""
+    i, j, k = _axes(order)
+    sign = 1.0 if (i, j, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
+    if order[0] == order[2]:
+        b = np.arccos(np.clip(rotations[:, i, i], -1, 1))
+        a = np.arctan2(rotations[:, j, i], -sign * rotations[:, k, i])
+        c = np.arctan2(rotations[:, i, j], sign * rotations[:, i, k])
+        other, determined = -b, np.abs(np.sin(b)) > MIN_LOCK_SINE
+    else:
+        b = np.arcsin(np.clip(sign * rotations[:, i, k], -1, 1))
+        a = np.arctan2(-sign * rotations[:, j, k], rotations[:, k, k])
+        c = np.arctan2(-sign * rotations[:, i, j], rotations[:, i, i])
+        other, determined = np.pi - b, np.abs(np.cos(b)) > MIN_LOCK_SINE
+    both = np.stack([np.stack([a, b, c], axis=1), np.stack([a + np.pi, other, c + np.pi], axis=1)], axis=1)
+    return (both + np.pi) % (2 * np.pi) - np.pi, determined
+
+
+def _axes(order: str) -> tuple[int, int, int]:
+    """The first and second axis of an order, and the one that is neither."""
+    i, j = "XYZ".index(order[0]), "XYZ".index(order[1])
+    return i, j, 3 - i - j
+
+
+def _about(axis: int, angle_rad: Array) -> Array:
+    """Rotations (..., 3, 3) by angles (...) about a coordinate axis."""
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    rotation = np.zeros((*angle_rad.shape, 3, 3))
+    rotation[..., axis, axis] = 1.0
+    rotation[..., j, j] = rotation[..., k, k] = np.cos(angle_rad)
+    rotation[..., k, j] = np.sin(angle_rad)
+    rotation[..., j, k] = -rotation[..., k, j]
+    return rotation
+
+
+def _both_vectors(rotations: Array) -> Array:
+    """The rotation vector (n, 2, 3) of each rotation, and the longer one in the opposite direction."""
+    vectors = vector_from_rotation(rotations).reshape(-1, 3)
+    turns = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
+    return np.stack([vectors, vectors * (1 - 2 * np.pi / turns)], axis=1)
+
+
+def _euler_order(read: str, true: str, candidates: Array, determined: NDArray[np.bool_]) -> Reading:
+    return Reading(
+        "euler-order",
+        f"the orientations are Euler angles in another order: read as {read}, the robot writes {true}",
+        f"convert the three angles as {true}: each about the {'turned' if true[0] == 'i' else 'fixed'} axis",
+        candidates,
+        determined,
+    )
+
+
+def _vector_as_euler(read: str, rotations: Array, numbers: Array, determined: NDArray[np.bool_]) -> Reading:
+    return Reading(
+        "vector-read-as-euler",
+        f"the orientations are rotation vectors and were read as Euler angles ({read})",
+        "convert the three numbers as a rotation vector: its length is the angle, its direction the axis",
+        rotations.reshape(*numbers.shape[:2], 3, 3),
+        determined,
+    )
+
+
+def _euler_as_vector(true: str, candidates: Array, determined: NDArray[np.bool_]) -> Reading:
+    return Reading(
+        "euler-read-as-vector",
+        f"the orientations are Euler angles ({true}) and were read as rotation vectors",
+        f"convert the three numbers as Euler angles, {true}",
+        candidates,
+        determined,
+    )

@@ -1,0 +1,52 @@
+"""Real photographs with poses that went wrong on the way in: the cause is named first, and nothing is accepted."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from calibration.problem import Problem
+from calibration.solve import solve_hand_eye
+from calibration.verdict import judge
+from daemon.sessions.session_reader import load_problem, open_session
+
+pytestmark = [pytest.mark.data, pytest.mark.slow]
+
+CODES = {
+    "ZYX_as_XYZ": "euler-order",
+    "ZYX_rev": "euler-order",
+    "ZYZ_as_ZYX": "euler-order",
+    "extr_intr": "euler-order",
+    "euler_as_rotvec": "euler-read-as-vector",
+    "rotvec_as_euler": "vector-read-as-euler",
+}
+SESSIONS = {
+    **{f"rc_{cell}_{what}": code for cell in ("ic_charuco", "ic_circles") for what, code in CODES.items()},
+    "rotvecAsEuler": "vector-read-as-euler",
+    "lexi": "poses-in-lexical-order",
+    "shift8": "poses-shifted",
+    "stale": "poses-off-by-one",
+    "eih": "setup-swapped",
+}
+
+
+def odd_session(real_data: Path, folder: Path, name: str) -> Problem:
+    """The session with the pictures of the real one beside it."""
+    text = (real_data / "odd_sessions" / f"{name}.json").read_text()
+    pictures = real_data / ("ic_circles" if "ic_circles" in name else "ic_charuco")
+    for view in json.loads(text)["views"]:
+        picture = folder / view["image"]
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        if not picture.exists():
+            picture.write_bytes((pictures / view["image"]).read_bytes())
+    (folder / "session.json").write_text(text)
+    return load_problem(open_session(folder))
+
+
+@pytest.mark.parametrize(("name", "code"), SESSIONS.items())
+def test_the_cause_is_named_first(real_data: Path, tmp_path: Path, name: str, code: str) -> None:
+    problem = odd_session(real_data, tmp_path, name)
+    solution = solve_hand_eye(problem)
+    known = {*SESSIONS.values(), "poses-in-micrometres", "degrees-read-as-radians", "poses-inverted", "pose-mistyped"}
+    assert [finding.code for finding in solution.findings if finding.code in known] == [code]
+    assert not judge(problem, solution).accepted
