@@ -5,12 +5,14 @@ from pathlib import Path
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from drivers.errors import AddressNotUnderstood, RequestRefused
+from registration.io.regular_file import read_regular
 
 USER, PASSWORD = "Default User", "robotics"
 """The defaults of every controller."""
 SCHEMES = {2: "https", 1: "http"}
 """Versions in the order they are tried."""
 FRAMES = {"wobj": "Wobj", "base": "Base", "world": "World"}
+MAX_PASSWORD_BYTES = 4096
 _OPTIONS = {"version", "frame", "mechunit", "certificate", "password_file"}
 _EXAMPLE = "write rws://host, or rws://user:password@host:port?version=2&frame=base"
 
@@ -69,7 +71,7 @@ class RwsAddress:
         if self.password_file is None:
             return self.password
         try:
-            return self.password_file.read_text().strip()
+            return read_regular(self.password_file, MAX_PASSWORD_BYTES).decode().strip()
         except (OSError, UnicodeDecodeError) as error:
             what = f"the password file {self.password_file} cannot be read ({error})"
             raise RequestRefused(device, what, "correct password_file in the address", "NO_PASSWORD") from error
