@@ -138,7 +138,7 @@ CONVENTIONS: dict[str, Callable[[Array], Array]] = {
     "radians-read-as-degrees": _vector_scaled(float(np.pi / 180)),
     "degrees-read-as-radians": _vector_scaled(float(180 / np.pi)),
     "poses-off-by-one": lambda poses: np.roll(poses, 1, axis=0),
-    "poses-shifted": lambda poses: np.concatenate([poses[:5], poses[4:-1]]),
+    "poses-shifted": lambda poses: np.insert(poses, len(poses) // 2, poses[len(poses) // 2], axis=0)[:-1],
     "poses-reversed": lambda poses: poses[::-1],
     "poses-in-lexical-order": lambda poses: poses[sorted(range(len(poses)), key=str)],
     "poses-blocks-swapped": lambda poses: np.roll(poses, 4, axis=0),
