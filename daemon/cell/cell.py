@@ -30,6 +30,8 @@ MAX_STATUS_S = 1.0
 
 POLL_S = 0.02
 
+READ_ONLY = "robot: the arm is read, not moved, over this link: take the views by hand (--manual)"
+
 
 @dataclass(frozen=True)
 class Devices:
@@ -90,6 +92,8 @@ class Cell:
         Raises CellBusy, CellNotReady, DeviceError.
         """
         async with self.hold(holder):
+            if not self.robot.capabilities.moves:  # nor stopped at the end: the program that runs is somebody else's
+                raise CellNotReady((READ_ONLY,))
             reasons = (*self._stop_obstacle(), *motion_obstacles(await self.robot.read_status()))
             if reasons:
                 raise CellNotReady(reasons)

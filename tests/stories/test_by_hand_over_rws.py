@@ -64,8 +64,8 @@ async def test_an_automatic_run_is_refused_with_what_to_do_instead(tmp_path: Pat
         controller, now_s = story.cell.controller, story.cell.cell.clock()
         controller.switch_mode(Mode.AUTO, now_s)
         controller.run_program(True, now_s)
-        run = await story.operator.starts("/calibrate")
-        ended = await story.operator.waits_for_the_end_of(run)
+        ended = (await story.operator.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert ended["state"] == "failed"
         assert "the arm is read, not moved" in str(ended["cause"])
         assert "--manual" in str(ended["cause"])
+        assert controller.panel.program_running, "the program that runs is not ours to stop"
