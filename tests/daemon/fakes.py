@@ -87,6 +87,9 @@ class FakeRobot:
 
     def _alive(self) -> None:
         self.requests += 1
+        self._raise_when_broken()
+
+    def _raise_when_broken(self) -> None:
         if self.broken_with is not None:
             raise self.broken_with
         if self.lost:
@@ -129,7 +132,8 @@ class FakeRobot:
         self.armed = self.armed and self.deaf
 
     async def read_standstill(self) -> Standstill:
-        self._alive()
+        """Not counted among the requests: the daemon asks by itself every second."""
+        self._raise_when_broken()
         return Standstill(standing=not self.status.get("moving", False), disarmed=not self.armed)
 
     async def close(self) -> None:
