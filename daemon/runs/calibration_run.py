@@ -12,6 +12,7 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
+from daemon.runs.run_modules import load_run_modules
 from daemon.runs.supervisor import RunResult
 from daemon.runtime.clock import Clock
 from daemon.runtime.version import SOFTWARE
@@ -38,6 +39,7 @@ class CalibrationRun:
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, solve, and store the calibration under the run's id."""
+        await self.workers.run(load_run_modules)
         problem = await sequence.run(MIN_VIEWS)
         document = await self.workers.run(
             solve_calibration, problem, log.id, self.clock.timestamp(), self.better, self.expected
@@ -67,7 +69,7 @@ def solve_calibration(
     expected: ExpectedMount | None = None,
 ) -> CalibrationDocument:
     """Solve, judge and document, as `handeyed solve` does; see CalibrationRun for `better` and `expected`."""
-    from calibration.solve import solve_hand_eye  # by the first run, not at the start
+    from calibration.solve import solve_hand_eye  # see run_modules
 
     solution = solve_hand_eye(problem)
     verdict = judge(problem, solution)

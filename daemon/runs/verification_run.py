@@ -9,6 +9,7 @@ from calibration.problem import Problem
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
+from daemon.runs.run_modules import load_run_modules
 from daemon.runs.supervisor import RunResult
 from daemon.runtime.workers import Workers
 
@@ -38,6 +39,7 @@ class VerificationRun:
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, and verify the calibration; see `document_of` for the result."""
+        await self.workers.run(load_run_modules)
         problem = await sequence.run(MIN_VIEWS)
         found = await self.workers.run(_verify, problem, self.calibration)
         log.conclude()

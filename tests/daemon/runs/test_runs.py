@@ -23,6 +23,20 @@ from tests.support.waiting import LIMIT_S
 TEXT = {"accept": "text/plain"}
 
 
+@pytest.mark.parametrize(("path", "module"), [("/calibrate", "calibration_run"), ("/verify", "verification_run")])
+async def test_detectors_and_solver_are_loaded_before_the_arm_is_armed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str, module: str
+) -> None:
+    armed: list[bool] = []
+    async with serving(settings_for(tmp_path, calibration={"policy": "auto"})) as bench:
+        await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
+        monkeypatch.setattr(f"daemon.runs.{module}.load_run_modules", lambda: armed.append(bench.robot.armed))
+        goals = len(bench.robot.goals)
+        await bench.run_over((await bench.client.post(path)).headers["location"])
+        assert armed == [False]
+        assert len(bench.robot.goals) > goals
+
+
 async def test_a_calibration_runs_from_the_first_move_to_the_stored_result(bench: Bench) -> None:
     started = await bench.client.post("/calibrate")
     assert started.status_code == 202

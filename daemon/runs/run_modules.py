@@ -1,0 +1,11 @@
+"""Detectors and solver: half of the package, loaded with the first run and not at the start."""
+
+from importlib import import_module
+
+RUN_MODULES = ("calibration.detection.detect", "calibration.solve", "calibration.planning.next_view")
+
+
+def load_run_modules() -> None:
+    """Import what a run needs. Before the arm is armed: an import keeps the interpreter, and the link's heartbeats."""
+    for name in RUN_MODULES:
+        import_module(name)
