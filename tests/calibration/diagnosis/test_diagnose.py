@@ -59,6 +59,7 @@ angles = st.lists(st.floats(-3, 3), min_size=3, max_size=3)
 lengths = st.lists(st.floats(-3000, 3000), min_size=3, max_size=3)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(angles, lengths)
 def test_where_the_base_frame_stands_changes_nothing(turn: list[float], shift: list[float]) -> None:

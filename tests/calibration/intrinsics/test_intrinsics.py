@@ -52,6 +52,7 @@ def test_deviations_are_what_they_claim_to_be():
     assert np.all((deviation > 0.7) & (deviation < 1.35)), deviation
 
 
+@pytest.mark.slow
 def test_a_lens_without_distortion_gets_none():
     ideal = CameraModel(CAMERA.matrix, np.zeros(5), CAMERA.image_size)
     rng = np.random.default_rng(1)

@@ -38,6 +38,7 @@ def test_the_flange_stays_near_the_chords_and_no_axis_turns_far(arm: Arm, data: 
         assert np.linalg.norm(seen - chords, axis=1).max() < MAX_CHORD_ERROR_MM
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(st.sampled_from(DIFFERENT), st.data(), st.floats(0.2, 1.5))
 def test_what_stays_in_the_box_is_nowhere_outside_by_more_than_a_chord_error(

@@ -116,6 +116,7 @@ async def test_a_model_that_contradicts_the_controller_is_refused() -> None:
         await rules_with(2000).goal(1, turned(10), robot)
 
 
+@pytest.mark.slow
 def test_what_the_planner_may_choose_is_not_refused_afterwards() -> None:
     """Also where turning the wrist over is the nearer way, and leaves the box."""
     rules, start = rules_with(FLANGE_MM[0] - 50), STANDS + np.radians([50.0, 0, 0, 80, -30, 0])

@@ -142,6 +142,7 @@ async def trickle(writer: asyncio.StreamWriter, begun: bytes, refused: "asyncio.
         await asyncio.sleep(0.02)
 
 
+@pytest.mark.slow
 @secured_or_not
 async def test_requests_ahead_are_not_parsed_before_their_turn(tmp_path: Path, secured: bool) -> None:
     """All are answered in their order, and one at a time exists."""

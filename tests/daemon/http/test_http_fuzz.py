@@ -29,6 +29,7 @@ def heap_of_a_new_process() -> Iterator[None]:
     gc.unfreeze()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("heap_of_a_new_process")
 @pytest.mark.parametrize("secured", [False, True], ids=["plain", "tls"])
 async def test_random_and_damaged_streams(tmp_path: Path, secured: bool) -> None:

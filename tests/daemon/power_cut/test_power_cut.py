@@ -26,6 +26,7 @@ def last_of(recorded: tuple[Path, list[Call]], leave_out: str = "", every: int =
     return cuts
 
 
+@pytest.mark.slow
 def test_nothing_acknowledged_is_lost(recorded: tuple[Path, list[Call]]) -> None:
     cuts = last_of(recorded)
     assert cuts.points > 50
@@ -33,11 +34,13 @@ def test_nothing_acknowledged_is_lost(recorded: tuple[Path, list[Call]]) -> None
     assert [str(loss) for loss in cuts.losses] == []
 
 
+@pytest.mark.slow
 def test_a_store_that_does_not_synchronise_files_and_folders_is_found(recorded: tuple[Path, list[Call]]) -> None:
     found = {what for loss in last_of(recorded, "fsync", every=19).losses for what in loss.what}
     assert "picture was acknowledged and is not there" in found
 
 
+@pytest.mark.slow
 def test_a_database_that_a_disk_did_not_keep_is_noticed_by_its_anchor(recorded: tuple[Path, list[Call]]) -> None:
     """SQLite's synchronisation is a lie here: what was acknowledged before the last anchor and is lost, is noticed."""
     losses = last_of(recorded, "fdatasync").losses

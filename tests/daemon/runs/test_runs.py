@@ -23,6 +23,7 @@ from tests.support.waiting import LIMIT_S
 TEXT = {"accept": "text/plain"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "module"), [("/calibrate", "calibration_run"), ("/verify", "verification_run")])
 async def test_detectors_and_solver_are_loaded_before_the_arm_is_armed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str, module: str

@@ -85,6 +85,7 @@ def heap_of_a_new_process() -> Iterator[None]:
     gc.unfreeze()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("heap_of_a_new_process")
 async def test_no_answer_keeps_the_loop(tmp_path: Path) -> None:
     """Every GET route, each with the largest answer there is, of a store with hundreds of rows in each table."""
