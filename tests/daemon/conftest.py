@@ -1,6 +1,7 @@
-"""A running daemon with default settings, for tests that need no others."""
+"""A running daemon with default settings, and a heap without what other tests left, for tests that need them."""
 
-from collections.abc import AsyncIterator
+import gc
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,3 +14,12 @@ async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
     """A daemon whose store is `tmp_path`, with the fake cell's devices; stopped in order after the test."""
     async with serving(settings_for(tmp_path)) as running:
         yield running
+
+
+@pytest.fixture
+def heap_of_a_new_process() -> Iterator[None]:
+    """Without what other tests left behind, which the garbage collector would look through on the loop."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()

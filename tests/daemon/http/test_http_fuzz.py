@@ -1,8 +1,6 @@
 """Any bytes on any connection: no answer is an error of the daemon's, and it answers afterwards."""
 
 import asyncio
-import gc
-from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -18,15 +16,6 @@ from tests.support.waiting import eventually
 
 MAX_STALL_S = 0.1
 """Processor time of one turn of the event loop."""
-
-
-@pytest.fixture
-def heap_of_a_new_process() -> Iterator[None]:
-    """Without what other tests left behind, which the garbage collector would look through on the loop."""
-    gc.collect()
-    gc.freeze()
-    yield
-    gc.unfreeze()
 
 
 @pytest.mark.slow

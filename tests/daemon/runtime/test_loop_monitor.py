@@ -1,11 +1,9 @@
 """How long one turn of the event loop takes is measured, and no answer takes it for long."""
 
 import asyncio
-import gc
 import json
 import sqlite3
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -74,15 +72,6 @@ async def test_a_turn_that_computes_is_measured(tmp_path: Path) -> None:
         page = (await bench.client.get("/metrics")).text
     shown = next(line for line in page.splitlines() if line.startswith('handeyed_event_loop_stall_seconds{clock="proc'))
     assert float(shown.split()[1]) > 0.25
-
-
-@pytest.fixture
-def heap_of_a_new_process() -> Iterator[None]:
-    """Without what other tests left behind, which the garbage collector would look through on the loop."""
-    gc.collect()
-    gc.freeze()
-    yield
-    gc.unfreeze()
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 import asyncio
 import ssl
 from collections.abc import Mapping
+from contextlib import nullcontext
 from typing import Any
 
 import httpx
@@ -190,15 +191,11 @@ class RwsClient:
         content: bytes | None = None,
         urgent: bool = False,
     ) -> httpx.Response:
-        if urgent:
-            return await self._send(
-                self._session_now(), method, path, query, form, headers, f"{method} {path}", content
-            )
-        await self._pace()
-        async with self._ordinary:
-            return await self._send(
-                self._session_now(), method, path, query, form, headers, f"{method} {path}", content
-            )
+        if not urgent:
+            await self._pace()
+        async with nullcontext() if urgent else self._ordinary:
+            doing = f"{method} {path}"
+            return await self._send(self._session_now(), method, path, query, form, headers, doing, content)
 
     async def _send(
         self,
