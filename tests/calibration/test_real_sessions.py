@@ -11,7 +11,7 @@ from calibration.solve import solve_hand_eye
 from calibration.transforms import difference, transform_from_quaternion
 from daemon.sessions.session_reader import load_problem, open_session
 
-pytestmark = [pytest.mark.data, pytest.mark.timeout(180), pytest.mark.slow]
+pytestmark = [pytest.mark.data, pytest.mark.timeout(900), pytest.mark.slow]
 
 
 def solved(folder: Path) -> Solution:

@@ -15,7 +15,7 @@ from drivers.scanners.http_scanner import HttpScanner
 from drivers.transports.serial_line import SerialTransport
 from drivers.transports.tcp import TcpTransport
 from tests.drivers.robots.fake_controller import FakeController, TcpCell
-from tests.support.waiting import quick_timing
+from tests.support.waiting import LIMIT_S, quick_timing
 
 
 @pytest.mark.parametrize(
@@ -102,6 +102,6 @@ def test_a_folder_may_be_written_as_a_url():
 async def test_an_opened_robot_dials_by_itself():
     async with TcpCell(FakeController()) as cell:
         robot = registry.open_robot(f"tcp://127.0.0.1:{cell.port}", quick_timing())
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         assert (await robot.read_pose()).still
         await robot.close()

@@ -37,7 +37,7 @@ async def test_every_way_gives_the_same_pose_before_and_after_a_move(program: st
         robot = CbRobot(TcpTransport(*cell.robot))
         robot.start()
         try:
-            await robot.wait_for_link(20.0)
+            await robot.wait_for_link(LIMIT_S)
             before = await told_by_all(cell, robot)
             assert before == [list(held_by(cell).values())] * 4
             arm = cell.controller.arm

@@ -25,7 +25,7 @@ async def test_the_cb_link_runs_over_a_pair_of_ptys_that_socat_joins(tmp_path: P
             robot = CbRobot(SerialTransport(str(line)))
             robot.start()
             try:
-                await robot.wait_for_link(10.0)
+                await robot.wait_for_link(LIMIT_S)
                 reading = await robot.read_pose()
                 pose = cell.controller.arm.reported_base_T_flange(cell.controller.robot_s(cell.cell.clock()))
                 assert np.array_equal(np.float32(reading.base_T_flange[:3, 3]), np.float32(pose[:3, 3]))

@@ -19,7 +19,7 @@ from mock_robot.truth.start_posture import target_middle_mm
 from protocols.cb.codes import Command
 from tests.mock_robot.controller_client import AWAY, HOME
 from tests.mock_robot.running_cell import RunningCell, running_cell
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 
 @asynccontextmanager
@@ -30,7 +30,7 @@ async def robot_at(cell: RunningCell, *, serial: bool = False) -> AsyncIterator[
     )
     robot.start()
     try:
-        await robot.wait_for_link(10.0)
+        await robot.wait_for_link(LIMIT_S)
         yield robot
     finally:
         await robot.close()
@@ -124,9 +124,8 @@ async def test_a_link_lost_in_a_move_fails_it_stops_the_arm_and_disarms(fault: s
         cell.inject_fault(fault, only=Command.STATUS, after_moves=1)
         with pytest.raises((LinkLost, GarbledAnswer)):
             await robot.move_to(goal_at(cell, HOME))
-        await eventually(lambda: not cell.moving)
-        assert not cell.controller.armed
-        await robot.wait_for_link(10.0)
+        await eventually(lambda: not cell.controller.armed and not cell.moving)
+        await robot.wait_for_link(LIMIT_S)
         assert not (await robot.read_status()).armed
         with pytest.raises(MoveRefused):
             await robot.move_to(goal_at(cell, HOME))

@@ -19,7 +19,7 @@ from tests.support.waiting import eventually_blocking
 
 LIMIT_S = 100.0
 
-pytestmark = [pytest.mark.timeout(200), pytest.mark.slow]
+pytestmark = [pytest.mark.timeout(900), pytest.mark.slow]
 
 
 class Demo:

@@ -165,7 +165,7 @@ def test_the_command(tmp_path: Path) -> None:
     assert "/proc/nowhere" in nowhere.output
 
 
-@pytest.mark.timeout(60)
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize(
     "word", ["x", "a-", "secret", "http://", "-----BEGIN ", "+", "AAAA-", "bearer ", "://", "hek_"]
 )

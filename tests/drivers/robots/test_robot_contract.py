@@ -18,7 +18,7 @@ from drivers.transports.tcp import TcpTransport
 from protocols.cb.codes import MoveKind, Status
 from protocols.cb.messages import Bye, GetPose, GetStatus, Move, Stop
 from tests.drivers.robots.fake_controller import BASE_T_FLANGE, STANDING, FakeController, PtyCell, TcpCell
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 GOAL = MoveGoal(BASE_T_FLANGE, Configuration(0, -1, 0, 1), speed_mm_s=80.0)
 
@@ -42,7 +42,7 @@ async def cell(request):
 async def _connected(transport, controller):
     robot = CbRobot(transport)
     robot.start()
-    await robot.wait_for_link(10.0)
+    await robot.wait_for_link(LIMIT_S)
     yield robot, controller
     await robot.close()
 

@@ -20,7 +20,7 @@ from drivers.transports.tcp import TcpTransport
 from protocols.cb.codes import Command
 from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.running_cell import running_cell
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 ARM = find_arm("IRB 1600-6/1.45")
 GOAL = MoveGoal(ARM.forward(AWAY), Configuration(*ARM.configuration(AWAY)), speed_mm_s=250.0)
@@ -35,7 +35,7 @@ async def cell(request):
         wire = running.announcement
         robot = CbRobot(SerialTransport(wire.serial_path) if serial else TcpTransport(wire.robot_host, wire.robot_port))
         robot.start()
-        await robot.wait_for_link(10.0)
+        await robot.wait_for_link(LIMIT_S)
         yield robot, running
         await robot.close()
 

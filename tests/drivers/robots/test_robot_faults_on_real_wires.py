@@ -19,7 +19,7 @@ from protocols.cb.controller import ControllerSession
 from protocols.cb.frames import Frame
 from protocols.cb.messages import GetPose, Move
 from tests.drivers.robots.fake_controller import BASE_T_FLANGE, FakeController, PtyCell, TcpCell
-from tests.support.waiting import eventually, quick_timing
+from tests.support.waiting import LIMIT_S, eventually, quick_timing
 
 GOAL = MoveGoal(BASE_T_FLANGE, Configuration(0, 0, 0, 0))
 
@@ -66,7 +66,7 @@ async def test_another_service_listens_at_the_port():
 async def test_garbage_in_the_middle_closes_tcp_and_it_is_dialled_again():
     controller = FakeController()
     async with TcpCell(controller) as cell, driver(TcpTransport("127.0.0.1", cell.port)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         controller.mangle = lambda request, reply: [b"\0\0", reply] if isinstance(request, GetPose) else [reply]
         with pytest.raises(GarbledAnswer, match="not the CB link"):
             await robot.read_pose()
@@ -76,7 +76,7 @@ async def test_garbage_in_the_middle_closes_tcp_and_it_is_dialled_again():
 async def test_garbage_on_a_serial_line_is_skipped():
     controller = FakeController()
     async with PtyCell(controller) as cell, driver(SerialTransport(cell.path)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         controller.mangle = lambda request, reply: [b"\x43\x42\x43\0noise", reply, b"\x43"]
         for _ in range(3):
             await robot.read_pose()
@@ -86,7 +86,7 @@ async def test_garbage_on_a_serial_line_is_skipped():
 async def test_half_a_frame_then_silence_loses_a_tcp_link():
     controller = FakeController()
     async with TcpCell(controller) as cell, driver(TcpTransport("127.0.0.1", cell.port)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         controller.mangle = lambda request, reply: [reply[:30]] if isinstance(request, GetPose) else [reply]
         controller.pieces = first_only(controller, GetPose)
         with pytest.raises((LinkLost, GarbledAnswer)):
@@ -108,7 +108,7 @@ def first_only(controller, kind):
 async def test_half_a_frame_on_a_serial_line_is_asked_again():
     controller = FakeController()
     async with PtyCell(controller) as cell, driver(SerialTransport(cell.path)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         controller.mangle = lambda request, reply: [reply[:30]] if isinstance(request, GetPose) else [reply]
         await robot.read_pose()
         assert controller.arm.count(GetPose) == 1
@@ -119,7 +119,7 @@ async def test_half_a_frame_on_a_serial_line_is_asked_again():
 async def test_a_bit_flipped_on_the_way_there_is_asked_again():
     controller = FakeController()
     async with PtyCell(controller) as cell, driver(SerialTransport(cell.path)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         await robot.set_armed(True)
         pieces, damaged = controller.pieces, []
 
@@ -138,7 +138,7 @@ async def test_a_reset_in_the_middle_of_a_move_ends_it_and_nothing_moves_afterwa
     controller = FakeController()
     controller.arm.polls_per_move = None
     async with TcpCell(controller) as cell, driver(TcpTransport("127.0.0.1", cell.port)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         await robot.set_armed(True)
         moving = asyncio.create_task(robot.move_to(GOAL))
         await eventually(lambda: controller.arm.running_seq != 0)
@@ -154,7 +154,7 @@ async def test_a_reset_in_the_middle_of_a_move_ends_it_and_nothing_moves_afterwa
 async def test_an_answer_lost_with_its_connection_is_not_asked_for_by_moving_again():
     controller = FakeController()
     async with TcpCell(controller) as cell, driver(TcpTransport("127.0.0.1", cell.port)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         await robot.set_armed(True)
         controller.mangle = lambda request, reply: [b""] if isinstance(request, Move) else [reply]
         with pytest.raises(LinkLost):
@@ -167,7 +167,7 @@ async def test_a_controller_that_restarts_behind_a_serial_line_ends_the_move():
     controller = FakeController()
     controller.arm.polls_per_move = None
     async with PtyCell(controller) as cell, driver(SerialTransport(cell.path)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         assert robot.controller_session == 7
         await robot.set_armed(True)
         moving = asyncio.create_task(robot.move_to(GOAL))
@@ -275,7 +275,7 @@ async def driver_on_pulled_pty(controller):
         cell = await stack.enter_async_context(PtyCell(controller))
         robot = CbRobot(SerialTransport(cell.path), quick_timing())
         robot.start()
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         await stack.aclose()
         yield robot
         await robot.close()
@@ -284,7 +284,7 @@ async def driver_on_pulled_pty(controller):
 async def test_an_answer_of_another_shape_is_garbled_and_the_link_stays():
     controller = FakeController()
     async with TcpCell(controller) as cell, driver(TcpTransport("127.0.0.1", cell.port)) as robot:
-        await robot.wait_for_link(10)
+        await robot.wait_for_link(LIMIT_S)
         short = lambda reply: Frame(0x83, int.from_bytes(reply[4:6], "little"), b"\0" * 60).encode()  # noqa: E731
         controller.mangle = lambda request, reply: [short(reply)] if isinstance(request, GetPose) else [reply]
         with pytest.raises(GarbledAnswer, match="60 bytes instead of 68"):

@@ -127,11 +127,13 @@ async def test_a_repeated_move_is_answered_from_memory_and_never_moves_twice(ser
 async def test_the_same_number_and_the_same_sum_with_another_goal_is_no_repeat() -> None:
     async with talking() as (cell, client):
         request = bytearray(client.session.request(replace(GOOD, speed_mm_s=200.0)))
-        await answer_to(client, bytes(request))
+        client.session.receive_data(await answer_to(client, bytes(request)))
+        seq = client.session.last_seq
         place = next(at for at in range(12, len(request)) if request[at] == 0)
         request[place] = 0xFF  # Fletcher's sums are taken modulo 255: 0 and 255 are the same to them
         answer = await answer_to(client, bytes(request))
         assert struct.unpack("<H", answer[6:8])[0] == Status.DUPLICATE_SEQ_DIFFERENT_PAYLOAD
+        assert await ends_as(client, seq) is Status.OK
         assert cell.commanded_moves == 1
 
 

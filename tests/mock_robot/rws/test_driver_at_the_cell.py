@@ -20,7 +20,7 @@ from mock_robot.rws.sessions import MAX_SESSIONS
 from protocols.cb.codes import Command
 from tests.mock_robot.controller_client import AWAY
 from tests.mock_robot.rws_cell import RwsCell, rws_cell
-from tests.support.waiting import eventually, quick_timing
+from tests.support.waiting import LIMIT_S, eventually, quick_timing
 
 pytestmark = pytest.mark.slow
 
@@ -32,7 +32,7 @@ async def robot_at(cell: RwsCell, version: int, options: str = "") -> AsyncItera
     robot = open_robot(cell.rws(version) + options, quick_timing())
     assert isinstance(robot, RwsRobot)
     try:
-        await robot.wait_for_link(10.0)
+        await robot.wait_for_link(LIMIT_S)
         yield robot
     finally:
         await robot.close()
@@ -45,7 +45,7 @@ async def test_it_finds_the_version_by_itself_and_reads_what_the_cb_link_reads(v
         other = CbRobot(TcpTransport(*cell.robot))
         other.start()
         try:
-            await other.wait_for_link(10.0)
+            await other.wait_for_link(LIMIT_S)
             told, here = await other.read_pose(), await robot.read_pose()
             assert np.array_equal(told.base_T_flange[:3, 3], np.float32(here.base_T_flange[:3, 3]))
             assert np.allclose(told.base_T_flange, here.base_T_flange, rtol=0, atol=1e-6)
@@ -191,7 +191,7 @@ async def test_reconnects_and_a_restart_leave_one_session(version: int) -> None:
         assert sessions.count == MAX_SESSIONS - 3
         async with robot_at(cell, version) as robot:
             cell.cell.inject_fault("link-restart")
-            await robot.wait_for_link(10.0)
+            await robot.wait_for_link(LIMIT_S)
             await eventually(lambda: robot.watching and sessions.count == 1)
             await robot.read_pose()
 
@@ -218,7 +218,7 @@ async def test_each_fault_has_its_error_and_is_over_when_it_is_over(
         assert words in str(refused.value)
         await eventually(lambda: not robot.link.connected and words in robot.link.detail)
         cell.cell.clear_faults()
-        await robot.wait_for_link(10.0)
+        await robot.wait_for_link(LIMIT_S)
         assert (await robot.read_pose()).still
 
 

@@ -64,7 +64,7 @@ HOSTILE: dict[str, Edit] = {
 }
 
 
-@pytest.mark.timeout(60)
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", HOSTILE)
 def test_libe57_is_not_given_xml_that_asks_for_more(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pye57 = pytest.importorskip("pye57", reason="pye57 is not installed: E57 is not tested")
