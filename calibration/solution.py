@@ -3,6 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from calibration.camera import CameraModel
 from calibration.problem import Setup
 from calibration.transforms import Array
@@ -21,8 +24,32 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
+class PointResiduals:
+    """The m detected points of one view beside the places where the solution predicts them.
+
+    pixels, residuals_px : (m, 2) measured, and predicted minus measured: at the corrected pose of the robot for a view
+        that is used, at the reported one for a rejected view.
+    distances_mm : (m,) from the camera, along its axis.
+    used : (m,) False for outlying points.
+    """
+
+    pixels: Array
+    residuals_px: Array
+    distances_mm: Array
+    used: NDArray[np.bool_]
+
+    @property
+    def lengths_px(self) -> Array:
+        """Lengths (m,) of the residuals."""
+        return np.asarray(np.hypot(*self.residuals_px.T))
+
+
+@dataclass(frozen=True, eq=False)
 class ViewResult:
-    """The fit of one view. `robot_correction`: estimated error of its pose, (3,) mm and rotation vector (3,) rad."""
+    """The fit of one view. `robot_correction`: estimated error of its pose, (3,) mm and rotation vector (3,) rad.
+
+    `points` is None when there is no estimate, or the view does not enter it.
+    """
 
     index: int
     image: str | None
@@ -31,6 +58,7 @@ class ViewResult:
     reprojection_px: float | None
     base_error_mm: float | None
     robot_correction: tuple[Array, Array] | None
+    points: PointResiduals | None = None
 
 
 @dataclass(frozen=True, eq=False)

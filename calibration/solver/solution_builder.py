@@ -13,7 +13,7 @@ from calibration.observations.reprojection import pixel_residuals
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import Problem
-from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
+from calibration.solution import Finding, Noise, Observability, PointResiduals, Solution, ViewResult
 from calibration.solver.closed_form import solve_closed_form
 from calibration.solver.findings import method_findings, solver_findings
 from calibration.solver.initial_guess import InitialGuess
@@ -98,8 +98,9 @@ def _views(
     problem: Problem, prepared: PreparedSession, selection: Selection, agreeing: NDArray[np.bool_], own_poses: Array
 ) -> tuple[ViewResult, ...]:
     best, rows = selection.best, prepared.take(selection.used)
-    residuals = pixel_residuals(scale_target(rows.seen, best.scale), best.camera, best.chain.camera_T_target())
-    errors = base_errors(scale_target(rows.seen, best.scale), best.chain.without_corrections(), own_poses)
+    real, predicted = scale_target(rows.seen, best.scale), best.chain.camera_T_target()
+    residuals = pixel_residuals(real, best.camera, predicted)
+    errors = base_errors(real, best.chain.without_corrections(), own_poses)
     results = [_without_numbers(problem, position, why) for position, why in prepared.unusable.items()]
     for row in np.flatnonzero(~selection.used):
         reason = "beyond-the-first-three" if agreeing[row] else "pose-disagrees"
@@ -116,6 +117,7 @@ def _views(
                 reprojection_px=float(reprojection_px[kept]),
                 base_error_mm=float(base_error_mm[kept]),
                 robot_correction=(best.chain.corrections[kept, 3:], best.chain.corrections[kept, :3]),
+                points=_points(real, kept, predicted[kept], residuals[kept]),
             )
         )
     return tuple(sorted(results, key=lambda result: result.index))
@@ -136,7 +138,15 @@ def _outlier_result(problem: Problem, prepared: PreparedSession, row: int, best:
         reprojection_px=float(_rms(only.seen, residuals)[0]),
         base_error_mm=float(_rms(only.seen, errors)[0]),
         robot_correction=(correction[3:], correction[:3]),
+        points=_points(only.seen, 0, chain.camera_T_target()[0], residuals[0]),
     )
+
+
+def _points(seen: Observations, row: int, camera_T_target: Array, residuals: Array) -> PointResiduals:
+    """The points of view `row` with their residuals (m, 2) at its pose (4, 4)."""
+    there = seen.present[row] > 0
+    distances_mm = map_points(camera_T_target, seen.points_mm[row, there])[:, 2]
+    return PointResiduals(seen.pixels[row, there], residuals[there], distances_mm, seen.weights[row, there] > 0)
 
 
 def _rms(seen: Observations, errors: Array) -> Array:

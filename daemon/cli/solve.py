@@ -11,6 +11,8 @@ from daemon.cli.output import Json, print_error, progress_bar
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
     from calibration.problem import Problem
+    from calibration.solution import Solution
+    from daemon.sessions.session_reader import SessionFolder
 
 RESULT_FILE = "calibration.json"
 
@@ -35,6 +37,15 @@ def solve(
     ] = None,
     radius_mm: Annotated[float | None, typer.Option(help="Radius of --artefact sphere.")] = None,
     rough: Annotated[Path | None, typer.Option(help="calibration.json with a rough X, for --artefact none.")] = None,
+    views: Annotated[bool, typer.Option("--views", help="Also print a table of the views, the worst first.")] = False,
+    pictures: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Also write each image with its points and residuals, and residuals.html; with several folders: into"
+            " DIR/NAME.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Calibrate from session folders: session.json and its images; with --artefact from scans.
@@ -51,23 +62,31 @@ def solve(
             "--method", f"none is called {method!r}", f"one of {', '.join(METHODS)}", ExitStatus.UNREADABLE
         )
     check_options(artefact, radius_mm, rough, method)
+    if artefact is not None and pictures is not None:
+        raise CommandError("--pictures", "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
     status = ExitStatus.OK
     for folder in folders:
         try:
-            document = _solve(folder, method) if artefact is None else solve_scan(folder, radius_mm, rough)
+            if artefact is None:
+                document, shown = _solve(folder, method)
+            else:
+                document, shown = solve_scan(folder, radius_mm, rough), None
         except (DocumentError, RegistrationError) as error:
             print_error(str(error))
             status = ExitStatus.UNREADABLE
             continue
         if not document.verdict.accepted and status is ExitStatus.OK:
             status = ExitStatus.NOT_ACCEPTED
-        _print(folder, document, json)
+        _print(folder, document, json, views)
+        name = folder.resolve().name
         if out is not None:
-            _write(out if len(folders) == 1 else out / folder.resolve().name / RESULT_FILE, document)
+            _write(out if len(folders) == 1 else out / name / RESULT_FILE, document)
+        if pictures is not None and shown is not None:
+            _write_pictures(pictures if len(folders) == 1 else pictures / name, document, *shown)
     raise typer.Exit(status)
 
 
-def _solve(folder: Path, method: str) -> "CalibrationDocument":
+def _solve(folder: Path, method: str) -> "tuple[CalibrationDocument, tuple[SessionFolder, Problem, Solution]]":
     from dataclasses import replace
 
     from calibration.documents.calibration import calibration_document
@@ -88,13 +107,14 @@ def _solve(folder: Path, method: str) -> "CalibrationDocument":
     verdict = judge(problem, solution)
     if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise())) is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
-    return calibration_document(
+    document = calibration_document(
         solution,
         verdict,
         calibration_id=time_ordered_id(clock),
         created_at=clock.timestamp(),
         software=SOFTWARE,
     )
+    return document, (session, problem, solution)
 
 
 def missing_target_lines(problem: "Problem") -> list[str]:
@@ -116,10 +136,16 @@ def format_ranges(indices: list[int]) -> str:
     return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in runs)
 
 
-def _print(folder: Path, document: "CalibrationDocument", json: bool) -> None:
+def _print(folder: Path, document: "CalibrationDocument", json: bool, views: bool) -> None:
     from calibration.documents.calibration_text import summary
+    from calibration.documents.view_table import view_table
 
-    typer.echo(document.model_dump_json() if json else summary(str(folder), document) + "\n")
+    if json:
+        typer.echo(document.model_dump_json())
+        return
+    typer.echo(summary(str(folder), document) + "\n")
+    if views:
+        typer.echo(view_table(document) + "\n")
 
 
 def _write(file: Path, document: "CalibrationDocument") -> None:
@@ -129,3 +155,19 @@ def _write(file: Path, document: "CalibrationDocument") -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise CommandError(str(file), f"cannot be written ({reason})", "choose another --out") from None
+
+
+def _write_pictures(
+    folder: Path, document: "CalibrationDocument", session: "SessionFolder", problem: "Problem", solution: "Solution"
+) -> None:
+    from calibration.documents.view_table import worst_first
+    from daemon.sessions.session_files import read_grey
+    from daemon.tools.session_pictures.write import write_pictures
+
+    order, title = [view.index for view in worst_first(document.views)], session.path.resolve().name
+    try:
+        page = write_pictures(folder, title, problem, solution, order, lambda name: read_grey(session.path / name))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CommandError(str(folder), f"cannot be written ({reason})", "choose another --pictures") from None
+    print_error(f"{page}: residuals of {len(order)} views")

@@ -1,0 +1,157 @@
+"""Charts of residuals as SVG, without any script or outside resource."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.transforms import Array
+
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 720.0, 300.0, 56.0, 24.0, 22.0, 40.0
+MAX_ARROWS = 4000
+"""Arrows that one chart shows; of more residuals an even choice is drawn."""
+CELLS_ACROSS = 12
+"""Cells along the image's width in which residuals are averaged."""
+MIN_POINTS_OF_CELL = 3
+TICKS = 5
+TOP_OF_USED = 1.5
+"""Upper end of an axis over the largest value in use; a rejected view beyond it is cut off there, its value printed."""
+
+
+def image_chart(pixels: Array, residuals_px: Array, image_size: tuple[int, int], magnification: float) -> str:
+    """Residuals (n, 2) as arrows at their pixels (n, 2): all of them thin, their mean in each cell of a grid bold."""
+    width, height = image_size
+    line, step = width / 900, max(1, -(-len(pixels) // MAX_ARROWS))
+    thin = [_arrow(at, by * magnification) for at, by in zip(pixels[::step], residuals_px[::step], strict=True)]
+    bold = [_arrow(at, by * magnification) for at, by in _cell_means(pixels, residuals_px, width)]
+    return (
+        f'<svg class="image" viewBox="0 0 {width} {height}" role="img" aria-label="residuals over the image">'
+        f'<rect width="{width}" height="{height}" class="frame" stroke-width="{line:.2f}"/>'
+        f'<path class="thin" stroke-width="{line:.2f}" d="{"".join(thin)}"/>'
+        f'<path class="bold" stroke-width="{3 * line:.2f}" d="{"".join(bold)}"/></svg>'
+    )
+
+
+def _cell_means(pixels: Array, residuals_px: Array, width: int) -> list[tuple[Array, Array]]:
+    """Centre and mean residual of every cell that holds MIN_POINTS_OF_CELL points or more."""
+    edge = width / CELLS_ACROSS
+    cells, member, count = np.unique(np.floor(pixels / edge), axis=0, return_inverse=True, return_counts=True)
+    means = np.column_stack([np.bincount(member.ravel(), residuals_px[:, axis]) for axis in range(2)]) / count[:, None]
+    return [
+        ((cell + 0.5) * edge, mean)
+        for cell, mean, points in zip(cells, means, count, strict=True)
+        if points >= MIN_POINTS_OF_CELL
+    ]
+
+
+def _arrow(start: Array, by: Array) -> str:
+    """A line with a head of a quarter of its length."""
+    end, across = start + by, np.array([-by[1], by[0]])
+    one, other = end - 0.25 * by + 0.12 * across, end - 0.25 * by - 0.12 * across
+    return f"M{_at(start)}L{_at(end)}M{_at(one)}L{_at(end)}L{_at(other)}"
+
+
+def _at(point: Array) -> str:
+    return f"{point[0]:.1f} {point[1]:.1f}"
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A point of a chart: `kind`, its class, is the view's status; `title` its tooltip."""
+
+    x: float
+    y: float
+    kind: str
+    title: str
+
+
+def scatter_chart(marks: Sequence[Mark], x_label: str, y_label: str) -> str:
+    """Marks over two linear axes; y begins at 0."""
+    x_ticks = nice_ticks(min(mark.x for mark in marks), max(mark.x for mark in marks))
+    axes = _Axes((x_ticks[0], x_ticks[-1]), (0.0, _top(marks)))
+    shapes = [
+        f'<circle class="{mark.kind}" cx="{axes.x(mark.x):.1f}" cy="{axes.y(mark.y):.1f}" r="4">'
+        f"<title>{mark.title}</title></circle>{_cut_value(axes, mark)}"
+        for mark in marks
+    ]
+    return _chart([*_grid(axes, x_ticks), *shapes], x_label, y_label)
+
+
+def bar_chart(marks: Sequence[Mark], x_label: str, y_label: str) -> str:
+    """One bar for each mark, at its whole number x."""
+    first, last = min(mark.x for mark in marks), max(mark.x for mark in marks)
+    axes = _Axes((first - 0.6, last + 0.6), (0.0, _top(marks)))
+    x_ticks = np.unique(np.round(np.linspace(first, last, min(int(last - first) + 1, 12))))
+    wide = 0.8 * (axes.x(1.0) - axes.x(0.0))
+    shapes = [
+        f'<rect class="{mark.kind}" x="{axes.x(mark.x) - wide / 2:.1f}" y="{axes.y(mark.y):.1f}" width="{wide:.1f}"'
+        f' height="{axes.y(0.0) - axes.y(mark.y):.1f}"><title>{mark.title}</title></rect>{_cut_value(axes, mark)}'
+        for mark in marks
+    ]
+    return _chart([*_grid(axes, x_ticks), *shapes], x_label, y_label)
+
+
+def _top(marks: Sequence[Mark]) -> float:
+    """Upper end of the y axis: all marks that are not rejected are below it."""
+    used = [mark.y for mark in marks if mark.kind != "rejected"] or [mark.y for mark in marks]
+    return min(max(mark.y for mark in marks), TOP_OF_USED * max(used))
+
+
+def _cut_value(axes: "_Axes", mark: Mark) -> str:
+    """The value of a mark that the axis cuts off."""
+    if mark.y <= axes.y_range[1]:
+        return ""
+    return f'<text x="{axes.x(mark.x):.1f}" y="{TOP - 8}" text-anchor="middle">{mark.y:.3g}</text>'
+
+
+def nice_ticks(low: float, high: float) -> NDArray[np.float64]:
+    """About TICKS round numbers from below `low` to above `high`."""
+    if not high > low:
+        low, high = low - 0.5 * (low != 0), high + 0.5
+    span = high - low
+    power = 10.0 ** np.floor(np.log10(span / TICKS))
+    step = power * next(factor for factor in (1, 2, 5, 10) if factor * power * TICKS >= span)
+    return np.asarray(np.arange(np.floor(low / step), np.ceil(high / step) + 0.5) * step)
+
+
+@dataclass(frozen=True)
+class _Axes:
+    """Maps values to the chart's units; y beyond `y_range` is cut off."""
+
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+
+    def x(self, value: float) -> float:
+        low, high = self.x_range
+        return LEFT + (value - low) / (high - low) * (WIDTH - LEFT - RIGHT)
+
+    def y(self, value: float) -> float:
+        low, high = self.y_range
+        share = min((value - low) / (high - low), 1.0) if high > low else 0.0
+        return HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM)
+
+
+def _grid(axes: _Axes, x_ticks: NDArray[np.float64]) -> list[str]:
+    y_ticks = [tick for tick in nice_ticks(*axes.y_range) if tick <= axes.y_range[1] * (1 + 1e-9)]
+    lines = [
+        f'<path class="grid" d="M{LEFT} {axes.y(tick):.1f}H{WIDTH - RIGHT}"/>'
+        f'<text x="{LEFT - 6}" y="{axes.y(tick) + 4:.1f}" text-anchor="end">{tick:.6g}</text>'
+        for tick in y_ticks
+    ]
+    words = [
+        f'<text x="{axes.x(tick):.1f}" y="{HEIGHT - BOTTOM + 16}" text-anchor="middle">{tick:.6g}</text>'
+        for tick in x_ticks
+    ]
+    return [*lines, *words]
+
+
+def _chart(shapes: Sequence[str], x_label: str, y_label: str) -> str:
+    middle_x, middle_y = (LEFT + WIDTH - RIGHT) / 2, (TOP + HEIGHT - BOTTOM) / 2
+    return (
+        f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{y_label} over {x_label}">'
+        f"{''.join(shapes)}"
+        f'<text x="{middle_x}" y="{HEIGHT - 6}" text-anchor="middle">{x_label}</text>'
+        f'<text transform="translate(13 {middle_y}) rotate(-90)" text-anchor="middle">{y_label}</text>'
+        "</svg>"
+    )

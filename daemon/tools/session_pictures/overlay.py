@@ -1,0 +1,117 @@
+"""One image of a session with the found points, their residuals and, when it is not used, the reason."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.problem import View
+from calibration.solution import ViewResult
+from calibration.transforms import Array
+
+MIN_WIDTH_PX = 1280
+"""Smaller images are enlarged by a whole factor, so that marks and words do not hide the target."""
+
+GREEN, RED, AMBER, WHITE, BLACK = (60, 200, 40), (40, 40, 235), (0, 170, 255), (255, 255, 255), (24, 24, 24)
+"""Blue, green, red."""
+
+Picture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Pen:
+    """Sizes in pixels of what is drawn into an image `width` pixels wide."""
+
+    width: int
+
+    @property
+    def line(self) -> int:
+        return max(1, round(self.width / 1300))
+
+    @property
+    def mark(self) -> int:
+        return max(4, round(self.width / 220))
+
+    @property
+    def text(self) -> float:
+        """OpenCV's scale of its font, which is 22 px high at 1."""
+        return self.width / 1900
+
+
+def draw_view(image: Picture, view: View, result: ViewResult, magnification: float, reason: str) -> Picture:
+    """The image (h, w) in colour, enlarged when it is small, above a caption of two lines.
+
+    Green circles are points in use, red crosses are outlying points; arrows are the residuals, `magnification` times
+    as long. `reason` is the sentence for a view that is not used.
+    """
+    factor = max(1, -(-MIN_WIDTH_PX // image.shape[1]))
+    large = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
+    canvas = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), np.uint8)
+    pen = Pen(canvas.shape[1])
+    rejected = result.status == "rejected"
+    if result.points is not None:
+        points = result.points
+        _draw_points(canvas, _enlarge(points.pixels, factor), points.used, pen)
+        _draw_arrows(canvas, _enlarge(points.pixels, factor), points.residuals_px * factor * magnification, pen)
+    elif view.detection is not None:
+        found = view.detection.corners_px
+        _draw_points(canvas, _enlarge(found, factor), np.full(len(found), not rejected), pen)
+    if rejected:
+        cv2.rectangle(canvas, (0, 0), (canvas.shape[1] - 1, canvas.shape[0] - 1), RED, 4 * pen.line)
+    return np.vstack([canvas, _caption(_lines(view, result, magnification, reason), rejected, pen)])
+
+
+def _enlarge(pixels: Array, factor: int) -> Array:
+    return (pixels + 0.5) * factor - 0.5
+
+
+def _draw_points(canvas: Picture, pixels: Array, used: NDArray[np.bool_], pen: Pen) -> None:
+    for (x, y), good in zip(_in_range(pixels), used, strict=True):
+        if good:
+            cv2.circle(canvas, (x, y), pen.mark, GREEN, pen.line, cv2.LINE_AA)
+        else:
+            cv2.drawMarker(canvas, (x, y), RED, cv2.MARKER_TILTED_CROSS, 2 * pen.mark, 2 * pen.line, cv2.LINE_AA)
+
+
+def _draw_arrows(canvas: Picture, pixels: Array, arrows: Array, pen: Pen) -> None:
+    for start, end in zip(_in_range(pixels), _in_range(pixels + arrows), strict=True):
+        cv2.arrowedLine(canvas, start, end, BLACK, 3 * pen.line, cv2.LINE_AA, tipLength=0.2)
+        cv2.arrowedLine(canvas, start, end, AMBER, pen.line, cv2.LINE_AA, tipLength=0.2)
+
+
+def _in_range(pixels: Array) -> list[tuple[int, int]]:
+    """Whole pixels that OpenCV can draw to; a point far outside is moved to the same side of the image."""
+    near = np.clip(np.nan_to_num(pixels), -30000, 30000)
+    return [(round(float(x)), round(float(y))) for x, y in near]
+
+
+def _lines(view: View, result: ViewResult, magnification: float, reason: str) -> tuple[str, str]:
+    count = 0 if view.detection is None else len(view.detection.ids)
+    title = f"view {result.index}  {result.image or 'no image'}  {result.status}  {count} points"
+    if result.points is None:
+        return title, reason
+    outliers = int(np.count_nonzero(~result.points.used))
+    title += f" ({outliers} outlying, red)" if outliers else ""
+    return title, "; ".join(filter(None, [reason, residual_words(result, magnification)]))
+
+
+def residual_words(result: ViewResult, magnification: float) -> str:
+    """Which residual the arrows of a view show, its size, and the magnification."""
+    pose = "as reported" if result.status == "rejected" else "corrected"
+    return (
+        f"arrows: predicted minus found, robot's pose {pose}, x {magnification:g}; RMS {result.reprojection_px:.3g} px"
+    )
+
+
+def _caption(lines: tuple[str, str], rejected: bool, pen: Pen) -> Picture:
+    height = round(34 * pen.text)
+    strip: Any = np.full((round(2.6 * height), pen.width, 3), BLACK, np.uint8)
+    for row, (line, colour) in enumerate(zip(lines, (WHITE, RED if rejected else AMBER), strict=True), start=1):
+        words = line.replace("×", "x").replace("°", " deg").encode("ascii", "replace").decode()
+        (length, _), _ = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, pen.text, pen.line)
+        scale = pen.text * min(1.0, (pen.width - 2 * height) / max(length, 1))
+        place = (height // 2, row * height + (row - 1) * height // 5)
+        cv2.putText(strip, words, place, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, pen.line, cv2.LINE_AA)
+    return np.asarray(strip, np.uint8)
