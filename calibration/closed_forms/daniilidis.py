@@ -21,11 +21,12 @@ def _equations(motions: MotionPairs) -> Array:
     """T (6k, 8) of Eqs. 31 and 33, with lengths scaled so that rotation and translation weigh alike."""
     a, a_dual = _dual_quaternions(motions.mount)
     b, b_dual = _dual_quaternions(motions.camera)
-    rows = np.zeros((len(a), 6, 8))
-    rows[:, :3, 0] = rows[:, 3:, 4] = (a - b)[:, 1:]
-    rows[:, :3, 1:4] = rows[:, 3:, 5:] = skew((a + b)[:, 1:])
-    rows[:, 3:, 0] = (a_dual - b_dual)[:, 1:]
-    rows[:, 3:, 1:4] = skew((a_dual + b_dual)[:, 1:])
+    k = len(a)
+    rows = np.zeros((max(k, 2), 6, 8))  # at least as many rows as unknowns, for both vectors of the null space
+    rows[:k, :3, 0] = rows[:k, 3:, 4] = (a - b)[:, 1:]
+    rows[:k, :3, 1:4] = rows[:k, 3:, 5:] = skew((a + b)[:, 1:])
+    rows[:k, 3:, 0] = (a_dual - b_dual)[:, 1:]
+    rows[:k, 3:, 1:4] = skew((a_dual + b_dual)[:, 1:])
     return rows.reshape(-1, 8)
 
 

@@ -17,6 +17,8 @@ MAX_DISTANCE_MM = 1e8
 MAX_SKEW = 1e-3
 """Largest error of R R' - I of a rotation; that of a unit quaternion is a thousand million times smaller."""
 
+IMAGE_REPEATED = "image-repeated"
+
 MIN_CORNERS = 4
 """Four points of a plane determine its pose; fewer do not."""
 
@@ -89,7 +91,21 @@ def observe(problem: Problem) -> tuple[Observations, dict[int, UnusableReason]]:
             why = UnusableReason("corners-damaged", f"{len(ids)} ids for {len(pixels)} corners")
         refused[position] = why
     seen, by_corners = _usable_corners(problem, poses, whole)
-    return seen, refused | by_corners
+    first_of = _first_with_same_image(seen)
+    kept = first_of == np.arange(len(seen))
+    for row in np.flatnonzero(~kept):
+        first = problem.views[seen.positions[first_of[row]]].index
+        by_corners[int(seen.positions[row])] = UnusableReason(
+            IMAGE_REPEATED, f"the image is that of view {first} again"
+        )
+    return seen if np.all(kept) else seen.take(kept), refused | by_corners
+
+
+def _first_with_same_image(seen: Observations) -> NDArray[np.intp]:
+    """The first row (n,) with the same corners in every bit; no two exposures agree so far."""
+    first_with: dict[bytes, int] = {}
+    images = (ids.tobytes() + pixels.tobytes() for ids, pixels in zip(seen.ids, seen.pixels, strict=True))
+    return np.array([first_with.setdefault(image, row) for row, image in enumerate(images)], np.intp)
 
 
 def _rigid_mask(base_T_flange: Array) -> NDArray[np.bool_]:

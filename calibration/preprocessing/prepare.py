@@ -6,11 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
+from calibration.errors import UndeterminedError
 from calibration.intrinsics.estimate import estimate_camera
 from calibration.likelihood.estimate import ALL_FIXED
 from calibration.likelihood.systematic_errors import NO_SYSTEMATIC_ERRORS, SystematicErrors
 from calibration.observability import require_observable
-from calibration.observations.observations import Observations, UnusableReason, observe, scale_target
+from calibration.observations.observations import (
+    IMAGE_REPEATED,
+    Observations,
+    UnusableReason,
+    observe,
+    scale_target,
+)
 from calibration.observations.reprojection import INTRINSICS
 from calibration.observations.view_poses import candidate_poses, refine_poses
 from calibration.preprocessing.corner_outliers import reject_corner_outliers
@@ -19,6 +26,9 @@ from calibration.preprocessing.pose_ambiguity import resolve_pose_ambiguity
 from calibration.preprocessing.target_shape import TargetShape, estimate_shape, shape_deviates
 from calibration.problem import Problem, Setup, anchor_T_mount_of
 from calibration.transforms import Array
+
+MIN_IMAGES = 3
+"""Least number of different images for an X."""
 
 IMAGE_DISAGREES = UnusableReason("image-disagrees", "its corners do not lie as the corners of this target do")
 
@@ -67,6 +77,7 @@ class PreparedSession:
 def prepare(problem: Problem) -> PreparedSession:
     """Prepare a session. Raises UndeterminedError when poses or images do not determine X or the camera."""
     seen, refused = observe(problem)
+    _require_different_images(problem, seen, refused)
     require_observable(seen.base_T_flange)
     camera, free = _camera(problem, seen)
     poses, errors = candidate_poses(seen, camera)
@@ -91,6 +102,19 @@ def prepare(problem: Problem) -> PreparedSession:
     if shape_deviates(drawn.seen, drawn.camera, drawn.camera_T_target, free[:INTRINSICS]):
         drawn = _with_estimated_shape(drawn, free)
     return replace(drawn, seen=weight_by_view_noise(drawn.seen, drawn.camera, drawn.camera_T_target))
+
+
+def _require_different_images(problem: Problem, seen: Observations, refused: dict[int, UnusableReason]) -> None:
+    """Raises UndeterminedError `images-repeated` when different images would have determined X, and these do not."""
+    repeated = [position for position, why in refused.items() if why.code == IMAGE_REPEATED]
+    if len(seen) >= MIN_IMAGES or not repeated:
+        return
+    require_observable(np.array([problem.views[position].base_T_flange for position in (*seen.positions, *repeated)]))
+    raise UndeterminedError(
+        "images-repeated",
+        f"{len(repeated)} of {len(repeated) + len(seen)} views show the image of another view again",
+        "take a new image at every pose: the camera, or what reads it, gave an old one",
+    )
 
 
 def update_target_shape(prepared: PreparedSession) -> PreparedSession:

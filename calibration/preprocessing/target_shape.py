@@ -58,7 +58,8 @@ def shape_deviates(seen: Observations, camera: CameraModel, camera_T_target: Arr
     if len(seen) < MIN_VIEWS or seen.ids.max(initial=0) >= MAX_POINTS:
         return False
     few = np.unique(np.linspace(0, len(seen) - 1, MAX_TEST_VIEWS).astype(np.intp))
-    system = _system(seen.take(few), camera, camera_T_target[few], free)
+    few_seen = seen.take(few)
+    system = _system(few_seen, camera, camera_T_target[few], free, int(few_seen.ids.max()) + 1)
     correlation, scale = unit_diagonal(system.information)
     unseen = np.diagonal(system.information) < 1e-9 * np.diagonal(system.information).max()
     scale[unseen], correlation[unseen], correlation[:, unseen] = 0.0, 0.0, 0.0
@@ -74,7 +75,7 @@ def estimate_shape(
     levels = np.array([0.1, 0.1]) ** 2
     poses, now = camera_T_target, seen
     for _ in range(ITERATIONS):
-        system = _system(now, camera, poses, free)
+        system = _system(now, camera, poses, free, len(drawn_mm))
         weight = np.tile(system.variance / levels[[0, 0, 1]], len(drawn_mm))
         covariance = np.linalg.inv(system.information + np.diag(weight))
         step = -covariance @ (system.gradient + weight * offsets.ravel())
@@ -120,9 +121,9 @@ class _System:
         return -(self.pose_gradient + self.pose_offsets @ offsets + self.pose_camera @ camera), camera
 
 
-def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_]) -> _System:
+def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_], k: int) -> _System:
+    """The system of k points of the target; the last of them need not be seen."""
     n, m = seen.ids.shape
-    k = int(seen.ids.max()) + 1
     any_free = bool(np.any(free))
     rows = pixel_rows(seen, camera, poses, free_intrinsics=any_free)  # (n, m, 2, 6 [+ 9] + 1), weighted
     turned = poses[:, None, None, :3, :3]

@@ -8,9 +8,10 @@ from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.kinematics.robot_accuracy import PRIOR_NOISE
 from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS
 from calibration.observability import distinct_stations
+from calibration.observations.observations import IMAGE_REPEATED
 from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession
 from calibration.problem import Problem
-from calibration.solution import Finding
+from calibration.solution import Finding, Severity
 from calibration.solver.closed_form import THREE_POSE
 from calibration.solver.initial_guess import InitialGuess
 from calibration.solver.view_outliers import Selection
@@ -40,7 +41,10 @@ def _images(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
         fix = "check lighting, focus and that the whole target is in view, or leave these views out"
         if code == IMAGE_DISAGREES.code:
             fix = "compare the target's description with the target, and look at these images"
-        yield Finding(code, "info", f"{_views(indices)} not used: {what}", fix)
+        if code == IMAGE_REPEATED:
+            fix = "take a new image at every pose: the camera, or what reads it, gave an old one"
+        severity: Severity = "warning" if code == IMAGE_REPEATED else "info"
+        yield Finding(code, severity, f"{_views(indices)} not used: {what}", fix)
     if left_out := int(np.count_nonzero((prepared.seen.weights == 0) & (prepared.seen.present > 0))):
         yield Finding(
             "corners-left-out", "info", f"{left_out} corners lie too far from where their view's others put them",

@@ -92,7 +92,25 @@ def test_a_repeated_pose_is_said() -> None:
     truth = cell(6, 6)
     last = replace(truth.problem.views[2], index=6)
     problem = replace(truth.problem, views=(*truth.problem.views, last))
+    problem = with_view(problem, 6, with_corners(lambda corners: corners + 1e-3))
     assert "duplicate-poses" in codes(problem, solve_hand_eye(problem))
+
+
+def test_an_image_given_twice_counts_once() -> None:
+    truth = cell(6, 6)
+    problem = with_view(truth.problem, 4, lambda view: replace(view, detection=truth.problem.views[1].detection))
+    solution = solve_hand_eye(problem)
+    assert solution.views[4].reason == "image-repeated"
+    (said,) = (finding for finding in solution.findings if finding.code == "image-repeated")
+    assert said.severity == "warning" and "view 4 not used: the image is that of view 1 again" in said.message
+
+
+def test_one_image_for_all_views_is_refused_by_name() -> None:
+    problem = cell(6, 6).problem
+    frozen = replace(
+        problem, views=tuple(replace(view, detection=problem.views[0].detection) for view in problem.views)
+    )
+    assert "images-repeated" in codes(frozen, solve_hand_eye(frozen))
 
 
 def test_a_target_printed_too_large_is_measured_by_the_robot() -> None:
