@@ -23,6 +23,7 @@ from calibration.transforms import (
     transform,
     vector_from_rotation,
 )
+from tests.simulated.sessions import on_a_stand
 
 BOARD = Charuco(12, 9, 20.0, 15.0, "DICT_5X5_100")
 CAMERA = CameraModel(np.array([[2400.0, 0, 640], [0, 2400, 512], [0, 0, 1]]), np.zeros(5), (1280, 1024))
@@ -59,8 +60,11 @@ class Slip:
 
 def simulated_session(rng: np.random.Generator, n: int, noise: Noise, setup: Setup) -> Problem:
     """n random views of a board, tilted by up to 35 degrees, with normal errors of pixels and robot."""
-    mount_T_camera = transform(rotation_from_vector(rng.uniform(-1.8, 1.8, 3)), rng.uniform(-250, 250, 3))
-    anchor_T_target = transform(rotation_from_vector(rng.uniform(-1.8, 1.8, 3)), rng.uniform(-600, 600, 3))
+    on_flange = transform(rotation_from_vector(rng.uniform(-1.8, 1.8, 3)), rng.uniform(-250, 250, 3))
+    in_cell = transform(rotation_from_vector(rng.uniform(-1.8, 1.8, 3)), rng.uniform(-600, 600, 3))
+    mount_T_camera, anchor_T_target = (
+        (on_flange, in_cell) if setup == "eye-in-hand" else (on_a_stand(rng, in_cell), on_flange)
+    )
     return Problem(
         setup,
         BOARD,

@@ -16,6 +16,8 @@ CAMERA = CameraModel(
 )
 BOARD = Chessboard(11, 8, 15.0)
 MARGIN_PX = 10
+STAND_MM = (800.0, 2000.0)
+"""Distance of a standing camera from the robot's base."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,18 @@ def random_cell(
     tilt_rad: float = float(np.radians(35.0)),
 ) -> Cell:
     """`views` pictures of the target from 450 to 650 mm, tilted by up to `tilt_rad` and rolled at will."""
-    X = transform(rotation_from_vector(rng.standard_normal(3)), 80 * rng.standard_normal(3))
-    Y = transform(rotation_from_vector(rng.standard_normal(3)), 500 * rng.standard_normal(3))
+    on_flange = transform(rotation_from_vector(rng.standard_normal(3)), 80 * rng.standard_normal(3))
+    in_cell = transform(rotation_from_vector(rng.standard_normal(3)), 500 * rng.standard_normal(3))
+    X, Y = (on_flange, in_cell) if setup == "eye-in-hand" else (on_a_stand(rng, in_cell), on_flange)
     camera_T_target = np.array([looking(rng, target, tilt_rad) for _ in range(views)])
     base_T_flange = Y @ inverse(X @ camera_T_target) if setup == "eye-in-hand" else X @ camera_T_target @ inverse(Y)
     return observed(rng, setup, target, base_T_flange, X, Y, noise, camera_given=camera_given)
+
+
+def on_a_stand(rng: np.random.Generator, base_T_camera: Array) -> Array:
+    """The camera in the same direction from the base, and as far as stands are: 0.8 to 2 m."""
+    direction = base_T_camera[:3, 3] / np.linalg.norm(base_T_camera[:3, 3])
+    return transform(base_T_camera[:3, :3], rng.uniform(*STAND_MM) * direction)
 
 
 def observed(
