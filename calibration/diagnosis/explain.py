@@ -34,7 +34,9 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
 
     `prepared`: the prepared session; None when the session does not determine X.
     """
-    found = _findings_without_x(problem) if prepared is None else _findings_with_x(problem, solution, prepared)
+    # Contradictory numbers may overflow in any hypothesis.
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        found = _findings_without_x(problem) if prepared is None else _findings_with_x(problem, solution, prepared)
     known = {finding.code for finding in solution.findings}
     more = {
         SOLVER_FINDINGS[finding.code]: comparison_text(finding)
