@@ -1,6 +1,7 @@
 """The files of a session folder: session.json, and one picture a view."""
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -8,8 +9,10 @@ from numpy.typing import NDArray
 
 from daemon.runtime.bounded_read import read_bounded
 from drivers.cameras.decoding import is_truncated
+from drivers.cameras.pixel_depth import to_8_bit
 
 SESSION_FILE = "session.json"
+GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 TAKE_AGAIN = "take the picture again, or remove the view from session.json"
 
 
@@ -22,7 +25,12 @@ class ImageError(Exception):
 
 
 def read_grey(file: Path) -> NDArray[np.uint8]:
-    """The picture in `file` as uint8 (h, w). Raises ImageError."""
+    """The picture in `file` as uint8 (h, w); of 16-bit grey levels the bits in use, scaled. Raises ImageError."""
+    return to_8_bit(read_levels(file))
+
+
+def read_levels(file: Path) -> NDArray[Any]:
+    """The grey levels (h, w) in `file`: uint16 when it holds more than 8 bits, else uint8. Raises ImageError."""
     try:
         content = read_bounded(file)
     except FileNotFoundError:
@@ -34,10 +42,17 @@ def read_grey(file: Path) -> NDArray[np.uint8]:
         raise ImageError(f"'{file.name}' is empty (0 bytes)", TAKE_AGAIN)
     if is_truncated(content):
         raise ImageError(f"'{file.name}' is cut off or damaged", TAKE_AGAIN)
-    try:
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    except cv2.error:
-        image = None
+    image = _decode(content, GREY | cv2.IMREAD_ANYDEPTH)
+    if image is not None and image.dtype not in (np.uint8, np.uint16):
+        image = _decode(content, GREY)  # floating point, or signed
     if image is None:
         raise ImageError(f"'{file.name}' is not a picture", TAKE_AGAIN)
-    return np.asarray(image, np.uint8)
+    return image
+
+
+def _decode(content: bytes, flags: int) -> NDArray[Any] | None:
+    try:
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+    except cv2.error:
+        return None
+    return None if image is None else np.asarray(image)

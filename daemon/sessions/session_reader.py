@@ -12,14 +12,14 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from calibration.detection.detect import detect
 from calibration.documents.session import SessionDocument, ViewDocument
 from calibration.documents.validation import parse_document
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
 from daemon.runtime.bounded_read import read_document
-from daemon.sessions.session_files import SESSION_FILE, TAKE_AGAIN, ImageError, read_grey
+from daemon.sessions.session_files import SESSION_FILE, TAKE_AGAIN, ImageError
+from daemon.sessions.view_detection import detect_in_file
 
 Progress = Callable[[int, int], None]
 """Called with (views done, views in all), from the calling thread."""
@@ -91,12 +91,10 @@ def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -
     if view.corners_px is not None:
         return View(index, base_T_flange, _session_detection(view.corners_px)), None
     assert view.image is not None  # the document holds either corners or an image
-    image = read_grey(folder / view.image)
-    size = (image.shape[1], image.shape[0])
-    try:
-        return View(index, base_T_flange, detect(image, target), view.image), size
-    except DetectionError as error:
-        return View(index, base_T_flange, None, view.image, missing=(error.code, str(error))), size
+    found, size = detect_in_file(folder / view.image, target)
+    if isinstance(found, DetectionError):
+        return View(index, base_T_flange, None, view.image, missing=(found.code, str(found))), size
+    return View(index, base_T_flange, found, view.image), size
 
 
 def _session_detection(corners_px: list[tuple[int, float, float]]) -> Detection:

@@ -12,7 +12,7 @@ from calibration.errors import DetectionError
 from calibration.problem import Problem, View
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
-from daemon.sessions.session_files import SESSION_FILE, read_grey
+from daemon.sessions.session_files import SESSION_FILE
 from daemon.store.store import Store
 from drivers.cameras.decoding import PNG_MAGIC
 from drivers.interfaces import CameraFrame, PoseReading
@@ -91,12 +91,12 @@ def png_of(frame: CameraFrame) -> bytes:
 
 
 def _detect_view(folder: Path, document: SessionDocument, index: int) -> View:
-    from calibration.detection.detect import detect  # by the first picture, not at the start
+    from daemon.sessions.view_detection import detect_in_file  # by the first picture, not at the start
 
     view = document.views[index]
     name = view.image or ""
     pose, target = view.base_T_flange.transform(), document.target.target()
-    try:
-        return View(index, pose, detect(read_grey(folder / name), target), name)
-    except DetectionError as error:
-        return View(index, pose, None, name, missing=(error.code, str(error)))
+    found, _ = detect_in_file(folder / name, target)
+    if isinstance(found, DetectionError):
+        return View(index, pose, None, name, missing=(found.code, str(found)))
+    return View(index, pose, found, name)

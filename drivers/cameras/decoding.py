@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.cameras.pixel_depth import to_8_bit
 from drivers.errors import GarbledAnswer
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
@@ -23,13 +24,14 @@ MAX_DECODED_BYTES = 200_000_000
 """Bytes of the decoded picture: 200 megapixels grey, 66 in colour."""
 FIX = "check that the device writes whole PNG or JPEG pictures"
 
-# Keeps grey images grey, drops alpha and 16 bit; EXIF rotation is ignored, since calibration needs the sensor's rows.
-FLAGS = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+# Keeps grey images grey and 16 bits; drops alpha; ignores EXIF rotation, since calibration needs the sensor's rows.
+FLAGS = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
     """Decode a file to uint8 (h, w) grey or (h, w, 3) BGR. `image_size`: required (width, height), None for any.
 
+    Of a 16-bit file the bits that it uses are scaled to 8.
     Raises GarbledAnswer for an empty, truncated or foreign file, and for another size.
     """
     try:
@@ -45,7 +47,7 @@ def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = Non
         raise GarbledAnswer(device, f"the picture cannot be decoded ({error.err})", FIX) from error
     if image is None:
         raise GarbledAnswer(device, "the picture cannot be decoded", FIX)
-    return image.astype(np.uint8, copy=False)
+    return to_8_bit(np.asarray(image))
 
 
 def is_truncated(encoded: bytes) -> bool:
@@ -66,9 +68,9 @@ def _whole_picture_size(encoded: bytes) -> tuple[int, int]:
         raise ValueError("it is empty")
     for magic, size_of in ((PNG_MAGIC, _png_size), (JPEG_MAGIC, _jpeg_size)):
         if encoded.startswith(magic):
-            width, height, channels = size_of(encoded)
-            if not 0 < width * height * channels <= MAX_DECODED_BYTES:
-                raise ValueError(f"it claims {width}×{height} pixels of {channels} bytes")
+            width, height, pixel_bytes = size_of(encoded)
+            if not 0 < width * height * pixel_bytes <= MAX_DECODED_BYTES:
+                raise ValueError(f"it claims {width}×{height} pixels of {pixel_bytes} bytes")
             return width, height
     if PNG_MAGIC.startswith(encoded[:8]) or JPEG_MAGIC.startswith(encoded[:3]):
         raise ValueError("it ends early")
@@ -76,7 +78,7 @@ def _whole_picture_size(encoded: bytes) -> tuple[int, int]:
 
 
 def _png_size(encoded: bytes) -> tuple[int, int, int]:
-    """(width, height, channels) of a PNG with valid chunk checksums (PNG specification, 5.3) up to IEND.
+    """(width, height, bytes a pixel) of a PNG with valid chunk checksums (PNG specification, 5.3) up to IEND.
 
     IHDR must be the first chunk and the only one: readers differ in which of two they believe.
     """
@@ -96,15 +98,15 @@ def _png_size(encoded: bytes) -> tuple[int, int, int]:
         if kind == b"acTL":
             raise ValueError("the PNG is animated")
         if kind == b"IHDR":
-            width, height, _, colour_type = struct.unpack_from(">IIBB", encoded, at + 8)
-            size = (width, height, 3 if colour_type & 2 else 1)
+            width, height, bits, colour_type = struct.unpack_from(">IIBB", encoded, at + 8)
+            size = (width, height, (3 if colour_type & 2 else 1) * (2 if bits == 16 else 1))
         if kind == b"IEND":
             return size
         at = end
 
 
 def _jpeg_size(encoded: bytes) -> tuple[int, int, int]:
-    """(width, height, channels) of a JPEG with an end marker; JPEG has no checksums."""
+    """(width, height, bytes a pixel) of a JPEG with an end marker; JPEG has no checksums."""
     if JPEG_END not in encoded[-64:]:
         raise ValueError("the JPEG ends early")
     if encoded.count(JPEG_SCAN) > MAX_SCANS:
