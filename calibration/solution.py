@@ -1,6 +1,7 @@
 """Output of the hand-eye solver. `calibration.verdict` decides whether it may be used."""
 
 from dataclasses import dataclass, field
+from math import inf, isnan
 from typing import Literal
 
 import numpy as np
@@ -61,19 +62,48 @@ class ViewResult:
     points: PointResiduals | None = None
 
 
+COVERAGE_FACTOR = 2.0
+"""k of an expanded uncertainty U = k sigma (JCGM 100, 6.2)."""
+
+PointFrame = Literal["base", "camera"]
+
+
+@dataclass(frozen=True)
+class PointUncertainty:
+    """One point at (x, y, z) mm of a frame, and the standard deviation of it mapped through X, over three axes."""
+
+    name: str
+    frame: PointFrame
+    position_mm: tuple[float, float, float]
+    sigma_mm: float
+
+    @property
+    def expanded_mm(self) -> float:
+        """U, k = 2."""
+        return COVERAGE_FACTOR * self.sigma_mm
+
+
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
     """One standard deviation of X and of a mapped point (`point_mm`).
 
     translation_mm : (3,) of X's translation along the mount's axes.
     rotation_rad : (3,) about the camera's axes.
+    point_mm : RMS over the working volume.
     covariance : (6, 6) of [rotation rad, translation mm] of mount_T_camera @ exp(.), in the camera frame.
+    points : the points that matter, one at least.
     """
 
     translation_mm: Array
     rotation_rad: Array
     point_mm: float
     covariance: Array
+    points: tuple[PointUncertainty, ...]
+
+    @property
+    def worst_point(self) -> PointUncertainty:
+        """The most uncertain of the points that matter."""
+        return max(self.points, key=lambda point: inf if isnan(point.sigma_mm) else point.sigma_mm)
 
 
 @dataclass(frozen=True)
@@ -119,11 +149,3 @@ class Solution:
     observability: Observability
     hold_out: HoldOut | None
     findings: tuple[Finding, ...] = field(default=())
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a solution may be used, and all findings of solver and rules."""
-
-    accepted: bool
-    findings: tuple[Finding, ...]

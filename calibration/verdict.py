@@ -1,23 +1,27 @@
 """Acceptance of a solution, by a table of rules over it; nothing is solved again."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, MAX_USUAL_NOISE
 from calibration.observability import summarise_motion
 from calibration.problem import Problem
-from calibration.solution import Finding, Noise, Solution, Verdict
+from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Solution
 
 
 @dataclass(frozen=True)
 class VerdictLimits:
-    """Limits of acceptance. Beyond `point_mm` or what is `possible` for a robot or a view left out, a solution is
-    rejected; the others raise warnings of likely causes."""
+    """Limits of acceptance. Beyond the tolerance or what is `possible` for a robot or a view left out, a solution is
+    rejected; the others raise warnings of likely causes. Each is a key of `calibration.documents.requirement`.
 
-    point_mm: float = 2.0
-    point_warning_mm: float = 0.5
+    tolerance_mm : largest U (k = 2) at the worst of the points that matter.
+    point_warning_mm : the same, for a warning. A tolerance that somebody has stated is both: see `with_tolerance`.
+    """
+
+    tolerance_mm: float = 4.0
+    point_warning_mm: float = 1.0
     axis_angle_rad: float = float(np.radians(15.0))
     robot_translation_mm: float = MAX_USUAL_NOISE.translation_mm
     robot_rotation_rad: float = MAX_USUAL_NOISE.rotation_rad
@@ -28,8 +32,24 @@ class VerdictLimits:
     hold_out_ratio: float = 3.0
     possible_hold_out_mm: float = 40.0
 
+    def with_tolerance(self, tolerance_mm: float | None) -> "VerdictLimits":
+        """These limits with a stated tolerance, below which nothing is warned of; unchanged with None."""
+        if tolerance_mm is None:
+            return self
+        return replace(self, tolerance_mm=tolerance_mm, point_warning_mm=tolerance_mm)
+
 
 DEFAULT_VERDICT_LIMITS = VerdictLimits()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a solution may be used, all findings of solver and rules, and the limits in force."""
+
+    accepted: bool
+    findings: tuple[Finding, ...]
+    limits: VerdictLimits
+
 
 CONTRADICTIONS = ("pose-disagrees", "image-disagrees")
 """Reasons for rejecting a view although the target was found in it."""
@@ -41,26 +61,27 @@ def judge(problem: Problem, solution: Solution, limits: VerdictLimits = DEFAULT_
     """The verdict: the solution's findings and those of the rules; accepted when X exists and none is an error."""
     rules = RULES if solution.mount_T_camera is not None else ()
     findings = (*solution.findings, *(finding for rule in rules for finding in rule(problem, solution, limits)))
-    return verdict_of(solution, findings)
+    return verdict_of(solution, findings, limits)
 
 
-def verdict_of(solution: Solution, findings: tuple[Finding, ...]) -> Verdict:
+def verdict_of(solution: Solution, findings: tuple[Finding, ...], limits: VerdictLimits) -> Verdict:
     """Accepted when X exists and none of the findings is an error."""
     accepted = solution.mount_T_camera is not None and not any(finding.severity == "error" for finding in findings)
-    return Verdict(accepted, findings)
+    return Verdict(accepted, findings, limits)
 
 
 def point_findings(solution: Solution, limits: VerdictLimits, fix: str) -> Iterator[Finding]:
-    """When a mapped point is more uncertain than `limits` allow: what to do is `fix`."""
+    """When the worst of the points that matter is more uncertain than `limits` allow: what to do is `fix`."""
     if solution.uncertainty is None:
         return
-    point_mm = solution.uncertainty.point_mm
-    if not point_mm <= limits.point_warning_mm:
+    worst = solution.uncertainty.worst_point
+    if not worst.expanded_mm <= limits.point_warning_mm:
         weakest = solution.observability.weakest_direction
         yield Finding(
             "point-uncertain",
-            "error" if not point_mm <= limits.point_mm else "warning",
-            f"a mapped point is uncertain by {point_mm:.2g} mm (limit {limits.point_mm:g}), most by {weakest}",
+            "error" if not worst.expanded_mm <= limits.tolerance_mm else "warning",
+            f"a mapped point is uncertain by U = {worst.expanded_mm:.2g} mm (k = {COVERAGE_FACTOR:g}, at {worst.name};"
+            f" tolerance {limits.tolerance_mm:g} mm), most by {weakest}",
             fix,
         )
 

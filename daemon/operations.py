@@ -70,18 +70,21 @@ class Operations:
             poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
             if poses:
                 sequence = await self._fixed_sequence(poses)
-                return _run_plan(len(poses), sequence, session, self._calibration_run(compared=True).drive)
+                return _run_plan(len(poses), sequence, session, self._calibration_run(request, compared=True).drive)
             count = request.count or settings.count
-            wish = StoppingRule(count, request.uncertainty_mm or settings.uncertainty_mm)
-            route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish)
+            wish = StoppingRule(
+                count, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm or settings.tolerance_mm
+            )
+            points = self.settings.part.named_points()
+            route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points)
             if request.manual:
                 by_hand = ManualParameters(route, requests := OperatorRequestQueue(), settings.manual_wait_s)
                 sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
-                begun = _run_plan(count, sequence, session, self._calibration_run(compared=True).drive)
+                begun = _run_plan(count, sequence, session, self._calibration_run(request, compared=True).drive)
                 return replace(begun, first_state=RunState.WAITING, requests=requests)
             await self._check_poses()
             sequence = partial(AdaptiveSequence, route, self.cell, self.workers)
-            return _run_plan(count, sequence, session, self._calibration_run(compared=False).drive)
+            return _run_plan(count, sequence, session, self._calibration_run(request, compared=False).drive)
 
         return await self._start("calibration", request, prepare)
 
@@ -203,12 +206,15 @@ class Operations:
         await self._check_poses(poses)
         return partial(FixedSequence, poses, self.rules, self.cell)
 
-    def _calibration_run(self, *, compared: bool) -> CalibrationRun:
+    def _calibration_run(self, request: CalibrateRequest, *, compared: bool) -> CalibrationRun:
         """`compared`: the verdict compares the poses with planned ones."""
         settings = self.settings.calibration
         better = PlanComparison(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
         auto, expected = settings.policy == "auto", mount_expectation(settings)
-        return CalibrationRun(self.store, self.workers, self.clock, auto, better if compared else None, expected)
+        return CalibrationRun(
+            self.store, self.workers, self.clock, auto, better if compared else None, expected,
+            settings.verdict_limits(request.tolerance_mm), self.settings.part.named_points(),
+        )  # fmt: skip
 
     def _session(self, kind: str, target: TargetDocument, camera: CameraDocument | None) -> OpenSession:
         """A function that opens the session folder of a run."""

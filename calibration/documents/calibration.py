@@ -5,11 +5,13 @@ from typing import Literal
 import numpy as np
 
 from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.requirement import LimitsInForceDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import Document
 from calibration.problem import Setup
-from calibration.solution import Noise, Solution, Verdict, ViewResult
+from calibration.solution import Noise, Solution, ViewResult
 from calibration.transforms import Array
+from calibration.verdict import Verdict
 
 TRANSFORM_NAMES = {
     "eye-in-hand": ("flange_T_camera", "base_T_target"),
@@ -89,6 +91,7 @@ class VerdictDocument(Document):
 
     accepted: bool
     findings: list[FindingDocument]
+    limits: LimitsInForceDocument | None = None
 
 
 class CalibrationDocument(Document):
@@ -137,7 +140,11 @@ def calibration_document(
                 "weakest_direction": solution.observability.weakest_direction,
             },
             "hold_out": solution.hold_out and vars(solution.hold_out),
-            "verdict": {"accepted": verdict.accepted, "findings": [vars(finding) for finding in verdict.findings]},
+            "verdict": {
+                "accepted": verdict.accepted,
+                "findings": [vars(finding) for finding in verdict.findings],
+                "limits": LimitsInForceDocument.of(verdict.limits),
+            },
         }
     )
 

@@ -8,12 +8,18 @@ where U_i D U_i' is the robot's error in view i: the same sums as in the estimat
 Strobl & Hirzinger, IROS 2006 (the model); Nahvi & Hollerbach, ICRA 1996 (the choice of poses by it).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
+from calibration.likelihood.mapped_points import (
+    NamedPoint,
+    named_points_uncertainty,
+    point_rows,
+    working_volume_uncertainty,
+)
 from calibration.likelihood.mixed_model import Variances, linearise_model, per_view_equations, solve
 from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import Observations
@@ -22,7 +28,7 @@ from calibration.observations.reprojection import pixel_statistics
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.solution import Uncertainty
 from calibration.targets import Target
-from calibration.transforms import Array, map_points, skew
+from calibration.transforms import Array, map_points
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,10 @@ class ExpectedNoise:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The scene that is planned for: known or guessed. Frames as in `calibration.problem`."""
+    """The scene that is planned for: known or guessed. Frames as in `calibration.problem`.
+
+    `points`: where the uncertainty counts; the working volume without any.
+    """
 
     setup: Setup
     target: Target
@@ -49,6 +58,7 @@ class Scene:
     anchor_T_target: Array
     noise: ExpectedNoise
     intrinsics_free: bool = False
+    points: tuple[NamedPoint, ...] = ()
 
     @property
     def unknowns(self) -> int:
@@ -64,7 +74,12 @@ class Scene:
 def predict(scene: Scene, base_T_flange: Array) -> Uncertainty:
     """The predicted uncertainty of X from views at the poses (n, 4, 4); infinite where they do not determine it."""
     information = view_information(scene, base_T_flange).sum(axis=0)
-    return prediction_of(scene, information, median_distance_mm(scene, base_T_flange))
+    predicted = prediction_of(scene, information, median_distance_mm(scene, base_T_flange))
+    if not scene.points:
+        return predicted
+    poses, x = anchor_T_mount_of(scene.setup, base_T_flange), scene.mount_T_camera
+    at = named_points_uncertainty(predicted.covariance, scene.points, scene.setup, x, poses, scene.camera)
+    return replace(predicted, points=at)
 
 
 def prediction_of(scene: Scene, information: Array, distance_mm: float) -> Uncertainty:
@@ -76,7 +91,7 @@ def prediction_of(scene: Scene, information: Array, distance_mm: float) -> Uncer
 def uncertainty_of(covariance: Array, mount_T_camera: Array, points_mm: Array) -> Uncertainty:
     """From the covariance (6, 6) of [rotation rad, translation mm] of mount_T_camera @ exp(.); it may be infinite.
 
-    `points_mm` (n, 3) in the camera frame: where `point_mm` is taken.
+    `points_mm` (n, 3) in the camera frame: where `point_mm` and `points` are taken.
     """
     mount_R_camera = mount_T_camera[:3, :3]
     by_camera = covariance[3:, 3:]
@@ -86,6 +101,7 @@ def uncertainty_of(covariance: Array, mount_T_camera: Array, points_mm: Array) -
         rotation_rad=np.sqrt(np.diagonal(covariance)[:3]),
         point_mm=float(np.sqrt(np.sum(point_weights(points_mm) * covariance))),
         covariance=covariance,
+        points=working_volume_uncertainty(covariance, points_mm),
     )
 
 
@@ -132,6 +148,6 @@ def working_points_mm(camera: CameraModel, distance_mm: float) -> Array:
 
 def point_weights(points_mm: Array) -> Array:
     """W (6, 6) with trace(W cov) = the mean variance of points (n, 3) mapped through X (covariance [rad, mm])."""
-    by_x = np.concatenate([-skew(points_mm), np.eye(3)[None].repeat(len(points_mm), axis=0)], axis=-1)
+    by_x = point_rows(points_mm)
     weights: Array = np.mean(np.swapaxes(by_x, -1, -2) @ by_x, axis=0)
     return weights

@@ -92,8 +92,8 @@ def advise(
 
 
 def _meets_goal(belief: SceneBelief, stop: StoppingRule) -> bool:
-    known_mm = max(belief.estimated_mm, belief.predicted_mm)
-    return stop.views_left <= 0 if stop.uncertainty_mm is None else known_mm <= stop.uncertainty_mm
+    stated = stop.uncertainty_mm is not None or stop.tolerance_mm is not None
+    return stop.met_by(belief) if stated else stop.views_left <= 0
 
 
 def _best_jog(

@@ -27,10 +27,27 @@ CAUTION_FACTORS = (1.0, 0.5, 0.25)
 
 @dataclass(frozen=True, eq=False)
 class StoppingRule:
-    """When to stop: after `views_left` more views, or at a mapped point's uncertainty (None: use all views)."""
+    """When to stop: after `views_left` more views, or when every stated goal is met (None stated: use all views).
+
+    `uncertainty_mm`: RMS of a mapped point's standard deviation. `tolerance_mm`: U at the worst of the points that
+    matter.
+    """
 
     views_left: int
     uncertainty_mm: float | None = None
+    tolerance_mm: float | None = None
+
+    def met_by(self, belief: SceneBelief) -> bool:
+        """True when a goal is stated, and the views so far meet every one.
+
+        A few residuals may be small by chance, so the uncertainty at the stated noise counts as well.
+        """
+        goals = (
+            (self.uncertainty_mm, max(belief.estimated_mm, belief.predicted_mm)),
+            (self.tolerance_mm, max(belief.estimated_worst_mm, belief.predicted_worst_mm)),
+        )
+        stated = [known_mm <= goal_mm for goal_mm, known_mm in goals if goal_mm is not None]
+        return bool(stated) and all(stated)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +87,7 @@ def next_view(
     caution = 1.5**misses
     belief = infer_scene(prior, problem, caution=caution)
     now_mm = belief.predicted_mm if np.isfinite(belief.predicted_mm) else None
-    # A few residuals may be small by chance, so the uncertainty at the stated noise counts as well.
-    known_mm = max(belief.estimated_mm, belief.predicted_mm)
-    reached = stop.uncertainty_mm is not None and known_mm <= stop.uncertainty_mm
-    if reached or stop.views_left <= 0:
+    if stop.met_by(belief) or stop.views_left <= 0:
         return NextView(None, now_mm, None, 0)
     plan = None if prepared is None else _revalidate(prepared, problem, limits, reachable, belief)
     if plan is None:

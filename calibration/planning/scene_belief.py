@@ -5,6 +5,7 @@ from three views that determine it, X is the estimator's. Alternative scenes cov
 """
 
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 import scipy
@@ -13,6 +14,7 @@ from calibration.camera import CameraModel
 from calibration.closed_forms.kronecker import kronecker
 from calibration.errors import DetectionError, UndeterminedError
 from calibration.intrinsics.zhang_init import DEFAULT_FOCAL_OF_WIDTH
+from calibration.likelihood.mapped_points import NamedPoint, with_points
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict, view_information
 from calibration.linear_algebra import covariance_or_inf
 from calibration.observability import summarise_motion
@@ -51,6 +53,7 @@ class ScenePrior:
     """What is stated of the scene before the first view; None where nothing is. Frames as in `calibration.problem`.
 
     `rotation_rad`, `translation_mm`: one standard deviation per axis of the two poses (4, 4).
+    `points`: where the uncertainty counts; the working volume without any.
     """
 
     setup: Setup
@@ -61,6 +64,7 @@ class ScenePrior:
     noise: ExpectedNoise
     rotation_rad: float = PRIOR_SIGMA_RAD
     translation_mm: float = PRIOR_SIGMA_MM
+    points: tuple[NamedPoint, ...] = ()
 
     def covariance(self) -> Array:
         """Covariance (6, 6) of [rad, mm] of either pose."""
@@ -73,12 +77,15 @@ class SceneBelief:
 
     estimated_mm : uncertainty of a mapped point by a calibration from these views; infinite before X is determined.
     predicted_mm : the same, predicted from the noise of the scene.
+    estimated_worst_mm, predicted_worst_mm : U (k = 2) at the worst of the points that matter.
     """
 
     scene: Scene
     alternatives: tuple[Scene, ...]
     estimated_mm: float
     predicted_mm: float
+    estimated_worst_mm: float = inf
+    predicted_worst_mm: float = inf
 
 
 def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0) -> SceneBelief:
@@ -139,6 +146,7 @@ def _belief_of_prior(prior: ScenePrior, camera: CameraModel, caution: float) -> 
 def _belief_of_solution(
     prior: ScenePrior, problem: Problem, seen: list[View], solution: Solution, caution: float
 ) -> SceneBelief:
+    solution = with_points(solution, prior.points, np.array([problem.anchor_T_mount(view) for view in seen]))
     assert solution.mount_T_camera is not None
     assert solution.anchor_T_target is not None
     assert solution.camera is not None
@@ -158,7 +166,10 @@ def _belief_of_solution(
         replace(scene, mount_T_camera=x, anchor_T_target=here @ x @ camera_T_target)
         for x in sigma_points(solution.mount_T_camera, covariance)
     )
-    return SceneBelief(scene, others, solution.uncertainty.point_mm, predicted.point_mm)
+    return SceneBelief(
+        scene, others, solution.uncertainty.point_mm, predicted.point_mm,
+        solution.uncertainty.worst_point.expanded_mm, predicted.worst_point.expanded_mm,
+    )  # fmt: skip
 
 
 def _noise(prior: ScenePrior, solution: Solution, views: int) -> ExpectedNoise:
@@ -260,4 +271,4 @@ def _diagonal_covariance(rotation_rad: float, translation_mm: float) -> Array:
 
 def _scene(prior: ScenePrior, camera: CameraModel, mount_T_camera: Array, anchor_T_target: Array) -> Scene:
     free = prior.camera is None
-    return Scene(prior.setup, prior.target, camera, mount_T_camera, anchor_T_target, prior.noise, free)
+    return Scene(prior.setup, prior.target, camera, mount_T_camera, anchor_T_target, prior.noise, free, prior.points)

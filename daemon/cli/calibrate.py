@@ -19,6 +19,10 @@ def calibrate(
         float | None,
         typer.Option(metavar="MM", help="Stop when a mapped point is known as well as this (one sigma, mm)."),
     ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="Stop at, and accept up to, this U (k = 2) at the worst of the points."),
+    ] = None,
     manual: Annotated[
         bool, typer.Option("--manual", help="You jog the arm and take each view with Enter; nothing else moves it.")
     ] = False,
@@ -39,7 +43,8 @@ def calibrate(
     from daemon.cli.manual import calibrate_manually
     from daemon.cli.rest_client import DaemonClient
 
-    body = _request_body(request, count, uncertainty, manual)
+    given = {"count": count, "uncertainty_mm": uncertainty, "tolerance_mm": tolerance, "manual": manual or None}
+    body = _request_body(request, given)
     with DaemonClient(url) as daemon:
         run = calibrate_manually(daemon, body) if body.get("manual") else daemon.run("/calibrate", body, _show_progress)
         if run["state"] != "finished":
@@ -56,7 +61,8 @@ def calibrate(
     raise typer.Exit(ExitStatus.OK if document.verdict.accepted else ExitStatus.NOT_ACCEPTED)
 
 
-def _request_body(request: Path | None, count: int | None, uncertainty: float | None, manual: bool) -> dict[str, Any]:
+def _request_body(request: Path | None, given: dict[str, Any]) -> dict[str, Any]:
+    """The body of the file `request`, with the options `given` (None: not) in place of its values."""
     from calibration.documents.validation import parse_document
     from daemon.model.requests import CalibrateRequest
     from daemon.runtime.bounded_read import read_document
@@ -66,7 +72,6 @@ def _request_body(request: Path | None, count: int | None, uncertainty: float | 
         body = parse_document(CalibrateRequest, read_document(request), str(request)).model_dump(
             mode="json", exclude_none=True
         )
-    given = {"count": count, "uncertainty_mm": uncertainty, "manual": manual or None}
     return body | {name: value for name, value in given.items() if value is not None}
 
 

@@ -10,9 +10,13 @@ from daemon.cli.output import Json, print_error, progress_bar
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
+    from calibration.likelihood.mapped_points import NamedPoint
     from calibration.problem import Problem
     from calibration.solution import Solution
+    from calibration.verdict import VerdictLimits
     from daemon.sessions.session_reader import SessionFolder
+
+    Requirement = tuple[VerdictLimits, tuple[NamedPoint, ...]]
 
 RESULT_FILE = "calibration.json"
 
@@ -46,6 +50,16 @@ def solve(
             " DIR/NAME.",
         ),
     ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="Accept up to this U (k = 2) at the worst of the points that matter."),
+    ] = None,
+    at: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="JSON with box_mm or points: where the uncertainty counts; else the working volume."
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Calibrate from session folders: session.json and its images; with --artefact from scans.
@@ -64,13 +78,14 @@ def solve(
     check_options(artefact, radius_mm, rough, method)
     if artefact is not None and pictures is not None:
         raise CommandError("--pictures", "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
+    required = _requirement(tolerance, at)
     status = ExitStatus.OK
     for folder in folders:
         try:
             if artefact is None:
-                document, shown = _solve(folder, method)
+                document, shown = _solve(folder, method, required)
             else:
-                document, shown = solve_scan(folder, radius_mm, rough), None
+                document, shown = solve_scan(folder, radius_mm, rough, required), None
         except (DocumentError, RegistrationError) as error:
             print_error(str(error))
             status = ExitStatus.UNREADABLE
@@ -86,11 +101,26 @@ def solve(
     raise typer.Exit(status)
 
 
-def _solve(folder: Path, method: str) -> "tuple[CalibrationDocument, tuple[SessionFolder, Problem, Solution]]":
+def _requirement(tolerance_mm: float | None, at: Path | None) -> "Requirement":
+    """The limits and the points of --tolerance and --at. Raises CommandError, DocumentError."""
+    from calibration.documents.requirement import MAX_TOLERANCE_MM, PointsFile, VerdictSettings
+    from calibration.documents.validation import parse_document
+    from daemon.runtime.bounded_read import read_document
+
+    if tolerance_mm is not None and not 0 < tolerance_mm <= MAX_TOLERANCE_MM:
+        raise CommandError("--tolerance", f"{tolerance_mm} mm is no tolerance", "give U in mm", ExitStatus.UNREADABLE)
+    points = () if at is None else parse_document(PointsFile, read_document(at), str(at)).named_points()
+    return VerdictSettings().limits(tolerance_mm), points
+
+
+def _solve(
+    folder: Path, method: str, required: "Requirement"
+) -> "tuple[CalibrationDocument, tuple[SessionFolder, Problem, Solution]]":
     from dataclasses import replace
 
     from calibration.documents.calibration import calibration_document
     from calibration.documents.plan import NoiseExpectedDocument
+    from calibration.likelihood.mapped_points import at_points
     from calibration.planning.what_if import PlanComparison
     from calibration.solve import solve_hand_eye
     from calibration.verdict import judge
@@ -103,8 +133,9 @@ def _solve(folder: Path, method: str) -> "tuple[CalibrationDocument, tuple[Sessi
         problem = load_problem(session, progress)
     for line in (*find_repeated_poses(session.document), *missing_target_lines(problem)):
         print_error(f"{session.file}: {line}")
-    solution = solve_hand_eye(problem, method=method)
-    verdict = judge(problem, solution)
+    limits, points = required
+    solution = at_points(problem, solve_hand_eye(problem, method=method), points)
+    verdict = judge(problem, solution, limits)
     if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise())) is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
     document = calibration_document(

@@ -7,8 +7,10 @@ from daemon.cli.errors import CommandError, ExitStatus
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
+    from calibration.likelihood.mapped_points import NamedPoint
     from calibration.solution import Solution
     from calibration.transforms import Array
+    from calibration.verdict import VerdictLimits
     from registration.scan import ScanView
 
 ARTEFACTS = ("sphere", "none")
@@ -36,12 +38,21 @@ def check_options(artefact: str | None, radius_mm: float | None, rough: Path | N
             raise CommandError(place, what, fix, ExitStatus.UNREADABLE)
 
 
-def solve_scan(folder: Path, radius_mm: float | None, rough: Path | None) -> "CalibrationDocument":
+def solve_scan(
+    folder: Path,
+    radius_mm: float | None,
+    rough: Path | None,
+    required: "tuple[VerdictLimits, tuple[NamedPoint, ...]]",
+) -> "CalibrationDocument":
     """Calibrate from a sphere when its radius is given, else from overlapping surfaces and a rough X.
 
+    `required`: the limits of the verdict, and the points where the uncertainty counts.
     Raises DocumentError, RegistrationError.
     """
+    import numpy as np
+
     from calibration.documents.calibration import calibration_document
+    from calibration.likelihood.mapped_points import with_points
     from daemon.runtime.clock import Clock, time_ordered_id
     from daemon.runtime.version import SOFTWARE
     from registration.calibrate.outcome import judge_scan
@@ -49,10 +60,12 @@ def solve_scan(folder: Path, radius_mm: float | None, rough: Path | None) -> "Ca
     from registration.scan import read_scan
 
     clock, views = Clock(), read_scan(folder)
+    limits, points = required
     solution = solve_sphere_scan(views, radius_mm) if radius_mm is not None else _from_surfaces(views, rough)
+    solution = with_points(solution, points, np.array([view.base_T_flange for view in views]))
     return calibration_document(
         solution,
-        judge_scan(solution),
+        judge_scan(solution, limits),
         calibration_id=time_ordered_id(clock),
         created_at=clock.timestamp(),
         software=SOFTWARE,

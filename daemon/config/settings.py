@@ -10,12 +10,14 @@ from pydantic import AfterValidator, Field, model_validator
 
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.requirement import PointsDocument, Tolerance, VerdictSettings
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array
+from calibration.verdict import VerdictLimits
 from daemon.config.plc_settings import InterlockSettings, PlcSettings
 from daemon.config.server_settings import ServerSettings, WebhookSettings
 from daemon.runtime.bounded_read import read_bounded
@@ -123,9 +125,13 @@ class ScannerSettings(Document):
 
 
 class CalibrationSettings(Document):
-    """The poses of a calibration, its stopping rule, and whether the operator or the daemon applies the result."""
+    """The poses of a calibration, its stopping rule, and whether the operator or the daemon applies the result.
+
+    `tolerance_mm`: largest U (k = 2) at the worst of the points that matter; a run stops when it is met.
+    """
 
     count: Annotated[int, Field(ge=3, le=100)] = 3
+    tolerance_mm: Tolerance | None = None
     uncertainty_mm: Annotated[float, Field(gt=0)] | None = None
     policy: Literal["operator", "auto"] = "operator"
     poses: tuple[TaughtPose, ...] = ()
@@ -136,6 +142,11 @@ class CalibrationSettings(Document):
     manual_wait_s: Annotated[float, Field(gt=0, le=86_400)] = 900.0
     limits: LimitsDocument = LimitsDocument()
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
+    verdict: VerdictSettings = VerdictSettings()
+
+    def verdict_limits(self, tolerance_mm: float | None = None) -> VerdictLimits:
+        """The limits in force of a request with this tolerance."""
+        return self.verdict.limits(tolerance_mm or self.tolerance_mm)
 
 
 class StorageSettings(Document):
@@ -168,6 +179,7 @@ class Settings(Document):
     scanner: ScannerSettings | None = None
     target: TargetDocument
     calibration: CalibrationSettings = CalibrationSettings()
+    part: PointsDocument = PointsDocument()
     server: ServerSettings = ServerSettings()
     webhooks: tuple[WebhookSettings, ...] = ()
     storage: StorageSettings = StorageSettings()

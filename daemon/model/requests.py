@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, ConfigDict, Field, PositiveFloat, model_validator
 
+from calibration.documents.requirement import Tolerance
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from daemon.access.actor_names import imitates_actor, validate_key_name
@@ -39,15 +40,20 @@ def _validate_applied_by(name: str) -> str:
 class CalibrateRequest(Document):
     """Everything is optional: poses of the flange (else taught ones, else planned ones), how many, another target.
 
-    `uncertainty_mm`: planning ends when a mapped point is known as well as this (one sigma); `count` is then the most.
+    `tolerance_mm`: largest U (k = 2) at the worst of the points that matter; the verdict applies it in place of the
+    settings', and planning ends when it is met. `uncertainty_mm`: planning ends when a mapped point is known as well as
+    this (one sigma). With either, `count` is the most.
     `manual`: nothing moves the arm; the operator jogs it, and takes each view with POST /runs/{id}/stations.
     """
 
-    model_config = _examples({}, {"count": 8, "uncertainty_mm": 0.1}, {"poses": [_POSE, _POSE, _POSE]})
+    model_config = _examples(
+        {}, {"count": 8, "tolerance_mm": 0.3}, {"count": 8, "uncertainty_mm": 0.1}, {"poses": [_POSE, _POSE, _POSE]}
+    )
 
     poses: Annotated[tuple[TaughtPose, ...], Field(min_length=3, max_length=100)] | None = None
     count: Annotated[int, Field(ge=3, le=100)] | None = None
     uncertainty_mm: PositiveFloat | None = None
+    tolerance_mm: Tolerance | None = None
     target: TargetDocument | None = None
     manual: bool = False
 

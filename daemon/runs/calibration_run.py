@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.documents.calibration import CalibrationDocument, calibration_document
+from calibration.likelihood.mapped_points import NamedPoint, at_points
 from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
-from calibration.verdict import judge
+from calibration.verdict import DEFAULT_VERDICT_LIMITS, VerdictLimits, judge
 from daemon.access.actor_names import AUTO_POLICY
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunEvent as E
@@ -28,6 +29,7 @@ class CalibrationRun:
     """The run without its poses. `apply_when_accepted`: the policy "auto".
 
     `better`: compares the poses with planned ones; None when they were planned. `expected`: the camera's expected pose.
+    `limits`: of the verdict. `points`: where the uncertainty counts; the working volume without any.
     """
 
     store: Store
@@ -36,14 +38,14 @@ class CalibrationRun:
     apply_when_accepted: bool
     better: PlanComparison | None = None
     expected: ExpectedMount | None = None
+    limits: VerdictLimits = DEFAULT_VERDICT_LIMITS
+    points: tuple[NamedPoint, ...] = ()
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, solve, and store the calibration under the run's id."""
         await self.workers.run(load_run_modules)
         problem = await sequence.run(MIN_VIEWS)
-        document = await self.workers.run(
-            solve_calibration, problem, log.id, self.clock.timestamp(), self.better, self.expected
-        )
+        document = await self.workers.run(self._solve, problem, log.id, self.clock.timestamp())
         log.conclude()
         applied = await self._keep(document, log.id)
         return E.SOLVED, {
@@ -60,23 +62,18 @@ class CalibrationRun:
         await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), AUTO_POLICY))
         return True
 
+    def _solve(self, problem: Problem, calibration_id: str, created_at: str) -> CalibrationDocument:
+        """Solve, judge and document, as `handeyed solve` does."""
+        from calibration.solve import solve_hand_eye  # see run_modules
 
-def solve_calibration(
-    problem: Problem,
-    calibration_id: str,
-    created_at: str,
-    better: PlanComparison | None = None,
-    expected: ExpectedMount | None = None,
-) -> CalibrationDocument:
-    """Solve, judge and document, as `handeyed solve` does; see CalibrationRun for `better` and `expected`."""
-    from calibration.solve import solve_hand_eye  # see run_modules
-
-    solution = solve_hand_eye(problem)
-    verdict = judge(problem, solution)
-    if expected is not None and solution.mount_T_camera is not None:
-        verdict = replace(verdict, findings=(*verdict.findings, *mount_findings(solution.mount_T_camera, expected)))
-    if better is not None:
-        verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
-    return calibration_document(
-        solution, verdict, calibration_id=calibration_id, created_at=created_at, software=SOFTWARE
-    )
+        solution = at_points(problem, solve_hand_eye(problem), self.points)
+        verdict = judge(problem, solution, self.limits)
+        findings = verdict.findings
+        if self.expected is not None and solution.mount_T_camera is not None:
+            findings += mount_findings(solution.mount_T_camera, self.expected)
+        if self.better is not None:
+            findings += tuple(self.better.findings(problem, solution))
+        return calibration_document(
+            solution, replace(verdict, findings=findings), calibration_id=calibration_id, created_at=created_at,
+            software=SOFTWARE,
+        )  # fmt: skip

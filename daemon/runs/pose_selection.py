@@ -8,6 +8,7 @@ from calibration.diagnosis.mount_check import ExpectedMount
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.target import TargetDocument
+from calibration.likelihood.mapped_points import NamedPoint
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.scene_belief import ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
@@ -64,9 +65,17 @@ def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> Viewpo
 
 
 def adaptive_parameters(
-    settings: CalibrationSettings, rules: MotionRules, target: TargetDocument, known: SceneGuess, wish: StoppingRule
+    settings: CalibrationSettings,
+    rules: MotionRules,
+    target: TargetDocument,
+    known: SceneGuess,
+    wish: StoppingRule,
+    points: tuple[NamedPoint, ...] = (),
 ) -> AdaptiveParameters:
-    """Parameters of an adaptive sequence. The first look must show the target unless both guesses are given."""
+    """Parameters of an adaptive sequence. The first look must show the target unless both guesses are given.
+
+    `points`: where the uncertainty counts; the working volume without any.
+    """
     guess = ScenePrior(
         "eye-in-hand",
         target.target(),
@@ -76,6 +85,7 @@ def adaptive_parameters(
         settings.noise.noise(),
         radians(settings.guess_deg),
         settings.guess_mm,
+        points,
     )
     assumed = "" if known.camera else "the intrinsics are unknown: planned from a usual field of view until they are"
     return AdaptiveParameters(guess, planning_limits(settings, rules), wish, rules, assumed)

@@ -8,11 +8,12 @@ import numpy as np
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import uncertainty_of
 from calibration.observability import summarise_motion
-from calibration.solution import Finding, Noise, Observability, Solution, Verdict, ViewResult
+from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
 from calibration.transforms import Array
 from calibration.verdict import (
     CONTRADICTIONS,
     DEFAULT_VERDICT_LIMITS,
+    Verdict,
     VerdictLimits,
     point_findings,
     rejection_findings,
@@ -98,4 +99,4 @@ def judge_scan(solution: Solution, limits: VerdictLimits = DEFAULT_VERDICT_LIMIT
             contradicting, len(solution.views), limits, "", "check the poses and that the artefact stood still"
         ),
     )
-    return verdict_of(solution, findings)
+    return verdict_of(solution, findings, limits)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.solution import Finding, HoldOut, Noise, Solution, Uncertainty
+from calibration.solution import Finding, HoldOut, Noise, PointUncertainty, Solution, Uncertainty
 from calibration.solve import solve_hand_eye
 from calibration.verdict import VerdictLimits, judge
 from tests.simulated.spoiled_sessions import cell
@@ -15,7 +15,12 @@ SOLVED = solve_hand_eye(GOOD.problem)
 
 
 def uncertain(point_mm: float) -> Solution:
-    return replace(SOLVED, uncertainty=Uncertainty(np.ones(3), np.ones(3), point_mm, np.eye(6)))
+    """`point_mm`: one standard deviation at the worst point; U is twice that."""
+    points = (
+        PointUncertainty("a", "camera", (0.0, 0.0, 500.0), 0.1),
+        PointUncertainty("b", "base", (1, 2, 3), point_mm),
+    )
+    return replace(SOLVED, uncertainty=Uncertainty(np.ones(3), np.ones(3), 0.1, np.eye(6), points))
 
 
 def rejecting(count: int) -> Solution:
@@ -68,4 +73,15 @@ def test_what_is_said_of_a_solution(what: str) -> None:
 
 
 def test_limits_can_be_set() -> None:
-    assert not judge(GOOD.problem, uncertain(0.49), VerdictLimits(point_mm=0.3, point_warning_mm=0.1)).accepted
+    assert not judge(GOOD.problem, uncertain(0.49), VerdictLimits(tolerance_mm=0.3, point_warning_mm=0.1)).accepted
+
+
+@pytest.mark.parametrize(
+    ("sigma_mm", "tolerance_mm", "accepted", "warned"),
+    [(0.6, None, True, True), (0.6, 1.5, True, False), (0.6, 1.1, False, True), (1.9, 5.0, True, False)],
+)
+def test_a_stated_tolerance_decides(sigma_mm: float, tolerance_mm: float | None, accepted: bool, warned: bool) -> None:
+    limits = VerdictLimits().with_tolerance(tolerance_mm)
+    verdict = judge(GOOD.problem, uncertain(sigma_mm), limits)
+    assert (verdict.accepted, bool(verdict.findings)) == (accepted, warned)
+    assert verdict.limits is limits

@@ -22,7 +22,7 @@ from daemon.scans.scanner_acceptance import AcceptanceDocument
 router = APIRouter(tags=["calibrate"])
 
 HOW_TO_START = (
-    "POST /calibrate with no body, or with poses, count, uncertainty_mm, target or manual;"
+    "POST /calibrate with no body, or with poses, count, tolerance_mm, uncertainty_mm, target or manual;"
     " ?wait=SECONDS answers the finished run"
 )
 
@@ -90,5 +90,7 @@ async def _status(app: Application) -> CalibrateStatus:
 def _poses_text(settings: CalibrationSettings) -> str:
     if settings.poses:
         return f"{len(settings.poses)} taught in the settings"
-    enough = f", until a mapped point is known to {settings.uncertainty_mm:g} mm" if settings.uncertainty_mm else ""
+    goals = ((settings.tolerance_mm, "to U = {:g} mm"), (settings.uncertainty_mm, "to {:g} mm"))
+    stated = " and ".join(words.format(goal_mm) for goal_mm, words in goals if goal_mm)
+    enough = f", until a mapped point is known {stated}" if stated else ""
     return f"a first look from where the arm stands, then up to {settings.count} planned one after the other{enough}"

@@ -22,6 +22,8 @@ OF_ANOTHER_TYPE: list[tuple[type[Any], dict[str, Any]]] = [
     (CalibrateRequest, {"manual": 1}),
     (CalibrateRequest, {"uncertainty_mm": "0.1"}),
     (CalibrateRequest, {"uncertainty_mm": True}),
+    (CalibrateRequest, {"tolerance_mm": 0}),
+    (CalibrateRequest, {"tolerance_mm": 1001}),
     (CalibrateRequest, {"target": {**CHESSBOARD, "columns": "11"}}),
     (CalibrateRequest, {"poses": [{**POSES[0], "translation_mm": ["1", 2, 3]}, *POSES]}),
     (CalibrateRequest, {"poses": {"0": POSES[0], "1": POSES[1], "2": POSES[2]}}),

@@ -41,6 +41,39 @@ def test_without_json_a_person_can_read_it(tmp_path: Path) -> None:
         assert word in ran.out
 
 
+@pytest.mark.parametrize(("tolerance_mm", "status"), [("3", 0), ("0.001", 3)])
+def test_the_tolerance_decides(tmp_path: Path, tolerance_mm: str, status: int) -> None:
+    ran = handeyed("solve", with_corners(tmp_path / "a"), "--json", "--tolerance", tolerance_mm)
+    limits = CalibrationDocument.model_validate_json(ran.out).verdict.limits
+    assert limits is not None
+    assert (ran.status, limits.tolerance_mm) == (status, float(tolerance_mm))
+
+
+def test_the_uncertainty_counts_at_the_points_of_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "part.json"
+    point = {"name": "far away", "position_mm": [0, 0, 1e5], "frame": "camera"}
+    file.write_text(json.dumps({"schema_version": 1, "points": [point]}))
+    ran = handeyed("solve", with_corners(tmp_path / "a"), "--at", file)
+    assert ran.status == 3
+    assert "far away" in ran.out
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--tolerance", "0"), "--tolerance: 0.0 mm is no tolerance: give U in mm"),
+        (("--at", "nowhere.json"), "no such file"),
+        (("--at", "wrong.json"), "no minimum above its maximum"),
+    ],
+)
+def test_a_wrong_requirement_is_refused(tmp_path: Path, options: tuple[str, str], says: str) -> None:
+    (tmp_path / "wrong.json").write_text('{"schema_version": 1, "box_mm": [[0, 0, 1], [1, 1, 0]]}')
+    name, value = options
+    ran = handeyed("solve", with_corners(tmp_path / "a"), name, tmp_path / value if value.endswith("json") else value)
+    assert ran.status == 2
+    assert says in ran.err
+
+
 def test_the_result_is_written_where_asked(tmp_path: Path) -> None:
     one, other = with_corners(tmp_path / "a"), with_corners(tmp_path / "b")
 

@@ -76,6 +76,14 @@ async def test_a_run_that_plans_shows_what_it_expects_and_keeps_every_picture(tm
         assert f"predicted {run['planning']['now_mm']:.2g} mm" in again
 
 
+@pytest.mark.parametrize(("goals", "stops"), [({"tolerance_mm": 3.0}, True), ({"tolerance_mm": 1e-7}, False)])
+async def test_a_run_stops_when_the_tolerance_is_met(tmp_path: Path, goals: dict[str, float], stops: bool) -> None:
+    guess = pose_json(FLANGE_T_CAMERA)
+    async with serving(settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})) as bench:
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S}, json={"count": 6, **goals})).json()
+        assert (run["state"], run["station"] < 6, run["result"]["accepted"]) == ("finished", stops, stops), run
+
+
 async def test_planned_views_without_the_target_are_taken_from_elsewhere_and_in_the_end_given_up(
     tmp_path: Path,
 ) -> None:

@@ -363,3 +363,24 @@ async def test_policy_auto_applies_what_the_verdict_accepts(tmp_path: Path) -> N
         assert run["result"]["applied"] == run["result"]["accepted"]
         current = await bench.client.get("/calibrations/current")
         assert current.status_code == (200 if run["result"]["accepted"] else 404)
+
+
+async def test_a_tolerance_decides_over_acceptance_and_is_kept_with_the_calibration(tmp_path: Path) -> None:
+    calibration = {"policy": "auto", "tolerance_mm": 20.0, "verdict": {"possible_hold_out_mm": 30.0}}
+    async with serving(settings_for(tmp_path, calibration=calibration)) as bench:
+        for body, tolerance_mm, accepted in (({}, 20.0, True), ({"tolerance_mm": 1e-7}, 1e-7, False)):
+            run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S}, json=body)).json()
+            assert (run["result"]["accepted"], run["result"]["applied"]) == (accepted, accepted)
+            verdict = (await bench.client.get(run["links"]["calibration"])).json()["verdict"]
+            assert verdict["limits"]["tolerance_mm"] == tolerance_mm
+            assert verdict["limits"]["possible_hold_out_mm"] == 30.0
+        assert "point-uncertain" in {found["code"] for found in verdict["findings"] if found["severity"] == "error"}
+
+
+async def test_the_uncertainty_counts_at_the_part(tmp_path: Path) -> None:
+    part = {"points": [{"name": "far away", "position_mm": [0.0, 0.0, 1e12], "frame": "camera"}]}
+    async with serving(settings_for(tmp_path, calibration={"tolerance_mm": 20.0}, part=part)) as bench:
+        run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
+        findings = (await bench.client.get(run["links"]["calibration"])).json()["verdict"]["findings"]
+        assert not run["result"]["accepted"]
+        assert any("far away" in found["message"] for found in findings)
