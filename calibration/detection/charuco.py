@@ -4,6 +4,8 @@ Where too few corners join into a lattice, OpenCV's detector reads the markers o
 far the places of all others are predicted, and each is searched there.
 """
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -14,8 +16,8 @@ from calibration.detection.charuco_lattice import MarkerBits, assign_ids
 from calibration.detection.chessboard import drop_sparse_lines, fit_lattice_plane
 from calibration.detection.crossings import find_crossings
 from calibration.detection.image import Grey, downscale, to_full_size
-from calibration.detection.lattice import grow_lattices
-from calibration.detection.plane_view import fit_plane_view
+from calibration.detection.lattice import Lattice, grow_lattices
+from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.detection.saddle import refine_saddles
 from calibration.detection.squares import half_window_px, narrowest_side
 from calibration.errors import DetectionError
@@ -39,7 +41,8 @@ def detect_charuco(image: Grey, target: Charuco) -> Detection:
     Raises DetectionError `not-found`, `unknown-dictionary`, `dictionary-too-small`.
     """
     board = charuco_board(target)
-    rough = _detect_by_lattice(image, target, board)
+    identified = (identify_lattice(seen, target) for seen in find_charuco_lattices(image))
+    rough = next((found for found in identified if found is not None), EMPTY_DETECTION)
     if len(rough.ids) < SUFFICIENT_SHARE * len(target.points_mm):
         rough = max(rough, _detect_by_markers(image, board), key=lambda found: len(found.ids))
     if len(rough.ids) >= MIN_CORNERS:
@@ -48,17 +51,35 @@ def detect_charuco(image: Grey, target: Charuco) -> Detection:
     raise DetectionError("not-found", what, "bring the board into view, without glare; check dictionary, columns, rows")
 
 
-def _detect_by_lattice(image: Grey, target: Charuco, board: Any) -> Detection:
+@dataclass(frozen=True, eq=False)
+class SeenLattice:
+    """A lattice of corners in `small`, the image reduced by `factor`; `view` maps its cells to pixels there."""
+
+    small: Grey
+    factor: int
+    lattice: Lattice
+    view: PlaneView
+
+
+def find_charuco_lattices(image: Grey) -> Iterator[SeenLattice]:
+    """The lattices that may be a ChArUco board's corners, not identified yet."""
     small, factor = downscale(image, LATTICE_PIXELS)
-    bits = MarkerBits.of(board, target.square_mm)
     for radius_px in RING_RADII_PX:
         for grown in grow_lattices(find_crossings(small, radius_px), MIN_JOINED_CORNERS):
             lattice = drop_sparse_lines(grown)
             view = fit_lattice_plane(lattice, (small.shape[1], small.shape[0]))
-            found = None if view is None else assign_ids(small, target, bits, lattice, view)
-            if found is not None:
-                return Detection(found.ids, to_full_size(found.corners_px, factor))
-    return EMPTY_DETECTION
+            if view is not None:
+                yield SeenLattice(small, factor, lattice, view)
+
+
+def identify_lattice(seen: SeenLattice, target: Charuco) -> Detection | None:
+    """The lattice's corners with the target's ids, at full size; None when its markers are not the target's.
+
+    Raises DetectionError `unknown-dictionary`, `dictionary-too-small`.
+    """
+    bits = MarkerBits.of(charuco_board(target), target.square_mm)
+    found = assign_ids(seen.small, target, bits, seen.lattice, seen.view)
+    return None if found is None else Detection(found.ids, to_full_size(found.corners_px, seen.factor))
 
 
 def _detect_by_markers(image: Grey, board: Any) -> Detection:

@@ -62,6 +62,15 @@ def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
     raise DetectionError("not-found", what, "bring the whole board into view, without glare; check columns and rows")
 
 
+def board_sizes(image: Grey, target: Chessboard) -> set[tuple[int, ...]]:
+    """Sizes, in either order, of the nearly whole boards in an image that are about as large as `target` or larger."""
+    return {
+        board.found.shape
+        for board in _find_boards(image, target)
+        if (~board.found).sum() <= _max_missing(board.found.size)
+    }
+
+
 def _max_missing(count: int) -> int:
     """Corners of `count` that may be missing."""
     return int(count * (MAX_MISSING_SHARE if count >= FEW_CORNERS else MAX_MISSING_SHARE_OF_FEW))

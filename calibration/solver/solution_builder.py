@@ -1,5 +1,8 @@
 """Assembly of a Solution from the estimate."""
 
+from collections import Counter
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,8 +76,20 @@ def solution_without_x(problem: Problem, method: str, why: UndeterminedError) ->
         ),
         observability=Observability(len(seen), motion.max_rotation_rad, motion.axis_spread, why.what),
         hold_out=None,
-        findings=(Finding(why.code, "error", why.what, why.fix),),
+        findings=(Finding(why.code, "error", why.what, why.fix), *_missing_target(problem)),
     )
+
+
+def _missing_target(problem: Problem) -> Iterator[Finding]:
+    """At most one finding: the target was not found in most views, with the commonest reason."""
+    reasons = Counter(view.missing for view in problem.views if view.detection is None and view.missing is not None)
+    if 2 * reasons.total() > len(problem.views):
+        (code, sentence), _ = reasons.most_common(1)[0]
+        what, _, fix = sentence.partition(": ")
+        message = (
+            f"the target was found in {len(problem.views) - reasons.total()} of {len(problem.views)} views: {what}"
+        )
+        yield Finding(code, "error", message, fix)
 
 
 def _noise(best: Estimate) -> Noise:

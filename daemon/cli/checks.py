@@ -9,7 +9,9 @@ from math import degrees
 from pathlib import Path
 from typing import Any, TypeVar
 
+from calibration.detection.alternatives import find_alternative
 from calibration.detection.detect import detect
+from calibration.detection.image import grey_image
 from calibration.errors import DetectionError
 from daemon.cell.cell import motion_obstacles
 from daemon.cell.devices import open_devices
@@ -145,7 +147,11 @@ async def _check_camera(camera: Camera, settings: Settings) -> CheckResult:
     target = settings.target.target()
     try:
         found = await asyncio.to_thread(detect, frame.image, target)
-    except DetectionError:
+    except DetectionError as error:
+        other = await asyncio.to_thread(find_alternative, grey_image(frame.image), target)
+        if other is not None:
+            refusal = other.error(error)
+            return CheckResult("camera", False, f"{picture}; {refusal.what}", refusal.fix)
         return CheckResult("camera", True, f"{picture}; the target is not in view now")
     return CheckResult(
         "camera", True, f"{picture}; it shows {len(found.ids)} of the target's {len(target.points_mm)} points"

@@ -18,7 +18,8 @@ from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, Problem, View
 from calibration.targets import Target
 from daemon.runtime.bounded_read import read_document
-from daemon.sessions.session_files import SESSION_FILE, TAKE_AGAIN, ImageError
+from daemon.sessions.other_target import explain_missing
+from daemon.sessions.session_files import SESSION_FILE, TAKE_AGAIN, ImageError, read_grey
 from daemon.sessions.view_detection import detect_in_file
 
 Progress = Callable[[int, int], None]
@@ -81,8 +82,9 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
         raise DocumentError(str(session.file), [problems[index] for index in sorted(problems)])
     if expected is None:
         raise _document_error(str(session.file), "image_size", "missing, and no image shows it", "add it")
-    views = tuple(view for _, (view, _) in sorted(seen.items()))
-    return Problem(document.setup, target, camera, expected, views)
+    views = [view for _, (view, _) in sorted(seen.items())]
+    views = explain_missing(views, target, lambda name: read_grey(session.path / name))
+    return Problem(document.setup, target, camera, expected, tuple(views))
 
 
 def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:

@@ -12,7 +12,7 @@ from calibration.errors import DetectionError
 from calibration.problem import Problem, View
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
-from daemon.sessions.session_files import SESSION_FILE
+from daemon.sessions.session_files import SESSION_FILE, read_grey
 from daemon.store.store import Store
 from drivers.cameras.decoding import PNG_MAGIC
 from drivers.interfaces import CameraFrame, PoseReading
@@ -31,6 +31,7 @@ class SessionWriter:
         self.folder = folder
         self._store, self._workers = store, workers
         self._image_size = camera.image_size if camera else None
+        self._target_seen = False
         self._document = SessionDocument(
             schema_version=1, source=source, setup="eye-in-hand", target=target, camera=camera, views=[]
         )
@@ -49,8 +50,13 @@ class SessionWriter:
         return index
 
     async def view(self, index: int) -> View:
-        """Detect the target in a stored picture: the view with its detection, or with the reason why there is none."""
-        return await self._workers.run(_detect_view, self.folder, self._document, index)
+        """Detect the target in a stored picture: the view with its detection, or with the reason why there is none.
+
+        Until the target is found for the first time the reason may be that the pictures show another one.
+        """
+        view = await self._workers.run(_detect_view, self.folder, self._document, index, self._target_seen)
+        self._target_seen = self._target_seen or view.detection is not None
+        return view
 
     def problem(self, views: list[View]) -> Problem:
         """The solver's Problem, exactly as the folder describes it."""
@@ -90,7 +96,8 @@ def png_of(frame: CameraFrame) -> bytes:
     return bytes(np.asarray(content, np.uint8).data)
 
 
-def _detect_view(folder: Path, document: SessionDocument, index: int) -> View:
+def _detect_view(folder: Path, document: SessionDocument, index: int, target_seen: bool) -> View:
+    from daemon.sessions.other_target import explain_missing
     from daemon.sessions.view_detection import detect_in_file  # by the first picture, not at the start
 
     view = document.views[index]
@@ -98,5 +105,6 @@ def _detect_view(folder: Path, document: SessionDocument, index: int) -> View:
     pose, target = view.base_T_flange.transform(), document.target.target()
     found, _ = detect_in_file(folder / name, target)
     if isinstance(found, DetectionError):
-        return View(index, pose, None, name, missing=(found.code, str(found)))
+        missed = View(index, pose, None, name, missing=(found.code, str(found)))
+        return missed if target_seen else explain_missing([missed], target, lambda file: read_grey(folder / file))[0]
     return View(index, pose, found, name)

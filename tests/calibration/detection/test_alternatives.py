@@ -1,0 +1,73 @@
+"""Another target than described: which description fits what the image shows."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.detection.alternatives import find_alternative
+from calibration.detection.detect import detect
+from calibration.detection.image import grey_image
+from calibration.errors import DetectionError
+from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
+from tests.calibration.detection.sights import pictures
+
+CHARUCO = Charuco(7, 5, 30.0, 22.0, "DICT_5X5_100")
+EVEN = Charuco(8, 6, 30.0, 22.0, "DICT_5X5_100")
+CHESSBOARD = Chessboard(9, 6, 20.0)
+CIRCLES = CircleGrid("asymmetric", 4, 11, 40.0)
+TAGS = AprilTagGrid(4, 3, 30.0, 9.0)
+
+SLIPS: dict[str, tuple[Target, Target]] = {
+    "rows and columns exchanged": (CHARUCO, replace(CHARUCO, columns=5, rows=7)),
+    "one column more": (CHARUCO, replace(CHARUCO, columns=8)),
+    "one column less": (CHARUCO, replace(CHARUCO, columns=6)),
+    "exchanged and one less": (CHARUCO, replace(CHARUCO, columns=5, rows=6)),
+    "inner corners counted": (EVEN, replace(EVEN, columns=7, rows=5)),
+    "another dictionary": (CHARUCO, replace(CHARUCO, dictionary="DICT_4X4_100")),
+    "dictionary of AprilTags": (replace(CHARUCO, dictionary="DICT_APRILTAG_36h11"), CHARUCO),
+    "another dictionary, exchanged": (CHARUCO, replace(CHARUCO, columns=5, rows=7, dictionary="DICT_6X6_100")),
+    "legacy board": (replace(EVEN, legacy=True), EVEN),
+    "no legacy board": (EVEN, replace(EVEN, legacy=True)),
+    "smaller chessboard": (replace(CHESSBOARD, columns=8), CHESSBOARD),
+    "squares of a chessboard counted": (CHESSBOARD, replace(CHESSBOARD, columns=10, rows=7)),
+    "larger chessboard": (replace(CHESSBOARD, rows=7), CHESSBOARD),
+    "circles exchanged": (CIRCLES, replace(CIRCLES, columns=11, rows=4)),
+    "symmetric circles": (CircleGrid("symmetric", 7, 6, 20.0), CircleGrid("asymmetric", 7, 6, 20.0)),
+    "one row of circles less": (CIRCLES, replace(CIRCLES, rows=10)),
+    "tags exchanged": (TAGS, replace(TAGS, columns=3, rows=4)),
+    "another family": (TAGS, replace(TAGS, family="tag25h9")),
+}
+
+
+@pytest.mark.parametrize(("shown", "described"), SLIPS.values(), ids=SLIPS)
+def test_the_description_that_fits_is_named(shown: Target, described: Target) -> None:
+    for picture in pictures(shown, 2, seed=3):
+        with pytest.raises(DetectionError) as refusal:
+            detect(picture.image, described)
+
+        found = find_alternative(grey_image(picture.image), described)
+
+        assert found is not None
+        assert found.target == shown
+        error = found.error(refusal.value)
+        assert error.code == refusal.value.code
+        for name, value in found.changes:
+            assert f"{name} = {value}" in error.fix
+
+
+@pytest.mark.parametrize("described", [CHARUCO, CHESSBOARD, CIRCLES, TAGS], ids=lambda target: target.kind)
+def test_nothing_fits_an_image_without_a_target(described: Target) -> None:
+    soft = cv2.GaussianBlur(np.random.default_rng(6).normal(0, 1, (600, 800)).astype(np.float32), (0, 0), 6)
+
+    assert find_alternative(np.clip(127 + 60 * soft / soft.std(), 0, 255).astype(np.uint8), described) is None
+
+
+def test_settings_are_written_as_in_the_settings_file() -> None:
+    picture = pictures(replace(EVEN, legacy=True, dictionary="DICT_4X4_100"), 1, seed=3)[0]
+
+    found = find_alternative(grey_image(picture.image), EVEN)
+
+    assert found is not None
+    assert found.changes == (("dictionary", '"DICT_4X4_100"'), ("legacy", "true"))
