@@ -11,6 +11,7 @@ import scipy
 
 from calibration.closed_forms.motions import MIN_TURN_RAD
 from calibration.errors import UndeterminedError
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, rotation_angle_rad, vector_from_rotation
 
 MIN_ROTATION_RAD = np.radians(10.0)
@@ -89,27 +90,27 @@ def require_observable(base_T_flange: Array) -> None:
     if motion.distinct < 3:
         raise UndeterminedError(
             "too-few-poses",
-            f"{motion.distinct} distinct robot poses with the target in view; X needs at least three",
-            "add poses that differ by 30 degrees or more about different axes",
+            Sentence("too-few-poses", poses=motion.distinct),
+            Sentence("add-poses"),
         )
     if motion.max_rotation_rad < MIN_TURN_RAD:
         raise UndeterminedError(
             "pure-translation",
-            "the flange moves without turning: X's translation is not determined in any direction",
-            "turn the flange by 30 degrees or more about two different axes between views",
+            Sentence("pure-translation"),
+            Sentence("turn-about-two-axes"),
         )
     if motion.max_rotation_rad < MIN_ROTATION_RAD:
         raise UndeterminedError(
             "too-little-rotation",
-            f"the flange turns by at most {np.degrees(motion.max_rotation_rad):.1f} degrees; X needs 10 or more",
-            "turn the flange by 30 degrees or more about two different axes between views",
+            Sentence("too-little-rotation", angle_deg=np.degrees(motion.max_rotation_rad)),
+            Sentence("turn-about-two-axes"),
         )
     if motion.axis_angle_rad < MIN_AXIS_ANGLE_RAD or motion.axis_spread < MIN_AXIS_SPREAD:
         axis = describe_axis(motion.main_axis, base_T_flange)
         raise UndeterminedError(
             "parallel-axes",
-            f"all turns are about one axis: translation along {axis} is not determined",
-            f"add poses turned by 30 degrees or more about an axis across {axis}",
+            Sentence("parallel-axes", axis=axis),
+            Sentence("turn-across", axis=axis),
         )
 
 

@@ -47,9 +47,11 @@ class PointResiduals:
 
 @dataclass(frozen=True, eq=False)
 class ViewResult:
-    """The fit of one view. `robot_correction`: estimated error of its pose, (3,) mm and rotation vector (3,) rad.
+    """The fit of one view.
 
-    `points` is None when there is no estimate, or the view does not enter it.
+    reason, why : why it is not used or was corrected, a code and a sentence.
+    robot_correction : estimated error of its pose, (3,) mm and rotation vector (3,) rad.
+    points : None when there is no estimate, or the view does not enter it.
     """
 
     index: int
@@ -60,6 +62,7 @@ class ViewResult:
     base_error_mm: float | None
     robot_correction: tuple[Array, Array] | None
     points: PointResiduals | None = None
+    why: str | None = None
 
 
 COVERAGE_FACTOR = 2.0

@@ -11,6 +11,7 @@ from calibration.likelihood.augmented_model import augment_model
 from calibration.observability import require_observable
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.solution_builder import build_solution, solution_without_x
@@ -30,8 +31,8 @@ MAX_ROUNDS = 3
 
 CONTRADICTORY = (
     "contradictory-input",
-    "the robot's poses and the images contradict each other so much that no estimate of X exists",
-    "check the poses' units, their convention and their order",
+    Sentence("no-estimate"),
+    Sentence("check-pose-convention"),
 )
 """Code, message and fix when numbers far from any cell break the arithmetic; the diagnosis may name the convention."""
 

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from math import degrees
 
 import numpy as np
 
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, MAX_USUAL_NOISE
 from calibration.observability import summarise_motion
 from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence
 from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Solution
 
 
@@ -70,7 +72,7 @@ def verdict_of(solution: Solution, findings: tuple[Finding, ...], limits: Verdic
     return Verdict(accepted, findings, limits)
 
 
-def point_findings(solution: Solution, limits: VerdictLimits, fix: str) -> Iterator[Finding]:
+def point_findings(solution: Solution, limits: VerdictLimits, fix: Sentence) -> Iterator[Finding]:
     """When the worst of the points that matter is more uncertain than `limits` allow: what to do is `fix`."""
     if solution.uncertainty is None:
         return
@@ -80,53 +82,62 @@ def point_findings(solution: Solution, limits: VerdictLimits, fix: str) -> Itera
         yield Finding(
             "point-uncertain",
             "error" if not worst.expanded_mm <= limits.tolerance_mm else "warning",
-            f"a mapped point is uncertain by U = {worst.expanded_mm:.2g} mm (k = {COVERAGE_FACTOR:g}, at {worst.name};"
-            f" tolerance {limits.tolerance_mm:g} mm), most by {weakest}",
+            Sentence(
+                "point-uncertain",
+                expanded_mm=worst.expanded_mm,
+                coverage_factor=COVERAGE_FACTOR,
+                point=worst.name,
+                tolerance_mm=limits.tolerance_mm,
+                weakest=weakest,
+            ),
             fix,
         )
 
 
-def robot_findings(noise: Noise, limits: VerdictLimits, fix: str) -> Iterator[Finding]:
+def robot_findings(noise: Noise, limits: VerdictLimits, fix: Sentence) -> Iterator[Finding]:
     """When the robot's poses scatter more than `limits` allow, as far as `noise` has been estimated."""
     translation_mm, rotation_rad = noise.robot_translation_mm, noise.robot_rotation_rad
     if (translation_mm or 0.0) > limits.robot_translation_mm or (rotation_rad or 0.0) > limits.robot_rotation_rad:
-        and_turns = "" if rotation_rad is None else f" and {np.degrees(rotation_rad):.2g} degrees"
-        yield Finding("robot-noise", "warning", f"the robot's poses scatter by {translation_mm:.2g} mm{and_turns}", fix)
+        message = (
+            Sentence("robot-noise-translation", translation_mm=translation_mm)
+            if rotation_rad is None
+            else Sentence("robot-noise", translation_mm=translation_mm, rotation_deg=degrees(rotation_rad))
+        )
+        yield Finding("robot-noise", "warning", message, fix)
 
 
 def contradiction_findings(
-    noise: Noise, hold_out_mm: float | None, limits: VerdictLimits, fix: str
+    noise: Noise, hold_out_mm: float | None, limits: VerdictLimits, fix: Sentence
 ) -> Iterator[Finding]:
     """When poses and images disagree by more than any robot errs: whatever X is found says nothing then.
 
     `hold_out_mm`: by how much views left out are missed, None when none were.
     """
     translation_mm, rotation_rad = noise.robot_translation_mm or 0.0, noise.robot_rotation_rad or 0.0
-    missed = "" if hold_out_mm is None else f", and views left out are missed by {hold_out_mm:.3g} mm"
     if (
         translation_mm > limits.possible_translation_mm
         or rotation_rad > limits.possible_rotation_rad
         or (hold_out_mm or 0.0) > limits.possible_hold_out_mm
     ):
-        yield Finding(
-            "poses-contradict-images",
-            "error",
-            f"poses and images contradict each other by {translation_mm:.2g} mm and {np.degrees(rotation_rad):.2g}"
-            f" degrees, more than any robot errs by{missed}",
-            fix,
+        sizes = {"translation_mm": translation_mm, "rotation_deg": degrees(rotation_rad)}
+        message = (
+            Sentence("poses-contradict-images", **sizes)
+            if hold_out_mm is None
+            else Sentence("poses-contradict-images-held-out", **sizes, hold_out_mm=hold_out_mm)
         )
+        yield Finding("poses-contradict-images", "error", message, fix)
 
 
-def rejection_findings(rejected: int, views: int, limits: VerdictLimits, suffix: str, fix: str) -> Iterator[Finding]:
-    """When too large a share of `views` was `rejected` for contradicting the others; `suffix` ends the sentence."""
+def rejection_findings(
+    rejected: int, views: int, limits: VerdictLimits, sentence_id: str, fix: Sentence
+) -> Iterator[Finding]:
+    """When too large a share of `views` was `rejected` for contradicting the others: a sentence of this id."""
     if rejected > limits.rejected_share * views:
-        what = f"{rejected} of {views} views contradict the others{suffix}"
-        yield Finding("many-rejected", "error", what, fix)
+        yield Finding("many-rejected", "error", Sentence(sentence_id, rejected=rejected, views=views), fix)
 
 
 def _point(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
-    fix = "add views turned by 30 degrees or more about different axes, or let the poses be planned"
-    return point_findings(solution, limits, fix)
+    return point_findings(solution, limits, Sentence("add-turned-views-or-plan"))
 
 
 def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
@@ -137,20 +148,18 @@ def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterat
         yield Finding(
             "axes-nearly-parallel",
             "warning",
-            f"the axes of the robot's motions are within {np.degrees(angle):.1f} degrees of each other",
-            "choose poses that turn the flange about different axes: 60 degrees apart or more is good",
+            Sentence("axes-nearly-parallel", angle_deg=degrees(angle)),
+            Sentence("turn-about-different-axes"),
         )
 
 
 def _robot(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
-    fix = "check tool and work object of the reported pose, the settling time, the camera mount and the arm's zero"
-    return robot_findings(solution.noise, limits, fix)
+    return robot_findings(solution.noise, limits, Sentence("check-robot"))
 
 
 def _contradiction(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     hold_out_mm = None if solution.hold_out is None else solution.hold_out.base_error_mm
-    fix = "check the convention, the units and the order of the poses, the setup, and which image belongs to which pose"
-    return contradiction_findings(solution.noise, hold_out_mm, limits, fix)
+    return contradiction_findings(solution.noise, hold_out_mm, limits, Sentence("check-poses-and-images"))
 
 
 def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
@@ -158,17 +167,15 @@ def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Itera
         yield Finding(
             "image-noise",
             "warning",
-            f"corners scatter by {solution.noise.image_px:.2g} px",
-            "check focus, motion blur, the target's flatness, and the camera's intrinsics when they were given",
+            Sentence("image-noise", image_px=solution.noise.image_px),
+            Sentence("check-image"),
         )
 
 
 def _rejections(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     seen = [view for view in solution.views if view.status != "rejected" or view.reason in CONTRADICTIONS]
     rejected = sum(view.status == "rejected" for view in seen)
-    suffix = ": which of the two are right is not certain"
-    fix = "check the reported poses and the target, and run the calibration again"
-    return rejection_findings(rejected, len(seen), limits, suffix, fix)
+    return rejection_findings(rejected, len(seen), limits, "many-rejected", Sentence("check-poses-and-target"))
 
 
 def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
@@ -176,8 +183,8 @@ def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> It
         yield Finding(
             "nothing-held-out",
             "info",
-            "three views leave none to check the others with",
-            "take four or more views to have the solution checked",
+            Sentence("nothing-held-out"),
+            Sentence("take-four-views"),
         )
         return
     expected = _typical_base_error(solution)
@@ -185,8 +192,8 @@ def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> It
         yield Finding(
             "hold-out-large",
             "warning",
-            f"views left out are missed by {solution.hold_out.base_error_mm:.2g} mm, {expected:.2g} mm was expected",
-            "look for views with a large base error, or a target or camera that moved during the session",
+            Sentence("hold-out-large", hold_out_mm=solution.hold_out.base_error_mm, expected_mm=expected),
+            Sentence("look-for-movement"),
         )
 
 

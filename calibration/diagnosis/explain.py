@@ -7,7 +7,7 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY, MAX_VIEWS, MIN_VIEWS, diagnose, evenly_spaced
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
-from calibration.diagnosis.findings import comparison_text, diagnosis_findings, lens_findings
+from calibration.diagnosis.findings import diagnosis_findings, lens_findings, with_comparison
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.intrinsics_check import LensMisfit, lens_misfit
 from calibration.diagnosis.screening import needs_diagnosis
@@ -38,13 +38,9 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         found = _findings_without_x(problem) if prepared is None else _findings_with_x(problem, solution, prepared)
     known = {finding.code for finding in solution.findings}
-    more = {
-        SOLVER_FINDINGS[finding.code]: comparison_text(finding)
-        for finding in found
-        if SOLVER_FINDINGS.get(finding.code) in known
-    }
+    more = {SOLVER_FINDINGS[finding.code]: finding for finding in found if SOLVER_FINDINGS.get(finding.code) in known}
     extended = (
-        replace(finding, message=f"{finding.message}. {more[finding.code]}") if finding.code in more else finding
+        with_comparison(finding, more[finding.code]) if finding.code in more else finding
         for finding in solution.findings
     )
     added = (finding for finding in found if SOLVER_FINDINGS.get(finding.code) not in known)

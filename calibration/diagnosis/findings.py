@@ -1,15 +1,16 @@
 """A diagnosis as findings: the cause, the robot noise without and with it, and the fix."""
 
 from collections.abc import Set
+from dataclasses import replace
 
 import numpy as np
 
 from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, Diagnosis
 from calibration.diagnosis.intrinsics_check import LensMisfit
 from calibration.diagnosis.view_hypotheses import CHANGE_CODES
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Severity
 
-DISAGREE = "Robot and images disagree"
 MAX_PRINT_SCALE_ERROR = 0.01
 """Up to a hundredth is a printer; more is a wrong number."""
 
@@ -21,16 +22,18 @@ def diagnosis_findings(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tu
     """The diagnosis as a finding; `used`: indices of the views of the solution."""
     cause = diagnosis.cause
     before, after = _lessened(diagnosis)
-    message = f"{cause.message}. {DISAGREE} by {before} as they came, by {after} with this explanation"
+    comparison = Sentence("comparison", before=before, after=after)
+    message = Sentence("explained", finding=cause.message, comparison=comparison)
     other = diagnosis.runner_up
     if other is not None and diagnosis.runner_up_gain > diagnosis.gain - MIN_LOG_LIKELIHOOD_GAIN:
-        message += f". Nearly as likely: {other.message}"
+        message = Sentence("explained-or", **message.params, other=other.message)
     return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix),)
 
 
-def comparison_text(finding: Finding) -> str:
-    """The part of a finding's message that compares the session without and with the explanation."""
-    return DISAGREE + finding.message.partition(DISAGREE)[2]
+def with_comparison(finding: Finding, diagnosed: Finding) -> Finding:
+    """`finding` with the comparison of the session without and with the explanation, of a finding of the diagnosis."""
+    assert isinstance(diagnosed.message, Sentence)
+    return replace(finding, message=Sentence("explained", **diagnosed.message.params | {"finding": finding.message}))
 
 
 def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
@@ -53,20 +56,29 @@ def lens_findings(misfit: LensMisfit) -> tuple[Finding, ...]:
         Finding(
             "intrinsics-do-not-fit",
             "error" if misfit.share > MAX_LENS_SHARE else "warning",
-            f"the given intrinsics leave {misfit.before_px:.3f} px where others leave {misfit.after_px:.3f} px"
-            f" (fx {matrix[0, 0]:.1f}, fy {matrix[1, 1]:.1f}, cx {matrix[0, 2]:.1f}, cy {matrix[1, 2]:.1f});"
-            f" they misplace the target by {100 * misfit.share:.2f} % of its distance",
-            "calibrate the camera as it is focused now, or leave the intrinsics out to have them estimated",
+            Sentence(
+                "intrinsics-do-not-fit",
+                before_px=misfit.before_px,
+                after_px=misfit.after_px,
+                fx=matrix[0, 0],
+                fy=matrix[1, 1],
+                cx=matrix[0, 2],
+                cy=matrix[1, 2],
+                percent=100 * misfit.share,
+            ),
+            Sentence("calibrate-camera-in-focus"),
         ),
     )
 
 
-def _lessened(diagnosis: Diagnosis) -> tuple[str, str]:
+def _lessened(diagnosis: Diagnosis) -> tuple[list[Sentence], list[Sentence]]:
     """The disagreement before and after, in the units in which the explanation lessens it."""
     both = (
-        (diagnosis.before_mm, diagnosis.after_mm, "{:.3g} mm"),
-        (float(np.degrees(diagnosis.before_rad)), float(np.degrees(diagnosis.after_rad)), "{:.2g} deg"),
+        (diagnosis.before_mm, diagnosis.after_mm, "size-mm"),
+        (float(np.degrees(diagnosis.before_rad)), float(np.degrees(diagnosis.after_rad)), "size-deg"),
     )
-    less = [(text.format(before), text.format(after)) for before, after, text in both if after < before]
-    before, after = (" and ".join(sizes) for sizes in zip(*less, strict=True))
-    return before, after
+    less = [(before, after, size) for before, after, size in both if after < before]
+    return (
+        [Sentence(size, value=before) for before, _, size in less],
+        [Sentence(size, value=after) for _, after, size in less],
+    )

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding
 from calibration.transforms import Array, difference
 
@@ -29,8 +30,7 @@ def mount_findings(mount_T_camera: Array, expected: ExpectedMount) -> tuple[Find
         Finding(
             "mount-not-as-expected",
             "warning",
-            f"the camera was found {off_mm:.1f} mm and {np.degrees(off_rad):.1f} degrees from where it was expected",
-            "if the expectation is right, the poses may be a tool's instead of the flange's: make tool0 and wobj0"
-            " active and read the poses again",
+            Sentence("mount-not-as-expected", off_mm=off_mm, off_deg=np.degrees(off_rad)),
+            Sentence("check-tool"),
         ),
     )

@@ -8,6 +8,7 @@ from calibration.camera import CameraModel
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import candidate_poses
 from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding
 
 FOREIGN_ID = "corner-id-unknown"
@@ -27,12 +28,12 @@ def target_findings(problem: Problem, camera: CameraModel | None) -> Iterator[Fi
         return
     last = len(problem.target.points_mm) - 1
     parts = (
-        f"points that it does not have (it has 0 to {last}) in {foreign}" if foreign else "",
-        f"points that do not lie as its points do in {misplaced}" if misplaced else "",
+        Sentence("foreign-points", last=last, views=foreign) if foreign else None,
+        Sentence("misplaced-points", views=misplaced) if misplaced else None,
     )
     yield Finding(
         "target-not-as-described",
         "error",
-        f"the target is another one than was described: {' and '.join(filter(None, parts))} of {looked_at} views",
-        "compare the target's description with the target: kind, columns, rows, dictionary and layout",
+        Sentence("target-not-as-described", what=[part for part in parts if part], views=looked_at),
+        Sentence("compare-target-kind"),
     )

@@ -1,15 +1,19 @@
 """calibration.json: what `handeyed solve DIR --json` prints and the daemon stores (mm, degrees, w first)."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import JsonValue, model_validator
 
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import LimitsInForceDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import Document
+from calibration.documents.version_1 import upgrade_calibration
 from calibration.problem import Setup
-from calibration.solution import Noise, Solution, ViewResult
+from calibration.sentences.english import ENGLISH
+from calibration.sentences.sentence import Sentence, as_sentence
+from calibration.solution import COVERAGE_FACTOR, Finding, Noise, PointFrame, Solution, ViewResult
 from calibration.transforms import Array
 from calibration.verdict import Verdict
 
@@ -26,12 +30,42 @@ class EstimatedCameraDocument(CameraDocument):
     source: Literal["given", "estimated"]
 
 
+COVARIANCE_ORDER = ("rotation_x_rad", "rotation_y_rad", "rotation_z_rad", "x_mm", "y_mm", "z_mm")
+"""Rows and columns of the covariance of X @ exp(.): a small turn about, and a shift along, the camera's axes."""
+
+Six = tuple[float, float, float, float, float, float]
+
+
+class PointUncertaintyDocument(Document):
+    """One of the points that matter: a standard deviation over its three axes, and U = coverage factor times it."""
+
+    name: str
+    frame: PointFrame
+    position_mm: Vector
+    sigma_mm: float
+    expanded_mm: float
+
+
 class UncertaintyDocument(Document):
-    """One standard deviation."""
+    """One standard deviation: of X's translation along the mount's axes, of its rotation about the camera's axes, of a
+    mapped point (RMS over the working volume).
+
+    `covariance`: of X @ exp(.), in `covariance_frame`, rows and columns in `covariance_order`. `points`: those that
+    matter. Null and empty in a calibration that was written as version 1.
+    """
 
     translation_mm: Vector
     rotation_deg: Vector
     point_mm: float
+    covariance: tuple[Six, Six, Six, Six, Six, Six] | None = None
+    covariance_frame: Literal["camera"] = "camera"
+    covariance_order: tuple[str, str, str, str, str, str] = COVARIANCE_ORDER
+    coverage_factor: float = COVERAGE_FACTOR
+    points: tuple[PointUncertaintyDocument, ...] = ()
+
+    def matrix(self) -> Array | None:
+        """The covariance (6, 6) of [rotation rad, translation mm], None in one written as version 1."""
+        return None if self.covariance is None else np.array(self.covariance)
 
 
 class NoiseDocument(Document):
@@ -49,16 +83,36 @@ class CorrectionDocument(Document):
     rotation_deg: Vector
 
 
+class SentenceDocument(Document):
+    """What a sentence is made of: its id in the table of sentences and its parameters, to be said in any language."""
+
+    id: str
+    params: dict[str, JsonValue]
+
+
+class ReasonDocument(SentenceDocument):
+    """A sentence, and what it is made of."""
+
+    message: str
+
+    @classmethod
+    def of(cls, text: str) -> "ReasonDocument":
+        sentence = as_sentence(text)
+        return cls(**sentence.pair(), message=str(sentence))
+
+
 class ViewResultDocument(Document):
-    """How one view fits."""
+    """How one view fits. `reason`: the code of `reason_detail`. `joints_deg`: where they were recorded."""
 
     index: int
     image: str | None
     status: Literal["used", "corrected", "rejected"]
     reason: str | None
+    reason_detail: ReasonDocument | None = None
     reprojection_px: float | None
     base_error_mm: float | None
     robot_correction: CorrectionDocument | None
+    joints_deg: tuple[float, ...] | None = None
 
 
 class ObservabilityDocument(Document):
@@ -91,13 +145,48 @@ class VerdictDocument(Document):
 
     accepted: bool
     findings: list[FindingDocument]
+
+
+class CalibrationFindingDocument(FindingDocument):
+    """A finding, with what `message` (id, params) and `fix` (advice) are made of."""
+
+    id: str
+    params: dict[str, JsonValue]
+    advice: SentenceDocument
+
+    @classmethod
+    def of(cls, finding: Finding) -> "CalibrationFindingDocument":
+        message, fix = as_sentence(finding.message), as_sentence(finding.fix)
+        return cls(
+            code=finding.code, severity=finding.severity, message=str(message), fix=str(fix), **message.pair(),
+            advice=SentenceDocument(**fix.pair()),
+        )  # fmt: skip
+
+
+class CalibrationVerdictDocument(Document):
+    """May it be used? `rule`: by which rule it was decided, `limits`: the limits in force then; null in a calibration
+    that was written as version 1."""
+
+    accepted: bool
+    findings: list[CalibrationFindingDocument]
     limits: LimitsInForceDocument | None = None
+    rule: ReasonDocument | None = None
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> "CalibrationVerdictDocument":
+        tolerance_mm = verdict.limits.tolerance_mm
+        return cls(
+            accepted=verdict.accepted,
+            findings=[CalibrationFindingDocument.of(finding) for finding in verdict.findings],
+            limits=LimitsInForceDocument.of(verdict.limits),
+            rule=ReasonDocument.of(Sentence("rule", coverage_factor=COVERAGE_FACTOR, tolerance_mm=tolerance_mm)),
+        )
 
 
 class CalibrationDocument(Document):
     """The whole of calibration.json. When the motions cannot determine X the transforms are null."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     id: str
     created_at: str
     software: str
@@ -113,7 +202,12 @@ class CalibrationDocument(Document):
     views: list[ViewResultDocument]
     observability: ObservabilityDocument
     hold_out: HoldOutDocument | None
-    verdict: VerdictDocument
+    verdict: CalibrationVerdictDocument
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_version_1(cls, data: Any) -> Any:
+        return upgrade_calibration(data) if isinstance(data, dict) and data.get("schema_version") == 1 else data
 
 
 def calibration_document(
@@ -140,11 +234,7 @@ def calibration_document(
                 "weakest_direction": solution.observability.weakest_direction,
             },
             "hold_out": solution.hold_out and vars(solution.hold_out),
-            "verdict": {
-                "accepted": verdict.accepted,
-                "findings": [vars(finding) for finding in verdict.findings],
-                "limits": LimitsInForceDocument.of(verdict.limits),
-            },
+            "verdict": CalibrationVerdictDocument.of(verdict),
         }
     )
 
@@ -162,6 +252,8 @@ def _uncertainty(solution: Solution) -> dict[str, object] | None:
         "translation_mm": solution.uncertainty.translation_mm.tolist(),
         "rotation_deg": np.degrees(solution.uncertainty.rotation_rad).tolist(),
         "point_mm": solution.uncertainty.point_mm,
+        "covariance": solution.uncertainty.covariance.tolist(),
+        "points": [{**vars(point), "expanded_mm": point.expanded_mm} for point in solution.uncertainty.points],
     }
 
 
@@ -180,10 +272,17 @@ def _view(view: ViewResult) -> dict[str, object]:
         "image": view.image,
         "status": view.status,
         "reason": view.reason,
+        "reason_detail": view.reason and ReasonDocument.of(_why(view)),
         "reprojection_px": view.reprojection_px,
         "base_error_mm": view.base_error_mm,
         "robot_correction": _correction(view.robot_correction),
     }
+
+
+def _why(view: ViewResult) -> str:
+    """The sentence of a view's reason."""
+    known = f"view-{view.reason}"
+    return view.why or (Sentence(known) if known in ENGLISH else str(view.reason))
 
 
 def _correction(correction: tuple[Array, Array] | None) -> dict[str, object] | None:

@@ -18,6 +18,7 @@ from calibration.observations.observations import Observations, observe
 from calibration.observations.reprojection import INTRINSICS, pixel_residuals
 from calibration.observations.view_poses import candidate_poses
 from calibration.problem import Detection, Problem, View
+from calibration.sentences.sentence import Sentence
 from calibration.targets import Target
 from calibration.transforms import Array
 
@@ -77,16 +78,15 @@ def estimate_camera(target: Target, detections: Sequence[Detection], image_size:
 
 def _require_views(seen: Observations) -> None:
     if len(seen) < MIN_VIEWS:
-        what = f"{len(seen)} usable views cannot determine the camera, the least is {MIN_VIEWS}"
-        raise UndeterminedError("too-few-views", what, "take more views of the target, tilted in different directions")
+        what = Sentence("too-few-views", views=len(seen), least=MIN_VIEWS)
+        raise UndeterminedError("too-few-views", what, Sentence("take-tilted-views"))
 
 
 def _require_focal(fit: BundleFit) -> None:
     share = float(np.sqrt(fit.covariance[0, 0]) / fit.camera.matrix[0, 0])
     if not share <= MAX_FOCAL_SIGMA_SHARE:
-        what = f"the views leave the focal length uncertain by {100 * share:.0f} %"
-        fix = "tilt the target by 20° to 40° in several directions, or give the camera's intrinsics"
-        raise UndeterminedError("no-tilt", what, fix)
+        what = Sentence("no-tilt", percent=100 * share)
+        raise UndeterminedError("no-tilt", what, Sentence("tilt-target"))
 
 
 def _best_poses(seen: Observations, camera: CameraModel, free: NDArray[np.bool_]) -> BundleFit:

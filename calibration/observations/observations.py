@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 
 MIN_WIDTH_PX = 2.0
@@ -78,26 +79,24 @@ def observe(problem: Problem) -> tuple[Observations, dict[int, UnusableReason]]:
     whole: list[tuple[int, NDArray[np.intp], Array]] = []
     for position, view in enumerate(problem.views):
         if view.detection is None:
-            why = UnusableReason(*(view.missing or ("target-not-found", "the target was not found in the image")))
+            why = UnusableReason(*(view.missing or ("target-not-found", Sentence("target-not-found"))))
         elif not finite[position]:
-            why = UnusableReason("pose-not-finite", "the robot's pose holds a number that is not finite")
+            why = UnusableReason("pose-not-finite", Sentence("pose-not-finite"))
         elif not rigid[position]:
-            why = UnusableReason("pose-not-rigid", "the robot's pose is no rotation and a place that an arm can reach")
+            why = UnusableReason("pose-not-rigid", Sentence("pose-not-rigid"))
         else:
             ids, pixels = np.asarray(view.detection.ids), np.asarray(view.detection.corners_px, float)
             if len(ids) == len(pixels):
                 whole.append((position, ids, pixels))
                 continue
-            why = UnusableReason("corners-damaged", f"{len(ids)} ids for {len(pixels)} corners")
+            why = UnusableReason("corners-damaged", Sentence("corners-damaged", ids=len(ids), corners=len(pixels)))
         refused[position] = why
     seen, by_corners = _usable_corners(problem, poses, whole)
     first_of = _first_with_same_image(seen)
     kept = first_of == np.arange(len(seen))
     for row in np.flatnonzero(~kept):
         first = problem.views[seen.positions[first_of[row]]].index
-        by_corners[int(seen.positions[row])] = UnusableReason(
-            IMAGE_REPEATED, f"the image is that of view {first} again"
-        )
+        by_corners[int(seen.positions[row])] = UnusableReason(IMAGE_REPEATED, Sentence("image-repeated", view=first))
     return seen if np.all(kept) else seen.take(kept), refused | by_corners
 
 

@@ -12,6 +12,7 @@ from calibration.planning.reachability import reachable_by
 from calibration.planning.scene_belief import MIN_IMAGE_NOISE_PX, MIN_VIEWS_FOR_NOISE
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Solution
 from calibration.transforms import inverse, map_points
 
@@ -77,13 +78,13 @@ class PlanComparison:
             return
         if not planned < MAX_REPORTED_SHARE * theirs:
             return
-        leave = f"these {len(taken)} leave {theirs:.2g} mm" if np.isfinite(theirs) else "these leave X open"
-        yield Finding(
-            "better-poses",
-            "info",
-            f"{count} planned poses would leave {planned:.2g} mm in a mapped point, {leave}",
-            "let the poses be planned (handeyed plan, or a run without taught poses); or turn the flange further",
+        would = {"poses": count, "planned_mm": planned}
+        message = (
+            Sentence("better-poses", **would, taken=len(taken), taken_mm=theirs)
+            if np.isfinite(theirs)
+            else Sentence("better-poses-open", **would)
         )
+        yield Finding("better-poses", "info", message, Sentence("let-poses-be-planned"))
 
 
 def _noise_estimate(solution: Solution) -> ExpectedNoise | None:

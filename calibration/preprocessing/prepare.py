@@ -25,12 +25,13 @@ from calibration.preprocessing.image_weights import weight_by_view_noise
 from calibration.preprocessing.pose_ambiguity import resolve_pose_ambiguity
 from calibration.preprocessing.target_shape import TargetShape, estimate_shape, shape_deviates
 from calibration.problem import Problem, Setup, anchor_T_mount_of
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 
 MIN_IMAGES = 3
 """Least number of different images for an X."""
 
-IMAGE_DISAGREES = UnusableReason("image-disagrees", "its corners do not lie as the corners of this target do")
+IMAGE_DISAGREES = UnusableReason("image-disagrees", Sentence("image-disagrees"))
 
 
 @dataclass(frozen=True, eq=False)

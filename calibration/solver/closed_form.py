@@ -17,6 +17,7 @@ from calibration.observations.reprojection import pixel_residuals, pixel_statist
 from calibration.observations.view_poses import apply_pose_steps, refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import anchor_T_mount_of
+from calibration.sentences.sentence import Sentence
 from calibration.solution import HoldOut
 from calibration.solver.initial_guess import chain_from_mount
 from calibration.solver.view_outliers import Selection
@@ -65,7 +66,7 @@ def _solve_chain(rows: PreparedSession, method: str) -> Chain:
     try:
         mount_T_camera = CLOSED_FORMS[method](rows.anchor_T_mount, rows.camera_T_target)
     except GeometryError as error:
-        raise UndeterminedError(f"{method}-failed", str(error), "use the method auto, or other poses") from None
+        raise UndeterminedError(f"{method}-failed", str(error), Sentence("use-auto-or-other-poses")) from None
     return chain_from_mount(rows, mount_T_camera)
 
 

@@ -13,6 +13,7 @@ from calibration.likelihood.mixed_model import Variances
 from calibration.likelihood.variance_components import MIN_PIXEL_VARIANCE
 from calibration.observations.reprojection import PixelStatistics, pixel_statistics
 from calibration.preprocessing.prepare import PreparedSession
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, transform
 
 START_METHODS = ("kronecker", "daniilidis", "tsai", "horaud")
@@ -29,8 +30,8 @@ MIN_LOG_LIKELIHOOD_LEAD = 4.6
 
 NO_START = (
     "contradictory-input",
-    "no closed form finds an X from the robot's poses and the images",
-    "check the poses' units, their convention and their order",
+    Sentence("no-start"),
+    Sentence("check-pose-convention"),
 )
 
 

@@ -174,5 +174,6 @@ def _rms(seen: Observations, errors: Array) -> Array:
 
 def _without_numbers(problem: Problem, position: int, why: UnusableReason | None) -> ViewResult:
     view = problem.views[position]
-    status, reason = ("used", None) if why is None else ("rejected", why.code)
-    return ViewResult(view.index, view.image, status, reason, None, None, None)  # type: ignore[arg-type]
+    if why is None:
+        return ViewResult(view.index, view.image, "used", None, None, None, None)
+    return ViewResult(view.index, view.image, "rejected", why.code, None, None, None, why=why.what)

@@ -120,6 +120,9 @@ MIGRATIONS: tuple[str, ...] = (
         SELECT RAISE(ABORT, 'the audit log is append-only');
     END;
     """,
+    """
+    -- calibrations.document holds calibration.json 2 from here on, which older daemons cannot read; 1 stays as it is.
+    """,
 )
 
 SCHEMA_VERSION = len(MIGRATIONS)

@@ -8,6 +8,7 @@ import numpy as np
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import uncertainty_of
 from calibration.observability import summarise_motion
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
 from calibration.transforms import Array
 from calibration.verdict import (
@@ -21,7 +22,7 @@ from calibration.verdict import (
     verdict_of,
 )
 
-FIX = "add views turned by 30 degrees or more about different axes"
+FIX = Sentence("add-turned-views")
 
 
 def solution_with_x(
@@ -94,9 +95,9 @@ def judge_scan(solution: Solution, limits: VerdictLimits = DEFAULT_VERDICT_LIMIT
     findings = (
         *solution.findings,
         *point_findings(solution, limits, FIX),
-        *robot_findings(noise, limits, "check tool and work object, settling, and the mount"),
+        *robot_findings(noise, limits, Sentence("check-robot-scans")),
         *rejection_findings(
-            contradicting, len(solution.views), limits, "", "check the poses and that the artefact stood still"
+            contradicting, len(solution.views), limits, "many-rejected-scans", Sentence("check-poses-and-artefact")
         ),
     )
     return verdict_of(solution, findings, limits)

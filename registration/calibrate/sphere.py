@@ -6,6 +6,7 @@ import numpy as np
 
 from calibration.errors import UndeterminedError
 from calibration.observability import require_observable
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, map_points
 from registration.calibrate.outcome import solution_with_x, solution_without_x
@@ -64,9 +65,16 @@ def _solution(
     at = Finding(
         "sphere-centre",
         "info",
-        f"the sphere's centre lies at ({x_mm:.2f}, {y_mm:.2f}, {z_mm:.2f}) mm in base; over the views it scatters by "
-        f"{', '.join(f'{axis:.2f}' for axis in answer.spread_mm)} mm",
-        "touch the sphere with a tool of known length to compare",
+        Sentence(
+            "sphere-centre",
+            x_mm=x_mm,
+            y_mm=y_mm,
+            z_mm=z_mm,
+            x_spread_mm=answer.spread_mm[0],
+            y_spread_mm=answer.spread_mm[1],
+            z_spread_mm=answer.spread_mm[2],
+        ),
+        Sentence("touch-sphere"),
     )
     return solution_with_x(
         METHOD,

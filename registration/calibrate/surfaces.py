@@ -18,6 +18,7 @@ import numpy as np
 from calibration.errors import UndeterminedError
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
 from calibration.observability import require_observable
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, adjoint, difference, skew, transform_from_vector
 from registration.calibrate.outcome import solution_with_x, solution_without_x
@@ -273,18 +274,18 @@ def _solution(
 
 def _findings(found: SurfaceSolution, rms_mm: float | None, rough: Array, noise: RobotNoise) -> list[Finding]:
     off_mm, off_rad = difference(found.flange_T_camera, rough)
-    moved = f"X moved by {off_mm:.1f} mm and {np.degrees(off_rad):.2f} degrees from the rough one"
-    findings = [
-        Finding("surfaces-agree", "info", f"{moved}; views then agree to {rms_mm or 0:.3f} mm RMS", "none needed")
-    ]
+    agree = Sentence("surfaces-agree", off_mm=off_mm, off_deg=np.degrees(off_rad), rms_mm=rms_mm or 0.0)
+    findings = [Finding("surfaces-agree", "info", agree, Sentence("none-needed"))]
     if not found.converged:
-        what = f"X had not settled after {found.iterations} iterations"
-        findings.append(Finding("not-settled", "error", what, "start from a better rough X, or add overlap"))
+        what = Sentence("not-settled", iterations=found.iterations)
+        findings.append(Finding("not-settled", "error", what, Sentence("start-better")))
     if found.noise.translation_mm > noise.translation_mm or found.noise.rotation_rad > noise.rotation_rad:
-        what = (
-            f"the robot errs by {found.noise.translation_mm:.2g} mm and {np.degrees(found.noise.rotation_rad):.2g} "
-            f"degrees, more than the {noise.translation_mm:.2g} mm and {np.degrees(noise.rotation_rad):.2g} degrees "
-            "expected; the uncertainty counts it"
+        what = Sentence(
+            "robot-noise-beyond",
+            translation_mm=found.noise.translation_mm,
+            rotation_deg=np.degrees(found.noise.rotation_rad),
+            expected_mm=noise.translation_mm,
+            expected_deg=np.degrees(noise.rotation_rad),
         )
-        findings.append(Finding("robot-noise", "warning", what, "check the mount, and that the part stood still"))
+        findings.append(Finding("robot-noise", "warning", what, Sentence("check-mount-and-part")))
     return findings

@@ -11,7 +11,9 @@ from tests.daemon.fakes import BASE_T_TARGET, CAMERA, FLANGE_T_CAMERA
 def a_calibration(calibration_id: str, *, accepted: bool = True, solved: bool = True) -> CalibrationDocument:
     """As a run would have stored it."""
     findings = [] if accepted else [
-        {"code": "axes-parallel", "severity": "error", "message": "the axes are parallel", "fix": "turn more"}
+        {"code": "axes-parallel", "severity": "error", "message": "the axes are parallel", "fix": "turn more",
+         "id": "as-written", "params": {"sentence": "the axes are parallel"},
+         "advice": {"id": "as-written", "params": {"sentence": "turn more"}}}
     ]  # fmt: skip
     return CalibrationDocument.model_validate(
         {

@@ -20,7 +20,7 @@ def test_a_terminal_sees_how_many_images_are_done(tmp_path: Path) -> None:
     count = len(list(folder.glob("*.png")))
     assert seen.status == 0
     assert f"{count}/{count}" in seen.shown
-    assert seen.out.startswith(b'{"schema_version":1')
+    assert seen.out.startswith(b'{"schema_version":2')
 
 
 def test_a_file_sees_nothing_of_it(tmp_path: Path) -> None:

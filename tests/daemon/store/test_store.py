@@ -1,8 +1,10 @@
 """What survives: whole or not at all, and never lost by what fails later."""
 
 import errno
+import json
 import sqlite3
 from collections.abc import Iterable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +21,8 @@ from daemon.store.schema import SCHEMA_VERSION
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.records import AT, a_run, names_in
+
+VERSION_1 = Path(__file__).parents[2] / "calibration" / "documents" / "calibration_version_1.json"
 
 
 def record(calibration_id: str) -> CalibrationRecord:
@@ -148,4 +152,23 @@ async def test_a_view_whose_row_cannot_be_written_leaves_no_number_behind(tmp_pa
     with pytest.raises(StorageError):
         await store.add_scan_view("no such scan", upload, ".ply", "mm", PoseDocument.of(np.eye(4)), AT)
     assert await store.scan_views("no such scan") == []
+    await store.close()
+
+
+async def test_a_calibration_stored_as_version_1_is_read(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    await store.save_calibration(record("c1"))
+    await store.apply(AppliedCalibration("c1", AT, "somebody"))
+    await store.close()
+    written = json.loads(VERSION_1.read_bytes())
+    with closing(sqlite3.connect(tmp_path / DATABASE_NAME)) as old:
+        old.execute("UPDATE calibrations SET document = ?", (json.dumps(written),))
+        old.commit()
+
+    store = Store(tmp_path)
+    _, found = await store.current()
+    assert found.document.schema_version == 2
+    assert found.document.flange_T_camera is not None
+    assert list(found.document.flange_T_camera.translation_mm) == written["flange_T_camera"]["translation_mm"]
+    assert (await store.listings.calibrations(1, None))[0].point_mm == written["uncertainty"]["point_mm"]
     await store.close()

@@ -1,0 +1,159 @@
+"""English: the template of each sentence by its id.
+
+A place {name:form} is filled by the parameter of that name, in Python's format language; `views` lists indices of
+views. Findings first; then what to do; then why a view is not used; then parts of other sentences.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+FINDINGS = {
+    # calibration/verdict.py
+    "point-uncertain": "a mapped point is uncertain by U = {expanded_mm:.2g} mm (k = {coverage_factor:g}, at {point};"
+    " tolerance {tolerance_mm:g} mm), most by {weakest}",
+    "robot-noise": "the robot's poses scatter by {translation_mm:.2g} mm and {rotation_deg:.2g} degrees",
+    "robot-noise-translation": "the robot's poses scatter by {translation_mm:.2g} mm",
+    "poses-contradict-images": "poses and images contradict each other by {translation_mm:.2g} mm and"
+    " {rotation_deg:.2g} degrees, more than any robot errs by",
+    "poses-contradict-images-held-out": "poses and images contradict each other by {translation_mm:.2g} mm and"
+    " {rotation_deg:.2g} degrees, more than any robot errs by, and views left out are missed by {hold_out_mm:.3g} mm",
+    "many-rejected": "{rejected} of {views} views contradict the others: which of the two are right is not certain",
+    "many-rejected-scans": "{rejected} of {views} views contradict the others",
+    "axes-nearly-parallel": "the axes of the robot's motions are within {angle_deg:.1f} degrees of each other",
+    "image-noise": "corners scatter by {image_px:.2g} px",
+    "nothing-held-out": "three views leave none to check the others with",
+    "hold-out-large": "views left out are missed by {hold_out_mm:.2g} mm, {expected_mm:.2g} mm was expected",
+    # calibration/solver/findings.py
+    "views-not-used": "{views:views} not used: {why}",
+    "corners-left-out": "{corners} corners lie too far from where their view's others put them",
+    "board-turned": "{views:views}: the board was read the wrong way round; the corners were renumbered",
+    "target-not-as-drawn": "the target's points are {in_plane_mm:.2f} mm from the drawing in its plane and"
+    " {out_of_plane_mm:.2f} mm out of it (RMS); their true places were estimated and used",
+    "target-larger": "measured by the robot's travel, the target is {percent:.2f} % larger than described;"
+    " the solution uses the measured size",
+    "target-smaller": "measured by the robot's travel, the target is {percent:.2f} % smaller than described;"
+    " the solution uses the measured size",
+    "principal-point-off": "views and robot agree better with the given principal point moved by"
+    " ({right_px:+.2f}, {down_px:+.2f}) px; the solution uses the moved one",
+    "robot-trend": "the robot's errors are alike in neighbouring poses: about {translation_mm:.2g} mm and"
+    " {rotation_deg:.2g} degrees follow the pose; what this adds to the uncertainty is counted",
+    "pose-disagrees": "{views:views} not used: the robot's pose and the image contradict all other views",
+    "duplicate-poses": "{views:views} repeat the robot pose of an earlier view: they add little",
+    "starts-disagree": "started from {methods:, } the solution ends elsewhere; the likelier one is given",
+    "starts-ambiguous": "started from {methods:, } the solution ends elsewhere; both are about as likely, and which is"
+    " right is not certain",
+    "not-converged": "the estimate did not settle",
+    "noise-assumed": "{views} views do not determine the robot's noise well: levels around {translation_mm:g} mm and"
+    " {rotation_deg:g} degrees were assumed as likely",
+    "three-pose": "Eq. 7 gave a matrix {distance:.2g} from a rotation (Frobenius norm), which was projected to one;"
+    " the axes of the two motions are {angle_deg:.1f} degrees apart; the paper's X is camera_T_flange, the inverse of"
+    " the transform given here",
+    # calibration/observability.py, intrinsics/estimate.py, solve.py, solver: no X
+    "too-few-poses": "{poses} distinct robot poses with the target in view; X needs at least three",
+    "pure-translation": "the flange moves without turning: X's translation is not determined in any direction",
+    "too-little-rotation": "the flange turns by at most {angle_deg:.1f} degrees; X needs 10 or more",
+    "parallel-axes": "all turns are about one axis: translation along {axis} is not determined",
+    "too-few-views": "{views} usable views cannot determine the camera, the least is {least}",
+    "no-tilt": "the views leave the focal length uncertain by {percent:.0f} %",
+    "no-estimate": "the robot's poses and the images contradict each other so much that no estimate of X exists",
+    "no-start": "no closed form finds an X from the robot's poses and the images",
+    # calibration/diagnosis, planning/what_if.py
+    "explained": "{finding}. {comparison}",
+    "explained-or": "{finding}. {comparison}. Nearly as likely: {other}",
+    "comparison": "Robot and images disagree by {before: and } as they came, by {after: and } with this explanation",
+    "intrinsics-do-not-fit": "the given intrinsics leave {before_px:.3f} px where others leave {after_px:.3f} px"
+    " (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}); they misplace the target by {percent:.2f} % of its"
+    " distance",
+    "mount-not-as-expected": "the camera was found {off_mm:.1f} mm and {off_deg:.1f} degrees from where it was"
+    " expected",
+    "target-not-as-described": "the target is another one than was described: {what: and } of {views} views",
+    "better-poses": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these {taken} leave"
+    " {taken_mm:.2g} mm",
+    "better-poses-open": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these leave X open",
+    # registration/calibrate
+    "sphere-centre": "the sphere's centre lies at ({x_mm:.2f}, {y_mm:.2f}, {z_mm:.2f}) mm in base; over the views it"
+    " scatters by {x_spread_mm:.2f}, {y_spread_mm:.2f}, {z_spread_mm:.2f} mm",
+    "surfaces-agree": "X moved by {off_mm:.1f} mm and {off_deg:.2f} degrees from the rough one; views then agree to"
+    " {rms_mm:.3f} mm RMS",
+    "not-settled": "X had not settled after {iterations} iterations",
+    "robot-noise-beyond": "the robot errs by {translation_mm:.2g} mm and {rotation_deg:.2g} degrees, more than the"
+    " {expected_mm:.2g} mm and {expected_deg:.2g} degrees expected; the uncertainty counts it",
+}
+
+ADVICE = {
+    "add-turned-views-or-plan": "add views turned by 30 degrees or more about different axes, or let the poses be"
+    " planned",
+    "add-turned-views": "add views turned by 30 degrees or more about different axes",
+    "add-larger-turns": "add views with larger turns about different axes",
+    "turn-about-different-axes": "choose poses that turn the flange about different axes: 60 degrees apart or more is"
+    " good",
+    "check-robot": "check tool and work object of the reported pose, the settling time, the camera mount and the arm's"
+    " zero",
+    "check-robot-scans": "check tool and work object, settling, and the mount",
+    "check-poses-and-images": "check the convention, the units and the order of the poses, the setup, and which image"
+    " belongs to which pose",
+    "check-image": "check focus, motion blur, the target's flatness, and the camera's intrinsics when they were given",
+    "check-poses-and-target": "check the reported poses and the target, and run the calibration again",
+    "check-poses-and-artefact": "check the poses and that the artefact stood still",
+    "take-four-views": "take four or more views to have the solution checked",
+    "look-for-movement": "look for views with a large base error, or a target or camera that moved during the session",
+    "check-lighting": "check lighting, focus and that the whole target is in view, or leave these views out",
+    "compare-target": "compare the target's description with the target, and look at these images",
+    "take-new-images": "take a new image at every pose: the camera, or what reads it, gave an old one",
+    "compare-target-kind": "compare the target's description with the target: kind, columns, rows, dictionary and"
+    " layout",
+    "nothing-unless-many": "nothing, unless they are many: then look at the images for glare and blur",
+    "use-oriented-target": "use a target with an unambiguous orientation: a ChArUco board or a grid with a large dot",
+    "print-flat": "print the target on a flat, stiff plate for the best accuracy",
+    "measure-pitch": "measure the target's pitch over its whole length with a ruler and correct the description",
+    "calibrate-camera": "calibrate the camera anew; half a pixel in both says that its program counts from the first"
+    " pixel's corner, where (0, 0) is the middle of it here",
+    "calibrate-camera-in-focus": "calibrate the camera as it is focused now, or leave the intrinsics out to have them"
+    " estimated",
+    "stay-near-work": "take the views near where the robot works, or have its geometry calibrated (absolute accuracy)",
+    "check-these-poses": "check these poses for a typing error, an arm still moving, or a target that was moved",
+    "use-each-pose-once": "use each pose once; if the arm had moved, the pose is stale: read it anew for every image",
+    "look-for-odd-view": "look at the views' errors for one that does not belong, or add views",
+    "take-eight-views": "take eight or more views to have it measured",
+    "use-auto": "use the method auto, which is more accurate from the same views",
+    "use-auto-or-other-poses": "use the method auto, or other poses",
+    "add-poses": "add poses that differ by 30 degrees or more about different axes",
+    "turn-about-two-axes": "turn the flange by 30 degrees or more about two different axes between views",
+    "turn-across": "add poses turned by 30 degrees or more about an axis across {axis}",
+    "take-tilted-views": "take more views of the target, tilted in different directions",
+    "tilt-target": "tilt the target by 20° to 40° in several directions, or give the camera's intrinsics",
+    "check-pose-convention": "check the poses' units, their convention and their order",
+    "check-tool": "if the expectation is right, the poses may be a tool's instead of the flange's: make tool0 and wobj0"
+    " active and read the poses again",
+    "let-poses-be-planned": "let the poses be planned (handeyed plan, or a run without taught poses); or turn the"
+    " flange further",
+    "touch-sphere": "touch the sphere with a tool of known length to compare",
+    "none-needed": "none needed",
+    "start-better": "start from a better rough X, or add overlap",
+    "check-mount-and-part": "check the mount, and that the part stood still",
+}
+
+VIEWS = {
+    "view-pose-disagrees": "the robot's pose and the image contradict all other views",
+    "view-board-turned": "the board was read the wrong way round; the corners were renumbered",
+    "view-beyond-the-first-three": "the method uses three views",
+    "view-no-overlap": "it overlaps no other view",
+    "target-not-found": "the target was not found in the image",
+    "pose-not-finite": "the robot's pose holds a number that is not finite",
+    "pose-not-rigid": "the robot's pose is no rotation and a place that an arm can reach",
+    "corners-damaged": "{ids} ids for {corners} corners",
+    "image-repeated": "the image is that of view {view} again",
+    "image-disagrees": "its corners do not lie as the corners of this target do",
+}
+
+PARTS = {
+    "as-written": "{sentence}",
+    "size-mm": "{value:.3g} mm",
+    "size-deg": "{value:.2g} deg",
+    "foreign-points": "points that it does not have (it has 0 to {last}) in {views}",
+    "misplaced-points": "points that do not lie as its points do in {views}",
+    "rule": "accepted when no finding is an error; U (k = {coverage_factor:g}) at the worst of the points is one above"
+    " {tolerance_mm:g} mm",
+}
+
+ENGLISH: Mapping[str, str] = MappingProxyType({**FINDINGS, **ADVICE, **VIEWS, **PARTS})

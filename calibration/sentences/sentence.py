@@ -1,0 +1,84 @@
+"""A sentence made from an id and parameters by a table of templates, so that programs and translations have both."""
+
+from collections.abc import Mapping
+from math import isfinite
+from string import Formatter
+from typing import Any, Self
+
+from calibration.sentences.english import ENGLISH
+
+AS_WRITTEN = "as-written"
+"""The id of a text that no table holds: a message of a library or a device, or one of a file of version 1."""
+
+MAX_LISTED_VIEWS = 12
+
+NOT_FINITE = ("inf", "-inf", "nan")
+"""How JSON holds such a parameter."""
+
+Table = Mapping[str, str]
+
+
+class Sentence(str):
+    """English text with its `id` in the table and the `params` that fill its template."""
+
+    id: str
+    params: dict[str, Any]
+
+    def __new__(cls, sentence_id: str, /, **params: Any) -> Self:
+        sentence = super().__new__(cls, text_of(sentence_id, params))
+        sentence.id, sentence.params = sentence_id, params
+        return sentence
+
+    def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Any]]:
+        return (self.id,), self.params
+
+    def pair(self) -> dict[str, Any]:
+        """{"id", "params"} as JSON takes it; a parameter that is a sentence is such a pair, too."""
+        return {"id": self.id, "params": {name: _json(value) for name, value in self.params.items()}}
+
+
+def as_sentence(text: str) -> Sentence:
+    """`text` itself when it is a Sentence, else one of the id AS_WRITTEN."""
+    return text if isinstance(text, Sentence) else Sentence(AS_WRITTEN, sentence=text)
+
+
+def text_of(sentence_id: str, params: Mapping[str, Any], table: Table = ENGLISH) -> str:
+    """The text of a pair by a table: parameters fill the template's places. Raises KeyError for an unknown id."""
+    return _Templates(table).vformat(table[sentence_id], (), params)
+
+
+class _Templates(Formatter):
+    """str.format, with lists of views, lists of sentences, and parameters that are themselves pairs."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if format_spec == "views":
+            return _views(value)
+        if isinstance(value, str) and value in NOT_FINITE:
+            value = float(value)
+        if isinstance(value, Mapping):
+            return text_of(value["id"], value["params"], self._table)
+        if isinstance(value, Sentence):
+            return text_of(value.id, value.params, self._table)
+        if isinstance(value, list):
+            return format_spec.join(self.format_field(one, "") for one in value)
+        return str(super().format_field(value, format_spec))
+
+
+def _views(indices: list[int]) -> str:
+    """The indices in words, the first MAX_LISTED_VIEWS of them."""
+    listed = ", ".join(map(str, indices[:MAX_LISTED_VIEWS]))
+    more = f" and {len(indices) - MAX_LISTED_VIEWS} more" if len(indices) > MAX_LISTED_VIEWS else ""
+    return f"view {listed}" if len(indices) == 1 else f"views {listed}{more}"
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, Sentence):
+        return value.pair()
+    if isinstance(value, list | tuple):
+        return [_json(one) for one in value]
+    if isinstance(value, float):
+        return float(value) if isfinite(value) else str(value)
+    return value.item() if hasattr(value, "item") else value
