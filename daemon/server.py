@@ -7,6 +7,7 @@ import os
 import signal
 import socket
 import ssl
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -39,6 +40,9 @@ COLLECT_AFTER = (700, 5, 2)
 """Thresholds of the garbage collector. Lower than Python's, since after `prepare` a collection takes milliseconds: a
 TLS connection that has ended keeps 100 kB until then."""
 
+SWITCH_S = 0.0005
+"""How long the event loop waits for Python in another thread; Python's 5 ms would add up over the turns of an abort."""
+
 Announce = Callable[[str], None]
 """Called with the URL once requests are answered."""
 
@@ -70,6 +74,7 @@ class Server(uvicorn.Server):
 
     async def prepare(self) -> None:
         """Do before the first request what would keep the event loop then: routes, openapi.json, garbage collection."""
+        sys.setswitchinterval(SWITCH_S)
         await prepare(self._routes)
         gc.collect()
         gc.freeze()  # what lives as long as the process is not looked through again

@@ -1,11 +1,13 @@
 """Floods of a daemon: hung-up readers, viewers, slow bodies, lists: `python -m benchmarks.daemon.floods PORT`.
 
-Writes a line to standard output when all have begun, and goes on until it is killed.
+Writes a line to standard output when all have begun, and goes on until it is killed. Its processes yield to the daemon,
+since floods come from other machines and take none of the cell PC's time.
 """
 
 import argparse
 import asyncio
 import contextlib
+import os
 import sys
 from collections.abc import Awaitable, Callable
 
@@ -49,6 +51,31 @@ async def pipeline(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -
                 pass
 
 
+async def see(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Read the camera's frame."""
+    writer.write(b"GET /camera/frame.png HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+    while await reader.read(65536):
+        pass
+
+
+async def read_from_a_page(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Ask for the robot as a page of another origin."""
+    writer.write(
+        b"GET /robot HTTP/1.1\r\nHost: localhost\r\nOrigin: http://elsewhere.example\r\nConnection: close\r\n\r\n"
+    )
+    while await reader.read(65536):
+        pass
+
+
+async def send_trailers(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Send trailers without end after a chunked body."""
+    writer.write(b"POST /setup HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n")
+    while not reader.at_eof():
+        writer.write(b"A: b\r\n" * 1000)
+        await writer.drain()
+        await asyncio.sleep(0.01)
+
+
 async def repeat(port: int, flood: Flood) -> None:
     """A new connection whenever the last one has ended."""
     while True:
@@ -63,7 +90,15 @@ async def repeat(port: int, flood: Flood) -> None:
 
 async def run(port: int, viewers: int) -> None:
     async with asyncio.TaskGroup() as group:
-        for flood, clients in ((hang_up, 6), (view, viewers), (send_slowly, 200), (pipeline, 4)):
+        for flood, clients in (
+            (hang_up, 6),
+            (view, viewers),
+            (send_slowly, 200),
+            (pipeline, 4),
+            (see, 4),
+            (read_from_a_page, 4),
+            (send_trailers, 4),
+        ):
             for _ in range(clients):
                 group.create_task(repeat(port, flood))
         await asyncio.sleep(RAMP_UP_S)
@@ -75,6 +110,7 @@ def main() -> int:
     parser.add_argument("port", type=int)
     parser.add_argument("viewers", type=int, nargs="?", default=1500)
     options = parser.parse_args()
+    os.nice(19)
     asyncio.run(run(options.port, options.viewers))
     return 0
 

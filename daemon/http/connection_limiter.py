@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from daemon.http.receive_buffer import SharedBuffer
+from daemon.http.request_pacing import RequestPacing
 
 SPARE_DESCRIPTORS = 256
 """Descriptors reserved for files, devices and the store."""
@@ -99,12 +100,13 @@ class Places:
 
 @dataclass(eq=False)
 class ConnectionLimiter:
-    """The places of one server, and the receive buffer that its connections share."""
+    """The places of one server, and the receive buffer and the turns that its connections share."""
 
     limits: HttpLimits = field(
         default_factory=lambda: HttpLimits(connections=reserve_descriptors(HttpLimits.connections))
     )
     buffer: SharedBuffer = field(default_factory=SharedBuffer)
+    pacing: RequestPacing = field(default_factory=RequestPacing)
     unauthenticated: Places = field(init=False)
     authenticated: Places = field(init=False)
 

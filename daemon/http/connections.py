@@ -2,10 +2,12 @@
 
 uvicorn keeps a connection open whose head never ends, takes any number of requests ahead, and answers what it cannot
 parse in plain text. Here heads and bodies have limits in time and bytes, trailers are refused, an answer without
-progress is cut off, and what follows a request is not parsed before that request is answered.
+progress is cut off, and what follows a request is not parsed before that request is answered. Few connections are
+parsed in one turn of the event loop (see request_pacing.py), aborts first.
 """
 
 import asyncio
+import re
 import select
 from contextlib import suppress
 from typing import Any
@@ -44,6 +46,9 @@ MAX_UNAUTHENTICATED_CHUNK_BYTES = 16_384
 HEAD_END = b"\r\n\r\n"
 """The end of a head and of a chunked body; llhttp takes no other."""
 
+ABORT_LINE = re.compile(rb"POST /runs/[^/ ]{1,64}/abort[ ?]")
+"""The beginning of a request that goes before all others."""
+
 ON_AUTHENTICATED = "on_authenticated"
 """Key in a scope's `state`: a function without arguments, to be called when the request has shown a valid key."""
 
@@ -56,7 +61,8 @@ class LimitedConnection(HttpToolsProtocol):
         self._handshake = handshake
         self._limiter, self._limits = limiter, limiter.limits
         self._authenticated = False
-        self._held = b""  # received, and not to be parsed before the request in progress is answered
+        self._held = b""  # received, and not parsed before the request in progress is answered and a turn is free
+        self._waiting = False  # for a turn
         self._head_since_s: float | None = None
         self._body_since_s: float | None = None
         self._body_waited_s = 0.0
@@ -115,11 +121,12 @@ class LimitedConnection(HttpToolsProtocol):
         if self._lingering or self.transport.is_closing():
             return
         self._last_progress_s = self.loop.time()
-        if self._held or self._awaits_answer:
-            self._held += data
-            self.flow.pause_reading()
-        else:
+        if not self._held and not self._awaits_answer and self._limiter.pacing.take():
             self._parse(memoryview(data))
+            return
+        self._held += data
+        self.flow.pause_reading()
+        self._wait_for_turn()
 
     def _parse(self, data: memoryview) -> None:
         """Parse until a request is complete whose answer is not; hold back the rest, and read no more."""
@@ -131,7 +138,15 @@ class LimitedConnection(HttpToolsProtocol):
             self._held = bytes(data)
             self.flow.pause_reading()
 
+    def _wait_for_turn(self) -> None:
+        """Parse what is held back when it is this connection's turn, unless a request of it is in progress."""
+        if self._held and not self._waiting and not self._awaits_answer:
+            self._waiting = True
+            self._unset_keepalive_if_required()
+            self._limiter.pacing.wait(self._parse_held, urgent=ABORT_LINE.match(self._held) is not None)
+
     def _parse_held(self) -> None:
+        self._waiting = False
         if self._held and not self._awaits_answer and not self.transport.is_closing():
             held, self._held = self._held, b""
             self.flow.resume_reading()
@@ -189,9 +204,7 @@ class LimitedConnection(HttpToolsProtocol):
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
-        if self._held:
-            self._unset_keepalive_if_required()
-            self.loop.call_soon(self._parse_held)
+        self._wait_for_turn()
 
     @property
     def unread(self) -> bool:

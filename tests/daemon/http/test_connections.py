@@ -3,7 +3,7 @@
 import asyncio
 import json
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,9 @@ import pytest
 
 from daemon.http.connection_limiter import ConnectionLimiter, HttpLimits
 from daemon.http.listen_socket import open_listener
+from daemon.http.request_pacing import RequestPacing
 from tests.daemon.cell_under_test import Bench, serving, settings_for
-from tests.support.waiting import LIMIT_S
+from tests.support.waiting import LIMIT_S, eventually
 
 QUICK = HttpLimits(head_s=0.3, head_bytes=10_000, idle_s=0.4, connections=40)
 PATIENT = HttpLimits(head_s=600, head_bytes=10_000, connections=40)
@@ -166,4 +167,37 @@ async def test_half_open_connections_make_room_for_whole_requests(tmp_path: Path
                 assert b" 200 " in (await asyncio.wait_for(reader.read(), LIMIT_S)).splitlines()[0]
         assert len(bench.server.server_state.connections) <= PATIENT.connections
         for writer in writers:
+            writer.close()
+
+
+class HeldUp(RequestPacing):
+    """A pacing in which nobody has a turn until the test gives it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.waiting: list[tuple[bool, Callable[[], None]]] = []
+
+    def take(self) -> bool:
+        return False
+
+    def wait(self, begin: Callable[[], None], *, urgent: bool) -> None:
+        self.waiting.append((urgent, begin))
+
+
+async def test_requests_wait_for_their_turn_and_an_abort_alone_is_urgent(tmp_path: Path) -> None:
+    pacing = HeldUp()
+    paths = ("GET /health", "GET /runs/none/abort", "POST /runs/none/finish", "POST /runs/none/abort")
+    async with serving(settings_for(tmp_path), door=ConnectionLimiter(pacing=pacing)) as bench:
+        wires = [await asyncio.open_connection("127.0.0.1", bench.client.base_url.port) for _ in paths]
+        for path, (_, writer) in zip(paths, wires, strict=True):
+            writer.write(
+                f"{path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode()
+            )
+        await eventually(lambda: len(pacing.waiting) == len(paths))
+        assert sorted(urgent for urgent, _ in pacing.waiting) == [False, False, False, True]
+        for _, begin in pacing.waiting:
+            begin()
+        answers = [await reader.read() for reader, _ in wires]
+        assert [int(answer[9:12]) for answer in answers] == [200, 405, 404, 404]
+        for _, writer in wires:
             writer.close()

@@ -1,0 +1,47 @@
+"""Lets few requests begin in each turn of the event loop, and aborts before all that wait.
+
+Without it a thousand requests that arrive together make one turn as long as all of them, and whatever needs several
+turns, such as an abort with its telegrams to the controller, waits for all of them several times.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+
+MAX_BEGUN_A_TURN = 2
+"""A request takes about a millisecond in all, so that a turn takes a few."""
+
+
+class RequestPacing:
+    """Calls MAX_BEGUN_A_TURN functions in each turn of the event loop: urgent ones first, the others as they came."""
+
+    def __init__(self) -> None:
+        self._urgent: deque[Callable[[], None]] = deque()
+        self._others: deque[Callable[[], None]] = deque()
+        self._begun = 0
+
+    def take(self) -> bool:
+        """Take one of this turn's places; False when all are taken or somebody waits for one."""
+        if self._urgent or self._others or self._begun >= MAX_BEGUN_A_TURN:
+            return False
+        self._schedule()
+        self._begun += 1
+        return True
+
+    def wait(self, begin: Callable[[], None], *, urgent: bool) -> None:
+        """Call `begin` in a later turn."""
+        self._schedule()
+        (self._urgent if urgent else self._others).append(begin)
+
+    def _schedule(self) -> None:
+        if not (self._begun or self._urgent or self._others):
+            asyncio.get_running_loop().call_soon(self._begin_next)
+
+    def _begin_next(self) -> None:
+        """Call the next ones, and come again in the next turn while there are any."""
+        self._begun = 0
+        while self._begun < MAX_BEGUN_A_TURN and (queue := self._urgent or self._others):
+            self._begun += 1
+            queue.popleft()()
+        if self._begun:
+            asyncio.get_running_loop().call_soon(self._begin_next)
