@@ -42,10 +42,34 @@ class Detection:
 
 
 @dataclass(frozen=True, eq=False)
+class MeasuredPose:
+    """The target's pose (4, 4) in the camera, as a tracker, a 3D camera or another program gives it.
+
+    covariance : (6, 6) of [rotation vector rad, translation of the target's origin mm] along the camera's axes, None
+        where it is not known.
+    """
+
+    camera_T_target: Array
+    covariance: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPoints:
+    """Target points measured in space: `ids` (n,) index into `target.points_mm`, `points_mm` (n, 3) in the camera."""
+
+    ids: NDArray[np.intp]
+    points_mm: Array
+
+
+Measurement = MeasuredPose | MeasuredPoints
+
+
+@dataclass(frozen=True, eq=False)
 class View:
     """One station: the robot's pose (4, 4) and the target's detection there.
 
     `detection` is None when the target was not found; `missing` is then the reason: a code and a sentence.
+    `measured`: the target measured in space instead of detected in an image.
     """
 
     index: int
@@ -53,17 +77,22 @@ class View:
     detection: Detection | None
     image: str | None = None
     missing: tuple[str, str] | None = None
+    measured: Measurement | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A calibration session. `camera` None: the intrinsics are estimated with the rest, from `image_size`."""
+    """A calibration session. `camera` None: the intrinsics are estimated with the rest, from `image_size`.
+
+    `in_space`: the views hold measurements of the target in space and no detections; intrinsics are not needed then.
+    """
 
     setup: Setup
     target: Target
     camera: CameraModel | None
     image_size: tuple[int, int]
     views: tuple[View, ...]
+    in_space: bool = False
 
     def anchor_T_mount(self, view: View) -> Array:
         """(4, 4) of one view."""

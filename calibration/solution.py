@@ -130,10 +130,10 @@ class Observability:
 
 @dataclass(frozen=True)
 class HoldOut:
-    """Leave-one-view-out errors, RMS."""
+    """Leave-one-view-out errors, RMS. `reprojection_px` is None without images."""
 
     base_error_mm: float
-    reprojection_px: float
+    reprojection_px: float | None
 
 
 @dataclass(frozen=True, eq=False)

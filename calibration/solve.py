@@ -6,9 +6,11 @@ import numpy as np
 
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import diagnose_solution
+from calibration.diagnosis.measured import measured_evidence, measured_findings
 from calibration.errors import UndeterminedError
 from calibration.likelihood.augmented_model import augment_model
 from calibration.observability import require_observable
+from calibration.pose_pairs.session import measured_without_x, solve_measured_session
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
@@ -42,10 +44,14 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
 
     `method`: "auto" (maximum likelihood) or a closed form's name. When the session does not determine X,
     `Solution.mount_T_camera` is None and a finding of severity "error" names the reason. Raises ValueError for an
-    unknown method.
+    unknown method, and for a closed form where the views measure the target in space.
     """
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}: one of {', '.join(METHODS)}")
+    if problem.in_space:
+        if method != "auto":
+            raise ValueError(f"{method!r} is for images: poses and points in space are solved by maximum likelihood")
+        return _solve_in_space(problem)
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             prepared, start, selection = estimate_session(problem)
@@ -55,6 +61,23 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     except (np.linalg.LinAlgError, ArithmeticError):
         return diagnose_solution(problem, solution_without_x(problem, method, UndeterminedError(*CONTRADICTORY)))
     return diagnose_solution(problem, solution, prepared)
+
+
+def _solve_in_space(problem: Problem) -> Solution:
+    """The solution of a session whose views measure the target in space; by maximum likelihood only."""
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            found = solve_measured_session(problem)
+    except UndeterminedError as undetermined:
+        found = measured_without_x(problem, undetermined)
+    except (np.linalg.LinAlgError, ArithmeticError):
+        found = measured_without_x(problem, UndeterminedError(*CONTRADICTORY))
+    if found.seen is None:  # another unit
+        return found.solution
+    evidence = measured_evidence(problem, found.seen, found.covariance, found.scale)
+    used = {view.index for view in found.solution.views if view.status != "rejected"}
+    causes = measured_findings(problem, evidence, used, drifting=found.drifting)
+    return replace(found.solution, findings=(*found.solution.findings, *causes))
 
 
 def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, Selection]:

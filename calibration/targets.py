@@ -116,7 +116,21 @@ class AprilTagGrid:
         return points
 
 
-Target = Chessboard | Charuco | CircleGrid | AprilTagGrid
+@dataclass(frozen=True)
+class TrackedFrame:
+    """A frame whose pose a tracker gives, without printed points: errors are taken at the corners of a square."""
+
+    kind: ClassVar = "frame"
+    half_side_mm: float = 100.0
+
+    @cached_property
+    def points_mm(self) -> Array:
+        """(4, 3)"""
+        points: Array = self.half_side_mm * np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
+        return points
+
+
+Target = Chessboard | Charuco | CircleGrid | AprilTagGrid | TrackedFrame
 
 
 def require_markers(target: Target) -> None:

@@ -36,9 +36,14 @@ class Convention:
     undo: Callable[[Array, Array], Array]
 
 
+def change_quaternion_order(poses: Array) -> Array:
+    """Poses (n, 4, 4) with quaternions that were read as w, x, y, z, read as x, y, z, w."""
+    w_first = np.roll(quaternion_from_rotation(poses[:, :3, :3]), 1, axis=1)
+    return transform(rotation_from_quaternion(w_first), poses[:, :3, 3])
+
+
 def _w_last(base_T_flange: Array, _: Array) -> Array:
-    w_first = np.roll(quaternion_from_rotation(base_T_flange[:, :3, :3]), 1, axis=1)
-    return transform(rotation_from_quaternion(w_first), base_T_flange[:, :3, 3])
+    return change_quaternion_order(base_T_flange)
 
 
 def _invert(base_T_flange: Array, _: Array) -> Array:

@@ -1,6 +1,6 @@
 """Test of all known causes of an inconsistent session, and choice of the one that explains it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,27 +73,38 @@ class Diagnosis:
     after_rad: float
 
 
-def diagnose(evidence: Evidence, target_centre_mm: Array, views: int) -> Diagnosis | None:
+FurtherHypotheses = Callable[[Evidence], Iterable[Hypothesis]]
+
+
+def no_hypotheses(_: Evidence) -> Iterable[Hypothesis]:
+    """None."""
+    return ()
+
+
+def diagnose(
+    evidence: Evidence, target_centre_mm: Array, views: int, further: FurtherHypotheses = no_hypotheses
+) -> Diagnosis | None:
     """The cause of the inconsistency; None when no known cause is significant.
 
     `target_centre_mm` (3,): the middle of the target, about which a board may have been turned; `views`: number of
-    views of the session, with those in which the target was not found.
+    views of the session, with those in which the target was not found; `further`: hypotheses besides those of all
+    sessions.
     """
     if len(evidence) < MIN_VIEWS:
         return None
     # Wrong hypotheses may overflow; their likelihood is then too low to be chosen.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         if _is_observable(evidence.base_T_flange):
-            return _best_explanation(evidence, target_centre_mm, views)
-        return _diagnose_convention(evidence)
+            return _best_explanation(evidence, target_centre_mm, views, further)
+        return _diagnose_convention(evidence, further)
 
 
-def _diagnose_convention(evidence: Evidence) -> Diagnosis | None:
+def _diagnose_convention(evidence: Evidence, further: FurtherHypotheses) -> Diagnosis | None:
     """The diagnosis of motions that do not determine X: only another convention can be found."""
     sample = evidence.take(evenly_spaced(len(evidence), MAX_VIEWS))
     hypotheses = [
         hypothesis
-        for hypothesis in (*reading_hypotheses(sample), *orientation_hypotheses(sample))
+        for hypothesis in (*reading_hypotheses(sample), *orientation_hypotheses(sample), *further(sample))
         if _is_observable(hypothesis.evidence.base_T_flange)
     ]
     uncorrected = likeliest_fit(sample)
@@ -101,7 +112,9 @@ def _diagnose_convention(evidence: Evidence) -> Diagnosis | None:
     return _diagnosis(uncorrected, [result for result in results if _is_significant(result, uncorrected, 1, 1)])
 
 
-def _best_explanation(evidence: Evidence, target_centre_mm: Array, views: int) -> Diagnosis | None:
+def _best_explanation(
+    evidence: Evidence, target_centre_mm: Array, views: int, further: FurtherHypotheses
+) -> Diagnosis | None:
     few = evenly_spaced(len(evidence), MAX_VIEWS)
     suspects = find_suspects(evidence, few, fit(evidence.take(few)))
     rows = few if len(few) == len(evidence) else np.union1d(few, suspects.rows)
@@ -116,6 +129,7 @@ def _best_explanation(evidence: Evidence, target_centre_mm: Array, views: int) -
         *pose_swap_hypotheses(sample, among, suspects.half),
         *board_turn_hypotheses(sample, among, target_centre_mm),
         *change_hypotheses(sample, change_points(len(sample))),
+        *further(sample),
     ]
     results = [
         *evaluate(hypotheses, sample, uncorrected),

@@ -125,10 +125,10 @@ class ObservabilityDocument(Document):
 
 
 class HoldOutDocument(Document):
-    """Leave one view out; the document holds null below 4 views."""
+    """Leave one view out; the document holds null below 4 views, and no pixels without images."""
 
     base_error_mm: float
-    reprojection_px: float
+    reprojection_px: float | None
 
 
 class FindingDocument(Document):

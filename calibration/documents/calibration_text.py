@@ -35,10 +35,10 @@ def _lines(document: CalibrationDocument) -> Iterable[str]:
             f" rotation {_numbers(document.uncertainty.rotation_deg, '.2g')} deg (one standard deviation)"
         )
     if document.hold_out is not None:
-        yield (
-            f"{'hold-out':<16} {document.hold_out.base_error_mm:.3g} mm in the base,"
-            f" {document.hold_out.reprojection_px:.3g} px (each view left out in turn)"
-        )
+        pixels = document.hold_out.reprojection_px
+        in_image = "" if pixels is None else f", {pixels:.3g} px"
+        base_error_mm = f"{document.hold_out.base_error_mm:.3g} mm in the base"
+        yield f"{'hold-out':<16} {base_error_mm}{in_image} (each view left out in turn)"
     yield f"{'noise found':<16} {_noise(document)}"
     yield f"{'views':<16} {_views(document)}"
     observability = document.observability

@@ -10,6 +10,7 @@ from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from calibration.problem import Setup
+from calibration.targets import Target, TrackedFrame
 
 Pixels = Annotated[int, Field(ge=16, le=65536)]
 
@@ -35,27 +36,84 @@ class CameraDocument(Document):
         )
 
 
+OBSERVATIONS = ("image", "corners_px", "points_mm", "camera_T_target")
+"""What a view may hold: a picture, or what another program has found in it or measured."""
+
+IN_SPACE = ("points_mm", "camera_T_target")
+"""Those of them that need no intrinsics."""
+
+
 class ViewDocument(Document):
-    """One station: an image, or the detection already made."""
+    """One station: an image, or the detection or measurement already made.
+
+    image : name of a file beside session.json.
+    corners_px : [id, u, v] of the target's points in the image.
+    points_mm : [id, x, y, z] of the target's points in the camera's frame.
+    camera_T_target : the target's pose in the camera, mm.
+    covariance : (6, 6) of camera_T_target, of [rotation vector rad, translation of the target's origin mm] along the
+        camera's axes.
+    """
 
     base_T_flange: PoseDocument
     image: str | None = None
     corners_px: list[tuple[int, float, float]] | None = None
+    points_mm: list[tuple[int, float, float, float]] | None = None
+    camera_T_target: PoseDocument | None = None
+    covariance: list[list[float]] | None = None
 
     @model_validator(mode="after")
-    def _image_or_corners(self) -> "ViewDocument":
-        if (self.image is None) == (self.corners_px is None):
-            raise ValueError("a view has either 'image' or 'corners_px'")
+    def _one_observation(self) -> "ViewDocument":
+        if sum(getattr(self, name) is not None for name in OBSERVATIONS) != 1:
+            raise ValueError(f"a view has one of {', '.join(map(repr, OBSERVATIONS))}")
         return self
+
+    @model_validator(mode="after")
+    def _covariance_is_one(self) -> "ViewDocument":
+        if self.covariance is None:
+            return self
+        if self.camera_T_target is None:
+            raise ValueError("'covariance' is that of 'camera_T_target', which is not there")
+        rows = self.covariance
+        if [len(row) for row in rows] != [6] * 6:
+            raise ValueError("'covariance' has six rows of six numbers")
+        matrix = np.array(rows)
+        scale = np.sqrt(np.maximum(np.diagonal(matrix), 0.0))
+        if not np.all(scale > 0) or np.abs((matrix - matrix.T) / np.outer(scale, scale)).max() > MAX_ASYMMETRY:
+            raise ValueError("'covariance' is not symmetric with positive variances")
+        if np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] < -MAX_ASYMMETRY:
+            raise ValueError("'covariance' has a negative variance in some direction")
+        return self
+
+    @property
+    def observation(self) -> str:
+        """Which of OBSERVATIONS the view holds."""
+        return next(name for name in OBSERVATIONS if getattr(self, name) is not None)
+
+
+MAX_ASYMMETRY = 1e-6
+"""Largest relative difference of a covariance from its transpose; more is no rounding."""
 
 
 class SessionDocument(Document):
-    """The whole of session.json."""
+    """The whole of session.json.
+
+    target : may be left out where every view holds `camera_T_target`, of a tracker without a printed target.
+    camera : null where the intrinsics are estimated; may be left out where they are not needed.
+    """
 
     schema_version: Literal[1]
     source: str = ""
     setup: Setup
-    target: TargetDocument
-    camera: CameraDocument | None
+    target: TargetDocument | None = None
+    camera: CameraDocument | None = None
     image_size: tuple[Pixels, Pixels] | None = None
     views: list[ViewDocument]
+
+    def described_target(self) -> Target:
+        """The target; a TrackedFrame where none is described."""
+        return TrackedFrame() if self.target is None else self.target.target()
+
+    @property
+    def in_space(self) -> bool:
+        """Whether the views hold measurements of the target in space."""
+        return any(view.observation in IN_SPACE for view in self.views)

@@ -74,7 +74,7 @@ def observe(problem: Problem) -> tuple[Observations, dict[int, UnusableReason]]:
     poses = np.array([view.base_T_flange for view in problem.views], float).reshape(-1, 4, 4)
     finite = np.all(np.isfinite(poses), axis=(1, 2))
     rigid = np.zeros(len(poses), bool)
-    rigid[finite] = _rigid_mask(poses[finite])
+    rigid[finite] = rigid_mask(poses[finite])
     refused: dict[int, UnusableReason] = {}
     whole: list[tuple[int, NDArray[np.intp], Array]] = []
     for position, view in enumerate(problem.views):
@@ -107,7 +107,7 @@ def _first_with_same_image(seen: Observations) -> NDArray[np.intp]:
     return np.array([first_with.setdefault(image, row) for row, image in enumerate(images)], np.intp)
 
 
-def _rigid_mask(base_T_flange: Array) -> NDArray[np.bool_]:
+def rigid_mask(base_T_flange: Array) -> NDArray[np.bool_]:
     """Mask (n,) of the poses (n, 4, 4) that are a proper rotation and a translation up to MAX_DISTANCE_MM."""
     turns, places = base_T_flange[:, :3, :3], base_T_flange[:, :3, 3]
     within = (np.abs(places).max(axis=1) <= MAX_DISTANCE_MM) & (np.abs(turns).max(axis=(1, 2)) <= 2.0)

@@ -4,7 +4,6 @@ Heavy tails are a multivariate t with its weights (t + 6) / (t + d²): K. Lange,
 statistical modeling using the t distribution", JASA 84, 1989.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,11 +12,10 @@ from scipy.stats import f as f_distribution
 
 from calibration.linear_algebra import covariance_of
 from calibration.observations.pose_model import clip_step
-from calibration.pose_pairs.noise_models import CAMERAS, Sources, robot_sources
+from calibration.pose_pairs.noise_models import sources_of
 from calibration.pose_pairs.reml_optimizer import (
     Moments,
     State,
-    floor_variances,
     initial_variances,
     maximise,
     restriction_term,
@@ -36,7 +34,7 @@ class PoseFit:
     covariance : (p, p) of [X 6, Y 6, log scale].
     variances : by source, rad² or mm².
     tail_dof : degrees of freedom of the t distribution of the errors, infinite for normal ones.
-    camera : the kind of camera noise, a key of CAMERAS or RANDOM_WALK.
+    camera : the kind of camera noise, a key of CAMERAS, GIVEN or RANDOM_WALK.
     """
 
     chain: ScaledChain
@@ -53,8 +51,8 @@ class PoseFit:
 
 
 def fit_independent_noise(pairs: PosePairs, start: ScaledChain, camera: str, tails: float) -> PoseFit:
-    """The most likely fit from a start; `camera` one of CAMERAS, `tails` degrees of freedom of the views' errors."""
-    sources = _sources(linearise(pairs, start), camera)
+    """The most likely fit from a start; `camera` as in PoseFit, `tails` degrees of freedom of the views' errors."""
+    sources = sources_of(linearise(pairs, start), camera)
     first = initial_variances(linearise(pairs, start).residuals, list(sources.values()))
     best = maximise(lambda chain, variances: _state(pairs, chain, variances, camera, tails), start, first)
     named = dict(zip(sources, best.variances.tolist(), strict=True))
@@ -64,9 +62,13 @@ def fit_independent_noise(pairs: PosePairs, start: ScaledChain, camera: str, tai
 def distances_of(pairs: PosePairs, fitted: PoseFit) -> Array:
     """Squared Mahalanobis distance (n,) of views, whether or not they are part of the fit."""
     at = linearise(pairs, fitted.chain)
-    sources = _sources(at, fitted.camera)
-    variances = np.array([fitted.variances[name] for name in sources])
-    return _squared_distances(at.residuals, _information(list(sources.values()), variances, at.scale))
+    return _squared_distances(at.residuals, information_of(at, fitted))
+
+
+def information_of(at: LinearisedPairs, fitted: PoseFit) -> Array:
+    """Inverse covariance (n, 6, 6) of the residuals under a fit, whether or not the views are part of it."""
+    sources = sources_of(at, fitted.camera)
+    return _information(list(sources.values()), np.array([fitted.variances[name] for name in sources]), at.floor)
 
 
 def outlier_limit(tails: float, views: int) -> float:
@@ -75,15 +77,10 @@ def outlier_limit(tails: float, views: int) -> float:
     return 6 * float(f_distribution.isf(OUTLIER_PROBABILITY, 6, min(tails, redundancy)))
 
 
-def _sources(at: LinearisedPairs, camera: str) -> Sources:
-    model: Callable[[LinearisedPairs], Sources] = CAMERAS[camera]
-    return robot_sources(at) | model(at)
-
-
 def _state(pairs: PosePairs, chain: ScaledChain, variances: Array, camera: str, tails: float) -> State:
     at = linearise(pairs, chain)
-    directions = list(_sources(at, camera).values())
-    information = _information(directions, variances, at.scale)
+    directions = list(sources_of(at, camera).values())
+    information = _information(directions, variances, at.floor)
     distances = _squared_distances(at.residuals, information)
     weights = (tails + 6) / (tails + distances) if np.isfinite(tails) else np.ones(len(pairs))
     weighted = ((information * weights[:, None, None]) @ at.by_shared).reshape(-1, at.by_shared.shape[2])
@@ -96,9 +93,9 @@ def _state(pairs: PosePairs, chain: ScaledChain, variances: Array, camera: str, 
     return State(chain, variances, value, covariance, chain.apply_step(step), moments)
 
 
-def _information(directions: list[Array], variances: Array, scale: float) -> Array:
+def _information(directions: list[Array], variances: Array, floor: Array) -> Array:
     spread = np.concatenate([d * np.sqrt(v) for d, v in zip(directions, variances, strict=True)], axis=2)
-    return np.asarray(np.linalg.inv(spread @ np.swapaxes(spread, 1, 2) + np.diag(floor_variances(scale))), np.float64)
+    return np.asarray(np.linalg.inv(spread @ np.swapaxes(spread, 1, 2) + floor), np.float64)
 
 
 def _squared_distances(residuals: Array, information: Array) -> Array:
@@ -126,7 +123,7 @@ def _moments(
     return Moments(
         squares=np.add.reduceat((weights[:, None] * seen**2).sum(axis=0), starts),
         spent=np.add.reduceat(np.sum(weights[:, None, None] * (used @ covariance) * used, axis=(0, 2)), starts),
-        floor=np.add.reduceat(np.sum(across**2 * floor_variances(at.scale)[:, None], axis=(0, 1)), starts),
+        floor=np.add.reduceat(np.sum(across * (at.floor @ across), axis=(0, 1)), starts),
         trace=np.add.reduceat(np.sum(spread * across, axis=(0, 1)), starts),
         fisher=np.add.reduceat(np.add.reduceat(between, starts, axis=0), starts, axis=1),
     )

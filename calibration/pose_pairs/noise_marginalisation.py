@@ -16,9 +16,8 @@ from scipy.special import logsumexp, ndtri
 from calibration.linear_algebra import scaled_inverse_and_log_determinant
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
-from calibration.pose_pairs.noise_models import CAMERAS, Sources, robot_sources
+from calibration.pose_pairs.noise_models import Sources, cameras_of, sources_of
 from calibration.pose_pairs.noise_priors import WIDE_PRIOR_FACTOR, prior_of
-from calibration.pose_pairs.reml_optimizer import floor_variances
 from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, linearise
 from calibration.transforms import Array
 
@@ -55,7 +54,7 @@ class _Nodes:
 def marginalise(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
     """The fit with X averaged; `camera` and `variances` become those of the most likely kind of camera."""
     at = linearise(pairs, fitted.chain)
-    cameras = {camera: robot_sources(at) | model(at) for camera, model in CAMERAS.items()}
+    cameras = {camera: sources_of(at, camera) for camera in cameras_of(pairs)}
     found = {camera: _nodes(at, sources, _start(fitted, sources)) for camera, sources in cameras.items()}
     log_weights = np.concatenate([nodes.log_weights for nodes in found.values()])
     weights = np.exp(log_weights - logsumexp(log_weights))
@@ -108,7 +107,7 @@ def _fit_proposal(log_weights: Array, levels: Array) -> tuple[Array, Array]:
 def _evaluate_levels(at: LinearisedPairs, spreads: Array, levels: Array) -> tuple[Array, Array, Array]:
     """Restricted log-likelihood (k,), steps (k, p) and covariances (k, p, p) at logarithms of levels (k, g)."""
     k, p = len(levels), at.by_shared.shape[2]
-    noise = np.tensordot(np.exp(2 * levels), spreads, 1) + np.diag(floor_variances(at.scale))  # (k, n, 6, 6)
+    noise = np.tensordot(np.exp(2 * levels), spreads, 1) + at.floor  # (k, n, 6, 6)
     both = np.concatenate([at.by_shared, at.residuals[..., None]], axis=2)
     weighted = (np.linalg.inv(noise) @ both).reshape(k, -1, p + 1)
     total = both.reshape(-1, p + 1).T @ weighted

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calibration.pose_pairs.residuals import LinearisedPairs
+from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs
 from calibration.transforms import Array
 
 Sources = dict[str, Array]
@@ -61,8 +61,27 @@ CAMERAS: dict[str, Callable[[LinearisedPairs], Sources]] = {
     "imaged": image_sources,
     "tracked": tracking_sources,
 }
+GIVEN = "given"
+"""A camera whose covariance is known and part of the residuals' floor: it has no sources of its own."""
+
 RANDOM_WALK = "drifting"
 """As `tracking_sources`, with errors that add up from view to view: `calibration.pose_pairs.random_walk_noise`."""
+
+
+def cameras_of(pairs: PosePairs) -> tuple[str, ...]:
+    """The kinds of camera whose errors are independent. A given covariance may be too small: the others add to it."""
+    return tuple(CAMERAS) if pairs.covariance is None else (GIVEN, *CAMERAS)
+
+
+def sources_of(at: LinearisedPairs, camera: str) -> Sources:
+    """The sources of robot and camera; of a RANDOM_WALK those of single views."""
+    if camera == GIVEN:
+        return robot_sources(at)
+    model = tracking_sources if camera == RANDOM_WALK else CAMERAS[camera]
+    sources = robot_sources(at) | model(at)
+    if camera == RANDOM_WALK:
+        del sources["arm"]
+    return sources
 
 
 def _sight(translation: Array) -> tuple[Array, Array]:

@@ -19,12 +19,11 @@ from calibration.pose_pairs.noise_models import RANDOM_WALK
 from calibration.pose_pairs.reml_optimizer import (
     Moments,
     State,
-    floor_variances,
     initial_variances,
     maximise,
     restriction_term,
 )
-from calibration.pose_pairs.residuals import PosePairs, ScaledChain, linearise
+from calibration.pose_pairs.residuals import PosePairs, ScaledChain, floor_variances, linearise
 from calibration.transforms import Array, transform
 
 MIN_VIEWS = 8

@@ -20,15 +20,7 @@ MAX_ROUNDS = 20
 LOG_LIKELIHOOD_TOLERANCE = 1e-2
 """The iteration ends when the log-likelihood gains less."""
 
-MIN_VARIANCES = np.repeat([1e-6, 1e-3], 3) ** 2
-"""rad², mm²: below the resolution of any controller or camera."""
-
 MIN_EIGENVALUE = 1e-9
-
-
-def floor_variances(scale: float) -> Array:
-    """Variances (6,) that are added to every residual; lengths in the camera's unit."""
-    return np.asarray(MIN_VARIANCES * np.repeat([1.0, scale**2], 3), np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +29,7 @@ class Moments:
 
     squares : weighted squares of the residuals that are left.
     spent : the part of them absorbed by the unknowns.
-    floor : the part due to MIN_VARIANCES.
+    floor : the part due to the residuals' floor.
     trace : expected squares by one unit of a source alone.
     fisher : (g, g), expected squares are `fisher` @ variances.
     """

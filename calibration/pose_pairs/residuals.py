@@ -14,25 +14,40 @@ from calibration.observations.pose_model import derivative_by_flange, derivative
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array, adjoint, inverse, skew, transform, transform_from_vector, vector_from_rotation
 
+MIN_VARIANCES = np.repeat([1e-6, 1e-3], 3) ** 2
+"""rad², mm²: below the resolution of any controller or camera."""
+
+
+def floor_variances(scale: float) -> Array:
+    """Variances (6,) that are added to every residual; lengths in the camera's unit."""
+    return np.asarray(MIN_VARIANCES * np.repeat([1.0, scale**2], 3), np.float64)
+
 
 @dataclass(frozen=True, eq=False)
 class PosePairs:
     """n views: the robot's poses and the camera's poses of the target, both (n, 4, 4).
 
     `metric` is False when the camera's lengths have an unknown common factor (a single moving camera without target).
+    `covariance` (n, 6, 6) of the camera's errors, as of the residuals, where it is known.
     """
 
     setup: Setup
     base_T_flange: Array
     camera_T_target: Array
     metric: bool = True
+    covariance: Array | None = None
 
     def __len__(self) -> int:
         return len(self.base_T_flange)
 
     def take(self, chosen: NDArray[np.bool_]) -> "PosePairs":
         """Only the chosen views."""
-        return replace(self, base_T_flange=self.base_T_flange[chosen], camera_T_target=self.camera_T_target[chosen])
+        return replace(
+            self,
+            base_T_flange=self.base_T_flange[chosen],
+            camera_T_target=self.camera_T_target[chosen],
+            covariance=None if self.covariance is None else self.covariance[chosen],
+        )
 
     def anchor_T_mount(self) -> Array:
         """(n, 4, 4), see `calibration.problem`."""
@@ -62,6 +77,7 @@ class LinearisedPairs:
     predicted : (n, 4, 4) poses of the target, with the camera's lengths.
     by_camera, by_flange, by_base : (n, 6, 6) by a small motion [rotation, translation] of each frame.
     scale : the chain's.
+    floor : (n, 6, 6) covariance that every residual has besides that of the sources of noise.
     """
 
     residuals: Array
@@ -71,6 +87,7 @@ class LinearisedPairs:
     by_flange: Array
     by_base: Array
     scale: float
+    floor: Array
 
 
 def linearise(pairs: PosePairs, chain: ScaledChain) -> LinearisedPairs:
@@ -94,7 +111,13 @@ def linearise(pairs: PosePairs, chain: ScaledChain) -> LinearisedPairs:
         by_flange,
         by_flange @ adjoint(inverse(pairs.base_T_flange)),
         chain.scale,
+        _floor(pairs, chain.scale),
     )
+
+
+def _floor(pairs: PosePairs, scale: float) -> Array:
+    resolution = np.broadcast_to(np.diag(floor_variances(scale)), (len(pairs), 6, 6))
+    return resolution if pairs.covariance is None else resolution + pairs.covariance
 
 
 def _of_motion(camera_T_target: Array, motion: Array, scale: float) -> Array:

@@ -14,7 +14,7 @@ from calibration.errors import UndeterminedError
 from calibration.observability import describe_axis, require_observable, summarise_motion
 from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_independent_noise, outlier_limit
 from calibration.pose_pairs.noise_marginalisation import MAX_VIEWS, marginalise
-from calibration.pose_pairs.noise_models import CAMERAS
+from calibration.pose_pairs.noise_models import RANDOM_WALK, cameras_of
 from calibration.pose_pairs.random_walk_noise import MIN_VIEWS, fit_random_walk
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.problem import Setup
@@ -64,38 +64,43 @@ def solve_hand_eye_poses(
 
     `metric=False`: the camera's lengths are right up to one unknown factor, as those of a single moving camera are.
     """
-    _require_poses(base_T_flange, camera_T_target)
-    pairs = PosePairs(setup, base_T_flange, camera_T_target, metric)
+    fitted, used = fit_pose_pairs(PosePairs(setup, base_T_flange, camera_T_target, metric))
+    return PoseSolution(
+        fitted.chain.mount_T_camera,
+        fitted.chain.anchor_T_target,
+        fitted.covariance[:12, :12],
+        used,
+        fitted.chain.scale,
+        fitted.camera,
+        {source: float(np.sqrt(variance)) for source, variance in fitted.variances.items()},
+    )
+
+
+def fit_pose_pairs(pairs: PosePairs) -> tuple[PoseFit, NDArray[np.bool_]]:
+    """The most likely chain and noise, and the mask (n,) of the views that agree. Raises UndeterminedError."""
+    _require_poses(pairs.base_T_flange, pairs.camera_T_target)
     used = _agreeing(pairs)
     for _ in range(MAX_ROUNDS):
-        _require_axes(base_T_flange[used])
+        _require_axes(pairs.base_T_flange[used])
         likeliest = _likeliest(pairs.take(used))
         distances = distances_of(pairs, likeliest)
         agreeing = distances < outlier_limit(likeliest.tail_dof, int(used.sum()))
         if np.array_equal(agreeing, used) or agreeing.sum() <= len(used) // 2:
             break
         used = agreeing
-    if used.sum() >= MIN_VIEWS:
+    if used.sum() >= MIN_VIEWS and pairs.covariance is None:
         drifting = fit_random_walk(pairs.take(used), likeliest.chain)
         likeliest = max(likeliest, drifting, key=lambda one: one.evidence(int(used.sum())))
-    if used.sum() <= MAX_VIEWS and likeliest.camera in CAMERAS and not np.isfinite(likeliest.tail_dof):
+    if used.sum() <= MAX_VIEWS and likeliest.camera != RANDOM_WALK and not np.isfinite(likeliest.tail_dof):
         likeliest = marginalise(pairs.take(used), likeliest)
     _require_scale(pairs, likeliest)
-    return PoseSolution(
-        likeliest.chain.mount_T_camera,
-        likeliest.chain.anchor_T_target,
-        likeliest.covariance[:12, :12],
-        used,
-        likeliest.chain.scale,
-        likeliest.camera,
-        {source: float(np.sqrt(variance)) for source, variance in likeliest.variances.items()},
-    )
+    return likeliest, used
 
 
 def _likeliest(pairs: PosePairs) -> PoseFit:
     start = initial_chain(pairs)
     tails = TAILS if len(pairs) >= MIN_VIEWS else TAILS[:1]
-    fitted = [fit_independent_noise(pairs, start, camera, t) for camera in CAMERAS for t in tails]
+    fitted = [fit_independent_noise(pairs, start, camera, t) for camera in cameras_of(pairs) for t in tails]
     return max(fitted, key=lambda one: one.evidence(len(pairs)))
 
 

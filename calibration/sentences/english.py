@@ -70,6 +70,28 @@ FINDINGS = {
     "better-poses": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these {taken} leave"
     " {taken_mm:.2g} mm",
     "better-poses-open": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these leave X open",
+    # calibration/pose_pairs, observations/measured_poses.py, diagnosis/measured.py
+    "points-noise": "measured points scatter by {across_mm:.2g} mm across the line of sight and {along_mm:.2g} mm along"
+    " it",
+    "points-left-out": "{points} points lie too far from where their view's others put them",
+    "points-size": "the measured points are {ratio:.4f} times as far apart as the target is described",
+    "measured-pose-disagrees": "{views:views} not used: the robot's pose and the camera's contradict all other views",
+    "lengths-longer": "measured by the robot's travel, the camera's lengths are {percent:.2f} % longer than true; the"
+    " solution uses corrected ones",
+    "lengths-shorter": "measured by the robot's travel, the camera's lengths are {percent:.2f} % shorter than true; the"
+    " solution uses corrected ones",
+    "camera-noise": "the camera's poses scatter by {translation_mm:.2g} mm and {rotation_deg:.2g} degrees",
+    "camera-noise-beyond": "the camera's poses scatter by {translation_mm:.2g} mm and {rotation_deg:.2g} degrees beyond"
+    " their covariance",
+    "noises-assumed": "{views} views do not determine the noise of robot and camera well: levels of the robot around"
+    " {translation_mm:g} mm and {rotation_deg:g} degrees were assumed as likely",
+    "lengths-in-unit": "{what} in {unit}",
+    "lengths-of-size": "{what} {ratio:.3g} times as long as they should be",
+    "camera-poses-inverted": "the camera's poses are inverted: they map camera coordinates to the target"
+    " (target_T_camera); or {other}",
+    "camera-quaternion-w-last": "the quaternions of camera_T_target are written x, y, z, w; here the scalar comes"
+    " first",
+    "camera-reading": "of camera_T_target, {what}",
     # registration/calibrate
     "sphere-centre": "the sphere's centre lies at ({x_mm:.2f}, {y_mm:.2f}, {z_mm:.2f}) mm in base; over the views it"
     " scatters by {x_spread_mm:.2f}, {y_spread_mm:.2f}, {z_spread_mm:.2f} mm",
@@ -129,6 +151,18 @@ ADVICE = {
     " flange further",
     "touch-sphere": "touch the sphere with a tool of known length to compare",
     "none-needed": "none needed",
+    "correct-views": "correct these views, or leave them out",
+    "look-for-reflections": "nothing, unless they are many: then look for reflections and edges in the clouds",
+    "measure-pitch-and-lengths": "measure the target's pitch with a ruler, and check the camera's lengths with a known"
+    " distance",
+    "check-lengths": "check the camera with a known distance, and have it calibrated",
+    "check-camera-poses": "check the convention and the order of the camera's poses, and which belongs to which of the"
+    " robot",
+    "take-more-than": "take more than {views} views to have it measured",
+    "multiply-lengths": "multiply them by {factor:g}: {field} is in millimetres",
+    "check-target-and-unit": "compare the target's description with the target, and the unit of {field}",
+    "give-camera-T-target": "give camera_T_target: the target's position and orientation in the camera; or {other}",
+    "write-w-first": "write every quaternion as w, x, y, z",
     "start-better": "start from a better rough X, or add overlap",
     "check-mount-and-part": "check the mount, and that the part stood still",
 }
@@ -143,6 +177,13 @@ VIEWS = {
     "pose-not-rigid": "the robot's pose is no rotation and a place that an arm can reach",
     "corners-damaged": "{ids} ids for {corners} corners",
     "image-repeated": "the image is that of view {view} again",
+    "target-not-measured": "the target was not measured",
+    "camera-pose-not-rigid": "the camera's pose is no rotation and a place",
+    "points-damaged": "{ids} ids for {points} points, or one is not finite",
+    "point-id-unknown": "a point id is outside 0 to {last}",
+    "point-id-repeated": "the same point id stands twice",
+    "too-few-points": "{points} points; a view needs {least} or more",
+    "points-on-a-line": "all points lie on one line of the target",
     "image-disagrees": "its corners do not lie as the corners of this target do",
 }
 

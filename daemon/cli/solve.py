@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 RESULT_FILE = "calibration.json"
 
+FOR_IMAGES = "it is for images only", "leave it out; these views hold poses or points"
+
 CLOSED_FORM_NAMES = "three-pose, tsai, park, horaud, daniilidis, shah, kronecker"
 """Of `calibration.closed_forms`, which is not imported for a help text."""
 
@@ -96,6 +98,8 @@ def solve(
         name = folder.resolve().name
         if out is not None:
             _write(out if len(folders) == 1 else out / name / RESULT_FILE, document)
+        if pictures is not None and shown is not None and shown[1].in_space:
+            raise CommandError("--pictures", *FOR_IMAGES, ExitStatus.UNREADABLE)
         if pictures is not None and shown is not None:
             _write_pictures(pictures if len(folders) == 1 else pictures / name, document, *shown)
     raise typer.Exit(status)
@@ -131,6 +135,8 @@ def _solve(
     clock, session = Clock(), open_session(folder)
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
+    if problem.in_space and method != "auto":
+        raise CommandError("--method", *FOR_IMAGES, ExitStatus.UNREADABLE)
     for line in (*find_repeated_poses(session.document), *missing_target_lines(problem)):
         print_error(f"{session.file}: {line}")
     limits, points = required

@@ -15,7 +15,7 @@ import numpy as np
 from calibration.documents.session import SessionDocument, ViewDocument
 from calibration.documents.validation import parse_document
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
-from calibration.problem import Detection, Problem, View
+from calibration.problem import Detection, MeasuredPoints, MeasuredPose, Measurement, Problem, View
 from calibration.targets import Target
 from daemon.runtime.bounded_read import read_document
 from daemon.sessions.other_target import explain_missing
@@ -55,7 +55,9 @@ def open_session(path: Path) -> SessionFolder:
 
 def load_problem(session: SessionFolder, progress: Progress = lambda done, of: None) -> Problem:
     """Detect the target in every image, in up to 8 threads (OpenCV releases the GIL). Raises DocumentError."""
-    document, target = session.document, session.document.target.target()
+    document, target = session.document, session.document.described_target()
+    if document.in_space:
+        return _problem_in_space(document, target)
     camera = document.camera.camera() if document.camera else None
     expected = camera.image_size if camera else document.image_size
     seen: dict[int, tuple[View, tuple[int, int] | None]] = {}
@@ -85,6 +87,23 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     return Problem(document.setup, target, camera, expected, tuple(views))
+
+
+def _problem_in_space(document: SessionDocument, target: Target) -> Problem:
+    views = tuple(
+        View(index, view.base_T_flange.transform(), None, measured=_measurement(view))
+        for index, view in enumerate(document.views)
+    )
+    return Problem(document.setup, target, None, document.image_size or (0, 0), views, in_space=True)
+
+
+def _measurement(view: ViewDocument) -> Measurement:
+    if view.points_mm is not None:
+        rows = np.array(view.points_mm, float).reshape(-1, 4)
+        return MeasuredPoints(rows[:, 0].astype(np.intp), rows[:, 1:].copy())
+    assert view.camera_T_target is not None  # the document holds one of the two
+    covariance = None if view.covariance is None else np.array(view.covariance, float)
+    return MeasuredPose(view.camera_T_target.transform(), covariance)
 
 
 def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:
@@ -129,7 +148,7 @@ def _check_sizes(document: SessionDocument) -> list[DocumentProblem]:
     if camera and size and camera.image_size != size:
         what = f"{_by(size)}, but camera.image_size is {_by(camera.image_size)}"
         return [DocumentProblem("image_size", what, "make them agree, or remove one")]
-    if not camera and not size and all(view.image is None for view in document.views):
+    if not camera and not size and not document.in_space and all(view.image is None for view in document.views):
         return [DocumentProblem("image_size", "missing, and no image shows it", "add it, or add the camera")]
     return []
 
@@ -145,10 +164,10 @@ def _check_image_names(document: SessionDocument) -> list[DocumentProblem]:
 
 
 def _check_corners(document: SessionDocument) -> list[DocumentProblem]:
-    points = len(document.target.target().points_mm)
+    points = len(document.described_target().points_mm)
     problems = []
     for index, view in enumerate(document.views):
-        ids = [corner[0] for corner in view.corners_px or ()]
+        ids = [point[0] for point in view.corners_px or view.points_mm or ()]
         for place, point in enumerate(ids):
             if not 0 <= point < points:
                 what, fix = f"the target has no point {point}", f"ids run from 0 to {points - 1}, row by row"
@@ -156,11 +175,29 @@ def _check_corners(document: SessionDocument) -> list[DocumentProblem]:
                 what, fix = f"point {point} appears twice", "keep one of them"
             else:
                 continue
-            problems.append(DocumentProblem(f"views[{index}].corners_px[{place}]", what, fix))
+            problems.append(DocumentProblem(f"views[{index}].{view.observation}[{place}]", what, fix))
     return problems
 
 
-_CHECKS = (_check_views, _check_sizes, _check_image_names, _check_corners)
+def _check_observations(document: SessionDocument) -> list[DocumentProblem]:
+    """All views hold the same kind of observation, and what those need is described."""
+    kinds = dict.fromkeys("image" if view.corners_px is not None else view.observation for view in document.views)
+    problems = []
+    if len(kinds) > 1:
+        what = f"they hold {' and '.join(kinds)}"
+        problems.append(DocumentProblem("views", what, "give the same in every view, or make two sessions of them"))
+    if document.target is None and any(kind != "camera_T_target" for kind in kinds):
+        problems.append(DocumentProblem("target", "missing", "add it"))
+    if not document.in_space and "camera" not in document.model_fields_set:
+        problems.append(DocumentProblem("camera", "missing", "add it; null to have the intrinsics estimated"))
+    without = [index for index, view in enumerate(document.views) if view.covariance is None]
+    if 0 < len(without) < len(document.views):
+        what, fix = "missing, where other views have one", "add it, or leave it out of all"
+        problems += [DocumentProblem(f"views[{index}].covariance", what, fix) for index in without]
+    return problems
+
+
+_CHECKS = (_check_views, _check_observations, _check_sizes, _check_image_names, _check_corners)
 """Checks of a session beyond its types."""
 
 

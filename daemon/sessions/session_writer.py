@@ -63,7 +63,7 @@ class SessionWriter:
         document = self._document
         assert self._image_size is not None  # the first picture set it
         camera = document.camera.camera() if document.camera else None
-        return Problem(document.setup, document.target.target(), camera, self._image_size, tuple(views))
+        return Problem(document.setup, document.described_target(), camera, self._image_size, tuple(views))
 
     def _require_size(self, frame: CameraFrame) -> None:
         size = (int(frame.image.shape[1]), int(frame.image.shape[0]))
@@ -102,7 +102,7 @@ def _detect_view(folder: Path, document: SessionDocument, index: int, target_see
 
     view = document.views[index]
     name = view.image or ""
-    pose, target = view.base_T_flange.transform(), document.target.target()
+    pose, target = view.base_T_flange.transform(), document.described_target()
     found, _ = detect_in_file(folder / name, target)
     if isinstance(found, DetectionError):
         missed = View(index, pose, None, name, missing=(found.code, str(found)))

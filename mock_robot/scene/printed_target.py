@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calibration.targets import TAG_FAMILIES, AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
+from calibration.targets import TAG_FAMILIES, AprilTagGrid, Charuco, Chessboard, CircleGrid, Target, TrackedFrame
 from calibration.transforms import Array
 
 BLACK, WHITE = 0.0, 1.0
@@ -110,6 +110,8 @@ def print_target(target: Target, sheet: PrintOptions | None = None) -> PrintedTa
             return _apriltags(target, sheet)
         case CircleGrid():
             return _circles(target, sheet)
+        case TrackedFrame():
+            raise UnprintableTarget("a tracked frame has no printed points: describe a board")
 
 
 def _with_margin(

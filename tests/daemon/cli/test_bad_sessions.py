@@ -50,7 +50,7 @@ SPOILT_DOCUMENTS = {
         _set("views", 0, "corners_px", 3, 0, to=2),
         "views[0].corners_px[3]: point 2 appears twice: keep one of them",
     ),
-    "image and corners": (_set("views", 0, "image", to="a.png"), "a view has either 'image' or 'corners_px'"),
+    "image and corners": (_set("views", 0, "image", to="a.png"), "a view has one of 'image', 'corners_px'"),
     "image elsewhere": (
         lambda document: document["views"].append(
             {"image": "../secret.png", "base_T_flange": document["views"][0]["base_T_flange"]}

@@ -1,0 +1,106 @@
+"""Whether the lengths in the camera's poses are millimetres: another unit, or a factor near one."""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from calibration.observations.measured_poses import require_unit
+from calibration.pose_pairs.independent_noise import PoseFit, fit_independent_noise
+from calibration.pose_pairs.noise_models import RANDOM_WALK, cameras_of
+from calibration.pose_pairs.residuals import PosePairs, initial_chain
+from calibration.pose_pairs.session_findings import contradicts
+from calibration.transforms import inverse, vector_from_transform
+
+MIN_SCALE_VIEWS = 6
+SCALE_FALSE_ALARM_PROBABILITY = 1e-5
+USUAL_SCALE_ERROR, SCALE_OFF_PROBABILITY = 5e-3, 0.1
+"""Prior of an error of the camera's lengths: one standard deviation, and the probability that there is one."""
+
+MIN_SCALE_ERROR = 2e-4
+"""Errors of the camera's lengths below it are ignored."""
+
+MAX_SCALE_ERROR = 0.5
+
+MIN_UNIT_GAIN = 5.0
+"""Factor by which the target's scatter must fall for a wrong unit of the poses to be named."""
+
+MIN_CELL_MM = 10.0
+"""No flange works this near to the robot's base; a smaller median distance is in metres."""
+
+UNIT_RATIOS = (1e-3, 0.1, 1 / 25.4, 1 / 39.37, 25.4, 39.37, 1e3)
+MAX_UNIT_ERROR = 0.15
+
+
+def require_units(pairs: PosePairs) -> None:
+    """Raises UndeterminedError where the robot's lengths, or the camera's beside them, are in another unit."""
+    if np.median(np.linalg.norm(pairs.base_T_flange[:, :3, 3], axis=1)) < MIN_CELL_MM:
+        require_unit(1e-3, "poses", "the robot's translations are", "base_T_flange.translation_mm")
+    free = initial_chain(replace(pairs, metric=False))
+    unit = next((unit for unit in UNIT_RATIOS if abs(np.log(free.scale / unit)) < MAX_UNIT_ERROR), None)
+    if unit is None:
+        return
+    corrected = pairs.camera_T_target.copy()
+    corrected[:, :3, 3] /= unit
+    if MIN_UNIT_GAIN * _scatter(replace(pairs, camera_T_target=corrected)) > _scatter(pairs):
+        return
+    if unit < 1:
+        require_unit(unit, "camera-poses", "the camera's poses of the target are", "camera_T_target.translation_mm")
+    require_unit(1 / unit, "poses", "the robot's translations are", "base_T_flange.translation_mm")
+
+
+def _scatter(pairs: PosePairs) -> float:
+    """Median distance of the target's origin in the anchor from its middle, with X in closed form."""
+    X = initial_chain(pairs).mount_T_camera
+    places = (pairs.anchor_T_mount() @ X @ pairs.camera_T_target)[:, :3, 3]
+    return float(np.median(np.linalg.norm(places - np.median(places, axis=0), axis=1))) + 1e-9
+
+
+def with_lengths(pairs: PosePairs, fitted: PoseFit, used: NDArray[np.bool_]) -> tuple[PosePairs, PoseFit]:
+    """The fit with the camera's lengths off by a factor where that is significant; else the mean with and without."""
+    views = int(used.sum())
+    if views < MIN_SCALE_VIEWS:
+        return pairs, fitted
+    free = replace(pairs, metric=False)
+    drifting = fitted.camera == RANDOM_WALK
+    cameras = cameras_of(pairs) if drifting else (fitted.camera,)
+    tails = np.inf if drifting else fitted.tail_dof
+    fits = [fit_independent_noise(free.take(used), fitted.chain, camera, tails) for camera in cameras]
+    scaled = max(fits, key=lambda one: one.evidence(views))
+    if drifting and scaled.evidence(views) < fitted.evidence(views):
+        return pairs, fitted
+    share, deviation = float(np.log(scaled.chain.scale)), float(np.sqrt(scaled.covariance[12, 12]))
+    limit = deviation * float(scipy.stats.t.isf(SCALE_FALSE_ALARM_PROBABILITY / 2, 3 * views - 7))
+    if contradicts(scaled) or abs(share) > MAX_SCALE_ERROR:
+        return pairs, fitted
+    if abs(share) > max(limit, MIN_SCALE_ERROR):
+        return free, scaled
+    return pairs, _averaged(fitted, scaled, _probability_of(share, deviation, 3 * views - 7))
+
+
+def _probability_of(share: float, deviation: float, freedom: int) -> float:
+    """Posterior probability that the camera's lengths are off, by `share` with a standard deviation and its freedom.
+
+    The ratio of both models' evidence is that of the prior to the posterior density at no error (Dickey 1971).
+    """
+    spread = deviation**2 + USUAL_SCALE_ERROR**2
+    surprise = share**2 * (1 - deviation**2 / spread) / deviation**2
+    log_ratio = np.log(deviation) - 0.5 * np.log(spread) + 0.5 * (freedom + 1) * np.log1p(surprise / freedom)
+    odds = np.log(SCALE_OFF_PROBABILITY / (1 - SCALE_OFF_PROBABILITY)) + log_ratio
+    return float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
+
+
+def _averaged(fitted: PoseFit, scaled: PoseFit, probability: float) -> PoseFit:
+    """The mean of both fits, weighted by the `probability` that the scaled one is right."""
+    apart = zip(
+        (fitted.chain.mount_T_camera, fitted.chain.anchor_T_target),
+        (scaled.chain.mount_T_camera, scaled.chain.anchor_T_target),
+        strict=True,
+    )
+    shift = np.concatenate([vector_from_transform(inverse(one) @ other) for one, other in apart])
+    covariance = (1 - probability) * fitted.covariance[:12, :12] + probability * scaled.covariance[:12, :12]
+    covariance += probability * (1 - probability) * np.outer(shift, shift)
+    moved = fitted.chain.apply_step(probability * shift)
+    chain = replace(moved, scale=scaled.chain.scale**probability)
+    return replace(fitted, chain=chain, covariance=covariance)

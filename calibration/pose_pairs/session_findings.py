@@ -1,0 +1,122 @@
+"""Findings on a session whose views measure the target in space."""
+
+from collections.abc import Iterator
+from math import degrees
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, PRIOR_NOISE
+from calibration.observability import distinct_stations
+from calibration.observations.measured_poses import MeasuredViews
+from calibration.observations.observations import UnusableReason
+from calibration.pose_pairs.independent_noise import PoseFit
+from calibration.pose_pairs.noise_marginalisation import MAX_VIEWS
+from calibration.pose_pairs.noise_models import GIVEN
+from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence
+from calibration.solution import Finding, Severity
+from calibration.solver.findings import MAX_PRINT_SCALE_ERROR
+
+CAMERA_TURNS, CAMERA_SHIFTS = ("camera rotation", "camera roll"), ("camera lateral", "camera depth")
+
+MAX_SIZE_ERROR = 0.01
+"""Difference of a measured target's size from the described one that is reported."""
+
+
+def session_findings(
+    problem: Problem,
+    seen: MeasuredViews,
+    refused: dict[int, UnusableReason],
+    used: NDArray[np.bool_],
+    fitted: PoseFit,
+    *,
+    scaled: bool,
+) -> tuple[Finding, ...]:
+    """The findings, in the order of the solver's steps; `used` (n,): the views of `seen` that agree.
+
+    `scaled`: whether the camera's lengths were found to be off.
+    """
+    return (
+        *_unusable(problem, refused),
+        *_points(seen),
+        *_poses(problem, seen, used),
+        *(_lengths(fitted) if scaled else ()),
+        *_noise(seen, fitted, int(used.sum())),
+    )
+
+
+def contradicts(fitted: PoseFit) -> bool:
+    """Whether robot and camera disagree by more than any of the two can err."""
+    return any(
+        _is_impossible(_largest_level(fitted, turns), _largest_level(fitted, shifts))
+        for turns, shifts in ((("robot rotation",), ("robot translation",)), (CAMERA_TURNS, CAMERA_SHIFTS))
+    )
+
+
+def _largest_level(fitted: PoseFit, sources: tuple[str, ...]) -> float:
+    return float(np.sqrt(max((fitted.variances.get(name, 0.0) for name in sources), default=0.0)))
+
+
+def _is_impossible(turn_rad: float, shift_mm: float) -> bool:
+    return shift_mm > MAX_POSSIBLE_NOISE.translation_mm or turn_rad > MAX_POSSIBLE_NOISE.rotation_rad
+
+
+def _unusable(problem: Problem, refused: dict[int, UnusableReason]) -> Iterator[Finding]:
+    by_reason: dict[tuple[str, str], list[int]] = {}
+    for position, why in sorted(refused.items()):
+        by_reason.setdefault((why.code, why.what), []).append(problem.views[position].index)
+    for (code, what), indices in by_reason.items():
+        message = Sentence("views-not-used", views=indices, why=what)
+        yield Finding(code, "info", message, Sentence("correct-views"))
+
+
+def _points(seen: MeasuredViews) -> Iterator[Finding]:
+    if seen.points_mm is None:
+        return
+    across_mm, along_mm = seen.points_mm.tolist()
+    message = Sentence("points-noise", across_mm=across_mm, along_mm=along_mm)
+    yield Finding("points-noise", "info", message, Sentence("none-needed"))
+    if seen.left_out:
+        message = Sentence("points-left-out", points=seen.left_out)
+        yield Finding("points-left-out", "info", message, Sentence("look-for-reflections"))
+    if abs(seen.size_ratio - 1) > MAX_SIZE_ERROR:
+        message = Sentence("points-size", ratio=seen.size_ratio)
+        yield Finding("points-size", "warning", message, Sentence("measure-pitch-and-lengths"))
+
+
+def _poses(problem: Problem, seen: MeasuredViews, used: NDArray[np.bool_]) -> Iterator[Finding]:
+    if not np.all(used):
+        indices = [problem.views[position].index for position in seen.positions[~used]]
+        message = Sentence("measured-pose-disagrees", views=indices)
+        yield Finding("pose-disagrees", "warning", message, Sentence("check-these-poses"))
+    if repeated := sorted(set(range(len(seen))) - set(distinct_stations(seen.base_T_flange))):
+        indices = [problem.views[position].index for position in seen.positions[repeated]]
+        message = Sentence("duplicate-poses", views=indices)
+        yield Finding("duplicate-poses", "warning", message, Sentence("use-each-pose-once"))
+
+
+def _lengths(fitted: PoseFit) -> Iterator[Finding]:
+    share = fitted.chain.scale - 1
+    message = Sentence("lengths-longer" if share > 0 else "lengths-shorter", percent=100 * abs(share))
+    severity: Severity = "error" if abs(share) > MAX_PRINT_SCALE_ERROR else "warning"
+    yield Finding("camera-scale", severity, message, Sentence("check-lengths"))
+
+
+def _noise(seen: MeasuredViews, fitted: PoseFit, used: int) -> Iterator[Finding]:
+    turn_rad, shift_mm = (_largest_level(fitted, of) for of in (CAMERA_TURNS, CAMERA_SHIFTS))
+    if fitted.camera != GIVEN:
+        name = "camera-noise" if seen.covariance is None else "camera-noise-beyond"
+        message = Sentence(name, translation_mm=shift_mm, rotation_deg=degrees(turn_rad))
+        if _is_impossible(turn_rad, shift_mm):
+            yield Finding("camera-noise", "error", message, Sentence("check-camera-poses"))
+        else:
+            yield Finding("camera-noise", "info", message, Sentence("none-needed"))
+    if used <= MAX_VIEWS:
+        message = Sentence(
+            "noises-assumed",
+            views=used,
+            translation_mm=PRIOR_NOISE.translation_mm,
+            rotation_deg=degrees(PRIOR_NOISE.rotation_rad),
+        )
+        yield Finding("noise-assumed", "info", message, Sentence("take-more-than", views=MAX_VIEWS))
