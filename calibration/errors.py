@@ -4,7 +4,8 @@ CalibrationError
 ├── DocumentError          a JSON or TOML document is not valid
 ├── DetectionError         the target was not found, or what was found is not the target
 ├── GeometryError          a number is outside a function's domain (not a rotation, not finite)
-└── UndeterminedError      the motions do not determine X, so there is no transform to return
+├── UndeterminedError      the motions do not determine X, so there is no transform to return
+└── ComparisonError        two calibrations cannot be compared
 """
 
 from dataclasses import dataclass
@@ -55,6 +56,16 @@ class DetectionError(CalibrationError):
 
     def __init__(self, code: str, what: str, fix: str) -> None:
         self.code, self.what, self.fix = code, what, fix
+        super().__init__(f"{what}: {fix}")
+
+
+class ComparisonError(CalibrationError):
+    """Two calibrations cannot be compared: one has no transform, or their set-ups differ."""
+
+    code = "not-comparable"
+
+    def __init__(self, what: str, fix: str) -> None:
+        self.what, self.fix = what, fix
         super().__init__(f"{what}: {fix}")
 
 

@@ -73,11 +73,15 @@ PointFrame = Literal["base", "camera"]
 
 @dataclass(frozen=True)
 class PointUncertainty:
-    """One point at (x, y, z) mm of a frame, and the standard deviation of it mapped through X, over three axes."""
+    """One point at (x, y, z) mm of a frame, and the standard deviation of it mapped through X, over three axes.
+
+    `camera_mm`: where it is in the camera's frame; of several views' places the most uncertain one.
+    """
 
     name: str
     frame: PointFrame
     position_mm: tuple[float, float, float]
+    camera_mm: tuple[float, float, float]
     sigma_mm: float
 
     @property

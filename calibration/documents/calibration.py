@@ -37,11 +37,15 @@ Six = tuple[float, float, float, float, float, float]
 
 
 class PointUncertaintyDocument(Document):
-    """One of the points that matter: a standard deviation over its three axes, and U = coverage factor times it."""
+    """One of the points that matter: a standard deviation over its three axes, and U = coverage factor times it.
+
+    `camera_mm`: where it is in the camera's frame; of several views' places the most uncertain one.
+    """
 
     name: str
     frame: PointFrame
     position_mm: Vector
+    camera_mm: Vector
     sigma_mm: float
     expanded_mm: float
 

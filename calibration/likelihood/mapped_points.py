@@ -63,7 +63,7 @@ def working_volume_uncertainty(covariance: Array, points_mm: Array) -> tuple[Poi
     named = len(points_mm) == len(WORKING_VOLUME_NAMES)
     names = WORKING_VOLUME_NAMES if named else [f"point {row + 1}" for row in range(len(points_mm))]
     listed = np.sort(np.argsort(-sigmas, kind="stable")[:MAX_LISTED_POINTS])
-    return tuple(_uncertainty_of(names[row], "camera", points_mm[row], sigmas[row]) for row in listed)
+    return tuple(_uncertainty_of(names[row], "camera", points_mm[row], points_mm[row], sigmas[row]) for row in listed)
 
 
 def at_points(problem: Problem, solution: Solution, points: Sequence[NamedPoint]) -> Solution:
@@ -95,15 +95,13 @@ def named_points_uncertainty(
     With the camera on the flange a point of the base is where the views saw it in the camera's frame, and the largest
     of their uncertainties counts; those that had it in the image, if any did.
     """
-    return tuple(
-        _uncertainty_of(
-            point.name,
-            point.frame,
-            point.position_mm,
-            point_sigmas_mm(covariance, camera_points_mm(point, setup, mount_T_camera, anchor_T_mount, camera)).max(),
-        )
-        for point in points
-    )
+    found = []
+    for point in points:
+        seen_mm = camera_points_mm(point, setup, mount_T_camera, anchor_T_mount, camera)
+        sigmas = point_sigmas_mm(covariance, seen_mm)
+        worst = int(np.argmax(sigmas))
+        found.append(_uncertainty_of(point.name, point.frame, point.position_mm, seen_mm[worst], sigmas[worst]))
+    return tuple(found)
 
 
 def camera_points_mm(
@@ -122,6 +120,9 @@ def camera_points_mm(
     return seen_mm[inside] if inside.any() else seen_mm
 
 
-def _uncertainty_of(name: str, frame: PointFrame, position_mm: Array, sigma_mm: float) -> PointUncertainty:
+def _uncertainty_of(
+    name: str, frame: PointFrame, position_mm: Array, camera_mm: Array, sigma_mm: float
+) -> PointUncertainty:
     x, y, z = position_mm.tolist()
-    return PointUncertainty(name, frame, (x, y, z), float(sigma_mm))
+    a, b, c = camera_mm.tolist()
+    return PointUncertainty(name, frame, (x, y, z), (a, b, c), float(sigma_mm))

@@ -193,6 +193,16 @@ PARTS = {
     "size-deg": "{value:.2g} deg",
     "foreign-points": "points that it does not have (it has 0 to {last}) in {views}",
     "misplaced-points": "points that do not lie as its points do in {views}",
+    "compared-apart": "they are {translation_mm:.3g} mm and {rotation_deg:.2g} degrees apart",
+    "compared-at-points": "{apart}; at {point} {difference_mm:.3g} mm",
+    "compared-at-known-points": "{apart}; at {point} {difference_mm:.3g} mm, where both know it to U ="
+    " {expanded_mm:.2g} mm (k = 2)",
+    "compared-agree": "they agree: {apart}. Mahalanobis distance {mahalanobis:.2g}: {percent:.2g} % of two calibrations"
+    " of one camera are further apart",
+    "compared-contradict": "they contradict each other: {apart}. Mahalanobis distance {mahalanobis:.2g}: {percent:.2g}"
+    " % of two calibrations of one camera are further apart; either the camera moved between them, or one of them is"
+    " wrong by more than it claims",
+    "compared-unknown": "{apart}. Whether they agree is not known: one of them does not state the covariance of X",
     "rule": "accepted when no finding is an error; U (k = {coverage_factor:g}) at the worst of the points is one above"
     " {tolerance_mm:g} mm",
 }

@@ -6,7 +6,14 @@ from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 
-from calibration.errors import CalibrationError, DetectionError, DocumentError, DocumentProblem, UndeterminedError
+from calibration.errors import (
+    CalibrationError,
+    ComparisonError,
+    DetectionError,
+    DocumentError,
+    DocumentProblem,
+    UndeterminedError,
+)
 from daemon import errors
 from daemon.access import errors as access
 from daemon.api import http_errors
@@ -69,6 +76,7 @@ STATUS: dict[type[Exception], int] = {
     DocumentError: 422,
     DetectionError: 422,
     UndeterminedError: 422,
+    ComparisonError: 409,
     CalibrationError: 422,
     CloudUnsupported: 415,
     CloudIOError: 500,
@@ -129,7 +137,7 @@ def _words(error: Exception) -> tuple[str, str, str]:
             return "document-refused", what, "; ".join(dict.fromkeys(p.fix for p in error.problems))
         case device.DeviceError():
             return error.code, f"{error.device}: {error.what}", error.fix
-        case errors.DaemonError() | DetectionError() | UndeterminedError() | RegistrationError():
+        case errors.DaemonError() | DetectionError() | UndeterminedError() | ComparisonError() | RegistrationError():
             return error.code, str(error.what), error.fix
         case CalibrationError():
             return "calibration-error", str(error), "look at the poses and pictures"

@@ -4,13 +4,21 @@ import pickle
 
 import pytest
 
-from calibration.errors import DetectionError, DocumentError, DocumentProblem, GeometryError, UndeterminedError
+from calibration.errors import (
+    ComparisonError,
+    DetectionError,
+    DocumentError,
+    DocumentProblem,
+    GeometryError,
+    UndeterminedError,
+)
 from registration.errors import CloudTruncated, SphereError
 
 ERRORS = (
     DocumentError("session.json", [DocumentProblem("views[2]", "missing", "add it")]),
     DetectionError("target-not-found", "no target", "light it"),
     GeometryError("not a rotation"),
+    ComparisonError("calibration c1 holds no transform", "compare two that do"),
     UndeterminedError("parallel-axes", "all turns are about one axis", "turn about another"),
     CloudTruncated("door.ply", "point 3", "the data end", "send it again"),
     SphereError("not a sphere", "check the radius"),

@@ -12,13 +12,14 @@ from tests.simulated.spoiled_sessions import cell
 
 GOOD = cell(21, 10)
 SOLVED = solve_hand_eye(GOOD.problem)
+PLACE = (0.0, 0.0, 500.0)
 
 
 def uncertain(point_mm: float) -> Solution:
     """`point_mm`: one standard deviation at the worst point; U is twice that."""
     points = (
-        PointUncertainty("a", "camera", (0.0, 0.0, 500.0), 0.1),
-        PointUncertainty("b", "base", (1, 2, 3), point_mm),
+        PointUncertainty("a", "camera", PLACE, PLACE, 0.1),
+        PointUncertainty("b", "base", PLACE, PLACE, point_mm),
     )
     return replace(SOLVED, uncertainty=Uncertainty(np.ones(3), np.ones(3), 0.1, np.eye(6), points))
 

@@ -2,10 +2,11 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import summary
+from calibration.monitoring.comparison import ComparisonDocument, compare, comparison_text
 from daemon.access.errors import RoleTooLow
 from daemon.access.roles import LOCAL, Caller, Role
 from daemon.api.conditional_requests import (
@@ -17,7 +18,16 @@ from daemon.api.conditional_requests import (
     parse_if_none_match,
     tag_of,
 )
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
+from daemon.api.dependencies import (
+    IN_DIGITS,
+    App,
+    Before,
+    Identifier,
+    JsonBody,
+    Limit,
+    page_of,
+    respond_page,
+)
 from daemon.api.middleware.authentication import caller_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import current_text
@@ -28,6 +38,13 @@ from daemon.errors import NoCalibration, NotFound
 from daemon.model.requests import ApplyRequest
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
+
+With = Annotated[str, Query(alias="with", min_length=1, max_length=64, description='id of the other, or "current"')]
+FalseAlarm = Annotated[
+    float,
+    Query(ge=1e-12, le=0.5, description="probability that two that agree are said to contradict each other"),
+    IN_DIGITS,
+]
 
 
 @router.get("", response_model=CalibrationList)
@@ -72,6 +89,21 @@ async def calibration(request: Request, app: App, calibration_id: Identifier) ->
     """calibration.json."""
     document = (await app.store.calibration(calibration_id)).document
     return respond(request, document, lambda: summary(f"calibration {document.id}", document))
+
+
+@router.get(
+    "/{calibration_id}/compare",
+    response_model=ComparisonDocument,
+    responses={200: or_text("In words"), **problem_responses(404, 409)},
+)
+async def compare_with(
+    request: Request, app: App, calibration_id: Identifier, other: With, false_alarm_probability: FalseAlarm = 0.01
+) -> Response:
+    """How far the calibration `with` is from this one: in mm and degrees, at the points that matter of this one, beside
+    what both claim to know. "current" is the one in force."""
+    a, b = await app.operations.calibration(calibration_id), await app.operations.calibration(other)
+    found = compare(a, b, false_alarm_probability)
+    return respond(request, found, lambda: comparison_text(found))
 
 
 @router.post(
