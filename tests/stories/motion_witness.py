@@ -9,22 +9,27 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+from pymodbus.client import AsyncModbusTcpClient
 
 from daemon.access.roles import Role
 from daemon.application import Application
 from daemon.cell.cell import Devices
 from daemon.composition import build
+from daemon.plc.service import PlcService
 from daemon.server import Server
 from drivers.registry import open_robot
 from protocols.modbus.codes import Function
+from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.fakes import FakeCamera, FakeRobot, FakeScanner
+from tests.daemon.plcs import MOVING, Ladder
 from tests.drivers.modbus_terminal import Terminal
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.stories.plant import settings_of
 from tests.support.waiting import LIMIT_S, eventually
 
 MAX_IDLE_S = 2.0
+NONE = ControlBit(0)
 
 
 class Gate(Terminal):
@@ -68,7 +73,7 @@ class Witness:
 
 @dataclass
 class WatchedPlant:
-    """Mock cell, daemon, gate, and an operator and a viewer with keys; each step of a history is a method."""
+    """Mock cell, daemon, gate, a PLC, an operator and a viewer with keys; each step of a history is a method."""
 
     cell: RunningCell
     gate: Gate
@@ -80,6 +85,7 @@ class WatchedPlant:
     run: str = ""
     application: Application = field(init=False)
     client: httpx.AsyncClient = field(init=False)
+    plc: Ladder = field(init=False)
 
     def run_in_progress(self) -> str | None:
         run = self.application.supervisor.in_progress
@@ -95,12 +101,14 @@ class WatchedPlant:
         interlocks = {"address": f"tcp://127.0.0.1:{self.gate.port}", "limit_s": 5.0, "signals": signals}
         settings = settings_of(self.cell.announcement, self.folder).model_dump(mode="json", exclude_none=True)
         settings = type(settings_of(self.cell.announcement, self.folder)).model_validate(
-            {**settings, "interlocks": interlocks}
+            {**settings, "interlocks": interlocks, "plc": MOVING}
         )
         arm = FakeRobot()
         self.application = build(
             settings,
-            lambda made, _clock: Devices(open_robot(made.robot.address), FakeCamera(arm), FakeScanner()),
+            lambda made, _clock: Devices(
+                open_robot(made.robot.address), FakeCamera(arm, blind=lambda _: True, size=(1920, 1200)), FakeScanner()
+            ),
         )
         announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         server = Server(self.application, announced.set_result)
@@ -113,7 +121,13 @@ class WatchedPlant:
             httpx.AsyncClient(base_url=announced.result(), timeout=LIMIT_S)
         )
 
+        port = next(service for service in self.application.services if isinstance(service, PlcService)).tcp.port
+        modbus = AsyncModbusTcpClient("127.0.0.1", port=port, timeout=LIMIT_S, retries=0, reconnect_delay=0)
+        assert await modbus.connect()
+        self.plc = Ladder(modbus)
+
         async def end() -> None:
+            modbus.close()
             server.should_exit = True
             self.application.begin_stop("the test")
             await task
@@ -151,6 +165,34 @@ class WatchedPlant:
         if answer.status_code == 200 and (self.cell.controller.armed or self.cell.moving):
             self.witness.wrong.append("an abort was answered with 200 while the arm was moving or armed")
 
+    async def plc_triggers(self) -> None:
+        """After READY the trigger is held until it is answered, each for MAX_IDLE_S at most, and released."""
+        self.witness.starting += 1
+        with contextlib.suppress(TimeoutError):
+            await self.plc.waits(StatusBit.READY, within_s=MAX_IDLE_S)
+        await self.plc.sets(NONE)
+        await self.plc.sets(ControlBit.TRIGGER_CALIBRATE)
+        with contextlib.suppress(TimeoutError):
+            await self.plc.waits(StatusBit.TRIGGER_ACK, within_s=MAX_IDLE_S)
+        if run := self.run_in_progress():
+            self.run = run
+            self.witness.entitled.add(run)
+        await self.plc.sets(NONE)
+        self.witness.starting -= 1
+
+    async def plc_aborts(self) -> None:
+        """The abort is held until no run is in progress; from then on nobody's is."""
+        await self.plc.sets(ControlBit.ABORT)
+        await eventually(lambda: not self.run_in_progress())
+        self.witness.entitled.clear()
+        if self.cell.moving:
+            self.witness.wrong.append("a PLC's abort left no run in progress while the arm was moving")
+        await self.plc.sets(NONE)
+
+    async def plc_acknowledges(self) -> None:
+        await self.plc.sets(ControlBit.RESULTS_ACK)
+        await self.plc.sets(NONE)
+
     async def waits_for_a_move(self) -> None:
         seen = self.witness.departures
         with contextlib.suppress(AssertionError):
@@ -186,6 +228,9 @@ STEPS = (
     WatchedPlant.operator_starts,
     WatchedPlant.viewer_starts,
     WatchedPlant.operator_aborts,
+    WatchedPlant.plc_triggers,
+    WatchedPlant.plc_aborts,
+    WatchedPlant.plc_acknowledges,
     WatchedPlant.waits_for_a_move,
     WatchedPlant.gate_moves,
     WatchedPlant.link_breaks,

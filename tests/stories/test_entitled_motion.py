@@ -51,6 +51,15 @@ async def test_a_history_without_trouble_moves_the_arm(tmp_path: Path) -> None:
     assert departures >= 1
 
 
+async def test_a_plc_that_triggers_moves_the_arm_and_its_abort_stops_it(tmp_path: Path) -> None:
+    async with watched_plant(tmp_path) as plant:
+        await plant.plc_triggers()
+        await eventually(lambda: plant.witness.departures > 0)
+        await plant.plc_aborts()
+        await eventually(lambda: not plant.cell.controller.armed and not plant.cell.moving)
+        assert plant.witness.wrong == []
+
+
 async def test_an_abort_that_stops_nothing_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def abort(self: Supervisor, run_id: str, by: str) -> RunRecord:
         return await self.run(run_id)
