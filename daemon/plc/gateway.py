@@ -182,8 +182,8 @@ class PlcGateway:
         """Start the run through `daemon.operations`, as REST does, and return it. Raises the same errors."""
         match start.command:
             case PlcCommand.CALIBRATE:
-                wanted = {"count": start.stations_wanted} if start.stations_wanted else {}
-                return await self.operations.calibrate(validate_document(CalibrateRequest, wanted, "stations_wanted"))
+                wanted = {"count": start.stations_wanted or None, "tolerance_mm": start.tolerance_um / 1e3 or None}
+                return await self.operations.calibrate(validate_document(CalibrateRequest, wanted, "registers"))
             case PlcCommand.VERIFY:
                 return await self.operations.verify(VerifyRequest())
             case _:

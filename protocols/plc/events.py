@@ -73,11 +73,12 @@ HandshakeEvent = (
 
 @dataclass(frozen=True)
 class StartCommand:
-    """Begin a command; report back with StartAccepted or StartRefused."""
+    """Begin a command; report back with StartAccepted or StartRefused. 0 wanted: as in the settings."""
 
     command: PlcCommand
     stations_wanted: int
     part_id: int
+    tolerance_um: int = 0
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,8 @@ def _on_trigger(state: Handshake, rising: ControlBit) -> Change:
         station=0,
         stations=0,
     )
-    return after, (StartCommand(command, state.input("stations_wanted"), part_id),)
+    wanted, tolerance_um = state.input("stations_wanted"), state.input("tolerance_wanted")
+    return after, (StartCommand(command, wanted, part_id, tolerance_um),)
 
 
 def _refusal_code(state: Handshake, rising: ControlBit) -> str:

@@ -68,6 +68,7 @@ REGISTERS: tuple[Register, ...] = (
     Register(1, "heartbeat_in", Kind.UINT16, "", "the PLC changes it; see heartbeat_limit_s of the settings", True),
     Register(2, "stations_wanted", Kind.UINT16, "", "of the next calibrate; 0: as in the settings", True),
     Register(3, "part_id", Kind.UINT32, "", "any number of the PLC's; it comes back with the result", True),
+    Register(5, "tolerance_wanted", Kind.UINT16, "µm", "U (k = 2) of the next calibrate; 0: as in the settings", True),
     Register(16, "status", Kind.BITS, "", "see its bits"),
     Register(17, "command", Kind.UINT16, "", "the command in progress, or the last: 1 calibrate, 2 verify, 3 register"),
     Register(18, "error_code", Kind.UINT16, "", "set while the error bit is: see the table of codes"),

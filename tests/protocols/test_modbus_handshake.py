@@ -41,8 +41,10 @@ MOVING = Rules(motion_allowed=True)
 SEEN = CellStatus(ready=True, in_force=True)
 
 
-def control(word: int, stations: int = 0, part: int = 0, beat: int = 0, writer: str = "") -> RegistersWritten:
-    return RegistersWritten((word, beat, stations, part >> 16, part & 0xFFFF), writer)
+def control(
+    word: int, stations: int = 0, part: int = 0, beat: int = 0, writer: str = "", tolerance_um: int = 0
+) -> RegistersWritten:
+    return RegistersWritten((word, beat, stations, part >> 16, part & 0xFFFF, tolerance_um), writer)
 
 
 def ended(verdict: PlcVerdict = PlcVerdict.ACCEPTED, error: int = 0) -> CommandEnded:
@@ -76,6 +78,9 @@ STORIES: dict[str, tuple[tuple[HandshakeEvent, ...], StatusBit, list[Effect], in
     "a trigger is asked for": ((*READY, control(C.TRIGGER_VERIFY)), S.ONLINE | S.BUSY, [VERIFY], 0),
     "with stations and part": (
         (*READY, control(C.TRIGGER_CALIBRATE, 8, 70000)), S.ONLINE | S.BUSY, [CALIBRATE_8], 0),
+    "with a tolerance": (
+        (*READY, control(C.TRIGGER_CALIBRATE, tolerance_um=300)), S.ONLINE | S.BUSY,
+        [StartCommand(PlcCommand.CALIBRATE, 0, 0, 300)], 0),
     "accepted": (RUNNING, S.ONLINE | S.BUSY | S.TRIGGER_ACK, [VERIFY], 0),
     "the trigger goes, and so does its ack": ((*RUNNING, control(0)), S.ONLINE | S.BUSY, [VERIFY], 0),
     "a pulse that is gone before it is accepted leaves no ack, but its number": (

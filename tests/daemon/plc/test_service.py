@@ -14,7 +14,7 @@ from drivers.errors import LinkLost
 from protocols.modbus.mbap import Adu
 from protocols.modbus.words import WordOrder, crc16
 from protocols.plc.codes import ContentsBit, ControlBit, DriftState, PlcCommand, PlcVerdict, StatusBit
-from protocols.plc.registers import RESULT, SIZE
+from protocols.plc.registers import BY_NAME, RESULT, SIZE
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, FakeRobot, Gate, poses_around_the_target
@@ -72,6 +72,20 @@ async def test_calibrate_verify_and_register_by_handshake(tmp_path: Path) -> Non
         assert value_of(image, "verdict") in (PlcVerdict.ACCEPTED, PlcVerdict.REJECTED, PlcVerdict.FAILED)
         ids = [value_of(image, name) for name in ("result_number", "result_acquisition", "result_id")]
         assert ids == [(begin + 2) % 65535 + 1] * 3
+
+
+@pytest.mark.parametrize(("tolerance_um", "verdict"), [(20_000, PlcVerdict.ACCEPTED), (0, PlcVerdict.REJECTED)])
+async def test_a_plc_states_the_tolerance(tmp_path: Path, tolerance_um: int, verdict: PlcVerdict) -> None:
+    settings = settings_for(tmp_path, plc=MOVING, calibration={"tolerance_mm": 1e-7})
+    async with serving(settings) as bench, ladder(bench) as plc:
+        await plc.client.write_register(BY_NAME["tolerance_wanted"].address, tolerance_um)
+        await plc.sets(C(0))
+        await plc.waits(S.READY | S.ONLINE)
+        assert not await plc.triggers(C.TRIGGER_CALIBRATE) & S.ERROR
+        image = await plc.result()
+        assert value_of(image, "verdict") == verdict
+        found = (await bench.client.get(f"/calibrations/{value_of(image, 'run_id')}")).json()
+        assert found["verdict"]["limits"]["tolerance_mm"] == (tolerance_um / 1e3 or 1e-7)
 
 
 REFUSALS = {
@@ -289,9 +303,9 @@ async def test_without_the_words_in_the_settings_nobody_writes_and_nothing_moves
 
 async def test_only_listed_registers_are_written(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
-        for address in (5, 15, 16, 20, RESULT, SIZE - 1, SIZE, 65535):
+        for address in (6, 15, 16, 20, RESULT, SIZE - 1, SIZE, 65535):
             assert (await plc.client.write_register(address, 1)).exception_code == 2
-        assert (await plc.client.write_registers(4, [1, 2])).exception_code == 2
+        assert (await plc.client.write_registers(5, [1, 2])).exception_code == 2
         assert value_of(await plc.image(), "part_id") == 0
         assert (await plc.client.read_holding_registers(SIZE, count=1)).exception_code == 2
 
