@@ -15,13 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.diagnosis.cases import Case, Result, causes, results_of, with_corrected_size
+from benchmarks.diagnosis.imperfect import print_imperfect
 from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faulty_sessions import PART, REAL, part_of, real_session, simulated
 
 FACTORS = (0.75, 1.0, 1.5, 2.0, 4.0)
 REAL_FACTORS = (1.0, 1.5, 2.0, 4.0)
 EVERY = 250
-PARTS = ("gross", "simulated", "real", "clean")
+PARTS = ("gross", "simulated", "real", "clean", "imperfect")
 SINGLE_THREADED = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Small matrices: threads would wait for each other and for other processes' threads."""
 
@@ -68,6 +69,8 @@ def main() -> None:
             bench.real((options.session,) if options.session else REAL, sizes.real, options.factors or REAL_FACTORS)
         if "clean" in parts:
             bench.false_alarms(sizes.clean)
+        if "imperfect" in parts:
+            print_imperfect(pool, options.seed, sizes.row)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,87 @@
+"""Sessions without a fault, a little outside the model: how many are refused, and whether X lies within its U."""
+
+from collections import Counter
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.solution import Solution
+from calibration.solve import solve_hand_eye
+from calibration.verdict import judge
+from tests.simulated.imperfect_sessions import (
+    IMPERFECTIONS,
+    imperfect_cell,
+    without_imperfection,
+)
+
+COVERAGE_FACTOR = 2.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Codes that refuse a session or warn; U (k = 2) and true error of a mapped point, and U inside the model, mm."""
+
+    refused_for: tuple[str, ...]
+    warned_of: tuple[str, ...]
+    expanded_mm: float
+    error_mm: float
+    exact_expanded_mm: float
+
+
+def print_imperfect(pool: Executor, seed: int, count: int) -> None:
+    """A row for each kind, and one of all."""
+    print(f"sessions without a fault, a little outside the model; {count} a row; U: k = 2, of a mapped point")
+    print(f"{'imperfection':<32}{'refused':>9}{'within U':>10}{'error/u':>9}{'U mm':>8}{'U/exact':>9}  refused for")
+    every: list[Outcome] = []
+    for kind in IMPERFECTIONS:
+        jobs = [(kind, (seed, 4, number)) for number in range(count)]
+        found = list(pool.map(outcome_of, jobs, chunksize=5))
+        print(_row(kind, found), flush=True)
+        every += found
+    print(_row("all", every), flush=True)
+
+
+def outcome_of(job: tuple[str, tuple[int, ...]]) -> Outcome:
+    """Solve and judge the session of this kind and seed, and its exact counterpart."""
+    kind, seed = job
+    what = IMPERFECTIONS[kind]
+    imperfect = imperfect_cell(seed, what)
+    problem = imperfect.cell.problem
+    solution = solve_hand_eye(problem)
+    verdict = judge(problem, solution)
+    codes = {
+        severity: tuple(sorted(finding.code for finding in verdict.findings if finding.severity == severity))
+        for severity in ("error", "warning")
+    }
+    inside = without_imperfection(what)
+    exact = solution if what == inside else solve_hand_eye(imperfect_cell(seed, inside).cell.problem)
+    return Outcome(
+        codes["error"],
+        codes["warning"],
+        _expanded_mm(solution),
+        imperfect.point_error_mm(solution),
+        _expanded_mm(exact),
+    )
+
+
+def _expanded_mm(solution: Solution) -> float:
+    return np.nan if solution.uncertainty is None else COVERAGE_FACTOR * solution.uncertainty.point_mm
+
+
+def _row(kind: str, found: list[Outcome]) -> str:
+    refused = Counter(code for outcome in found for code in outcome.refused_for)
+    share = np.mean([bool(outcome.refused_for) for outcome in found])
+    expanded, error, exact = (
+        np.array([getattr(outcome, name) for outcome in found])
+        for name in ("expanded_mm", "error_mm", "exact_expanded_mm")
+    )
+    known = np.isfinite(expanded)
+    within = np.mean(error[known] <= expanded[known])
+    ratio = np.sqrt(np.mean((COVERAGE_FACTOR * error[known] / expanded[known]) ** 2))
+    width = np.median(expanded[known]) / np.median(exact[np.isfinite(exact)])
+    listed = ", ".join(f"{code} {times}" for code, times in refused.most_common())
+    return (
+        f"{kind:<32}{100 * share:7.1f} %{100 * within:8.1f} %{ratio:9.2f}{np.median(expanded[known]):8.3f}{width:9.2f}"
+        f"  {listed}"
+    )
