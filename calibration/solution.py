@@ -1,6 +1,6 @@
 """Output of the hand-eye solver. `calibration.verdict` decides whether it may be used."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, isnan
 from typing import Literal
 
@@ -16,12 +16,16 @@ Severity = Literal["error", "warning", "info"]
 
 @dataclass(frozen=True)
 class Finding:
-    """A message for people: a stable `code`, what was found, and how to fix it."""
+    """A message for people: a stable `code`, what was found, and how to fix it.
+
+    `effect_mm`: by how much a mapped point moves when the cause is taken into account, None where that is not known.
+    """
 
     code: str
     severity: Severity
     message: str
     fix: str
+    effect_mm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +111,48 @@ class Uncertainty:
     covariance: Array
     points: tuple[PointUncertainty, ...]
 
+    def scaled(self, factor: float) -> "Uncertainty":
+        """All standard deviations times `factor`."""
+        return Uncertainty(
+            translation_mm=factor * self.translation_mm,
+            rotation_rad=factor * self.rotation_rad,
+            point_mm=factor * self.point_mm,
+            covariance=factor**2 * self.covariance,
+            points=tuple(replace(point, sigma_mm=factor * point.sigma_mm) for point in self.points),
+        )
+
     @property
     def worst_point(self) -> PointUncertainty:
         """The most uncertain of the points that matter."""
         return max(self.points, key=lambda point: inf if isnan(point.sigma_mm) else point.sigma_mm)
+
+
+GroupedBy = Literal["image", "pose", "view"]
+
+
+@dataclass(frozen=True)
+class LeaveOut:
+    """Uncertainty of a mapped point by leaving out groups of neighbouring views; it assumes no noise model.
+
+    point_mm : one standard deviation, by the grouping that disagrees most with the model.
+    ratio : of the observed to the expected square; 1 under the model.
+    redundancy : degrees of freedom of the ratio.
+    share : posterior probability of errors beyond the model.
+    grouped_by, groups : what neighbours have in common (the target's place in the image, the pose, nothing: single
+        views), and the number of groups.
+    """
+
+    point_mm: float
+    ratio: float
+    redundancy: float
+    share: float
+    grouped_by: GroupedBy
+    groups: int
+
+    @property
+    def inflation(self) -> float:
+        """Factor of X's covariance: 1 under the model, `ratio` where errors beyond it are certain."""
+        return 1 + self.share * max(self.ratio - 1, 0.0)
 
 
 @dataclass(frozen=True)
@@ -156,3 +198,4 @@ class Solution:
     observability: Observability
     hold_out: HoldOut | None
     findings: tuple[Finding, ...] = field(default=())
+    leave_out: LeaveOut | None = None

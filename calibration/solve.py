@@ -20,10 +20,10 @@ from calibration.solver.solution_builder import build_solution, solution_without
 from calibration.solver.systematic_error_check import (
     build_models,
     find_systematic_errors,
-    widen_by_centre_error,
+    widen_by_shared_errors,
     with_systematic_errors,
 )
-from calibration.solver.target_scale_check import scale_error, with_scale
+from calibration.solver.target_scale_check import predicts_better, scale_error, with_scale
 from calibration.solver.view_outliers import Selection, agreeing_rows, select_views
 
 METHODS = ("auto", *CLOSED_FORMS)
@@ -90,8 +90,10 @@ def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, S
     selection = select_views(prepared, used, start.chain, start.variances)
     wider = augment_model(prepared.take(selection.used).seen, selection.best)
     if share := scale_error(wider):
-        prepared = with_scale(prepared, share)
-        selection = _reselect(prepared, selection)
+        scaled = with_scale(prepared, share)
+        reselected = _reselect(scaled, selection)
+        if predicts_better(scaled, reselected, prepared, selection):
+            prepared, selection = scaled, reselected
     if prepared.shape is not None and problem.camera is None:
         for _ in range(MAX_ROUNDS):
             prepared = update_target_shape(replace(prepared, camera=selection.best.camera, scale=selection.best.scale))
@@ -103,8 +105,9 @@ def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, S
     if errors:
         prepared = with_systematic_errors(prepared, errors)
         selection = select_views(prepared, selection.used, selection.best.chain, levels)
-        models = build_models(prepared, augment_model(prepared.take(selection.used).seen, selection.best))
-    return prepared, start, widen_by_centre_error(prepared, selection, models)
+        wider = augment_model(prepared.take(selection.used).seen, selection.best)
+        models = build_models(prepared, wider)
+    return prepared, start, widen_by_shared_errors(prepared, selection, wider, models)
 
 
 def _reselect(prepared: PreparedSession, selection: Selection) -> Selection:

@@ -10,7 +10,7 @@ from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, MAX_USUAL_
 from calibration.observability import summarise_motion
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
-from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Solution
+from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Severity, Solution, Uncertainty
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,8 @@ class VerdictLimits:
     rejected; the others raise warnings of likely causes. Each is a key of `calibration.documents.requirement`.
 
     tolerance_mm : largest U (k = 2) at the worst of the points that matter.
+    negligible_share, warning_share : of the tolerance: a contradiction that moves a mapped point by less is
+        information, or a warning.
     point_warning_mm : the same, for a warning. A tolerance that somebody has stated is both: see `with_tolerance`.
     """
 
@@ -33,6 +35,8 @@ class VerdictLimits:
     rejected_share: float = 0.34
     hold_out_ratio: float = 3.0
     possible_hold_out_mm: float = 40.0
+    negligible_share: float = 0.05
+    warning_share: float = 0.25
 
     def with_tolerance(self, tolerance_mm: float | None) -> "VerdictLimits":
         """These limits with a stated tolerance, below which nothing is warned of; unchanged with None."""
@@ -53,6 +57,9 @@ class Verdict:
     limits: VerdictLimits
 
 
+LIKELY = 0.5
+"""Posterior probability of errors beyond the model from which the verdict mentions them."""
+
 CONTRADICTIONS = ("pose-disagrees", "image-disagrees")
 """Reasons for rejecting a view although the target was found in it."""
 
@@ -62,8 +69,27 @@ Rule = Callable[[Problem, Solution, VerdictLimits], Iterator[Finding]]
 def judge(problem: Problem, solution: Solution, limits: VerdictLimits = DEFAULT_VERDICT_LIMITS) -> Verdict:
     """The verdict: the solution's findings and those of the rules; accepted when X exists and none is an error."""
     rules = RULES if solution.mount_T_camera is not None else ()
-    findings = (*solution.findings, *(finding for rule in rules for finding in rule(problem, solution, limits)))
+    weighed = (weigh(finding, solution.uncertainty, limits) for finding in solution.findings)
+    findings = (*weighed, *(finding for rule in rules for finding in rule(problem, solution, limits)))
     return verdict_of(solution, findings, limits)
+
+
+def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimits) -> Finding:
+    """The finding with its severity lowered to what its effect on a mapped point deserves.
+
+    The uncertainty contains the effects (see `calibration.diagnosis.explain`). An effect within the rest of it, or far
+    below the tolerance, is information; one well below the tolerance a warning.
+    """
+    if finding.effect_mm is None or uncertainty is None:
+        return finding
+    expanded_mm = COVERAGE_FACTOR * uncertainty.point_mm
+    without_mm = float(np.sqrt(max(expanded_mm**2 - finding.effect_mm**2, 0.0)))
+    deserved: Severity = "error"
+    if finding.effect_mm <= limits.warning_share * limits.tolerance_mm:
+        deserved = "warning"
+    if finding.effect_mm <= max(without_mm, limits.negligible_share * limits.tolerance_mm):
+        deserved = "info"
+    return replace(finding, severity=min(finding.severity, deserved, key=("info", "warning", "error").index))
 
 
 def verdict_of(solution: Solution, findings: tuple[Finding, ...], limits: VerdictLimits) -> Verdict:
@@ -197,9 +223,25 @@ def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> It
         )
 
 
+def _leave_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
+    left_out = solution.leave_out
+    if left_out is not None and left_out.share > LIKELY:
+        yield Finding(
+            "leave-out-larger",
+            "info",
+            Sentence(
+                "leave-out-larger",
+                grouped_by=Sentence(f"grouped-by-{left_out.grouped_by}"),
+                times=float(np.sqrt(left_out.ratio)),
+                sigma_mm=left_out.point_mm,
+            ),
+            Sentence("check-shared-errors"),
+        )
+
+
 def _typical_base_error(solution: Solution) -> float | None:
     errors = [view.base_error_mm for view in solution.views if view.status != "rejected" and view.base_error_mm]
     return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
 
 
-RULES: tuple[Rule, ...] = (_contradiction, _point, _axes, _robot, _image, _rejections, _hold_out)
+RULES: tuple[Rule, ...] = (_contradiction, _point, _axes, _robot, _image, _rejections, _hold_out, _leave_out)

@@ -1,11 +1,13 @@
 """Adds the findings of the diagnosis to a solution: `diagnose_solution(problem, solution)`."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY, MAX_VIEWS, MIN_VIEWS, diagnose, evenly_spaced
+from calibration.diagnosis.effect import MappedPoint
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
 from calibration.diagnosis.findings import diagnosis_findings, lens_findings, with_comparison
 from calibration.diagnosis.fit import fit
@@ -19,7 +21,7 @@ from calibration.observations.reprojection import pixel_statistics
 from calibration.observations.view_poses import candidate_poses, refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import Problem
-from calibration.solution import Finding, Solution
+from calibration.solution import COVERAGE_FACTOR, Finding, Solution, Uncertainty
 from calibration.transforms import Array
 
 MAX_TRANSLATION_MM = 1e9
@@ -44,7 +46,18 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
         for finding in solution.findings
     )
     added = (finding for finding in found if SOLVER_FINDINGS.get(finding.code) not in known)
-    return replace(solution, findings=(*extended, *added)) if found else solution
+    if not found:
+        return solution
+    return replace(solution, findings=(*extended, *added), uncertainty=_widen(solution.uncertainty, found))
+
+
+def _widen(uncertainty: Uncertainty | None, findings: Sequence[Finding]) -> Uncertainty | None:
+    """The uncertainty with the effects of the findings counted, each as an expanded uncertainty (k = 2)."""
+    effects = [finding.effect_mm for finding in findings if finding.effect_mm]
+    if uncertainty is None or not effects or not uncertainty.point_mm > 0:
+        return uncertainty
+    more = float(np.sum(np.square(effects))) / (COVERAGE_FACTOR * uncertainty.point_mm) ** 2
+    return uncertainty.scaled(float(np.sqrt(1 + more)))
 
 
 def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSession) -> tuple[Finding, ...]:
@@ -53,15 +66,23 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     used = {view.index for view in solution.views if view.status != "rejected"}
     given = evidence_of(problem, seen, camera, poses)
     misfit = None if problem.camera is None else _lens_misfit(prepared, poses)
+    point = None if solution.mount_T_camera is None else MappedPoint.of(solution.mount_T_camera, camera, poses)
     if misfit is None:
-        return _diagnosis_findings(problem, given, used)
-    if not misfit.significant and not _diagnosis_findings(problem, given, used):
+        return _diagnosis_findings(problem, given, used, point)
+    if not misfit.significant and not _diagnosis_findings(problem, given, used, point):
         return ()
     drawn = replace(seen, points_mm=prepared.nominal_mm[seen.ids])
     fitting = evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
-    still_wrong = _diagnosis_findings(problem, fitting, used)
+    still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
-    return (*(lens_findings(misfit) if misfit.significant or not still_wrong else ()), *still_wrong)
+    lens = misfit.significant or not still_wrong
+    return (*(lens_findings(misfit, _agrees_better(fitting, given)) if lens else ()), *still_wrong)
+
+
+def _agrees_better(fitting: Evidence, given: Evidence) -> bool:
+    """Whether robot and images disagree by less, in mm or in degrees, with other intrinsics than with the given."""
+    with_others, with_given = fit(fitting), fit(given)
+    return bool(np.any(with_others.variances < with_given.variances))
 
 
 def _lens_misfit(prepared: PreparedSession, poses: Array) -> LensMisfit | None:
@@ -97,11 +118,13 @@ def _estimate_camera(problem: Problem) -> CameraModel | None:
         return None
 
 
-def _diagnosis_findings(problem: Problem, evidence: Evidence, used: set[int]) -> tuple[Finding, ...]:
+def _diagnosis_findings(
+    problem: Problem, evidence: Evidence, used: set[int], point: MappedPoint | None = None
+) -> tuple[Finding, ...]:
     evidence = evidence.take(np.max(np.abs(evidence.base_T_flange[:, :3, 3]), axis=1) < MAX_TRANSLATION_MM)
     if len(evidence) < MIN_VIEWS or not needs_diagnosis(evidence, fit(evidence)):
         return ()
     diagnosis = diagnose(evidence, problem.target.points_mm.mean(axis=0), len(problem.views))
     if diagnosis is None:
         return ()
-    return diagnosis_findings(diagnosis, used)
+    return diagnosis_findings(diagnosis, used, None if point is None else point.shift_mm(diagnosis.cause))

@@ -18,16 +18,23 @@ MAX_LENS_SHARE = 0.005
 """Largest shift of the target over its distance for a warning; more is an error (another camera or focus)."""
 
 
-def diagnosis_findings(diagnosis: Diagnosis, used: Set[int] = frozenset()) -> tuple[Finding, ...]:
-    """The diagnosis as a finding; `used`: indices of the views of the solution."""
+def diagnosis_findings(
+    diagnosis: Diagnosis, used: Set[int] = frozenset(), effect_mm: float | None = None
+) -> tuple[Finding, ...]:
+    """The diagnosis as a finding; `used`: indices of the views of the solution.
+
+    `effect_mm`: by how much a mapped point moves with the explanation, None where that is not known.
+    """
     cause = diagnosis.cause
     before, after = _lessened(diagnosis)
     comparison = Sentence("comparison", before=before, after=after)
+    if effect_mm is not None:
+        comparison = Sentence("comparison-moving", comparison=comparison, effect_mm=effect_mm)
     message = Sentence("explained", finding=cause.message, comparison=comparison)
     other = diagnosis.runner_up
     if other is not None and diagnosis.runner_up_gain > diagnosis.gain - MIN_LOG_LIKELIHOOD_GAIN:
         message = Sentence("explained-or", **message.params, other=other.message)
-    return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix),)
+    return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix, effect_mm),)
 
 
 def with_comparison(finding: Finding, diagnosed: Finding) -> Finding:
@@ -49,13 +56,18 @@ def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
     return "warning"
 
 
-def lens_findings(misfit: LensMisfit) -> tuple[Finding, ...]:
-    """The finding that the given intrinsics do not fit."""
+def lens_findings(misfit: LensMisfit, agrees_better: bool) -> tuple[Finding, ...]:
+    """The finding that the given intrinsics do not fit.
+
+    `agrees_better`: whether robot and images agree better with the others; if not, the target's shape or the light may
+    be what the pixels show.
+    """
     matrix = misfit.camera.matrix
+    severity: Severity = "error" if misfit.share > MAX_LENS_SHARE and agrees_better else "warning"
     return (
         Finding(
             "intrinsics-do-not-fit",
-            "error" if misfit.share > MAX_LENS_SHARE else "warning",
+            severity,
             Sentence(
                 "intrinsics-do-not-fit",
                 before_px=misfit.before_px,

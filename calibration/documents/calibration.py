@@ -13,7 +13,7 @@ from calibration.documents.version_1 import upgrade_calibration
 from calibration.problem import Setup
 from calibration.sentences.english import ENGLISH
 from calibration.sentences.sentence import Sentence, as_sentence
-from calibration.solution import COVERAGE_FACTOR, Finding, Noise, PointFrame, Solution, ViewResult
+from calibration.solution import COVERAGE_FACTOR, Finding, GroupedBy, Noise, PointFrame, Solution, ViewResult
 from calibration.transforms import Array
 from calibration.verdict import Verdict
 
@@ -50,12 +50,23 @@ class PointUncertaintyDocument(Document):
     expanded_mm: float
 
 
+class LeaveOutDocument(Document):
+    """Uncertainty of a mapped point by leaving out groups of views, beside the model's; see `solution.LeaveOut`."""
+
+    point_mm: float
+    ratio: float
+    redundancy: float
+    share: float
+    grouped_by: GroupedBy
+    groups: int
+
+
 class UncertaintyDocument(Document):
     """One standard deviation: of X's translation along the mount's axes, of its rotation about the camera's axes, of a
     mapped point (RMS over the working volume).
 
     `covariance`: of X @ exp(.), in `covariance_frame`, rows and columns in `covariance_order`. `points`: those that
-    matter. Null and empty in a calibration that was written as version 1.
+    matter. Null and empty in a calibration that was written as version 1. `leave_out`: null with few views.
     """
 
     translation_mm: Vector
@@ -66,6 +77,7 @@ class UncertaintyDocument(Document):
     covariance_order: tuple[str, str, str, str, str, str] = COVARIANCE_ORDER
     coverage_factor: float = COVERAGE_FACTOR
     points: tuple[PointUncertaintyDocument, ...] = ()
+    leave_out: LeaveOutDocument | None = None
 
     def matrix(self) -> Array | None:
         """The covariance (6, 6) of [rotation rad, translation mm], None in one written as version 1."""
@@ -136,12 +148,13 @@ class HoldOutDocument(Document):
 
 
 class FindingDocument(Document):
-    """Something a person should know."""
+    """Something a person should know. `effect_mm`: shift of a mapped point with the cause taken into account."""
 
     code: str
     severity: Literal["error", "warning", "info"]
     message: str
     fix: str
+    effect_mm: float | None = None
 
 
 class VerdictDocument(Document):
@@ -163,7 +176,7 @@ class CalibrationFindingDocument(FindingDocument):
         message, fix = as_sentence(finding.message), as_sentence(finding.fix)
         return cls(
             code=finding.code, severity=finding.severity, message=str(message), fix=str(fix), **message.pair(),
-            advice=SentenceDocument(**fix.pair()),
+            advice=SentenceDocument(**fix.pair()), effect_mm=finding.effect_mm,
         )  # fmt: skip
 
 
@@ -258,6 +271,7 @@ def _uncertainty(solution: Solution) -> dict[str, object] | None:
         "point_mm": solution.uncertainty.point_mm,
         "covariance": solution.uncertainty.covariance.tolist(),
         "points": [{**vars(point), "expanded_mm": point.expanded_mm} for point in solution.uncertainty.points],
+        "leave_out": solution.leave_out and vars(solution.leave_out),
     }
 
 

@@ -34,6 +34,8 @@ class BoundsDocument(Document):
     rejected_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.rejected_share
     hold_out_ratio: PositiveFloat = DEFAULT.hold_out_ratio
     possible_hold_out_mm: PositiveFloat = DEFAULT.possible_hold_out_mm
+    negligible_share: Annotated[float, Field(ge=0, le=1)] = DEFAULT.negligible_share
+    warning_share: Annotated[float, Field(ge=0, le=1)] = DEFAULT.warning_share
 
 
 class LimitsInForceDocument(BoundsDocument):

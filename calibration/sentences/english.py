@@ -23,6 +23,9 @@ FINDINGS = {
     "image-noise": "corners scatter by {image_px:.2g} px",
     "nothing-held-out": "three views leave none to check the others with",
     "hold-out-large": "views left out are missed by {hold_out_mm:.2g} mm, {expected_mm:.2g} mm was expected",
+    "leave-out-larger": "without a part of the views ({grouped_by}) a mapped point moves {times:.2g} times as"
+    " far as the noise explains: neighbouring views share an error. By them it is uncertain by {sigma_mm:.2g} mm (one"
+    " standard deviation); U contains this",
     # calibration/solver/findings.py
     "views-not-used": "{views:views} not used: {why}",
     "corners-left-out": "{corners} corners lie too far from where their view's others put them",
@@ -60,6 +63,7 @@ FINDINGS = {
     # calibration/diagnosis, planning/what_if.py
     "explained": "{finding}. {comparison}",
     "explained-or": "{finding}. {comparison}. Nearly as likely: {other}",
+    "comparison-moving": "{comparison}. With it a mapped point moves by {effect_mm:.2g} mm",
     "comparison": "Robot and images disagree by {before: and } as they came, by {after: and } with this explanation",
     "intrinsics-do-not-fit": "the given intrinsics leave {before_px:.3f} px where others leave {after_px:.3f} px"
     " (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}); they misplace the target by {percent:.2f} % of its"
@@ -132,6 +136,8 @@ ADVICE = {
     " pixel's corner, where (0, 0) is the middle of it here",
     "calibrate-camera-in-focus": "calibrate the camera as it is focused now, or leave the intrinsics out to have them"
     " estimated",
+    "check-shared-errors": "check intrinsics, light, focus and the target's flatness; views spread evenly over the"
+    " image help",
     "stay-near-work": "take the views near where the robot works, or have its geometry calibrated (absolute accuracy)",
     "check-these-poses": "check these poses for a typing error, an arm still moving, or a target that was moved",
     "use-each-pose-once": "use each pose once; if the arm had moved, the pose is stale: read it anew for every image",
@@ -189,6 +195,9 @@ VIEWS = {
 
 PARTS = {
     "as-written": "{sentence}",
+    "grouped-by-image": "grouped by the target's place in the image",
+    "grouped-by-pose": "grouped by their poses",
+    "grouped-by-view": "one after the other",
     "size-mm": "{value:.3g} mm",
     "size-deg": "{value:.2g} deg",
     "foreign-points": "points that it does not have (it has 0 to {last}) in {views}",

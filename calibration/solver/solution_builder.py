@@ -9,19 +9,20 @@ from numpy.typing import NDArray
 from calibration.errors import UndeterminedError
 from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.predicted_uncertainty import uncertainty_of, working_points_mm
+from calibration.likelihood.leave_groups_out import leave_groups_out
+from calibration.likelihood.predicted_uncertainty import point_weights, uncertainty_of, working_points_mm
 from calibration.observability import describe_axis, summarise_motion
 from calibration.observations.observations import Observations, UnusableReason, observe, scale_target
 from calibration.observations.reprojection import pixel_residuals
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import Problem
-from calibration.solution import Finding, Noise, Observability, PointResiduals, Solution, ViewResult
+from calibration.solution import Finding, LeaveOut, Noise, Observability, PointResiduals, Solution, ViewResult
 from calibration.solver.closed_form import solve_closed_form
 from calibration.solver.findings import method_findings, solver_findings
 from calibration.solver.initial_guess import InitialGuess
 from calibration.solver.view_outliers import Selection
-from calibration.transforms import Array, map_points
+from calibration.transforms import Array, map_points, transform
 
 
 def build_solution(
@@ -41,7 +42,11 @@ def build_solution(
         own_poses = refine_poses(real, best.camera, own_poses)
     centre = problem.target.points_mm.mean(axis=0, keepdims=True)
     distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
+    points_mm = working_points_mm(best.camera, distance_mm)
     covariance = best.step.covariance[:6, :6] if closed_form is None else closed_form.covariance
+    left_out = _leave_groups_out(best, own_poses, centre[0], points_mm) if closed_form is None else None
+    if left_out is not None:
+        covariance = left_out.inflation * covariance
     return Solution(
         setup=problem.setup,
         method=method,
@@ -49,13 +54,22 @@ def build_solution(
         anchor_T_target=best.chain.anchor_T_target,
         camera=best.camera,
         camera_source="given" if best.camera is problem.camera else "estimated",
-        uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, working_points_mm(best.camera, distance_mm)),
+        uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, points_mm),
         noise=_noise(best),
         views=_views(problem, prepared, selection, agreeing, own_poses),
         observability=_observability(problem, rows, best, covariance),
         hold_out=hold_out(rows.seen, best, own_poses) if closed_form is None else closed_form.hold_out,
         findings=findings,
+        leave_out=left_out,
     )
+
+
+def _leave_groups_out(best: Estimate, own_poses: Array, centre_mm: Array, points_mm: Array) -> LeaveOut | None:
+    """The uncertainty by leaving out views; None for few views, or a camera that cannot see its working volume."""
+    weights = point_weights(points_mm)
+    if not np.all(np.isfinite(weights)):
+        return None
+    return leave_groups_out(best, own_poses @ transform(np.eye(3), centre_mm), weights)
 
 
 def solution_without_x(problem: Problem, method: str, why: UndeterminedError) -> Solution:

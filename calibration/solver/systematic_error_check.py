@@ -19,6 +19,7 @@ from calibration.linear_algebra import covariance_of, squared_distances
 from calibration.observations.reprojection import INTRINSICS
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.solver.view_outliers import Selection
+from calibration.transforms import Array
 
 MIN_VIEWS, MIN_TREND_VIEWS = 5, 12
 """Least views for the principal point and for the trend, which has 36 coefficients."""
@@ -27,7 +28,14 @@ MIN_LOG_LIKELIHOOD_GAIN = 6.0
 """Least gain of log-likelihood for adopting a model; exceeded by chance in less than one of 400 sessions."""
 
 PRIOR_OFF_PROBABILITY = 0.1
-"""Prior probability that a given principal point is off."""
+"""Prior probability that a given principal point is off, and that a target's size is."""
+
+SIZE_SIGMA = 2e-3
+"""Standard deviation of a target's size that is off, as a share: printers and paper."""
+
+MIN_CENTRE_SIGMA_PX, MIN_CORNER_SIGMA_PX = 0.05, 0.02
+"""Least standard deviations per axis of a given principal point, and of a corner from its place about the target's
+middle, alike in all views: light, lens and detector shift corners by as much."""
 
 MIN_FIRST_LOG_RATIO = -6.0
 """Log-likelihood difference, at the noise levels of the exact-camera model, below which the model with a shifted
@@ -92,30 +100,75 @@ def with_systematic_errors(prepared: PreparedSession, errors: SystematicErrors) 
     return replace(prepared, free=free, systematic_errors=errors)
 
 
-def widen_by_centre_error(prepared: PreparedSession, selection: Selection, models: Models) -> Selection:
-    """The same X with its covariance widened by the posterior probability that the given principal point is off.
+def widen_by_shared_errors(
+    prepared: PreparedSession, selection: Selection, wider: AugmentedModel, models: Models
+) -> Selection:
+    """The same X with its covariance widened by the errors that all views may share though none is significant.
 
-    Probability and shift of X follow from PRIOR_OFF_PROBABILITY and the data, so that the uncertainty also holds where
-    the data do not decide. X itself is changed only by significant errors.
+    For the given principal point and for the target's size, each by its posterior probability to be off, and for the
+    errors of both that are never zero. Probability and shift of X follow from the priors and the data, so that the
+    uncertainty also holds where the data do not decide. X itself is changed only by significant errors. `wider` is the
+    model behind `models`.
     """
-    best, trend = selection.best, prepared.systematic_errors.trend
-    if prepared.systematic_errors.given_camera is not None or CENTRE_OFF not in models:
-        return selection
-    trend = trend and TREND in models  # rejected views may leave too few for a trend
-    exact_model, off_model = (models[TREND], _both(models)) if trend else (models[NEITHER], models[CENTRE_OFF])
-    at_first_sight = restricted_log_likelihood(off_model, best.variances) - restricted_log_likelihood(
-        exact_model, best.variances
-    )
+    best, errors = selection.best, prepared.systematic_errors
+    errors = replace(errors, trend=errors.trend and TREND in models)  # rejected views may leave too few for a trend
+    exact = errors.apply(wider.restrict_to(best.free), best.free, best.camera, best.chain.base_T_flange)
+    more = np.zeros((12, 12))
+    if errors.given_camera is None and CENTRE_OFF in models:
+        more += _variance_if_off(exact, _both(models) if errors.trend else models[CENTRE_OFF], best.variances)
+    if len(exact.count) >= MIN_VIEWS and not best.free[INTRINSICS]:
+        more += _variance_if_off(exact, _with_prior_errors(errors, wider, SIZE_SIGMA), best.variances)
+        centre_sigma_px = MIN_CENTRE_SIGMA_PX if errors.given_camera is None and CENTRE_OFF in models else 0.0
+        small = MIN_CORNER_SIGMA_PX / _corner_radius_px(prepared)
+        more += _variance_of(_with_prior_errors(errors, wider, small, centre_sigma_px), exact, best.variances)
+    covariance = best.step.covariance.copy()
+    covariance[:12, :12] += more
+    return replace(selection, best=replace(best, step=replace(best.step, covariance=covariance)))
+
+
+def _variance_if_off(exact_model: MixedModel, off_model: MixedModel, variances: Variances) -> Array:
+    """What an error adds to the covariance (12, 12) of X and the target's pose, by its posterior probability."""
+    at_first_sight = restricted_log_likelihood(off_model, variances) - restricted_log_likelihood(exact_model, variances)
     if at_first_sight < MIN_FIRST_LOG_RATIO:
-        return selection
-    exact, off = (marginalise(model, estimate_variances(model, best.variances)) for model in (exact_model, off_model))
+        return np.zeros((12, 12))
+    exact, off = (marginalise(model, estimate_variances(model, variances)) for model in (exact_model, off_model))
     odds = np.log(PRIOR_OFF_PROBABILITY / (1 - PRIOR_OFF_PROBABILITY)) + off.log_evidence - exact.log_evidence
     share = float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
     shift = off.b[:12] - exact.b[:12]
-    wider = off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift)
-    covariance = best.step.covariance.copy()
-    covariance[:12, :12] += share * wider
-    return replace(selection, best=replace(best, step=replace(best.step, covariance=covariance)))
+    return np.asarray(share * (off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift)))
+
+
+def _with_prior_errors(
+    errors: SystematicErrors, wider: AugmentedModel, size_sigma: float, centre_sigma_px: float = 0.0
+) -> MixedModel:
+    """The model with these errors, an unknown size of the target, and an unknown principal point with a level above 0.
+
+    Both are about the described ones, with priors of these standard deviations.
+    """
+    best, free = wider.best, wider.best.free.copy()
+    free[INTRINSICS] = True
+    if centre_sigma_px:
+        free[list(CENTRE_INDICES)] = True
+    model = wider.restrict_to(free)
+    known = model.prior_information.copy()
+    if centre_sigma_px:
+        known[12 + np.flatnonzero(np.isin(np.flatnonzero(free), CENTRE_INDICES))] = 1 / centre_sigma_px**2
+    known[-1] = 1 / size_sigma**2
+    return errors.apply(replace(model, prior_information=known), free, best.camera, best.chain.base_T_flange)
+
+
+def _variance_of(off_model: MixedModel, exact_model: MixedModel, variances: Variances) -> Array:
+    """What a certain error adds to the covariance (12, 12) of X and the target's pose, at these noise levels."""
+    exact, off = solve(exact_model, variances), solve(off_model, variances)
+    shift = off.b[:12] - exact.b[:12]
+    return np.asarray(off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift))
+
+
+def _corner_radius_px(prepared: PreparedSession) -> float:
+    """RMS distance per axis of the target's corners from their middle, in px, at the median distance."""
+    spread = float(np.sqrt(np.mean(np.var(prepared.nominal_mm[:, :2], axis=0))))
+    distance = float(np.median(np.linalg.norm(prepared.camera_T_target[:, :3, 3], axis=1)))
+    return spread / distance * float(prepared.camera.matrix[0, 0])
 
 
 def _both(models: Models) -> MixedModel:

@@ -11,10 +11,12 @@ import numpy as np
 import scipy
 
 from calibration.likelihood.augmented_model import AugmentedModel
+from calibration.likelihood.cross_validation import hold_out
 from calibration.likelihood.mixed_model import solve
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.observations.reprojection import INTRINSICS
 from calibration.preprocessing.prepare import PreparedSession
+from calibration.solver.view_outliers import Selection
 from calibration.transforms import Array
 
 MIN_VIEWS = 6
@@ -22,12 +24,18 @@ FALSE_ALARM_PROBABILITY = 1e-5
 MIN_SCALE_ERROR = 2e-4
 """Scale errors below it are ignored; paper changes by as much with humidity."""
 
+PRINT_SCALE_SIGMA = 0.01
+"""Half-width of the prior of a print's scale error (Cauchy's): printers and paper make a per cent, a slip any error."""
+
 MAX_SCALE_ERROR = 0.5
 """A scale error above it is a wrong unit of the robot or the target, not a printing error."""
 
 
 def scale_error(wider: AugmentedModel) -> float:
-    """Share by which the target is larger than described (negative: smaller); 0 when it is not significant."""
+    """Share by which the target is larger than described (negative: smaller); 0 when it is not significant.
+
+    The further a share is beyond what prints can be, the stronger its evidence has to be.
+    """
     best, views = wider.best, len(wider.model.count)
     if views < MIN_VIEWS or best.free[INTRINSICS]:
         return 0.0
@@ -37,8 +45,22 @@ def scale_error(wider: AugmentedModel) -> float:
     # A wrong scale inflates the robot's noise, so the noise is estimated again with the scale free.
     step = solve(model, estimate_variances(model, best.variances))
     share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
-    significant = abs(share) > deviation * float(scipy.stats.t.isf(FALSE_ALARM_PROBABILITY / 2, 3 * views - 7))
+    probability = FALSE_ALARM_PROBABILITY / (1 + (share / PRINT_SCALE_SIGMA) ** 2)
+    significant = abs(share) > deviation * float(scipy.stats.t.isf(probability / 2, 3 * views - 7))
     return share if significant and MIN_SCALE_ERROR < abs(share) < MAX_SCALE_ERROR else 0.0
+
+
+def predicts_better(scaled: PreparedSession, with_it: Selection, prepared: PreparedSession, without: Selection) -> bool:
+    """Whether views left out are predicted better with the scale than without, in pixels.
+
+    Not in millimetres: a smaller target lessens those by itself.
+    """
+    after, before = (
+        hold_out(session.take(chosen.used).seen, chosen.best, session.take(chosen.used).camera_T_target)
+        for session, chosen in ((scaled, with_it), (prepared, without))
+    )
+    after_px, before_px = (None if found is None else found.reprojection_px for found in (after, before))
+    return after_px is not None and before_px is not None and after_px < before_px
 
 
 def with_scale(prepared: PreparedSession, share: float) -> PreparedSession:

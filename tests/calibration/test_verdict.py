@@ -5,9 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.solution import Finding, HoldOut, Noise, PointUncertainty, Solution, Uncertainty
+from calibration.solution import (
+    Finding,
+    HoldOut,
+    LeaveOut,
+    Noise,
+    PointUncertainty,
+    Severity,
+    Solution,
+    Uncertainty,
+)
 from calibration.solve import solve_hand_eye
-from calibration.verdict import VerdictLimits, judge
+from calibration.verdict import VerdictLimits, judge, weigh
 from tests.simulated.spoiled_sessions import cell
 
 GOOD = cell(21, 10)
@@ -86,3 +95,35 @@ def test_a_stated_tolerance_decides(sigma_mm: float, tolerance_mm: float | None,
     verdict = judge(GOOD.problem, uncertain(sigma_mm), limits)
     assert (verdict.accepted, bool(verdict.findings)) == (accepted, warned)
     assert verdict.limits is limits
+
+
+@pytest.mark.parametrize(
+    ("effect_mm", "expanded_mm", "given", "severity"),
+    [
+        (None, 1.0, "error", "error"),
+        (0.19, 0.19, "error", "info"),
+        (0.21, 0.21, "error", "warning"),
+        (0.21, 1.0, "error", "info"),
+        (0.9, 0.95, "error", "warning"),
+        (1.1, 1.1, "error", "error"),
+        (1.1, 2.0, "error", "info"),
+        (1.1, 1.1, "warning", "warning"),
+        (0.0, 0.1, "warning", "info"),
+    ],
+)
+def test_a_finding_weighs_its_effect_beside_tolerance_and_uncertainty(
+    effect_mm: float | None, expanded_mm: float, given: Severity, severity: Severity
+) -> None:
+    """The tolerance is 4 mm; U contains the effect."""
+    uncertainty = Uncertainty(np.ones(3), np.ones(3), expanded_mm / 2, np.eye(6), uncertain(0.1).uncertainty.points)  # type: ignore[union-attr]
+    found = weigh(Finding("x", given, "what", "fix", effect_mm), uncertainty, VerdictLimits())
+    assert found.severity == severity
+
+
+def test_the_verdict_says_when_leaving_views_out_parts_from_the_model() -> None:
+    parted = LeaveOut(0.8, 4.0, 6.0, 0.9, "image", 4)
+    said = [f for f in judge(GOOD.problem, replace(SOLVED, leave_out=parted)).findings if f.code == "leave-out-larger"]
+    assert [finding.severity for finding in said] == ["info"] and "2 times as far" in said[0].message
+    agreeing = replace(parted, ratio=1.1, share=0.1)
+    codes = [finding.code for finding in judge(GOOD.problem, replace(SOLVED, leave_out=agreeing)).findings]
+    assert "leave-out-larger" not in codes
