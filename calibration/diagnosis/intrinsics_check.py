@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from calibration.camera import CameraModel
+from calibration.camera import BROWN, CameraModel
 from calibration.diagnosis.evidence import pixel_deviation
 from calibration.intrinsics.bundle_adjustment import adjust
 from calibration.linear_algebra import scaled_pseudo_inverse, scaled_solve
 from calibration.observations.observations import Observations
-from calibration.observations.reprojection import INTRINSICS, pixel_statistics
+from calibration.observations.reprojection import INTRINSICS, RATIONAL_INTRINSICS, pixel_statistics
 from calibration.observations.view_poses import refine_poses
 from calibration.transforms import Array
 
@@ -57,7 +57,7 @@ def lens_misfit(
     few, poses = seen.take(rows), camera_T_target[rows]
     if _step_p_value(few, camera, poses) > max_p_value:
         return None
-    found = adjust(few, camera, poses, np.ones(INTRINSICS, bool))
+    found = adjust(few, camera, poses, np.ones(RATIONAL_INTRINSICS, bool), _expected_lens(camera))
     before = pixel_deviation(pixel_statistics(few, camera, poses))
     after = pixel_deviation(pixel_statistics(few, found.camera, found.poses))
     by_chance = _p_value(few, before**2, after**2)
@@ -70,6 +70,12 @@ def lens_misfit(
     focal_sigma = float(np.sqrt(found.covariance[0, 0]) / found.camera.matrix[0, 0])
     significant = share > max(MIN_REPORTED_SHARE, focal_sigma) or before > MIN_REPORTED_RATIO * after
     return LensMisfit(found.camera, moved, before, after, share, significant)
+
+
+def _expected_lens(camera: CameraModel) -> Array | None:
+    """The given coefficients, when they are not Brown's: those of rational lenses may be of any size."""
+    brown = camera.lens_model == "pinhole" and len(camera.distortion) <= BROWN
+    return None if brown else camera.distortion
 
 
 def _step_p_value(seen: Observations, camera: CameraModel, poses: Array) -> float:

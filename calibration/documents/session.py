@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from calibration.camera import CameraModel
+from calibration.camera import BROWN, COEFFICIENT_COUNTS, CameraModel, LensModel
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
@@ -16,14 +16,27 @@ Pixels = Annotated[int, Field(ge=16, le=65536)]
 
 
 class CameraDocument(Document):
-    """Pinhole and Brown distortion k1, k2, p1, p2, k3."""
+    """OpenCV's coefficients, in its order: 4, 5 (k1, k2, p1, p2, k3), 8, 12 or 14; k1 to k4 of a fisheye."""
 
     matrix: tuple[Vector, Vector, Vector]
-    distortion: tuple[float, float, float, float, float]
+    distortion: Annotated[list[float], Field(min_length=4, max_length=14)]
     image_size: tuple[Pixels, Pixels]
+    lens: LensModel = "pinhole"
+
+    @model_validator(mode="after")
+    def _coefficients_of_lens(self) -> "CameraDocument":
+        counts = COEFFICIENT_COUNTS[self.lens]
+        if len(self.distortion) not in counts:
+            known = ", ".join(map(str, counts))
+            raise ValueError(f"distortion has {len(self.distortion)} coefficients; a {self.lens} lens has {known}")
+        return self
 
     def camera(self) -> CameraModel:
-        return CameraModel(np.array(self.matrix), np.array(self.distortion), self.image_size)
+        """Four coefficients of a pinhole camera are k1, k2, p1, p2."""
+        distortion = np.array(self.distortion)
+        if self.lens == "pinhole" and len(distortion) < BROWN:
+            distortion = np.append(distortion, 0.0)
+        return CameraModel(np.array(self.matrix), distortion, self.image_size, self.lens)
 
     @classmethod
     def of(cls, camera: CameraModel) -> "CameraDocument":
@@ -32,6 +45,7 @@ class CameraDocument(Document):
                 "matrix": camera.matrix.tolist(),
                 "distortion": camera.distortion.tolist(),
                 "image_size": list(camera.image_size),
+                "lens": camera.lens_model,
             }
         )
 

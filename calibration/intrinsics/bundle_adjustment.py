@@ -11,21 +11,23 @@ from numpy.typing import NDArray
 from calibration.camera import CameraModel
 from calibration.linear_algebra import MIN_DETERMINED, RIDGE, scaled_pseudo_inverse, scaled_solve
 from calibration.observations.observations import Observations
-from calibration.observations.reprojection import INTRINSICS, pixel_statistics, with_intrinsics
+from calibration.observations.reprojection import RATIONAL_INTRINSICS, pixel_statistics, with_intrinsics
 from calibration.observations.view_poses import apply_pose_steps
 from calibration.transforms import Array
 
 CENTRE_SIGMA_OF_SIZE = 0.05
 """Prior of the principal point about the image's centre, per axis, as a share of the image's size."""
-LENS_SIGMA = (1.0, 3.0, 0.05, 0.05, 10.0)
-"""Prior of k1, k2, p1, p2, k3 about 0: the range of lenses that the model describes."""
+LENS_SIGMA = (1.0, 3.0, 0.05, 0.05, 10.0, 1.0, 3.0, 10.0)
+"""Prior of k1, k2, p1, p2, k3, k4, k5, k6: the range of lenses that the model describes."""
+FISHEYE_SIGMA = (1.0,) * 4
+"""Prior of a fisheye's k1 to k4."""
 MAX_ITERATIONS, COST_TOLERANCE = 60, 1e-10
 MAX_DAMPING = 1e8
 
 
 @dataclass(frozen=True, eq=False)
 class BundleFit:
-    """`poses` (n, 4, 4) camera_T_target; `covariance` (9, 9) of the intrinsics; `variance` of a pixel coordinate."""
+    """`poses` (n, 4, 4) camera_T_target; `covariance` (12, 12) of the intrinsics; `variance` of a pixel coordinate."""
 
     camera: CameraModel
     poses: Array
@@ -46,39 +48,65 @@ class _Normal:
     variance: float
 
 
-def adjust(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_]) -> BundleFit:
-    """Least-squares camera and poses, from initial `camera` and `poses` (n, 4, 4); `free` (9,) intrinsics change."""
+def adjust(
+    seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_], expected_lens: Array | None = None
+) -> BundleFit:
+    """Least-squares camera and poses, from initial `camera` and `poses` (n, 4, 4); `free` (12,) intrinsics change.
+
+    `expected_lens`: coefficients about which the lens's prior lies, by default 0.
+    """
     damping = 1e-3
-    normal = _normal(seen, camera, poses, free, 1.0)
+    free = free & camera_has(camera)
+    if expected_lens is None:
+        expected_lens = np.zeros(len(camera.distortion))
+    normal = _normal(seen, camera, poses, free, 1.0, expected_lens)
     for _ in range(MAX_ITERATIONS):
         step, pose_steps = _solve(normal, damping)
-        change = np.zeros(INTRINSICS)
+        change = np.zeros(RATIONAL_INTRINSICS)
         change[free] = step
         trial, trial_poses = with_intrinsics(camera, change), apply_pose_steps(poses, pose_steps)
         sane = np.all(np.isfinite(change)) and min(trial.matrix[0, 0], trial.matrix[1, 1]) > 0
-        there = _normal(seen, trial, trial_poses, free, normal.variance) if sane else None
+        there = _normal(seen, trial, trial_poses, free, normal.variance, expected_lens) if sane else None
         if there is not None and there.cost <= normal.cost:
             settled = normal.cost - there.cost <= COST_TOLERANCE * normal.cost
             camera, poses, damping = trial, trial_poses, max(damping * 0.1, 1e-12)
-            normal = _normal(seen, camera, poses, free, there.variance)
+            normal = _normal(seen, camera, poses, free, there.variance, expected_lens)
             if settled:
                 break
         elif damping > MAX_DAMPING:
             break
         else:
             damping *= 10.0
-    covariance = np.zeros((INTRINSICS, INTRINSICS))
+    covariance = np.zeros((RATIONAL_INTRINSICS, RATIONAL_INTRINSICS))
     covariance[np.ix_(free, free)] = normal.variance * np.linalg.pinv(_schur(normal, 0.0)[0], hermitian=True)
     return BundleFit(camera, poses, covariance, normal.variance)
 
 
-def _normal(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_], variance: float) -> _Normal:
+def predicted_gain(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_]) -> float:
+    """By how much a linear step of the `free` (12,) intrinsics and the poses would lower the cost, in variances."""
+    normal = _normal(seen, camera, poses, free & camera_has(camera), 1.0, np.zeros(len(camera.distortion)))
+    own, by_gradient, _ = _schur(normal, 0.0)
+    right = normal.gradient - np.einsum("nij,ni->j", normal.coupling, by_gradient)
+    return float(right @ scaled_pseudo_inverse(own, MIN_DETERMINED) @ right) / max(normal.variance, 1e-300)
+
+
+def camera_has(camera: CameraModel) -> NDArray[np.bool_]:
+    """Which of the 12 intrinsics the camera's lens has."""
+    return np.arange(RATIONAL_INTRINSICS) < 4 + len(camera.distortion)
+
+
+def _normal(
+    seen: Observations,
+    camera: CameraModel,
+    poses: Array,
+    free: NDArray[np.bool_],
+    variance: float,
+    expected_lens: Array,
+) -> _Normal:
     """The normal equations at a point. `variance` of a pixel coordinate weighs the prior against the pixels."""
-    sums = pixel_statistics(seen, camera, poses, free_intrinsics=True)
-    every = np.concatenate([np.ones(6, bool), free])
-    matrix = sums.normal[:, every][:, :, every]
-    gradient = sums.gradient[:, every]
-    weight, off = _prior(camera)
+    sums = pixel_statistics(seen, camera, poses, free_intrinsics=free)
+    matrix, gradient = sums.normal, sums.gradient
+    weight, off = _prior(camera, expected_lens)
     weight, off = variance * weight[free], off[free]
     square = float(sums.square.sum())
     redundancy = max(float(sums.count.sum()) - 6 * len(poses) - int(free.sum()), 1.0)
@@ -93,12 +121,16 @@ def _normal(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
     )
 
 
-def _prior(camera: CameraModel) -> tuple[Array, Array]:
-    """Inverse variances (9,) of the prior of the intrinsics, and the camera's deviations (9,) from its mean."""
+def _prior(camera: CameraModel, expected_lens: Array) -> tuple[Array, Array]:
+    """Inverse variances (12,) of the prior of the intrinsics, and the camera's deviations (12,) from its mean."""
     width, height = camera.image_size
-    sigma = np.array([CENTRE_SIGMA_OF_SIZE * width, CENTRE_SIGMA_OF_SIZE * height, *LENS_SIGMA])
-    centre = camera.matrix[:2, 2] - (np.array([width, height]) - 1) / 2
-    return np.concatenate([[0, 0], 1 / sigma**2]), np.concatenate([[0, 0], centre, camera.distortion])
+    lens = np.array(FISHEYE_SIGMA if camera.lens_model == "fisheye" else LENS_SIGMA)[: len(camera.distortion)]
+    count = 4 + len(lens)
+    weight, off = np.zeros(RATIONAL_INTRINSICS), np.zeros(RATIONAL_INTRINSICS)
+    weight[2:count] = 1 / np.array([CENTRE_SIGMA_OF_SIZE * width, CENTRE_SIGMA_OF_SIZE * height, *lens]) ** 2
+    off[2:4] = camera.matrix[:2, 2] - (np.array([width, height]) - 1) / 2
+    off[4:count] = (camera.distortion - expected_lens)[: len(lens)]
+    return weight, off
 
 
 def _schur(normal: _Normal, damping: float) -> tuple[Array, Array, Array]:

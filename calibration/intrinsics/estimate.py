@@ -1,22 +1,23 @@
 """Estimation of a camera's intrinsics from detections of one target.
 
-Lens coefficients that do not differ significantly from zero are set to zero, outlying views and points are left out,
-and views that do not determine the focal length are refused.
+Lens coefficients that do not differ significantly from zero are set to zero, the rational lens of eight coefficients
+is taken where the data support it, outlying views and points are left out, and views that do not determine the focal
+length are refused.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.errors import UndeterminedError
-from calibration.intrinsics.bundle_adjustment import BundleFit, adjust
+from calibration.intrinsics.bundle_adjustment import BundleFit, adjust, predicted_gain
 from calibration.intrinsics.zhang_init import initial_camera, plane_views
 from calibration.observations.observations import Observations, observe
-from calibration.observations.reprojection import INTRINSICS, pixel_residuals
-from calibration.observations.view_poses import candidate_poses
+from calibration.observations.reprojection import INTRINSICS, RATIONAL_INTRINSICS, pixel_residuals, pixel_statistics
+from calibration.observations.view_poses import candidate_poses, refine_poses
 from calibration.problem import Detection, Problem, View
 from calibration.sentences.sentence import Sentence
 from calibration.targets import Target
@@ -33,11 +34,15 @@ OUTLIER_VIEW_OF_MEDIAN, OUTLIER_POINT_SIGMA = 4.0, 6.0
 MIN_NOISE_PX = 0.03
 """Floor of the pixel noise in the outlier thresholds."""
 MAX_ROUNDS = 5
+EVERY = np.ones(RATIONAL_INTRINSICS, bool)
+MIN_VARIANCE_RATIO = 1.02
+"""Least ratio of the pixels' variances, in the views of the fit and in others, for eight lens coefficients."""
 
 
 @dataclass(frozen=True, eq=False)
 class CameraEstimate:
-    """`covariance` (9, 9) of fx fy cx cy k1 k2 p1 p2 k3, 0 where fixed at 0; `rms_px` per axis.
+    """`covariance` (9, 9) of fx fy cx cy k1 k2 p1 p2 k3, 0 where fixed at 0; (12, 12) with k4 k5 k6, where the lens has
+    them. `rms_px` per axis.
 
     `positions` (n,): indices of the detections used, with their `camera_T_target` (n, 4, 4) and `views_rms_px` (n,).
     """
@@ -61,8 +66,8 @@ def estimate_camera(target: Target, detections: Sequence[Detection], image_size:
     seen = seen.take(np.array([plane is not None for plane in planes], bool))
     _require_views(seen)
     camera = initial_camera([plane for plane in planes if plane is not None], image_size)
-    free = np.ones(INTRINSICS, bool)
-    free[6:] = False  # the first rounds only remove outliers; two radial coefficients suffice for that
+    free = np.zeros(RATIONAL_INTRINSICS, bool)
+    free[:6] = True  # the first rounds only remove outliers; two radial coefficients suffice for that
     for _ in range(MAX_ROUNDS):
         fit = _best_poses(seen, camera, free)
         camera, kept = fit.camera, _without_outliers(seen, fit)
@@ -70,8 +75,9 @@ def estimate_camera(target: Target, detections: Sequence[Detection], image_size:
             break
         seen = kept
         _require_views(seen)
-    free[6:] = True
-    fit = _without_insignificant(seen, _best_poses(seen, camera, free), free)
+    free[6:INTRINSICS] = True
+    whole = _best_poses(seen, camera, free)
+    fit = _rational(seen, whole) or _without_insignificant(seen, whole, free)
     _require_focal(fit)
     return _estimate(seen, fit)
 
@@ -96,6 +102,36 @@ def _best_poses(seen: Observations, camera: CameraModel, free: NDArray[np.bool_]
     return min(fit, again, key=lambda adjusted: adjusted.variance)
 
 
+def _rational(seen: Observations, brown: BundleFit) -> BundleFit | None:
+    """The fit with eight lens coefficients, when the data support it: by the Bayesian information criterion, by
+    MIN_VARIANCE_RATIO, and in predicting views that were left out. A linear step is tried first."""
+    count = 2 * float(np.count_nonzero(seen.weights))
+    needed = 3 * float(np.log(count))
+    start = _with_eight(brown.camera)
+    if predicted_gain(seen, start, brown.poses, EVERY) < needed:
+        return None
+    fit = adjust(seen, start, brown.poses, EVERY)
+    gain = count * float(np.log(max(brown.variance, 1e-300) / max(fit.variance, 1e-300)))
+    if gain < needed or brown.variance < MIN_VARIANCE_RATIO * fit.variance:
+        return None
+    halves = [np.arange(len(seen)) % 2 == half for half in range(2)]
+    errors = [_error_elsewhere(seen, brown, half, eight) for half in halves for eight in (False, True)]
+    return fit if errors[0] + errors[2] > MIN_VARIANCE_RATIO * (errors[1] + errors[3]) else None
+
+
+def _with_eight(camera: CameraModel) -> CameraModel:
+    return replace(camera, distortion=np.concatenate([camera.distortion, np.zeros(3)]))
+
+
+def _error_elsewhere(seen: Observations, brown: BundleFit, half: NDArray[np.bool_], eight: bool) -> float:
+    """Sum of squared residuals of the other views, whose poses alone are refined, by the lens of one `half` of them."""
+    start = _with_eight(brown.camera) if eight else brown.camera
+    there = adjust(seen.take(half), start, brown.poses[half], EVERY).camera
+    others = seen.take(~half)
+    poses = refine_poses(others, there, brown.poses[~half])
+    return float(pixel_statistics(others, there, poses).square.sum())
+
+
 def _without_insignificant(seen: Observations, fit: BundleFit, free: NDArray[np.bool_]) -> BundleFit:
     """The fit with every lens term fixed at zero that does not differ significantly from it; `free` is updated."""
     for term in LENS_TERMS.values():
@@ -103,8 +139,8 @@ def _without_insignificant(seen: Observations, fit: BundleFit, free: NDArray[np.
         values, block = fit.camera.distortion[np.array(index) - 4], fit.covariance[np.ix_(index, index)]
         if values @ np.linalg.pinv(block, hermitian=True) @ values < SIGNIFICANT_CHI2[len(index)]:
             free[index] = False
-            distortion = np.where(free[4:], fit.camera.distortion, 0.0)
-            without = CameraModel(fit.camera.matrix, distortion, fit.camera.image_size)
+            distortion = np.where(free[4:INTRINSICS], fit.camera.distortion, 0.0)
+            without = replace(fit.camera, distortion=distortion)
             fit = adjust(seen, without, fit.poses, free)
     return fit
 
@@ -129,4 +165,6 @@ def _estimate(seen: Observations, fit: BundleFit) -> CameraEstimate:
     residual = pixel_residuals(seen, fit.camera, fit.poses) * np.sqrt(seen.weights)[..., None]
     square, count = (residual**2).sum(axis=(1, 2)), 2 * seen.weights.sum(axis=1)
     rms_px = float(np.sqrt(square.sum() / count.sum()))
-    return CameraEstimate(fit.camera, fit.covariance, rms_px, seen.positions, fit.poses, np.sqrt(square / count))
+    known = 4 + len(fit.camera.distortion)
+    covariance = fit.covariance[:known, :known]
+    return CameraEstimate(fit.camera, covariance, rms_px, seen.positions, fit.poses, np.sqrt(square / count))

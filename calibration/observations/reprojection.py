@@ -1,13 +1,14 @@
 """Reprojection residuals and derivatives of all views, summed to one normal matrix for each view.
 
 Residuals are predicted minus measured pixels; their derivatives are by the view's pose (6: exp(.) @ camera_T_target,
-[rotation rad, translation mm]) and, when they are free, by the intrinsics (9: fx fy cx cy k1 k2 p1 p2 k3) and by the
-target's relative scale (1). `free_intrinsics` selects all, none, or some of them (9,).
+[rotation rad, translation mm]) and, when they are free, by the intrinsics (9: fx fy cx cy k1 k2 p1 p2 k3; 12 with k4 k5
+k6; of a fisheye k1 to k4 follow cy) and by the target's relative scale (1). `free_intrinsics` selects the 9, none, or
+some of them (9,) or (12,).
 All views are one padded batch, so that the number of array operations does not depend on the number of views.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from calibration.observations.observations import Observations
 from calibration.transforms import Array, map_points
 
 INTRINSICS = 9
+RATIONAL_INTRINSICS = 12
 MIN_DEPTH_MM = 1e-3
 """A point at or behind the camera is moved to this depth; its large residual then moves it back in front."""
 
@@ -91,20 +93,22 @@ def _columns(
     x, y, z = np.moveaxis(arms + camera_T_target[:, :3, 3:], 1, 0)
     z = np.maximum(z, MIN_DEPTH_MM)
     u, v = x / z, y / z
-    chosen = np.flatnonzero(np.broadcast_to(free_intrinsics, INTRINSICS))
+    chosen = np.flatnonzero(
+        np.broadcast_to(free_intrinsics, INTRINSICS) if free_intrinsics is True else free_intrinsics
+    )
     columns = np.empty((len(x), 6 + len(chosen) + free_scale + 1, 2, x.shape[1]))
     (fx, skew, cx), (_, fy, cy), _ = camera.matrix
-    xx, xy, yy = camera.distortion_slopes(u, v)
+    xx, xy, yx, yy = camera.lens.slopes(u, v)
     # With (a, b, c) = d pixel / d point, the derivative by a rotation of the point p is p × (a, b, c), by a shift it.
-    for row, (along_u, along_v) in enumerate(((fx * xx + skew * xy, fx * xy + skew * yy), (fy * xy, fy * yy))):
+    for row, (along_u, along_v) in enumerate(((fx * xx + skew * yx, fx * xy + skew * yy), (fy * yx, fy * yy))):
         a, b = along_u / z, along_v / z
         c = -(a * u + b * v)
         columns[:, 0, row] = y * c - z * b
         columns[:, 1, row] = z * a - x * c
         columns[:, 2, row] = x * b - y * a
         columns[:, 3, row], columns[:, 4, row], columns[:, 5, row] = a, b, c
-    along, across = camera.distort_components(u, v)
-    for column, slopes in enumerate(_by_intrinsics(chosen, (fx, fy), u, v, along, across), start=6):
+    along, across = camera.lens.distort(u, v)
+    for column, slopes in enumerate(_by_intrinsics(chosen, camera, u, v, along, across), start=6):
         columns[:, column, 0], columns[:, column, 1] = slopes
     if free_scale:
         columns[:, -2] = (columns[:, 3:6] * arms[:, :, None]).sum(axis=1)
@@ -121,23 +125,23 @@ def _clip_depth(points: Array) -> Array:
 
 
 def _by_intrinsics(
-    chosen: NDArray[np.intp], focal: tuple[float, float], x: Array, y: Array, along: Array, across: Array
+    chosen: NDArray[np.intp], camera: CameraModel, x: Array, y: Array, along: Array, across: Array
 ) -> Iterator[tuple[Array | float, Array | float]]:
     """Derivatives of both pixel coordinates by the `chosen` intrinsics, at ideal x, y and distorted along, across."""
-    fx, fy = focal
+    (fx, skew, _), (_, fy, _), _ = camera.matrix
     by_focal_and_centre = ((along, 0.0), (0.0, across), (1.0, 0.0), (0.0, 1.0))
-    yield from (by_focal_and_centre[which] for which in chosen if which < len(by_focal_and_centre))
-    if not np.any(chosen >= len(by_focal_and_centre)):
-        return
-    r2, xy2 = x * x + y * y, 2 * x * y
-    radial = {4: r2, 5: r2 * r2, 8: r2 * r2 * r2}
-    tangential = {6: (fx * xy2, fy * (r2 + 2 * y * y)), 7: (fx * (r2 + 2 * x * x), fy * xy2)}
-    for which in chosen[chosen >= len(by_focal_and_centre)].tolist():
-        yield tangential[which] if which in tangential else (fx * x * radial[which], fy * y * radial[which])
+    for which in chosen.tolist():
+        if which < len(by_focal_and_centre):
+            yield by_focal_and_centre[which]
+        else:
+            by_x, by_y = camera.lens.by_coefficient(which - len(by_focal_and_centre), x, y)
+            yield fx * by_x + skew * by_y, fy * by_y
 
 
 def with_intrinsics(camera: CameraModel, change: Array) -> CameraModel:
-    """The camera with `change` (9,) added to its intrinsics."""
-    matrix = camera.matrix.copy()
+    """The camera with `change` (9,) or (12,) added to its intrinsics, as far as its lens has them."""
+    matrix, distortion = camera.matrix.copy(), camera.distortion.copy()
     matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += change[:4]
-    return CameraModel(matrix, camera.distortion + change[4:], camera.image_size)
+    count = min(len(distortion), len(change) - 4)
+    distortion[:count] += change[4 : 4 + count]
+    return replace(camera, matrix=matrix, distortion=distortion)

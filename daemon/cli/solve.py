@@ -10,6 +10,7 @@ from daemon.cli.output import Json, print_error, progress_bar
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.session import CameraDocument
     from calibration.likelihood.mapped_points import NamedPoint
     from calibration.problem import Problem
     from calibration.solution import Solution
@@ -43,6 +44,14 @@ def solve(
     ] = None,
     radius_mm: Annotated[float | None, typer.Option(help="Radius of --artefact sphere.")] = None,
     rough: Annotated[Path | None, typer.Option(help="calibration.json with a rough X, for --artefact none.")] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Intrinsics to use: JSON with matrix, distortion (4, 5, 8, 12 or 14), image_size and"
+            ' "lens": "fisheye" (4); or a session.json or calibration.json.',
+        ),
+    ] = None,
     views: Annotated[bool, typer.Option("--views", help="Also print a table of the views, the worst first.")] = False,
     pictures: Annotated[
         Path | None,
@@ -70,6 +79,7 @@ def solve(
     """
     from calibration.errors import DocumentError
     from calibration.solve import METHODS
+    from daemon.cli.camera_file import read_camera
     from daemon.cli.solve_scan import check_options, solve_scan
     from registration.errors import RegistrationError
 
@@ -78,14 +88,16 @@ def solve(
             "--method", f"none is called {method!r}", f"one of {', '.join(METHODS)}", ExitStatus.UNREADABLE
         )
     check_options(artefact, radius_mm, rough, method)
-    if artefact is not None and pictures is not None:
-        raise CommandError("--pictures", "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
+    for name, given in (("--pictures", pictures), ("--camera", camera)):
+        if artefact is not None and given is not None:
+            raise CommandError(name, "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
+    intrinsics = None if camera is None else read_camera(camera)
     required = _requirement(tolerance, at)
     status = ExitStatus.OK
     for folder in folders:
         try:
             if artefact is None:
-                document, shown = _solve(folder, method, required)
+                document, shown = _solve(folder, method, required, intrinsics)
             else:
                 document, shown = solve_scan(folder, radius_mm, rough, required), None
         except (DocumentError, RegistrationError) as error:
@@ -118,7 +130,7 @@ def _requirement(tolerance_mm: float | None, at: Path | None) -> "Requirement":
 
 
 def _solve(
-    folder: Path, method: str, required: "Requirement"
+    folder: Path, method: str, required: "Requirement", camera: "CameraDocument | None"
 ) -> "tuple[CalibrationDocument, tuple[SessionFolder, Problem, Solution]]":
     from dataclasses import replace
 
@@ -133,6 +145,8 @@ def _solve(
     from daemon.sessions.session_reader import find_repeated_poses, load_problem, open_session
 
     clock, session = Clock(), open_session(folder)
+    if camera is not None:
+        session = replace(session, document=session.document.model_copy(update={"camera": camera}))
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
     if problem.in_space and method != "auto":

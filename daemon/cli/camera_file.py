@@ -1,0 +1,24 @@
+"""A file with a camera's intrinsics, for `solve --camera`."""
+
+import json
+from pathlib import Path
+
+from calibration.documents.session import CameraDocument
+from calibration.documents.validation import validate_document
+from calibration.errors import DocumentError, DocumentProblem
+from daemon.runtime.bounded_read import read_document
+
+
+def read_camera(file: Path) -> CameraDocument:
+    """The camera in a JSON file: by itself, or under `camera` as in session.json and calibration.json.
+
+    Raises DocumentError.
+    """
+    try:
+        data = json.loads(read_document(file))
+    except (ValueError, RecursionError) as error:
+        problem = DocumentProblem("document", f"not JSON ({error})", "give matrix, distortion and image_size as JSON")
+        raise DocumentError(str(file), [problem]) from None
+    if isinstance(data, dict) and isinstance(data.get("camera"), dict):
+        data = {key: value for key, value in data["camera"].items() if key != "source"}
+    return validate_document(CameraDocument, data, str(file))
