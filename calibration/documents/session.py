@@ -50,10 +50,10 @@ class CameraDocument(Document):
         )
 
 
-OBSERVATIONS = ("image", "corners_px", "points_mm", "camera_T_target")
+OBSERVATIONS = ("image", "corners_px", "cloud", "points_mm", "camera_T_target")
 """What a view may hold: a picture, or what another program has found in it or measured."""
 
-IN_SPACE = ("points_mm", "camera_T_target")
+IN_SPACE = ("cloud", "points_mm", "camera_T_target")
 """Those of them that need no intrinsics."""
 
 
@@ -62,6 +62,8 @@ class ViewDocument(Document):
 
     image : name of a file beside session.json.
     corners_px : [id, u, v] of the target's points in the image.
+    cloud : name of an organised cloud beside session.json, with an intensity and a point for every pixel.
+    unit : of the cloud's lengths; it is never guessed.
     points_mm : [id, x, y, z] of the target's points in the camera's frame.
     camera_T_target : the target's pose in the camera, mm.
     covariance : (6, 6) of camera_T_target, of [rotation vector rad, translation of the target's origin mm] along the
@@ -71,6 +73,8 @@ class ViewDocument(Document):
     base_T_flange: PoseDocument
     image: str | None = None
     corners_px: list[tuple[int, float, float]] | None = None
+    cloud: str | None = None
+    unit: Literal["m", "mm"] | None = None
     points_mm: list[tuple[int, float, float, float]] | None = None
     camera_T_target: PoseDocument | None = None
     covariance: list[list[float]] | None = None
@@ -79,6 +83,12 @@ class ViewDocument(Document):
     def _one_observation(self) -> "ViewDocument":
         if sum(getattr(self, name) is not None for name in OBSERVATIONS) != 1:
             raise ValueError(f"a view has one of {', '.join(map(repr, OBSERVATIONS))}")
+        return self
+
+    @model_validator(mode="after")
+    def _cloud_has_unit(self) -> "ViewDocument":
+        if (self.cloud is None) != (self.unit is None):
+            raise ValueError("a 'cloud' has a 'unit', m or mm")
         return self
 
     @model_validator(mode="after")

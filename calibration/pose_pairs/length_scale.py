@@ -6,17 +6,19 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from calibration.observations.measured_poses import require_unit
+from calibration.observations.measured_poses import MeasuredViews, require_unit
 from calibration.pose_pairs.independent_noise import PoseFit, fit_independent_noise
 from calibration.pose_pairs.noise_models import RANDOM_WALK, cameras_of
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.pose_pairs.session_findings import contradicts
-from calibration.transforms import inverse, vector_from_transform
 
 MIN_SCALE_VIEWS = 6
 SCALE_FALSE_ALARM_PROBABILITY = 1e-5
-USUAL_SCALE_ERROR, SCALE_OFF_PROBABILITY = 5e-3, 0.1
+USUAL_SCALE_ERROR, SCALE_OFF_PROBABILITY = 2e-3, 0.1
 """Prior of an error of the camera's lengths: one standard deviation, and the probability that there is one."""
+
+MIN_USUAL_SCALE_ERROR = 3e-4
+"""The same of a camera whose points are as far apart as those of the described target."""
 
 MIN_SCALE_ERROR = 2e-4
 """Errors of the camera's lengths below it are ignored."""
@@ -31,6 +33,13 @@ MIN_CELL_MM = 10.0
 
 UNIT_RATIOS = (1e-3, 0.1, 1 / 25.4, 1 / 39.37, 25.4, 39.37, 1e3)
 MAX_UNIT_ERROR = 0.15
+
+
+def usual_error_of(seen: MeasuredViews) -> float:
+    """One standard deviation of an error of the camera's lengths; measured points are compared with the target's."""
+    if seen.points_mm is None:
+        return USUAL_SCALE_ERROR
+    return min(max(abs(seen.size_ratio - 1), MIN_USUAL_SCALE_ERROR), USUAL_SCALE_ERROR)
 
 
 def require_units(pairs: PosePairs) -> None:
@@ -57,8 +66,13 @@ def _scatter(pairs: PosePairs) -> float:
     return float(np.median(np.linalg.norm(places - np.median(places, axis=0), axis=1))) + 1e-9
 
 
-def with_lengths(pairs: PosePairs, fitted: PoseFit, used: NDArray[np.bool_]) -> tuple[PosePairs, PoseFit]:
-    """The fit with the camera's lengths off by a factor where that is significant; else the mean with and without."""
+def with_lengths(
+    pairs: PosePairs, fitted: PoseFit, used: NDArray[np.bool_], usual_error: float
+) -> tuple[PosePairs, PoseFit]:
+    """The fit with the camera's lengths off by a factor where that is significant; else the mean with and without.
+
+    `usual_error`: one standard deviation of such an error, relative.
+    """
     views = int(used.sum())
     if views < MIN_SCALE_VIEWS:
         return pairs, fitted
@@ -72,35 +86,33 @@ def with_lengths(pairs: PosePairs, fitted: PoseFit, used: NDArray[np.bool_]) -> 
         return pairs, fitted
     share, deviation = float(np.log(scaled.chain.scale)), float(np.sqrt(scaled.covariance[12, 12]))
     limit = deviation * float(scipy.stats.t.isf(SCALE_FALSE_ALARM_PROBABILITY / 2, 3 * views - 7))
-    if contradicts(scaled) or abs(share) > MAX_SCALE_ERROR:
-        return pairs, fitted
     if abs(share) > max(limit, MIN_SCALE_ERROR):
-        return free, scaled
-    return pairs, _averaged(fitted, scaled, _probability_of(share, deviation, 3 * views - 7))
+        wrong = contradicts(scaled) or abs(share) > MAX_SCALE_ERROR
+        return (pairs, fitted) if wrong else (free, scaled)
+    return pairs, _averaged(fitted, scaled, usual_error, 3 * views - 7)
 
 
-def _probability_of(share: float, deviation: float, freedom: int) -> float:
-    """Posterior probability that the camera's lengths are off, by `share` with a standard deviation and its freedom.
+def _averaged(fitted: PoseFit, scaled: PoseFit, usual_error: float, freedom: int) -> PoseFit:
+    """The mean of the fit and of one with lengths off by `usual_error` (1 sigma), weighted by their probabilities."""
+    share, variance = float(np.log(scaled.chain.scale)), float(scaled.covariance[12, 12])
+    probability = _probability_of(share, variance, usual_error**2, freedom)
+    kept = usual_error**2 / (usual_error**2 + variance)  # what the prior leaves of the estimate
+    slope = scaled.covariance[:12, 12] / variance
+    shift = slope * share * kept
+    covariance = fitted.covariance[:12, :12] + probability * variance * kept * np.outer(slope, slope)
+    covariance += probability * (1 - probability) * np.outer(shift, shift)
+    moved = fitted.chain.apply_step(probability * shift)
+    chain = replace(moved, scale=float(np.exp(probability * share * kept)))
+    return replace(fitted, chain=chain, covariance=covariance)
+
+
+def _probability_of(share: float, variance: float, prior_variance: float, freedom: int) -> float:
+    """Posterior probability that the camera's lengths are off, by `share` with its variance and degrees of freedom.
 
     The ratio of both models' evidence is that of the prior to the posterior density at no error (Dickey 1971).
     """
-    spread = deviation**2 + USUAL_SCALE_ERROR**2
-    surprise = share**2 * (1 - deviation**2 / spread) / deviation**2
-    log_ratio = np.log(deviation) - 0.5 * np.log(spread) + 0.5 * (freedom + 1) * np.log1p(surprise / freedom)
+    total = variance + prior_variance
+    surprise = share**2 * prior_variance / total / variance
+    log_ratio = 0.5 * np.log(variance / total) + 0.5 * (freedom + 1) * np.log1p(surprise / freedom)
     odds = np.log(SCALE_OFF_PROBABILITY / (1 - SCALE_OFF_PROBABILITY)) + log_ratio
     return float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
-
-
-def _averaged(fitted: PoseFit, scaled: PoseFit, probability: float) -> PoseFit:
-    """The mean of both fits, weighted by the `probability` that the scaled one is right."""
-    apart = zip(
-        (fitted.chain.mount_T_camera, fitted.chain.anchor_T_target),
-        (scaled.chain.mount_T_camera, scaled.chain.anchor_T_target),
-        strict=True,
-    )
-    shift = np.concatenate([vector_from_transform(inverse(one) @ other) for one, other in apart])
-    covariance = (1 - probability) * fitted.covariance[:12, :12] + probability * scaled.covariance[:12, :12]
-    covariance += probability * (1 - probability) * np.outer(shift, shift)
-    moved = fitted.chain.apply_step(probability * shift)
-    chain = replace(moved, scale=scaled.chain.scale**probability)
-    return replace(fitted, chain=chain, covariance=covariance)

@@ -12,7 +12,7 @@ from calibration.observability import describe_axis, require_observable, summari
 from calibration.observations.measured_poses import MeasuredViews, measured_views, unusable_views
 from calibration.observations.observations import UnusableReason
 from calibration.pose_pairs.independent_noise import PoseFit, information_of
-from calibration.pose_pairs.length_scale import require_units, with_lengths
+from calibration.pose_pairs.length_scale import require_units, usual_error_of, with_lengths
 from calibration.pose_pairs.noise_models import RANDOM_WALK, sources_of
 from calibration.pose_pairs.noise_priors import LEVEL_PRIORS
 from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, linearise
@@ -53,7 +53,7 @@ def solve_measured_session(problem: Problem) -> MeasuredSolution:
     pairs = PosePairs(problem.setup, seen.base_T_flange, seen.camera_T_target, covariance=seen.covariance)
     require_units(pairs)
     fitted, used = fit_pose_pairs(pairs)
-    pairs, fitted = with_lengths(pairs, fitted, used)
+    pairs, fitted = with_lengths(pairs, fitted, used, usual_error_of(seen))
     at = linearise(pairs, fitted.chain)
     fit = _Residuals(pairs, at, information_of(at, fitted), used, fitted, problem.target.points_mm)
     return MeasuredSolution(

@@ -18,6 +18,7 @@ from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, MeasuredPoints, MeasuredPose, Measurement, Problem, View
 from calibration.targets import Target
 from daemon.runtime.bounded_read import read_document
+from daemon.sessions.cloud_views import view_of_cloud
 from daemon.sessions.other_target import explain_missing
 from daemon.sessions.session_files import SESSION_FILE, TAKE_AGAIN, ImageError, read_grey
 from daemon.sessions.view_detection import detect_in_file
@@ -57,7 +58,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     """Detect the target in every image, in up to 8 threads (OpenCV releases the GIL). Raises DocumentError."""
     document, target = session.document, session.document.described_target()
     if document.in_space:
-        return _problem_in_space(document, target)
+        return _problem_in_space(session, target, progress)
     camera = document.camera.camera() if document.camera else None
     expected = camera.image_size if camera else document.image_size
     seen: dict[int, tuple[View, tuple[int, int] | None]] = {}
@@ -89,12 +90,15 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     return Problem(document.setup, target, camera, expected, tuple(views))
 
 
-def _problem_in_space(document: SessionDocument, target: Target) -> Problem:
-    views = tuple(
-        View(index, view.base_T_flange.transform(), None, measured=_measurement(view))
-        for index, view in enumerate(document.views)
-    )
-    return Problem(document.setup, target, None, document.image_size or (0, 0), views, in_space=True)
+def _problem_in_space(session: SessionFolder, target: Target, progress: Progress) -> Problem:
+    document, views = session.document, []
+    for index, view in enumerate(document.views):
+        if view.cloud is not None:
+            views.append(view_of_cloud(session.path, target, index, view, document.image_size))
+            progress(index + 1, len(document.views))
+        else:
+            views.append(View(index, view.base_T_flange.transform(), None, measured=_measurement(view)))
+    return Problem(document.setup, target, None, document.image_size or (0, 0), tuple(views), in_space=True)
 
 
 def _measurement(view: ViewDocument) -> Measurement:
@@ -154,12 +158,12 @@ def _check_sizes(document: SessionDocument) -> list[DocumentProblem]:
 
 
 def _check_image_names(document: SessionDocument) -> list[DocumentProblem]:
-    """Image names stay within the session's folder."""
+    """Names of images and clouds stay within the session's folder."""
+    names = [(index, view.observation, view.image or view.cloud) for index, view in enumerate(document.views)]
     return [
-        DocumentProblem(f"views[{index}].image", f"'{view.image}' is outside the session's folder", "copy it there")
-        for index, view in enumerate(document.views)
-        if view.image is not None
-        and (PurePosixPath(view.image).is_absolute() or ".." in PurePosixPath(view.image).parts or "\0" in view.image)
+        DocumentProblem(f"views[{index}].{kind}", f"'{name}' is outside the session's folder", "copy it there")
+        for index, kind, name in names
+        if name is not None and (PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts or "\0" in name)
     ]
 
 
@@ -181,7 +185,8 @@ def _check_corners(document: SessionDocument) -> list[DocumentProblem]:
 
 def _check_observations(document: SessionDocument) -> list[DocumentProblem]:
     """All views hold the same kind of observation, and what those need is described."""
-    kinds = dict.fromkeys("image" if view.corners_px is not None else view.observation for view in document.views)
+    alike = {"corners_px": "image", "cloud": "points_mm"}
+    kinds = dict.fromkeys(alike.get(view.observation, view.observation) for view in document.views)
     problems = []
     if len(kinds) > 1:
         what = f"they hold {' and '.join(kinds)}"

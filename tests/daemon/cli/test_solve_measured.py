@@ -124,4 +124,4 @@ def test_options_for_images_are_refused(option: list[str], tmp_path: Path) -> No
 def test_the_examples_of_the_document_are_sessions() -> None:
     examples = re.findall(r"```json\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
     held = [SessionDocument.model_validate_json(example).views[0].observation for example in examples]
-    assert held == ["camera_T_target", "points_mm", "image"]
+    assert held == ["camera_T_target", "points_mm", "cloud", "image"]
