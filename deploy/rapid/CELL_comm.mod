@@ -4,8 +4,13 @@ MODULE CELL_comm
   CONST num CELL_HALF_FRAME := 0.5;
   CONST num CELL_IDLE := 10;
   CONST num CELL_PAYLOAD_MAX := 1012;
-  CONST num CELL_BUILD := 3;
+  CONST num CELL_BUILD := 4;
   CONST num CELL_STANDS := 0.01;
+  ! A sign of life of the motion task is this young (s); without one for this long another program runs there.
+  CONST num CELL_BEAT_MAX := 2;
+  CONST num CELL_FOREIGN := 5;
+  CONST num CELL_MINUTE := 60;
+  CONST num CELL_LONG := 4000000;
 
   VAR socketdev cell_server;
   ! Two sockets: the client is cell_peer{cell_who}, a waiting one is cell_peer{cell_other}.
@@ -20,6 +25,10 @@ MODULE CELL_comm
   VAR clock cell_looked;
   VAR clock cell_rung;
   VAR clock cell_sampled;
+  VAR clock cell_probed;
+  VAR clock cell_beaten;
+  VAR clock cell_told;
+  VAR clock cell_released;
 
   VAR bool cell_open := FALSE;
   VAR bool cell_has_guest := FALSE;
@@ -29,8 +38,10 @@ MODULE CELL_comm
   VAR bool cell_timed_out := FALSE;
   VAR bool cell_stored := FALSE;
   VAR bool cell_keep := FALSE;
-  VAR bool cell_held := FALSE;
+  VAR bool cell_silent := FALSE;
   VAR num cell_byte := 0;
+  VAR num cell_beat_seen := 0;
+  VAR num cell_fault := 0;
 
   ! The frame that is being received, and the answer that is being built.
   VAR rawbytes cell_rx;
@@ -78,6 +89,7 @@ MODULE CELL_comm
     ENDIF
     RETURN (high MOD 255) * 256 + low MOD 255;
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -105,6 +117,7 @@ MODULE CELL_comm
       RETURN -1;
     ENDTEST
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -114,6 +127,7 @@ MODULE CELL_comm
     UnpackRawBytes cell_rx, 13 + offset, value \IntX:=UINT;
     RETURN value;
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -122,6 +136,7 @@ MODULE CELL_comm
     UnpackRawBytes cell_rx, 13 + offset, value \Float4;
     RETURN value;
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -133,6 +148,7 @@ MODULE CELL_comm
     UnpackRawBytes cell_rx, 13 + offset + 2, next \IntX:=USINT;
     RETURN ((top MOD 128) <> 127) OR (next < 128);
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -145,6 +161,7 @@ MODULE CELL_comm
     IF DOutput(cell_do_error) = 1 RETURN CB_MOTION_ERROR;
     RETURN CB_WRONG_MODE;
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -160,16 +177,55 @@ MODULE CELL_comm
     IF (OpMode() <> OP_AUTO) OR (CSpeedOverride() < 100) flags := flags + 128;
     RETURN flags;
   ERROR
+    SkipWarn;
+    RAISE;
+  ENDFUNC
+
+  FUNC num cell_age(VAR clock watch)
+    ! Seconds since cell_zero. A clock overflows after 49 days and 17 hours: CELL_LONG then, and it begins anew.
+    RETURN ClkRead(watch);
+  ERROR
+    SkipWarn;
+    IF ERRNO = ERR_OVERFLOW THEN
+      cell_zero watch;
+      RETURN CELL_LONG;
+    ENDIF
+    RAISE;
+  ENDFUNC
+
+  PROC cell_zero(VAR clock watch)
+    ClkReset watch;
+    ClkStart watch;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  FUNC bool cell_ready()
+    ! Whether CELL_motion runs in the motion task, and not another program.
+    RETURN cell_age(cell_beaten) < CELL_BEAT_MAX;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDFUNC
+
+  FUNC string cell_own_address()
+    ! A virtual controller has no address of its own: GetSysInfo answers VC there.
+    IF cell_address <> "" RETURN cell_address;
+    IF RobOS() RETURN GetSysInfo(\LanIp);
+    RETURN "127.0.0.1";
+  ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
   FUNC num cell_t_ms()
-    IF ClkRead(cell_since_hello) >= 8000 THEN
-      ClkReset cell_since_hello;
-      ClkStart cell_since_hello;
+    IF cell_age(cell_since_hello) >= 8000 THEN
+      cell_zero cell_since_hello;
     ENDIF
-    RETURN Trunc(ClkRead(cell_since_hello) * 1000);
+    RETURN Trunc(cell_age(cell_since_hello) * 1000);
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -178,6 +234,7 @@ MODULE CELL_comm
     IF Abs(goal - start) <= best RETURN -1;
     RETURN Trunc(1000 * Abs(now - start) / Abs(goal - start));
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -204,6 +261,7 @@ MODULE CELL_comm
     IF part > 1000 part := 1000;
     RETURN part;
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -214,6 +272,7 @@ MODULE CELL_comm
     sum := sum + Abs(one.robax.rax_3 - other.robax.rax_3) + Abs(one.robax.rax_4 - other.robax.rax_4);
     RETURN sum + Abs(one.robax.rax_5 - other.robax.rax_5) + Abs(one.robax.rax_6 - other.robax.rax_6);
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
@@ -231,28 +290,21 @@ MODULE CELL_comm
     ENDFOR
     RETURN TRUE;
   ERROR
+    SkipWarn;
     RAISE;
   ENDFUNC
 
   PROC main()
     cell_reset;
-    IF cell_use_serial THEN
-      Open cell_device, cell_line \Bin;
-      ClearIOBuff cell_line;
-      WHILE TRUE DO
-        cell_serve;
-      ENDWHILE
-    ELSE
-      cell_listen;
-      WHILE TRUE DO
-        cell_accept;
-        IF cell_open cell_serve;
-        SocketClose cell_peer{cell_who};
-        cell_supervise;
-      ENDWHILE
-    ENDIF
+    WHILE TRUE DO
+      cell_run;
+      cell_begin_anew;
+    ENDWHILE
   ERROR
-    RAISE;
+    ! Whatever has failed, the link begins anew: this task never ends.
+    SkipWarn;
+    cell_fault := ERRNO;
+    TRYNEXT;
   UNDO
     cell_armed := FALSE;
     SocketClose cell_peer{1};
@@ -260,8 +312,50 @@ MODULE CELL_comm
     SocketClose cell_server;
   ENDPROC
 
+  PROC cell_run()
+    ! Serve clients until something fails.
+    IF cell_use_serial THEN
+      Open cell_device, cell_line \Bin;
+      ClearIOBuff cell_line;
+      WHILE TRUE DO
+        cell_serve;
+      ENDWHILE
+    ENDIF
+    cell_listen;
+    WHILE TRUE DO
+      cell_accept;
+      IF cell_open cell_serve;
+      SocketClose cell_peer{cell_who};
+      cell_supervise;
+    ENDWHILE
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  PROC cell_begin_anew()
+    ! The link has failed: address in use, network not there, plug pulled. Close everything, wait a second.
+    cell_halt CB_ABORTED;
+    cell_greeted := FALSE;
+    cell_watched := FALSE;
+    cell_has_guest := FALSE;
+    SocketClose cell_peer{1};
+    SocketClose cell_peer{2};
+    SocketClose cell_server;
+    IF cell_use_serial Close cell_line;
+    cell_tell "the link begins anew, error " + NumToStr(cell_fault, 0);
+    FOR i FROM 1 TO 10 DO
+      cell_supervise;
+      WaitTime 0.1;
+    ENDFOR
+  ERROR
+    SkipWarn;
+    TRYNEXT;
+  ENDPROC
+
   PROC cell_reset()
-    ! A PERS outlives a restart: reset everything.
+    ! A PERS outlives a restart: reset everything. A move that power or restart interrupted is held until it is dropped.
+    IF cell_moving OR cell_request cell_hold;
     cell_session := (cell_session MOD 65535) + 1;
     cell_armed := FALSE;
     cell_busy := FALSE;
@@ -271,18 +365,21 @@ MODULE CELL_comm
     cell_abort_status := CB_ABORTED;
     cell_abort := TRUE;
     cell_ring;
-    cell_held := IsStopMoveAct(\FromNonMoveTask);
     cell_last_seq := 0;
     cell_stored := FALSE;
     cell_greeted := FALSE;
     cell_watched := FALSE;
     cell_finished_seq := 0;
     cell_finished_status := CB_OK;
-    ClkReset cell_looked;
-    ClkStart cell_looked;
-    ClkReset cell_sampled;
-    ClkStart cell_sampled;
+    cell_zero cell_looked;
+    cell_zero cell_sampled;
+    cell_zero cell_probed;
+    cell_zero cell_beaten;
+    cell_zero cell_released;
+    cell_zero cell_rung;
+    cell_silent := FALSE;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -292,13 +389,10 @@ MODULE CELL_comm
     SocketClose cell_peer{2};
     cell_has_guest := FALSE;
     SocketCreate cell_server;
-    IF cell_address = "" THEN
-      SocketBind cell_server, GetSysInfo(\LanIp), cell_port;
-    ELSE
-      SocketBind cell_server, cell_address, cell_port;
-    ENDIF
+    SocketBind cell_server, cell_own_address(), cell_port;
     SocketListen cell_server;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -313,6 +407,7 @@ MODULE CELL_comm
     ENDIF
     SocketAccept cell_server, cell_peer{cell_who} \Time:=0.1;
   ERROR
+    SkipWarn;
     cell_open := FALSE;
     IF ERRNO = ERR_SOCK_TIMEOUT THEN
       TRYNEXT;
@@ -326,17 +421,15 @@ MODULE CELL_comm
     cell_greeted := FALSE;
     cell_stored := FALSE;
     ClearRawBytes cell_rx;
-    ClkReset cell_heard;
-    ClkStart cell_heard;
-    ClkReset cell_quiet;
-    ClkStart cell_quiet;
+    cell_zero cell_heard;
+    cell_zero cell_quiet;
     WHILE cell_open DO
       cell_step;
       cell_tick;
     ENDWHILE
     cell_halt CB_ABORTED;
   ERROR
-    cell_halt CB_ABORTED;
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -355,23 +448,30 @@ MODULE CELL_comm
       cell_take_socket missing;
     ENDIF
     IF cell_got > 0 THEN
-      ClkReset cell_quiet;
-      ClkStart cell_quiet;
+      cell_zero cell_quiet;
       cell_check_head;
-    ELSEIF cell_have > 0 AND ClkRead(cell_quiet) >= CELL_HALF_FRAME THEN
+    ELSEIF cell_have > 0 AND cell_age(cell_quiet) >= CELL_HALF_FRAME THEN
       cell_drop;
     ENDIF
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
   PROC cell_take_socket(num missing)
-    ! Never request more than has arrived, except one byte: a timeout then loses nothing.
-    VAR num count := 1;
+    ! Never request more than has arrived, except one byte now and then, which notices a closed connection.
+    VAR num count := 0;
     cell_got := 0;
     count := SocketPeek(cell_peer{cell_who});
     IF count > missing count := missing;
-    IF count < 1 count := 1;
+    IF count < 1 THEN
+      IF cell_age(cell_probed) < 0.5 THEN
+        WaitTime 0.01;
+        RETURN;
+      ENDIF
+      count := 1;
+    ENDIF
+    cell_zero cell_probed;
     cell_timed_out := FALSE;
     SocketReceive cell_peer{cell_who} \RawData:=cell_part \ReadNoOfBytes:=count \NoRecBytes:=cell_got \Time:=0.02;
     IF cell_timed_out cell_got := 0;
@@ -380,6 +480,7 @@ MODULE CELL_comm
       cell_have := cell_have + cell_got;
     ENDIF
   ERROR
+    SkipWarn;
     IF ERRNO = ERR_SOCK_TIMEOUT THEN
       cell_timed_out := TRUE;
       TRYNEXT;
@@ -404,6 +505,7 @@ MODULE CELL_comm
       ENDIF
     ENDWHILE
   ERROR
+    SkipWarn;
     IF ERRNO = ERR_DEV_MAXTIME THEN
       cell_timed_out := TRUE;
       TRYNEXT;
@@ -432,6 +534,7 @@ MODULE CELL_comm
       IF looking cell_shift;
     ENDWHILE
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -439,9 +542,9 @@ MODULE CELL_comm
     ! Incomplete frame or wrong sum: TCP closes, a serial line searches behind its first byte.
     cell_shift;
     IF cell_open cell_check_head;
-    ClkReset cell_quiet;
-    ClkStart cell_quiet;
+    cell_zero cell_quiet;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -452,6 +555,7 @@ MODULE CELL_comm
     ENDIF
     cell_cut 1;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -463,6 +567,7 @@ MODULE CELL_comm
     IF cell_have > count CopyRawBytes cell_rest, 1, cell_rx, 1 \NoOfBytes:=cell_have - count;
     cell_have := cell_have - count;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -479,8 +584,7 @@ MODULE CELL_comm
       cell_drop;
       RETURN;
     ENDIF
-    ClkReset cell_heard;
-    ClkStart cell_heard;
+    cell_zero cell_heard;
     cell_watched := TRUE;
     cell_judge;
     IF cell_open THEN
@@ -488,6 +592,7 @@ MODULE CELL_comm
       cell_check_head;
     ENDIF
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -544,6 +649,7 @@ MODULE CELL_comm
       IF NOT cell_use_serial cell_open := FALSE;
     ENDIF
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -555,6 +661,7 @@ MODULE CELL_comm
     cell_last_seq := cell_seq;
     cell_stored := TRUE;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -580,6 +687,7 @@ MODULE CELL_comm
       cell_halt CB_ABORTED;
     ENDTEST
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -596,8 +704,7 @@ MODULE CELL_comm
     cell_finished_seq := 0;
     cell_finished_status := CB_OK;
     cell_greeted := TRUE;
-    ClkReset cell_since_hello;
-    ClkStart cell_since_hello;
+    cell_zero cell_since_hello;
     cell_add_u16 1;
     cell_add_u16 15;
     cell_add_u16 cell_session;
@@ -605,6 +712,7 @@ MODULE CELL_comm
     cell_add_u16 1024;
     cell_add_u16 6;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -613,8 +721,9 @@ MODULE CELL_comm
     cell_busy := FALSE;
     WaitUntil DOutput(cell_do_running) = 0 OR (NOT cell_abort) \MaxTime:=1.5 \PollRate:=0.04;
   ERROR
+    SkipWarn;
     IF ERRNO = ERR_WAIT_MAXTIME THEN
-      cell_hold;
+      IF cell_moving OR cell_request cell_hold;
       TRYNEXT;
     ENDIF
     RAISE;
@@ -646,6 +755,7 @@ MODULE CELL_comm
     cell_add_u16 cell_flags();
     cell_add_u16 0;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -660,6 +770,7 @@ MODULE CELL_comm
     cell_add_float now.robax.rax_6;
     cell_add_extax now.extax;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -671,6 +782,7 @@ MODULE CELL_comm
     cell_add_u16 cell_progress();
     cell_add_u32 cell_t_ms();
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -685,10 +797,12 @@ MODULE CELL_comm
       RETURN;
     ENDIF
     against := cell_forbidden();
+    IF against = CB_OK AND (NOT cell_ready()) against := CB_WRONG_MODE;
     IF against = CB_OK AND cell_u16(0) <> cell_session against := CB_NOT_ARMED;
     cell_status := against;
     IF against = CB_OK cell_armed := TRUE;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -706,6 +820,8 @@ MODULE CELL_comm
     IF NOT cell_armed RETURN;
     cell_status := CB_BUSY;
     IF cell_busy OR cell_abort OR cell_held RETURN;
+    cell_status := CB_WRONG_MODE;
+    IF NOT cell_ready() RETURN;
     cell_read_goal;
     IF cell_status <> CB_OK RETURN;
     cell_goal := cell_asked;
@@ -720,6 +836,7 @@ MODULE CELL_comm
       cell_busy := TRUE;
     ENDIF
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -728,6 +845,7 @@ MODULE CELL_comm
     cell_status := cell_verdict;
   ERROR
     ! The motion task is late. A move refused here must not begin later.
+    SkipWarn;
     IF ERRNO = ERR_WAIT_MAXTIME THEN
       cell_armed := FALSE;
       cell_abort_status := CB_WRONG_MODE;
@@ -779,6 +897,7 @@ MODULE CELL_comm
     IF cell_asked.trans.z < cell_box_low.z OR cell_asked.trans.z > cell_box_high.z RETURN;
     cell_status := CB_OK;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -790,15 +909,16 @@ MODULE CELL_comm
       cell_ring;
     ENDIF
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
   PROC cell_ring()
     ! Trigger the trap of the motion task. An interrupt during a stop of that task is lost.
     cell_bell := 1 - cell_bell;
-    ClkReset cell_rung;
-    ClkStart cell_rung;
+    cell_zero cell_rung;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -806,6 +926,7 @@ MODULE CELL_comm
     cell_armed := FALSE;
     cell_stop reason;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -816,38 +937,68 @@ MODULE CELL_comm
       cell_busy := FALSE;
     ENDIF
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
   PROC cell_supervise()
-    ! Supervise the motion task: permission to move, running, abort answered.
+    ! Supervise the motion task: permission to move, running, abort answered. The motion task supervises this one.
+    cell_life := (cell_life MOD 1000000) + 1;
+    IF cell_beat <> cell_beat_seen THEN
+      cell_beat_seen := cell_beat;
+      cell_zero cell_beaten;
+    ENDIF
     IF (cell_armed OR cell_busy) AND cell_forbidden() <> CB_OK THEN
       cell_halt cell_forbidden();
       IF cell_busy cell_hold;
     ENDIF
     IF DOutput(cell_do_running) = 0 THEN
+      cell_zero cell_beaten;
       cell_take_over;
       RETURN;
     ENDIF
-    IF cell_abort AND ClkRead(cell_rung) >= 0.1 cell_ring;
+    IF cell_age(cell_beaten) >= CELL_FOREIGN THEN
+      cell_give_up;
+      RETURN;
+    ENDIF
+    IF cell_abort AND cell_age(cell_rung) >= 0.1 cell_ring;
     IF cell_held AND (NOT cell_abort) AND cell_forbidden() = CB_OK cell_release;
   ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  PROC cell_give_up()
+    ! Another program runs in the motion task: nothing of an old move is left, and that program must not be held.
+    cell_armed := FALSE;
+    IF cell_busy cell_note_stop;
+    cell_request := FALSE;
+    cell_moving := FALSE;
+    cell_abort := FALSE;
+    IF cell_held cell_release;
+  ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
   PROC cell_hold()
     ! Hold motion until a move is dropped: an interrupted one would continue at the next start, a late one would begin.
-    IF cell_held RETURN;
+    IF cell_held AND IsStopMoveAct(\FromNonMoveTask) RETURN;
     cell_held := TRUE;
     StopMove \AllMotionTasks;
   ERROR
+    SkipWarn;
     TRYNEXT;
   ENDPROC
 
   PROC cell_release()
-    StartMove \AllMotionTasks;
+    ! StartMove fails while the arm still brakes: tried again.
+    IF cell_age(cell_released) < 0.1 RETURN;
+    cell_zero cell_released;
+    IF IsStopMoveAct(\FromNonMoveTask) StartMove \AllMotionTasks;
     cell_held := FALSE;
   ERROR
+    SkipWarn;
     RETURN;
   ENDPROC
 
@@ -855,9 +1006,8 @@ MODULE CELL_comm
     ! The motion task is stopped and cannot report how its move ended: report it once the arm stands still.
     VAR jointtarget now;
     IF (NOT cell_busy) AND (NOT cell_moving) RETURN;
-    IF ClkRead(cell_sampled) < 0.1 RETURN;
-    ClkReset cell_sampled;
-    ClkStart cell_sampled;
+    IF cell_age(cell_sampled) < 0.1 RETURN;
+    cell_zero cell_sampled;
     now := CJointT(\TaskName:="T_ROB1");
     IF cell_apart(now, cell_seen) < CELL_STANDS THEN
       cell_moving := FALSE;
@@ -866,6 +1016,7 @@ MODULE CELL_comm
     ENDIF
     cell_seen := now;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -877,36 +1028,48 @@ MODULE CELL_comm
     cell_busy := FALSE;
     IF cell_greeted AND cell_open cell_announce;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
   PROC cell_tick()
     ! Periodic work: switches, silence, the end of a move, a second client.
     cell_supervise;
-    IF cell_watched AND ClkRead(cell_heard) >= CELL_HEARTBEAT THEN
+    IF cell_watched AND cell_age(cell_heard) >= CELL_HEARTBEAT THEN
       cell_watched := FALSE;
-      IF cell_armed OR cell_busy cell_tell "no sign of life from the PC for 2 s: stopped and disarmed";
+      IF cell_armed OR cell_busy cell_write "no sign of life from the PC for 2 s: stopped and disarmed";
       cell_halt CB_ABORTED;
     ENDIF
-    IF (NOT cell_use_serial) AND ClkRead(cell_heard) >= CELL_IDLE cell_open := FALSE;
+    IF (NOT cell_use_serial) AND cell_age(cell_heard) >= CELL_IDLE cell_open := FALSE;
     IF cell_busy AND cell_done AND (NOT cell_abort) THEN
       cell_note_end;
       IF cell_greeted cell_announce;
     ENDIF
     IF cell_use_serial RETURN;
-    IF ClkRead(cell_looked) >= 0.1 THEN
-      ClkReset cell_looked;
-      ClkStart cell_looked;
+    IF cell_age(cell_looked) >= 0.1 THEN
+      cell_zero cell_looked;
       cell_look_for_guest;
     ENDIF
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
   PROC cell_tell(string what)
-    ! Write to the event log of the controller.
+    ! Write to the event log of the controller, at most once a minute.
+    IF cell_silent AND cell_age(cell_told) < CELL_MINUTE RETURN;
+    cell_write what;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  PROC cell_write(string what)
+    cell_silent := TRUE;
+    cell_zero cell_told;
     ErrWrite \I, "handeyed", what;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -917,6 +1080,7 @@ MODULE CELL_comm
     cell_report;
     cell_send;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -928,9 +1092,9 @@ MODULE CELL_comm
     ENDIF
     cell_has_guest := TRUE;
     SocketAccept cell_server, cell_peer{cell_other} \Time:=0.001;
-    ClkReset cell_guest_since;
-    ClkStart cell_guest_since;
+    cell_zero cell_guest_since;
   ERROR
+    SkipWarn;
     IF ERRNO = ERR_SOCK_TIMEOUT THEN
       cell_has_guest := FALSE;
       RETURN;
@@ -942,7 +1106,7 @@ MODULE CELL_comm
     VAR num command := 0;
     VAR num seq := 0;
     VAR num got := 0;
-    IF ClkRead(cell_heard) >= CELL_HEARTBEAT THEN
+    IF cell_age(cell_heard) >= CELL_HEARTBEAT THEN
       cell_open := FALSE;
       RETURN;
     ENDIF
@@ -958,11 +1122,12 @@ MODULE CELL_comm
       SocketSend cell_peer{cell_other} \RawData:=cell_tx \NoOfBytes:=RawBytesLen(cell_tx);
       cell_has_guest := FALSE;
       SocketClose cell_peer{cell_other};
-    ELSEIF ClkRead(cell_guest_since) >= 1 THEN
+    ELSEIF cell_age(cell_guest_since) >= 1 THEN
       cell_has_guest := FALSE;
       SocketClose cell_peer{cell_other};
     ENDIF
   ERROR
+    SkipWarn;
     cell_has_guest := FALSE;
     SocketClose cell_peer{cell_other};
     RETURN;
@@ -974,6 +1139,7 @@ MODULE CELL_comm
     cell_status := CB_OK;
     cell_pos := 13;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -983,6 +1149,7 @@ MODULE CELL_comm
     cell_status := status;
     cell_send;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -990,6 +1157,7 @@ MODULE CELL_comm
     PackRawBytes value, cell_tx, cell_pos \IntX:=UINT;
     cell_pos := cell_pos + 2;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -997,6 +1165,7 @@ MODULE CELL_comm
     PackRawBytes value, cell_tx, cell_pos \IntX:=INT;
     cell_pos := cell_pos + 2;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -1004,6 +1173,7 @@ MODULE CELL_comm
     PackRawBytes value, cell_tx, cell_pos \IntX:=UDINT;
     cell_pos := cell_pos + 4;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -1011,6 +1181,7 @@ MODULE CELL_comm
     PackRawBytes value, cell_tx, cell_pos \Float4;
     cell_pos := cell_pos + 4;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -1022,6 +1193,7 @@ MODULE CELL_comm
     cell_add_float axes.eax_e;
     cell_add_float axes.eax_f;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -1037,6 +1209,7 @@ MODULE CELL_comm
     sum := cell_fletcher(cell_tx, cell_pos - 1);
     PackRawBytes sum, cell_tx, 11 \IntX:=UINT;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -1044,6 +1217,7 @@ MODULE CELL_comm
     cell_finish_frame;
     cell_put cell_tx;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -1054,6 +1228,7 @@ MODULE CELL_comm
       SocketSend cell_peer{cell_who} \RawData:=data \NoOfBytes:=RawBytesLen(data);
     ENDIF
   ERROR
+    SkipWarn;
     cell_open := FALSE;
     RETURN;
   ENDPROC

@@ -1,10 +1,22 @@
 MODULE CELL_motion
-  ! The motion task (T_ROB1): one move at a time, stopped by cell_abort when cell_bell changes.
+  ! The motion task (T_ROB1): one move at a time, stopped by cell_abort when cell_bell changes, and when the
+  ! communication task shows no life for CELL_WATCHES times CELL_WATCH_S.
+  CONST num CELL_WATCH_S := 0.25;
+  CONST num CELL_WATCHES := 4;
+
   VAR intnum cell_abort_intno;
+  VAR intnum cell_watch_intno;
+  VAR num cell_life_seen := 0;
+  VAR num cell_misses := 0;
 
   PROC main()
     ! No interrupt until the arm stands and the abort is answered: it would restart the wait again and again.
     IDelete cell_abort_intno;
+    IDelete cell_watch_intno;
+    CONNECT cell_watch_intno WITH cell_watch_trap;
+    ITimer CELL_WATCH_S, cell_watch_intno;
+    cell_misses := 0;
+    cell_beat := (cell_beat MOD 1000) + 1;
     ConfJ \On;
     ConfL \On;
     SingArea \Off;
@@ -28,6 +40,7 @@ MODULE CELL_motion
       cell_one_move;
     ENDWHILE
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
@@ -56,17 +69,33 @@ MODULE CELL_motion
     cell_done_status := CB_OK;
     cell_done := TRUE;
   ERROR
+    SkipWarn;
     RAISE;
   ENDPROC
 
   TRAP cell_abort_trap
-    IF cell_abort THEN
-      StopMove;
-      ClearPath;
-      StartMove;
+    ! ExitCycle stops the movement, clears the path and starts main again.
+    IF cell_abort ExitCycle;
+  ERROR
+    SkipWarn;
+    TRYNEXT;
+  ENDTRAP
+
+  TRAP cell_watch_trap
+    ! Show life to the communication task. When that one stands still, nobody could stop the move: end it here.
+    cell_beat := (cell_beat MOD 1000) + 1;
+    cell_misses := cell_misses + 1;
+    IF (NOT cell_moving) OR cell_life <> cell_life_seen cell_misses := 0;
+    cell_life_seen := cell_life;
+    IF cell_misses >= CELL_WATCHES THEN
+      cell_armed := FALSE;
+      IF NOT cell_abort cell_abort_status := CB_ABORTED;
+      cell_abort := TRUE;
+      ErrWrite \W, "handeyed", "the communication task shows no life: the move is ended";
       ExitCycle;
     ENDIF
   ERROR
-    RAISE;
+    SkipWarn;
+    TRYNEXT;
   ENDTRAP
 ENDMODULE

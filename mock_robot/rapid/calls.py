@@ -18,6 +18,10 @@ WRITABLE = {"var": ("var",), "pers": ("pers",), "inout": ("var", "pers")}
 def call(context: CompileContext, symbol: Routine | Builtin, node: Node) -> Evaluate:
     """What calls the routine or instruction of this node. Raises RapidProgramError."""
     given = _match_arguments(context, symbol, node)
+    if isinstance(symbol, Builtin):
+        for parameter, argument in zip(symbol.parameters, given, strict=True):
+            if argument is not None and parameter.name in symbol.left_out:
+                raise context.wrong(line_of(node), f"the mock does not do {symbol.name} \\{parameter.name}")
     makers = [
         _absent if argument is None else _maker(context, parameter, argument, node, isinstance(symbol, Routine))
         for parameter, argument in zip(symbol.parameters, given, strict=True)
@@ -29,7 +33,9 @@ def call(context: CompileContext, symbol: Routine | Builtin, node: Node) -> Eval
 
 def _builtin_call(symbol: Builtin, makers: list[Evaluate], task: Any) -> Evaluate:
     """Most arguments of most instructions are left out: only the others are made for each call."""
-    does, none = symbol.does, [None] * len(makers)
+    does = symbol.does
+    makers = [make for p, make in zip(symbol.parameters, makers, strict=True) if p.name not in symbol.left_out]
+    none: list[Any] = [None] * len(makers)
     given = [(place, make) for place, make in enumerate(makers) if make is not _absent]
 
     def run(frame: Frame) -> Any:
@@ -85,6 +91,7 @@ def _match_arguments(context: CompileContext, symbol: Routine | Builtin, node: N
     for unknown in options.keys() - {p.name for p in symbol.parameters if p.optional}:
         raise context.wrong(line_of(options[unknown]), f"{symbol.name} has no argument \\{unknown}")
     _require_one_alternative(context, symbol, options, node)
+    _require_order(context, symbol, node)
     queue = iter(required)
     return [_option(context, p, options.get(p.name)) if p.optional else next(queue) for p in symbol.parameters]
 
@@ -99,6 +106,22 @@ def _require_one_alternative(
                 both = f"\\{seen[parameter.alternative]} and \\{parameter.name}"
                 raise context.wrong(line_of(node), f"{symbol.name} takes one of {both}")
             seen[parameter.alternative] = parameter.name
+
+
+def _require_order(context: CompileContext, symbol: Routine | Builtin, node: Node) -> None:
+    """Options stand where the header has them, as a controller requires."""
+    arguments = parts(node, "arguments")
+    places = {parameter.name: place for place, parameter in enumerate(symbol.parameters)}
+    required = iter([place for place, parameter in enumerate(symbol.parameters) if not parameter.optional])
+    before = -1
+    for child in parts(arguments[0]) if arguments else []:
+        place = places[name(child, 0)] if child.data == "option" else next(required)
+        if place < before:
+            what = f"\\{word(child, 0)}" if child.data == "option" else symbol.parameters[place].name
+            raise context.wrong(
+                line_of(child), f"{symbol.name}: {what} comes before \\{symbol.parameters[before].name}"
+            )
+        before = place
 
 
 def _option(context: CompileContext, parameter: Parameter, node: Node | None) -> Argument | None:

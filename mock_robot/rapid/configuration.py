@@ -1,33 +1,72 @@
 """Reads a controller's configuration files: tasks and modules, signals and system outputs, serial ports."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from mock_robot.rapid.cfg_types import FACTORY_TASK, HEADERS, TASK_ARGUMENTS, attributes_of, signal_attribute
 from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.program import Source
 
 Instance = dict[str, str]
 _ATTRIBUTE = re.compile(r'-(\w+)(?:\s+("[^"]*"|[^\s"-][^\s"]*))?')
 TASK_TYPES = ("NORMAL", "STATIC", "SEMISTATIC")
+TRUST_LEVELS = ("None", "SysFail", "SysHalt", "SysStop")
+"""What an error of a task that is not NORMAL does: nothing, or all tasks stop. SysFail when none is given."""
 
 
-def instances(text: str) -> dict[str, list[Instance]]:
-    """Parse a .cfg by type: each instance maps attributes to values, "" for an attribute without one."""
-    found: dict[str, list[Instance]] = {}
-    section: list[Instance] = []
-    for line in text.replace("\r", "").replace("\\\n", " ").split("\n")[1:]:
-        if re.fullmatch(r"[A-Z_0-9]+:", line.strip()):
-            section = found.setdefault(line.strip()[:-1], [])
-        elif line.strip().startswith("-"):
-            section.append({key: value.strip('"') for key, value in _ATTRIBUTE.findall(line)})
-    return found
+@dataclass(frozen=True)
+class Fragments:
+    """The configuration files for one RobotWare, 6 or 7, in their own folder beside the modules."""
+
+    modules: Path
+    robotware: int
+
+    def read(self, domain: str) -> dict[str, list[Instance]]:
+        """Instances of `domain`.cfg by type; {} for a domain without file.
+
+        Raises RapidProgramError for a header, type or attribute that no export of this RobotWare has.
+        """
+        path = self.modules / f"rw{self.robotware}" / f"{domain}.cfg"
+        if not path.exists():
+            return {}
+        lines = path.read_text("ascii").replace("\r", "").split("\n")
+        if lines[0] not in HEADERS.get((domain, self.robotware), ()):
+            raise RapidProgramError(path.name, 1, f"{lines[0]} is no header of RobotWare {self.robotware}")
+        found: dict[str, list[Instance]] = {}
+        for line, kind, instance in _instances(lines):
+            known = attributes_of(domain, kind, self.robotware)
+            if known is None:
+                raise RapidProgramError(path.name, line, f"no type of {domain} is named {kind}")
+            if unknown := sorted(instance.keys() - known):
+                raise RapidProgramError(path.name, line, f"{kind} has no attribute {', '.join(unknown)}")
+            found.setdefault(kind, []).append(instance)
+        return found
+
+    def text(self, module: str) -> str:
+        """Text of a module's file."""
+        return (self.modules / module).read_text("ascii")
+
+
+def _instances(lines: list[str]) -> Iterator[tuple[int, str, Instance]]:
+    """Line, type and attributes of each instance; "" for an attribute without a value."""
+    kind, number, instance = "", 0, ""
+    for at, raw in enumerate(lines[1:], 2):
+        line = raw.strip()
+        if re.fullmatch(r"[A-Z_0-9]+:", line):
+            kind = line[:-1]
+        elif instance or line.startswith("-"):
+            number = number or at
+            instance += line.removesuffix("\\") + " "
+            if not line.endswith("\\"):
+                yield number, kind, {key: value.strip('"') for key, value in _ATTRIBUTE.findall(instance)}
+                number, instance = 0, ""
 
 
 @dataclass(frozen=True)
 class TaskPlan:
-    """A task declared in SYS.cfg, and its modules, shared ones first."""
+    """A task of the controller, and its modules, shared ones first."""
 
     name: str
     motion: bool
@@ -36,42 +75,54 @@ class TaskPlan:
     sources: tuple[Source, ...]
 
 
-def task_plans(folder: Path) -> list[TaskPlan]:
-    """Tasks of SYS.cfg, with the text of their modules from the same folder."""
-    system = instances((folder / "SYS.cfg").read_text("ascii"))
+def task_plans(fragments: Fragments) -> list[TaskPlan]:
+    """The controller's own motion task and those of SYS.cfg, with the text of their modules."""
+    system = fragments.read("SYS")
     modules = system.get("CAB_TASK_MODULES", [])
-    plans = []
-    for task in system.get("CAB_TASKS", []):
-        if task.get("Type") not in TASK_TYPES:
-            raise RapidProgramError("SYS.cfg", 0, f"{task.get('Name')}: Type is one of {', '.join(TASK_TYPES)}")
-        own = [m for m in modules if "Shared" in m] + [m for m in modules if m.get("Task") == task["Name"]]
-        sources = tuple(_source(folder, module) for module in own)
-        stops_all = task.get("TrustLevel") in ("SysFail", "SysHalt", "SysStop")
-        plans.append(TaskPlan(task["Name"], "MotionTask" in task, task["Type"], stops_all, sources))
+    factory: Instance = {"Name": FACTORY_TASK, "Type": "NORMAL", "MotionTask": ""}
+    plans: list[TaskPlan] = []
+    for task in [factory, *system.get("CAB_TASKS", [])]:
+        name, kind, trust = task["Name"], task.get("Type", "SEMISTATIC"), task.get("TrustLevel", "SysFail")
+        if any(name == plan.name for plan in plans):
+            raise RapidProgramError("SYS.cfg", 0, f"the controller has a task {name} already")
+        if kind not in TASK_TYPES:
+            raise RapidProgramError("SYS.cfg", 0, f"{name}: Type is one of {', '.join(TASK_TYPES)}")
+        if trust not in TRUST_LEVELS:
+            raise RapidProgramError("SYS.cfg", 0, f"{name}: TrustLevel is one of {', '.join(TRUST_LEVELS)}")
+        own = [m for m in modules if "Shared" in m] + [m for m in modules if m.get("Task") == name]
+        sources = tuple(_source(fragments, module) for module in own)
+        plans.append(TaskPlan(name, "MotionTask" in task, kind, kind != "NORMAL" and trust != "None", sources))
     return plans
 
 
-def _source(folder: Path, module: Instance) -> Source:
+def _source(fragments: Fragments, module: Instance) -> Source:
     file = module["File"].rpartition("/")[2]
-    return Source(file, (folder / file).read_text("ascii"), "Shared" in module)
+    return Source(file, fragments.text(file), "Shared" in module)
 
 
 SystemOutput = Callable[[str], bool]
 
 
-def signals(folder: Path, outputs: Mapping[str, SystemOutput]) -> dict[str, Callable[[], bool]]:
-    """Digital outputs of EIO.cfg, each as a function of its system output. Raises for an unknown status."""
-    inputs = instances((folder / "EIO.cfg").read_text("ascii"))
+def signals(fragments: Fragments, outputs: Mapping[str, SystemOutput]) -> dict[str, Callable[[], bool]]:
+    """Digital outputs of EIO.cfg, each as a function of its system output.
+
+    Raises RapidProgramError for an unknown status or signal, and for a task in an argument that is not a task's.
+    """
+    inputs = fragments.read("EIO")
     found: dict[str, Callable[[], bool]] = {}
     for signal in inputs.get("EIO_SIGNAL", []):
         found[signal["Name"]] = _low
     for output in inputs.get("SYSSIG_OUT", []):
-        status, signal_name = output["Status"], output["Signal"]
+        status, signal_name = output["Status"], output[signal_attribute(fragments.robotware)]
         if status not in outputs:
             raise RapidProgramError("EIO.cfg", 0, f"system output {status} is unknown: {', '.join(sorted(outputs))}")
         if signal_name not in found:
             raise RapidProgramError("EIO.cfg", 0, f"system output {status}: no signal is named {signal_name}")
-        found[signal_name] = _bind(outputs[status], output.get("Arg1", ""))
+        argument = TASK_ARGUMENTS.get(status)
+        given = {key for key in output if key.startswith("Arg")}
+        if given != ({argument} if argument else set()):
+            raise RapidProgramError("EIO.cfg", 0, f"system output {status} takes {argument or 'no argument'}")
+        found[signal_name] = _bind(outputs[status], output.get(argument or "", ""))
     return found
 
 
@@ -83,7 +134,6 @@ def _bind(output: SystemOutput, argument: str) -> Callable[[], bool]:
     return lambda: output(argument)
 
 
-def serial_ports(folder: Path) -> tuple[str, ...]:
+def serial_ports(fragments: Fragments) -> tuple[str, ...]:
     """Names a program opens: "com1:" for the channel COM1."""
-    ports = instances((folder / "SIO.cfg").read_text("ascii")).get("COM_PHY_CHANNEL", [])
-    return tuple(f"{port['Name'].casefold()}:" for port in ports)
+    return tuple(f"{port['Name'].casefold()}:" for port in fragments.read("SIO").get("COM_PHY_CHANNEL", []))

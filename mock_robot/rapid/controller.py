@@ -10,13 +10,13 @@ from typing import Any
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.errors import MockError
 from mock_robot.faults.robot_faults import FAULTS
-from mock_robot.rapid.configuration import TaskPlan, serial_ports, signals, task_plans
+from mock_robot.rapid.configuration import Fragments, TaskPlan, serial_ports, signals, task_plans
 from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program
-from mock_robot.rapid.services import OpenDevices, Services
+from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices, Services
 from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.unit import MotionUnit
 from protocols.cb import messages as cb
@@ -40,10 +40,15 @@ class Loaded:
 
 @dataclass
 class RapidController(Cabinet):
-    """Tasks in threads, from `begin` to `end`. `settings`: PERS values an integrator sets before loading."""
+    """Tasks in threads, from `begin` to `end`. `settings`: PERS values an integrator sets before loading.
+
+    `robotware`: 6 or 7, whose configuration fragments are loaded. `max_clock_s`: the age at which clocks overflow.
+    """
 
     clock: Callable[[], float] = monotonic
     folder: Path = DEPLOYED
+    robotware: int = 6
+    max_clock_s: float = MAX_CLOCK_S
     settings: dict[str, Any] = field(default_factory=dict)
     board: FrameFaultBoard = field(default_factory=lambda: FrameFaultBoard(FAULTS))
     devices: OpenDevices = field(default_factory=OpenDevices)
@@ -59,7 +64,8 @@ class RapidController(Cabinet):
             raise MockError(
                 f"{self.folder} is not there: name the folder of the RAPID modules, or use the Python program"
             )
-        self._plans = task_plans(self.folder)
+        self._fragments = Fragments(self.folder, self.robotware)
+        self._plans = task_plans(self._fragments)
         motion = next((plan.name for plan in self._plans if plan.motion), "")
         self.unit = MotionUnit(self, self.clock, motion, lambda: self.board.wake(self, self.clock()))
 
@@ -68,7 +74,7 @@ class RapidController(Cabinet):
     def begin(self, serial_fileno: int | None = None) -> None:
         """Load the program, apply the integrator's settings, start every task."""
         if serial_fileno is not None:
-            self.devices.lines = {name: SerialLine(serial_fileno) for name in serial_ports(self.folder)}
+            self.devices.lines = {name: SerialLine(serial_fileno) for name in serial_ports(self._fragments)}
         self._load()
         for name, value in self.settings.items():
             self.memory.preset(name, value)
@@ -116,7 +122,7 @@ class RapidController(Cabinet):
 
     def _load(self) -> None:
         known = signals(
-            self.folder,
+            self._fragments,
             {
                 "MotOnState": lambda _: self.panel.motors_on,
                 "EmStop": lambda _: self.panel.emergency_stop,
@@ -130,7 +136,14 @@ class RapidController(Cabinet):
             program.load(plan.sources)
             interrupts = Interrupts(task)
             task.services = Services(
-                self.unit, self.panel, self.devices, self.board, interrupts, program.errors, self._note
+                self.unit,
+                self.panel,
+                self.devices,
+                self.board,
+                interrupts,
+                program.errors,
+                self._note,
+                self.max_clock_s,
             )
             task.main = program.main()
             self._loaded.append(Loaded(plan, task, interrupts))

@@ -80,7 +80,7 @@ class SocketDevice:
 
     def create(self) -> None:
         """Create the socket; raises if one is open."""
-        self.require(self.end is None, "ERR_SOCK_ISCON", "the socket is in use: close it first")
+        self.require(self.end is None, "ERR_SOCK_IS_CONN", "the socket is in use: close it first")
         self._open(socket.socket(socket.AF_INET, socket.SOCK_STREAM), "created")
         assert self.end is not None
         self.end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -29,10 +29,14 @@ class RapidProgramError(MockError):
 
 
 class RapidError(Exception):
-    """A recoverable error with its RAPID name; the failing statement fills in `where`."""
+    """A recoverable error with its RAPID name; the failing statement fills in `where`.
+
+    `logged`: the event log has it, or SkipWarn has kept it out.
+    """
 
     def __init__(self, name: str, detail: str) -> None:
         self.name, self.detail, self.where = name, detail, ""
+        self.logged = False
         super().__init__(f"{name}: {detail}")
 
 

@@ -6,7 +6,7 @@ from functools import cache
 from mock_robot.rapid.calls import call
 from mock_robot.rapid.devices import DEVICES
 from mock_robot.rapid.errors import RapidProgramError
-from mock_robot.rapid.instructions.table import DOES
+from mock_robot.rapid.instructions.table import DOES, LEFT_OUT
 from mock_robot.rapid.scope import Builtin, CompileContext, ErrorNumbers, Parameter, Scope, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, parse_system, part, parts
 from mock_robot.rapid.types import ATOMS, Record, Type
@@ -71,5 +71,6 @@ def builtins() -> tuple[Builtin, ...]:
             raise RapidProgramError(SYSTEM, line_of(node), f"{called} has no implementation")
         parameters = parameters_of(context, part(node, -1) if parts(node) else None)
         result = context.require_type(name(node, 0), line_of(node)) if function else None
-        found.append(Builtin(called, "func" if function else "proc", parameters, result, DOES[called]))
+        kind, left_out = "func" if function else "proc", LEFT_OUT.get(called, frozenset())
+        found.append(Builtin(called, kind, parameters, result, DOES[called], left_out))
     return tuple(found)

@@ -1,4 +1,4 @@
-"""Interrupts: CONNECT assigns a trap a number, IPers triggers it when a PERS changes, IDelete removes it."""
+"""Interrupts: CONNECT assigns a trap a number, IPers and ITimer trigger it, IDelete removes it."""
 
 import threading
 from collections.abc import Callable
@@ -15,14 +15,17 @@ from mock_robot.rapid.types import NUM
 
 @dataclass
 class Interrupt:
-    """A connected interrupt: its trap, and the PERS that triggers it."""
+    """A connected interrupt: its trap, and the PERS or the timer that triggers it."""
 
     trap: Routine
     watched: Persistent | None = None
     notice: Callable[[], None] | None = None
+    timer: threading.Event | None = None
 
     def end(self) -> None:
         """Stop watching."""
+        if self.timer is not None:
+            self.timer.set()
         if self.watched is not None:
             self.watched.watchers = tuple(each for each in self.watched.watchers if each is not self.notice)
 
@@ -60,6 +63,22 @@ class Interrupts:
 
         order.watched, order.notice = slot, notice
         slot.watchers = (*slot.watchers, notice)
+
+    def repeat(self, number: float, period_s: float, once: bool) -> None:
+        """Trigger every `period_s` of wire time, or once after it."""
+        order = self._orders.get(number)
+        if order is None:
+            raise RapidError("ERR_UNKINO", f"interrupt {number:g} is not connected")
+        order.end()
+        ended = order.timer = threading.Event()
+
+        def tick() -> None:
+            while not ended.wait(period_s):
+                self.task.interrupt(order.trap)
+                if once:
+                    return
+
+        threading.Thread(target=tick, name=f"rapid timer of {self.task.name}", daemon=True).start()
 
     def delete(self, slot: Slot) -> None:
         """Remove the interrupt; no error for an unknown one."""

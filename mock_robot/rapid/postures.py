@@ -15,7 +15,7 @@ def matrix_of(pose: list[Any]) -> Array:
     try:
         return transform_from_quaternion(pose[0], pose[1])
     except GeometryError as error:
-        raise RapidError("ERR_ORIENT_VALUE", str(error)) from None
+        raise RapidError("ERR_ILLQUAT", str(error)) from None
 
 
 def trans_and_rot(matrix: Array) -> list[Any]:

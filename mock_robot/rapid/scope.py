@@ -108,13 +108,14 @@ class Routine:
 
 @dataclass(frozen=True)
 class Builtin:
-    """An instruction or function of the controller: its header and implementation."""
+    """An instruction or function of the controller: its header and implementation, which `left_out` is not passed to."""
 
     name: str
     kind: str
     parameters: tuple[Parameter, ...]
     result: Type | None
     does: Callable[..., Any] = field(compare=False)
+    left_out: frozenset[str] = frozenset()
 
 
 Symbol = Data | Routine | Builtin

@@ -15,9 +15,15 @@ from mock_robot.rapid.unit import MotionUnit
 
 @dataclass
 class OpenDevices:
-    """Open devices, the controller's addresses, and whether clients can connect."""
+    """Open devices, the controller's addresses, and whether clients can connect.
+
+    `virtual`: RobotStudio's controller, which has no address of its own. Without `network`, nothing can be bound, and
+    a listening socket is closed.
+    """
 
     host: str = "127.0.0.1"
+    virtual: bool = False
+    network: bool = True
     lines: dict[str, SerialLine] = field(default_factory=dict)
     address: tuple[str, int] | None = None
     reachable: threading.Event = field(default_factory=threading.Event)
@@ -47,9 +53,13 @@ class OpenDevices:
         self.reachable.clear()
 
 
+MAX_CLOCK_S = 4_294_967.0
+"""After 49 days and 17 hours a controller's clock overflows."""
+
+
 @dataclass(frozen=True)
 class Services:
-    """Services of one task."""
+    """Services of one task. `max_clock_s`: the age at which its clocks overflow."""
 
     unit: MotionUnit
     panel: Panel
@@ -58,3 +68,4 @@ class Services:
     interrupts: Interrupts
     errors: ErrorNumbers
     note: Callable[[int, str], None]
+    max_clock_s: float = MAX_CLOCK_S

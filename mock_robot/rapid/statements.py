@@ -16,6 +16,8 @@ from mock_robot.rapid.values import single
 
 MAX_RETRIES = 4
 """The system parameter No Of Retry."""
+HANDLED_ERROR = 41500
+"""The mock's own event number of the warning that every handled error leaves unless its handler does SkipWarn."""
 
 
 class Flow(IntEnum):
@@ -74,10 +76,17 @@ def _handle(context: CompileContext, frame: Frame, error: RapidError) -> Flow:
     if routine.handler is None:
         raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error}; {routine.name} has no ERROR handler") from error
     context.errors.note(error)
+    task = context.task
+    outer, task.handled = task.handled, error
     try:
         return Flow(routine.handler(frame) or Flow.RETURNED)
     except _RaisedHere as raised:
         raise RaisedFurther(raised.error or error) from None
+    finally:
+        task.handled = outer
+        if not error.logged:
+            error.logged = True
+            task.services.note(HANDLED_ERROR, f"{error.where}: {error}")
 
 
 def _stop_in_handler(context: CompileContext, frame: Frame, error: RapidError) -> Flow:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from time import monotonic
 from typing import Any, Protocol
 
-from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther
+from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidError
 from mock_robot.rapid.scope import Routine
 
 EXECUTION_ERROR = 10020
@@ -28,13 +28,16 @@ class TaskOwner(Protocol):
 class ProgramTask:
     """One task. `attention` is checked between instructions; setting it also wakes a waiting instruction.
 
-    As on a controller, an interrupt that comes while the task is stopped is lost.
+    As on a controller, an interrupt that comes while the task is stopped is lost. `now_s` is wire time; `handled` is
+    the error whose handler runs.
     """
 
     name: str
     owner: TaskOwner
     motion: bool
     services: Any = None
+    now_s: Callable[[], float] = monotonic
+    handled: RapidError | None = field(default=None, init=False)
     attention: bool = field(default=True, init=False)
     running: bool = field(default=False, init=False)
     main: Callable[[], Any] | None = field(default=None, init=False)
@@ -132,18 +135,18 @@ class ProgramTask:
 
     def wait(self, seconds: float | None, fileno: int | None = None, until: Callable[[], bool] | None = None) -> bool:
         """Wait until the descriptor is readable or `until` holds (True), or a timeout; traps run meanwhile."""
-        ends_s = None if seconds is None else monotonic() + seconds
+        ends_s = None if seconds is None else self.now_s() + seconds
         while True:
             if self.attention:
                 self.attend()
             if until is not None and until():
                 return True
-            left_s = None if ends_s is None else ends_s - monotonic()
+            left_s = None if ends_s is None else ends_s - self.now_s()
             if fileno is None and left_s is not None and left_s <= 0.0:
                 return False
             if self._listen(left_s, fileno):
                 return True
-            if ends_s is not None and monotonic() >= ends_s:
+            if ends_s is not None and self.now_s() >= ends_s:
                 return until is not None and until()
 
     def _listen(self, seconds: float | None, fileno: int | None = None) -> bool:

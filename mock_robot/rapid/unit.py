@@ -15,6 +15,8 @@ from mock_robot.rapid.postures import singles
 
 POLL_S = 0.02
 """Polling period of conditions that have no event, wire time."""
+MAX_OFF_PATH_RAD = np.radians(1.0)
+"""Beyond it an interrupted move is not resumed; a controller's limit is in mm (Path Return Region)."""
 
 
 @dataclass
@@ -46,6 +48,7 @@ class MotionUnit:
     stopped_by: set[str] = field(default_factory=set, init=False)
     held: bool = field(default=True, init=False)
     _order: MoveOrder | None = field(default=None, init=False)
+    _left_at: Array | None = field(default=None, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
 
     def __post_init__(self) -> None:
@@ -70,7 +73,7 @@ class MotionUnit:
     def order(self, joints: Array, speed_mm_s: float, linear: bool) -> None:
         """Start a move; `arrived` reports its end."""
         with self._turn:
-            self._order = MoveOrder(joints, speed_mm_s, linear)
+            self._order, self._left_at = MoveOrder(joints, speed_mm_s, linear), None
             self._depart()
             self.cabinet.moves_accepted += 1
             self.cabinet.external_axes = tuple(self.external)
@@ -106,6 +109,12 @@ class MotionUnit:
     def may_start(self) -> bool:
         """Whether the robot may move at all."""
         return not self.held
+
+    def is_off_path(self) -> bool:
+        """Whether the arm no longer stands where an interrupted move left it."""
+        if self._order is None or self._order.departed or self._left_at is None:
+            return False
+        return bool(np.abs(self.joints_now() - self._left_at).max() > MAX_OFF_PATH_RAD)
 
     def clear(self) -> None:
         """Drop the move."""
@@ -182,6 +191,8 @@ class MotionUnit:
         return float(min(programmed, cap) * max(panel.speed_override, MIN_OVERRIDE))
 
     def _brake(self) -> None:
-        self.cabinet.arm.stop(self.now_s())
+        arm = self.cabinet.arm
+        arm.stop(self.now_s())
         if self._order is not None:
+            self._left_at = arm.joints_at(arm.end_s) if self._order.departed else self._left_at
             self._order.departed = False

@@ -4,7 +4,6 @@ import math
 from ctypes import c_float
 from dataclasses import dataclass, field
 from struct import Struct
-from time import monotonic
 from typing import Any
 
 from mock_robot.rapid.errors import RapidError
@@ -64,7 +63,7 @@ class RawBytes:
 
     def clear(self, from_index: int = 1) -> None:
         """Zero from `from_index` on; bytes before it stay valid."""
-        _require_inside(from_index, 1, "ERR_RAW_COPY")
+        _require_inside(from_index, 1)
         self.content[from_index - 1 :] = bytes(MAX_RAWBYTES - from_index + 1)
         self.length = min(self.length, from_index - 1)
 
@@ -73,16 +72,16 @@ class RawBytes:
         self.content[:] = content.ljust(MAX_RAWBYTES, b"\0")
         self.length = len(content)
 
-    def write(self, index: int, content: bytes, error: str = "ERR_RAW_PACK") -> None:
+    def write(self, index: int, content: bytes) -> None:
         """Write bytes at `index`; the valid length grows to hold them."""
-        _require_inside(index, len(content), error)
+        _require_inside(index, len(content))
         self.content[index - 1 : index - 1 + len(content)] = content
         self.length = max(self.length, index - 1 + len(content))
 
-    def read(self, index: int, count: int, error: str = "ERR_RAW_UNPACK") -> bytes:
+    def read(self, index: int, count: int) -> bytes:
         """`count` valid bytes from `index` on."""
         if not 1 <= index <= index - 1 + count <= self.length:
-            raise RapidError(error, f"bytes {index} to {index - 1 + count} of {self.length} valid ones")
+            raise RapidError("ERR_ARGVALERR", f"bytes {index} to {index - 1 + count} of {self.length} valid ones")
         return bytes(self.content[index - 1 : index - 1 + count])
 
     def number(self, layout: Struct, index: int) -> Any:
@@ -96,14 +95,15 @@ class RawBytes:
         return bytes(self.content[: self.length])
 
 
-def _require_inside(index: int, count: int, error: str) -> None:
+def _require_inside(index: int, count: int) -> None:
     if not 1 <= index <= index - 1 + count <= MAX_RAWBYTES:
-        raise RapidError(error, f"bytes {index} to {index - 1 + count} of a rawbytes of {MAX_RAWBYTES}")
+        where = f"bytes {index} to {index - 1 + count} of a rawbytes of {MAX_RAWBYTES}"
+        raise RapidError("ERR_ARGVALERR", where)
 
 
 @dataclass
 class StopWatch:
-    """A stop watch on wire time."""
+    """A stop watch; the times are passed in."""
 
     _ran_s: float = field(default=0.0, init=False)
     _since_s: float | None = field(default=None, init=False)
@@ -112,16 +112,16 @@ class StopWatch:
         """Stop and reset to zero."""
         self._ran_s, self._since_s = 0.0, None
 
-    def start(self) -> None:
+    def start(self, now_s: float) -> None:
         """Start; no effect on a running clock."""
         if self._since_s is None:
-            self._since_s = monotonic()
+            self._since_s = now_s
 
-    def stop(self) -> None:
+    def stop(self, now_s: float) -> None:
         """Stop and keep the time."""
-        self._ran_s, self._since_s = self.read_s(), None
+        self._ran_s, self._since_s = self.read_s(now_s), None
 
-    def read_s(self) -> float:
+    def read_s(self, now_s: float) -> float:
         """Seconds as a num, to the millisecond."""
-        running_s = 0.0 if self._since_s is None else monotonic() - self._since_s
+        running_s = 0.0 if self._since_s is None else now_s - self._since_s
         return single(math.floor((self._ran_s + running_s) * MILLISECOND) / MILLISECOND)

@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from mock_robot.cabinet.cabinet import Cabinet, LogEntry
+from mock_robot.rapid.statements import HANDLED_ERROR
 from mock_robot.rws.exchange import Item
 
 INFORMATION, WARNING, ERROR = 1, 2, 3
 _TYPES: tuple[tuple[range, int], ...] = (
     (range(10000, 20000), INFORMATION),
+    (range(HANDLED_ERROR, HANDLED_ERROR + 1), WARNING),
     (range(20000, 80000), ERROR),
     (range(80001, 80002), ERROR),
     (range(80002, 80003), WARNING),

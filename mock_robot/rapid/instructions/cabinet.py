@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any
 
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.errors import RapidError
@@ -25,12 +24,25 @@ def speed_override(task: ProgramTask, current_task: bool | None) -> float:
     return round(100 * float(task.services.panel.speed_override), 2)
 
 
-def system_info(task: ProgramTask, *asked: Any) -> str:
-    if not asked[3]:
-        raise RapidError("ERR_ARGVALERR", "the mock supports only \\LanIp")
-    return str(task.services.devices.host)
+def system_info(task: ProgramTask, lan_ip: bool | None) -> str:
+    """Address of the controller; a virtual one answers VC."""
+    if not lan_ip:
+        raise RapidError("ERR_ARGVALERR", "GetSysInfo needs one of its switches")
+    devices = task.services.devices
+    return "VC" if devices.virtual else str(devices.host)
+
+
+def runs_on_robot_controller(task: ProgramTask) -> bool:
+    """FALSE on a virtual controller."""
+    return not task.services.devices.virtual
 
 
 DOES = MappingProxyType(
-    {"DOutput": d_output, "OpMode": op_mode, "CSpeedOverride": speed_override, "GetSysInfo": system_info}
+    {
+        "DOutput": d_output,
+        "OpMode": op_mode,
+        "CSpeedOverride": speed_override,
+        "GetSysInfo": system_info,
+        "RobOS": runs_on_robot_controller,
+    }
 )

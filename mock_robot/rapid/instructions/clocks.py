@@ -1,7 +1,8 @@
-"""Stop watches. They run on wire time, even where the arm runs faster."""
+"""Stop watches. They run on wire time, even where the arm runs faster, and overflow as a controller's do."""
 
 from types import MappingProxyType
 
+from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.tasks import ProgramTask
 
@@ -11,15 +12,24 @@ def clk_reset(task: ProgramTask, clock: Slot) -> None:
 
 
 def clk_start(task: ProgramTask, clock: Slot) -> None:
-    clock.value.start()
+    _read_s(task, clock)
+    clock.value.start(task.now_s())
 
 
 def clk_stop(task: ProgramTask, clock: Slot) -> None:
-    clock.value.stop()
+    clock.value.stop(task.now_s())
 
 
 def clk_read(task: ProgramTask, clock: Slot) -> float:
-    return float(clock.value.read_s())
+    return _read_s(task, clock)
+
+
+def _read_s(task: ProgramTask, clock: Slot) -> float:
+    """Raises ERR_OVERFLOW for a clock that has run for longer than a controller counts, until ClkReset."""
+    seconds, most_s = float(clock.value.read_s(task.now_s())), task.services.max_clock_s
+    if seconds > most_s:
+        raise RapidError("ERR_OVERFLOW", f"the clock has run for more than {most_s:g} s")
+    return seconds
 
 
 DOES = MappingProxyType({"ClkReset": clk_reset, "ClkStart": clk_start, "ClkStop": clk_stop, "ClkRead": clk_read})

@@ -1,10 +1,9 @@
 """Waiting and ExitCycle. Traps run while an instruction waits.
 
-WaitTime runs on the arm's time, which may be scaled; \\MaxTime and \\PollRate are wire time.
+WaitTime of the motion task runs on the arm's time, which may be scaled; all else is wire time.
 """
 
 from collections.abc import Callable
-from time import monotonic
 from types import MappingProxyType
 from typing import Any
 
@@ -31,7 +30,7 @@ def wait_time(task: ProgramTask, in_position: bool | None, seconds: float) -> No
         while not unit.is_settled(seconds, began_s):
             task.wait(unit.settles_in_s(seconds, began_s))
     else:
-        task.wait(seconds / unit.time_scale)
+        task.wait(seconds / (unit.time_scale if task.motion else 1.0))
 
 
 def wait_until(
@@ -45,20 +44,26 @@ def wait_until(
     poll_s = POLL_S if poll_rate is None else poll_rate
     if poll_s < single(MIN_POLL_S):
         raise RapidError("ERR_ARGVALERR", f"\\PollRate is {MIN_POLL_S} s at least")
-    ends_s = None if max_time is None else monotonic() + max_time
+    ends_s = None if max_time is None else task.now_s() + max_time
     if time_flag is not None:
         time_flag.value = False
     while not condition():
-        if ends_s is not None and monotonic() >= ends_s:
+        if ends_s is not None and task.now_s() >= ends_s:
             if time_flag is None:
                 raise RapidError("ERR_WAIT_MAXTIME", f"not within {max_time:g} s")
             time_flag.value = True
             return
-        task.wait(poll_s if ends_s is None else min(poll_s, max(0.0, ends_s - monotonic())))
+        task.wait(poll_s if ends_s is None else min(poll_s, max(0.0, ends_s - task.now_s())))
 
 
-def tp_write(task: ProgramTask, text: str, number: float | None, truth: bool | None, pos: Any) -> None:
-    shown = [text, *(str(each) for each in (number, truth, pos) if each is not None)]
+def skip_warn(task: ProgramTask) -> None:
+    """Keep the error that is being handled out of the event log."""
+    if task.handled is not None:
+        task.handled.logged = True
+
+
+def tp_write(task: ProgramTask, text: str, *values: Any) -> None:
+    shown = [text, *(str(each) for each in values if each is not None)]
     task.services.note(0, " ".join(shown))
 
 
@@ -74,6 +79,7 @@ DOES = MappingProxyType(
         "ExitCycle": exit_cycle,
         "WaitTime": wait_time,
         "WaitUntil": wait_until,
+        "SkipWarn": skip_warn,
         "TPWrite": tp_write,
         "ErrWrite": err_write,
     }

@@ -51,7 +51,7 @@ def distance(task: ProgramTask, first: list[float], second: list[float]) -> floa
 def n_orient(task: ProgramTask, rotation: list[float]) -> list[float]:
     norm = math.hypot(*rotation)
     if norm == 0.0:
-        raise RapidError("ERR_ORIENT_VALUE", "a rotation of zeros")
+        raise RapidError("ERR_ILLQUAT", "a rotation of zeros")
     return [single(part / norm) for part in rotation]
 
 

@@ -71,17 +71,19 @@ def _travel(task: ProgramTask, unit: Any, joints: Any, speed: list[float], *, li
 
 
 def stop_move(task: ProgramTask, all_tasks: bool | None) -> None:
-    """Returns when the arm stands still."""
+    """Returns at once; the arm brakes meanwhile."""
     if all_tasks and task.motion:
         raise RapidError("ERR_ARGVALERR", "\\AllMotionTasks is for tasks that move nothing")
-    unit = task.services.unit
-    unit.stop(task.name)
-    while unit.is_moving():
-        task.wait(unit.stands_in_s())
+    task.services.unit.stop(task.name)
 
 
 def start_move(task: ProgramTask, all_tasks: bool | None) -> None:
+    """An arm that still brakes, or was moved away from its path, cannot start."""
     unit = task.services.unit
+    if unit.is_moving():
+        raise RapidError("ERR_ALRDY_MOVING", "the robot is moving")
+    if unit.is_off_path():
+        raise RapidError("ERR_PATHDIST", "the robot is too far from its path")
     if not unit.may_start():
         raise RapidError("ERR_STARTMOVE", "the robot is in hold state")
     unit.start(task.name)

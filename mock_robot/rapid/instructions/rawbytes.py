@@ -33,7 +33,7 @@ def copy(
 ) -> None:
     first = integer(from_index)
     number = source.value.length - first + 1 if count is None else integer(count)
-    target.value.write(integer(to_index), source.value.read(first, number, "ERR_RAW_COPY"), "ERR_RAW_COPY")
+    target.value.write(integer(to_index), source.value.read(first, number))
 
 
 def length(task: ProgramTask, raw: Slot) -> float:

@@ -1,6 +1,5 @@
 """Serial lines: an iodev on the pty behind a port's name."""
 
-from time import monotonic
 from types import MappingProxyType
 from typing import Any
 
@@ -44,9 +43,9 @@ def read_bin(task: ProgramTask, slot: Slot, time: float | None) -> float:
     """Read one byte."""
     line, seconds = slot.value.line, DEFAULT_WAIT_S if time is None else time
     task.services.devices.note_listening()
-    ends_s = None if seconds >= MAX_WAIT_S else monotonic() + seconds
+    ends_s = None if seconds >= MAX_WAIT_S else task.now_s() + seconds
     while not line.arrived and not line.look(task.services.wire):
-        left_s = None if ends_s is None else max(0.0, ends_s - monotonic())
+        left_s = None if ends_s is None else max(0.0, ends_s - task.now_s())
         if not task.wait(left_s, line.fileno):
             raise RapidError("ERR_DEV_MAXTIME", "no byte came")
     return float(line.arrived.pop(0))

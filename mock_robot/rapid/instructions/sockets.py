@@ -1,9 +1,9 @@
 """Socket instructions on real sockets. Received bytes stay buffered until read, so a timeout loses nothing."""
 
 import errno
+import re
 import socket
 from random import Random
-from time import monotonic
 from types import MappingProxyType
 from typing import Any
 
@@ -18,6 +18,7 @@ DEFAULT_WAIT_S = 60.0
 MIN_PORT = 1025
 OWN_PORTS = range(20_000, 32_000)
 """Below the range Linux assigns to clients (net.ipv4.ip_local_port_range)."""
+_ADDRESS = re.compile(r"\d+(\.\d+){3}")
 STATES = MappingProxyType({"created": 1.0, "connected": 2.0, "bound": 3.0, "listening": 4.0, "closed": 5.0})
 
 
@@ -32,10 +33,12 @@ def bind(task: ProgramTask, slot: Slot, address: str, port: float) -> None:
     end, number = device.require_open(), integer(port)
     device.require(device.state == "created", "ERR_SOCK_IS_BOUND", f"the socket is {device.state}")
     device.require(number == 0 or MIN_PORT <= number <= 65535, "ERR_SOCK_UNSPEC", f"port {number} is not free")
+    present = task.services.devices.network and _ADDRESS.fullmatch(address) is not None
+    device.require(present, "ERR_SOCK_ADDR_INVALID", f"the controller has no address {address}")
     try:
         _bind(end, address, number)
     except OSError as error:
-        name = "ERR_SOCK_ADDR_INUSE" if error.errno == errno.EADDRINUSE else "ERR_SOCK_UNSPEC"
+        name = "ERR_SOCK_ADDR_INUSE" if error.errno == errno.EADDRINUSE else "ERR_SOCK_ADDR_INVALID"
         raise RapidError(name, f"{address}:{number}: {error.strerror}") from None
     device.state = "bound"
     task.services.devices.note_address(end.getsockname())
@@ -55,6 +58,7 @@ def listen(task: ProgramTask, slot: Slot) -> None:
     device: SocketDevice = slot.value
     device.require_open()
     device.require(device.state == "bound", "ERR_SOCK_NOT_BOUND", f"the socket is {device.state}")
+    device.require(task.services.devices.network, "ERR_SOCK_UNSPEC", "the network is down")
     device.require_open().listen(4)
     device.require_open().setblocking(False)
     device.state = "listening"
@@ -63,8 +67,10 @@ def listen(task: ProgramTask, slot: Slot) -> None:
 
 def accept(task: ProgramTask, slot: Slot, client: Slot, address: Slot | None, time: float | None) -> None:
     device: SocketDevice = slot.value
-    device.require(client.value.end is None, "ERR_SOCK_ISCON", "the client socket is in use: close it first")
+    device.require(client.value.end is None, "ERR_SOCK_IS_CONN", "the client socket is in use: close it first")
     while True:
+        if not task.services.devices.network:
+            device.close()
         end = device.require_open()
         device.require(device.state == "listening", "ERR_SOCK_NOT_BOUND", f"the socket is {device.state}")
         if not task.wait(_limit(time), end.fileno()):
@@ -108,9 +114,9 @@ def receive(
 
 def _await(task: ProgramTask, device: SocketDevice, least: int, limit_s: float | None) -> int:
     """Wait until `least` bytes are buffered; returns how many to take (fewer when the peer has disconnected)."""
-    ends_s = None if limit_s is None else monotonic() + limit_s
+    ends_s = None if limit_s is None else task.now_s() + limit_s
     while device.look(task.services.wire) < least and not device.over:
-        left_s = None if ends_s is None else max(0.0, ends_s - monotonic())
+        left_s = None if ends_s is None else max(0.0, ends_s - task.now_s())
         if not task.wait(left_s, device.require_connected().fileno()):
             raise RapidError("ERR_SOCK_TIMEOUT", f"{len(device.arrived)} of {least} bytes came")
     return min(least, len(device.arrived))

@@ -8,6 +8,7 @@ from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program, Source
 from mock_robot.rapid.scope import Data
+from mock_robot.rapid.services import MAX_CLOCK_S
 from mock_robot.rapid.tasks import ProgramTask
 
 
@@ -39,6 +40,7 @@ class Snippet:
             errors=self.program.errors,
             unit=SimpleNamespace(clear=lambda: None, time_scale=1.0),
             note=lambda code, text: self.noted.append(text),
+            max_clock_s=MAX_CLOCK_S,
         )
         self.task.running = True
 

@@ -2,11 +2,14 @@
 
 import asyncio
 import random
+import shutil
+import socket
 import struct
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +17,12 @@ import pytest
 from mock_robot.arm.simulated_arm import plan_motion
 from mock_robot.cabinet.panel import Mode
 from mock_robot.faults.robot_faults import FAULTS
-from mock_robot.rapid.controller import RapidController
+from mock_robot.rapid.controller import DEPLOYED, RapidController
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, FrameSelector, MoveKind, Status
 from protocols.cb.events import RepeatWanted, ReplyReceived
 from protocols.cb.frames import Frame
-from tests.mock_robot.cb_client import over_serial, over_tcp
+from tests.mock_robot.cb_client import CbClient, over_serial, over_tcp
 from tests.mock_robot.controller_client import ARM, AWAY, HOME, UNUSED, move_to
 from tests.mock_robot.rapid.rapid_client import (
     answer_to,
@@ -37,6 +40,10 @@ pytestmark = pytest.mark.slow
 WIRES = pytest.mark.parametrize("serial", [False, True], ids=["tcp", "serial"])
 GOOD = move_to(AWAY)
 NAN = float("nan")
+JOINTS_FAIL = (
+    '    now := CJointT(\\TaskName:="T_ROB1");\n    cell_add_float',
+    '    Open "none:", cell_line \\Bin;\n    cell_add_float',
+)
 LINE_FAULTS = sorted(name for name, fault in FAULTS.items() if fault.area in ("link", "serial"))
 
 
@@ -48,7 +55,7 @@ async def test_the_published_bytes_are_answered_by_the_rapid(serial: bool) -> No
             ping = bytes.fromhex("43 42 01 01 01 00 00 00 00 00 88 0a")
             assert await answer_to(client, ping) == Frame(0x81, 1).encode()
             hello = bytes.fromhex("43 42 01 02 02 00 00 00 08 00 94 c7 01 00 00 00 01 00 00 00")
-            welcome = cb.Welcome(1, cb.Capability(15), cell.controller.session, 3, 1024, 6)
+            welcome = cb.Welcome(1, cb.Capability(15), cell.controller.session, 4, 1024, 6)
             assert await answer_to(client, hello) == Frame(0x82, 2, cb.pack(welcome)).encode()
             pose = await answer_to(client, Frame(3, 3, b"\0\0").encode())
             assert pose[:10] == bytes.fromhex("43 42 01 83 03 00 00 00 44 00")
@@ -349,39 +356,91 @@ async def test_a_restart_counts_the_session_up_and_closes_the_connection() -> No
             assert await again.moves(GOOD) is Status.OK
 
 
-async def test_when_the_link_task_dies_every_task_stops(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    folder = _with_a_flaw(
-        tmp_path,
-        '    now := CJointT(\\TaskName:="T_ROB1");\n    cell_add_float',
-        '    Open "none:", cell_line \\Bin;\n    cell_add_float',
-    )
+@asynccontextmanager
+async def flawed(tmp_path: Path, *flaws: tuple[str, str]) -> AsyncIterator[tuple[RapidController, CbClient]]:
+    """A controller whose link task has a flaw, during a slow move."""
     async with talking(time_scale=1.0) as (healthy, _):
         arm = healthy.controller.arm
-    flawed = RapidController(arm, 5, settings={"cell_address": "127.0.0.1", "cell_port": 0.0}, folder=folder)
+    folder = _with_flaws(tmp_path, flaws)
+    controller = RapidController(arm, 5, settings={"cell_address": "127.0.0.1", "cell_port": 0.0}, folder=folder)
     try:
-        await asyncio.to_thread(flawed.begin)
-        await asyncio.to_thread(flawed.await_link)
-        async with over_tcp(flawed.devices.address[1]) as client:  # type: ignore[index]
+        await asyncio.to_thread(controller.begin)
+        await asyncio.to_thread(controller.await_link)
+        async with over_tcp(port_of(controller)) as client:
             await client.is_armed()
             assert await client.asks(move_to(AWAY, 50.0)) == cb.MoveAccepted()
-            await eventually(flawed.unit.is_moving)
-            client.write(client.session.request(cb.GetJoints()))
-            await eventually(lambda: not flawed.panel.program_running)
-            await eventually(lambda: not flawed.unit.is_moving())
-        assert [entry.code for entry in flawed.log] == [10020, 10014]
-        assert "ERR_FILEOPEN" in flawed.log[0].text
-        assert "CELL_comm.mod:" in flawed.log[0].text
+            await eventually(controller.unit.is_moving)
+            yield controller, client
     finally:
-        await asyncio.to_thread(flawed.end)
+        await asyncio.to_thread(controller.end)
 
 
-def _with_a_flaw(folder, sound: str, flawed: str):  # type: ignore[no-untyped-def]
-    from mock_robot.rapid.controller import DEPLOYED
+def port_of(controller: RapidController) -> int:
+    assert controller.devices.address is not None
+    return controller.devices.address[1]
 
-    for path in DEPLOYED.iterdir():
-        text = path.read_text("ascii")
-        if path.name == "CELL_comm.mod":
-            assert text.count(sound) == 1
-            text = text.replace(sound, flawed)
-        (folder / path.name).write_text(text)
-    return folder
+
+async def test_when_the_link_task_dies_the_motion_task_ends_its_move_and_production_goes_on(tmp_path: Path) -> None:
+    in_handler = ("cell_fault := ERRNO;", "cell_fault := ERRNO / cell_len;")
+    async with flawed(tmp_path, JOINTS_FAIL, in_handler) as (controller, client):
+        client.write(client.session.request(cb.GetJoints()))
+        await eventually(lambda: any(entry.code == 10020 for entry in controller.log))
+        await eventually(lambda: not controller.unit.is_moving())
+        assert controller.panel.program_running
+        assert not controller.armed
+        assert np.abs(controller.unit.joints_now() - AWAY).max() > 0.01
+        assert "shows no life" in controller.log[-1].text
+
+
+async def test_an_unforeseen_error_stops_the_arm_and_the_link_begins_anew(tmp_path: Path) -> None:
+    async with flawed(tmp_path, JOINTS_FAIL) as (controller, client):
+        client.write(client.session.request(cb.GetJoints()))
+        await eventually(lambda: not controller.unit.is_moving())
+        assert not controller.armed
+        assert controller.panel.program_running
+        assert [entry.code for entry in controller.log] == [80003]
+        first = port_of(controller)
+        await eventually(lambda: port_of(controller) != first and connects(port_of(controller)))
+        async with over_tcp(port_of(controller)) as again:
+            await again.is_armed()
+
+
+async def test_a_link_that_cannot_be_opened_is_tried_again_each_second(tmp_path: Path) -> None:
+    async with talking(time_scale=1.0) as (healthy, _):
+        arm = healthy.controller.arm
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        settings = {"cell_address": "127.0.0.1", "cell_port": float(other.getsockname()[1])}
+        controller = RapidController(arm, 5, settings=settings)
+        await asyncio.to_thread(controller.begin)
+        try:
+            await eventually(lambda: bool(controller.log))
+            assert controller.log[0].code == 80003
+            other.close()
+            await asyncio.to_thread(controller.await_link)
+            controller.devices.network = False
+            async with over_tcp(port_of(controller)) as cut:
+                with pytest.raises(ConnectionError):
+                    await cut.hears()
+            controller.devices.network = True
+            await eventually(lambda: connects(port_of(controller)))
+            assert len(controller.log) == 1, "once a minute"
+        finally:
+            await asyncio.to_thread(controller.end)
+
+
+def connects(port: int) -> bool:
+    with suppress(OSError), socket.create_connection(("127.0.0.1", port), LIMIT_S):
+        return True
+    return False
+
+
+def _with_flaws(folder: Path, flaws: Iterable[tuple[str, str]]) -> Path:
+    copy = Path(shutil.copytree(DEPLOYED, folder / "rapid"))
+    text = (copy / "CELL_comm.mod").read_text("ascii")
+    for sound, flaw in flaws:
+        assert text.count(sound) == 1
+        text = text.replace(sound, flaw)
+    (copy / "CELL_comm.mod").write_text(text)
+    return copy

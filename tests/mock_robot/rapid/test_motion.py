@@ -10,16 +10,13 @@ import numpy as np
 import pytest
 
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
-from mock_robot.rapid.configuration import instances
 from mock_robot.rapid.controller import DEPLOYED, RapidController
-from mock_robot.rapid.errors import RapidProgramError
 from tests.mock_robot.controller_client import ARM, AWAY, HOME
 from tests.support.waiting import eventually_blocking
 
-SYS = """SYS:CFG_1.0:5:0::
+SYS = """SYS:CFG_1.0:6:0::
 CAB_TASKS:
-      -Name "T_ROB1" -Type "NORMAL" -MotionTask
-      -Name "T_BACK" -Type "SEMISTATIC"
+      -Name "T_BACK" -Type "SEMISTATIC" -TrustLevel "None"
 CAB_TASK_MODULES:
       -File "HOME:/x/shared.sys" -ModName "shared" -Shared
       -File "HOME:/x/motion.mod" -ModName "motion" -Task "T_ROB1"
@@ -81,9 +78,10 @@ ENDMODULE
 
 @contextmanager
 def running(folder: Path, text: str, time_scale: float = 20.0) -> Iterator[RapidController]:
-    for name, content in (("SYS.cfg", SYS), ("shared.sys", SHARED), ("motion.mod", text), ("back.mod", BACK)):
+    (folder / "rw6").mkdir()
+    for name, content in (("rw6/SYS.cfg", SYS), ("shared.sys", SHARED), ("motion.mod", text), ("back.mod", BACK)):
         (folder / name).write_text(content)
-    for name in ("EIO.cfg", "SIO.cfg"):
+    for name in ("rw6/EIO.cfg", "rw6/SIO.cfg"):
         (folder / name).write_text((DEPLOYED / name).read_text())
     arm = SimulatedArm(ARM, HOME, ArmNoise())
     controller = RapidController(arm, 1, time_scale, monotonic(), folder=folder)
@@ -166,7 +164,7 @@ def test_a_trap_runs_during_a_move_and_the_move_goes_on(tmp_path: Path) -> None:
 def test_a_stopped_move_goes_on_with_startmove_unless_its_path_is_cleared(
     tmp_path: Path, clears: str, ends_at: Any
 ) -> None:
-    trap = f"StopMove;\n    {clears}\n    stage := 50;\n    WaitTime 1;\n    StartMove;"
+    trap = f"StopMove;\n    {clears}\n    WaitTime \\InPos, 0.3;\n    stage := 50;\n    WaitTime 1;\n    StartMove;"
     body = "MoveAbsJ away, v100, fine, tool0;\n    stage := stage + 1;"
     with running(tmp_path, program(body, trap), time_scale=4.0) as controller:
         eventually_blocking(controller.unit.is_moving)
@@ -218,28 +216,3 @@ def test_a_restart_keeps_pers_and_nothing_else(tmp_path: Path) -> None:
         eventually_blocking(lambda: stage(controller) == 1)
         controller.restart(monotonic())
         eventually_blocking(lambda: stage(controller) == 2)
-
-
-def test_a_configuration_that_nobody_understands_is_refused_by_name(tmp_path: Path) -> None:
-    with running(tmp_path, program("stage := 1;")) as controller:
-        folder = controller.folder
-    for file, sound, wrong, why in (
-        ("EIO.cfg", "MotOnState", "MotorsMaybe", "MotorsMaybe is unknown"),
-        ("EIO.cfg", '-Signal "cell_do_motors"', '-Signal "nothing"', "no signal is named nothing"),
-        ("SYS.cfg", "SEMISTATIC", "SOMETIMES", "Type is one of NORMAL"),
-        ("shared.sys", "PERS num bell", "VAR num bell", "only PERS and CONST are shared"),
-        ("motion.mod", "PROC main()", "PROC mine()", "no module of this task has a PROC main"),
-    ):
-        text = (folder / file).read_text()
-        (folder / file).write_text(text.replace(sound, wrong))
-        arm = SimulatedArm(ARM, HOME, ArmNoise())
-        with pytest.raises(RapidProgramError, match=why):
-            RapidController(arm, 1, folder=folder).begin()
-        (folder / file).write_text(text)
-
-
-def test_the_shipped_fragments_say_what_the_modules_need() -> None:
-    tasks = instances((DEPLOYED / "SYS.cfg").read_text("ascii"))["CAB_TASKS"]
-    assert tasks[1] == {"Name": "T_COMM", "Type": "SEMISTATIC", "TrustLevel": "SysStop"}
-    signals = instances((DEPLOYED / "EIO.cfg").read_text("ascii"))
-    assert len(signals["EIO_SIGNAL"]) == len(signals["SYSSIG_OUT"]) == 4
