@@ -30,7 +30,9 @@ def upload(
     to: Annotated[str, typer.Option(help="The folder within HOME: on the controller.")] = "handeyed",
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")] = False,
 ) -> None:
-    """Copy the robot program to the controller. Nothing is written before you consent; nothing is loaded or started.
+    """Copy the robot program to the controller, with the configuration fragments of its RobotWare (FOLDER/rw6, rw7).
+
+    Nothing is written before you consent; nothing is loaded or started.
 
     Exit status: 0 it is there, 1 it is not, 2 the folder has no modules.
     """
@@ -42,7 +44,8 @@ def upload(
     if not address.startswith("rws://"):
         raise AddressNotUnderstood(address, "modules are copied over Robot Web Services", "write rws://host")
     where, files = RwsAddress.parse(address), _files(folder)
-    state = asyncio.run(_state(where))
+    state, robotware = asyncio.run(_state(where))
+    files |= _files(folder / f"rw{robotware}", modules=False)
     typer.echo(f"{where.address}: {state}")
     for name, content in files.items():
         typer.echo(f"  HOME:/{to}/{name}  {len(content)} bytes")
@@ -52,28 +55,30 @@ def upload(
     typer.echo("written; docs/rapid.md says what comes next")
 
 
-def _files(folder: Path) -> dict[str, bytes]:
+def _files(folder: Path, *, modules: bool = True) -> dict[str, bytes]:
     from daemon.runtime.bounded_read import read_bounded
 
+    if not (modules or folder.is_dir()):
+        return {}
     try:
         found = {path.name: read_bounded(path) for path in sorted(folder.iterdir()) if path.suffix in SUFFIXES}
     except OSError as error:
         raise CommandError(
             str(folder), error.strerror or str(error), "name the folder of the modules", ExitStatus.UNREADABLE
         ) from None
-    if not any(name.endswith((".mod", ".sys")) for name in found):
+    if modules and not any(name.endswith((".mod", ".sys")) for name in found):
         raise CommandError(str(folder), "no RAPID module is in it", "name deploy/rapid", ExitStatus.UNREADABLE)
     return found
 
 
-async def _state(where: "RwsAddress") -> "ControllerState":
+async def _state(where: "RwsAddress") -> "tuple[ControllerState, int]":
     from drivers.robots.abb.rws.robot import RwsRobot
 
     robot = RwsRobot(where)
     robot.start()
     try:
         await robot.wait_for_link(MAX_CONNECT_S)
-        return await robot.read_state()
+        return await robot.read_state(), robot.robotware
     finally:
         await robot.close()
 

@@ -108,7 +108,7 @@ class Routine:
 
 @dataclass(frozen=True)
 class Builtin:
-    """An instruction or function of the controller: its header and implementation, which `left_out` is not passed to."""
+    """An instruction or function of the controller: header and implementation, which `left_out` is not passed to."""
 
     name: str
     kind: str

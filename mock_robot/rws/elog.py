@@ -38,11 +38,12 @@ class ControllerEventLog:
         """Number of the newest entry; 0 when there is none."""
         return self.cabinet.recorded
 
-    def items(self, above: int = 0) -> list[Item]:
-        """Entries with numbers above `above`, newest first."""
+    def items(self, above: int = 0, *, oldest_first: bool = False) -> list[Item]:
+        """One page of the entries with numbers above `above`, from the newest or from the oldest on."""
         log, newest = self.cabinet.log, self.newest
-        numbered = [(newest - back, entry) for back, entry in enumerate(reversed(log))][:PAGE]
-        return [self._item(number, entry) for number, entry in numbered if number > above]
+        numbered = [(newest - back, entry) for back, entry in enumerate(reversed(log))]
+        page = (numbered[::-1] if oldest_first else numbered)[:PAGE]
+        return [self._item(number, entry) for number, entry in page if number > above]
 
     def _item(self, number: int, entry: LogEntry) -> Item:
         at = self.epoch + timedelta(seconds=entry.at_s)

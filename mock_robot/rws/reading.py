@@ -6,7 +6,7 @@ from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import Item, Reply
 from mock_robot.rws.memory import TASKS
 from mock_robot.rws.numbers import format_axis, format_float
-from mock_robot.rws.refusals import BAD_ARGUMENT, NO_RESOURCE, NO_SIGNAL, RwsRefused
+from mock_robot.rws.refusals import BAD_ARGUMENT, LIFO_IN_2_0, NO_RESOURCE, NO_SIGNAL, RwsRefused
 from mock_robot.rws.volumes import RAMDISK_PATH
 
 Parts = Mapping[str, str]
@@ -159,7 +159,13 @@ def signal(context: RequestContext, parts: Parts) -> Reply:
 
 
 def event_log(context: RequestContext, parts: Parts) -> Reply:
-    return Reply(items=context.world.elog.items(), listed=True)
+    """2.0 lists the oldest entries first; the newest ones first only to who accepts version 2.1."""
+    lifo = context.asked.query.get("order") == "lifo"
+    if context.dialect.version == 1:
+        return Reply(items=context.world.elog.items(), listed=True)
+    if lifo and "v=2.1" not in context.asked.headers.get("accept", ""):
+        raise RwsRefused(LIFO_IN_2_0)
+    return Reply(items=context.world.elog.items(oldest_first=not lifo), listed=True)
 
 
 def event_log_entry(context: RequestContext, parts: Parts) -> Reply:

@@ -62,6 +62,7 @@ _SHARED: tuple[Row, ...] = (
 _FIRST: tuple[Row, ...] = (
     ("GET", "/rw/panel/ctrlstate", None, reading.controller_state),
     ("POST", "/rw/panel/ctrlstate", "setctrlstate", acting.set_controller_state),
+    ("POST", "/fileservice/(?P<path>.+)", None, disk.make_folder),
     ("POST", "/rw/rapid/execution", "start", acting.start),
     ("POST", "/rw/rapid/execution", "stop", acting.stop),
     ("POST", "/rw/rapid/execution", "resetpp", acting.reset_pointer),
@@ -83,6 +84,7 @@ _FIRST: tuple[Row, ...] = (
 _SECOND: tuple[Row, ...] = (
     ("GET", "/rw/panel/ctrl-state", None, reading.controller_state),
     ("POST", "/rw/panel/ctrl-state", None, acting.set_controller_state),
+    ("POST", "/fileservice/(?P<path>.+)/create", None, disk.make_folder),
     ("POST", "/rw/rapid/execution/start", None, acting.start),
     ("POST", "/rw/rapid/execution/stop", None, acting.stop),
     ("POST", "/rw/rapid/execution/resetpp", None, acting.reset_pointer),

@@ -171,7 +171,9 @@ class Service:
         if asked.method == "POST" and content_type != "application/x-www-form-urlencoded;v=2.0":
             raise RwsRefused(UNSUPPORTED_MEDIA)
         accept = asked.headers.get("accept", "*/*").replace(" ", "").lower()
-        if "*/*" not in accept and not any(
+        anything = "*/*" in accept and not (asked.method != "GET" and asked.path.startswith("/fileservice"))
+        log = asked.path.startswith("/rw/elog") and "application/hal+json;v=2.1" in accept
+        if not (anything or log) and not any(
             wanted.media_type in accept for wanted in (JSON_2, XHTML_2)
         ):  # Accept may list other types beside it
             raise RwsRefused(NOT_ACCEPTABLE)

@@ -14,9 +14,10 @@ class NoVolume(Exception):
 
 @dataclass
 class Volumes:
-    """Files by canonical path such as `HOME/handeyed/CELL_shared.sys`."""
+    """Files by canonical path such as `HOME/handeyed/CELL_shared.sys`, and the folders that were made."""
 
     files: dict[str, bytes] = field(default_factory=dict)
+    folders: set[str] = field(default_factory=set)
 
     def canonical(self, path: str) -> str:
         """Canonical key of `$HOME/x`, `HOME:/x`, `HOME/x` or `/bd0/ramdisk/x`. Raises NoVolume."""
@@ -27,13 +28,18 @@ class Volumes:
                 return "/".join([volume, *parts[taken:]])
         raise NoVolume(path)
 
+    def has_folder(self, path: str) -> bool:
+        """Whether the folder exists: a volume, or one that was made or holds a file."""
+        holds = any(each.startswith(path + "/") for each in (*self.files, *self.folders))
+        return path in _VOLUMES.values() or path in self.folders or holds
+
     def listing(self, folder: str) -> list[Item] | None:
         """Entries of a folder; None when it does not exist."""
-        inside = [path[len(folder) + 1 :] for path in sorted(self.files) if path.startswith(folder + "/")]
-        if not inside and folder not in _VOLUMES.values():
+        if not self.has_folder(folder):
             return None
-        folders = sorted({name.partition("/")[0] for name in inside if "/" in name})
-        files = [name for name in inside if "/" not in name]
+        every = {path[len(folder) + 1 :] for path in (*self.files, *self.folders) if path.startswith(folder + "/")}
+        files = sorted(name for name in every if f"{folder}/{name}" in self.files and "/" not in name)
+        folders = sorted({name.partition("/")[0] for name in every}.difference(files))
         size = {name: str(len(self.files[f"{folder}/{name}"])) for name in files}
         return [
             *(Item("fs-dir", name, {}) for name in folders),

@@ -62,10 +62,10 @@ def test_its_writes_change_the_mock_and_its_motion_stops(cell: RwsCell, client: 
     client.resetpp()
     client.start(cycle="once", tasks=["T_ROB1"])
     assert cell.world.execution_state == "running"
-    client.upload_file("$HOME/a/x.txt", b"abc")
-    assert client.read_file("$HOME/a/x.txt") == b"abc"
-    assert client.list_files("$HOME/a") == ["x.txt"]
-    client.delete_file("$HOME/a/x.txt")
+    client.upload_file("$HOME/x.txt", b"abc")
+    assert client.read_file("$HOME/x.txt") == b"abc"
+    assert client.list_files("$HOME") == ["x.txt"]
+    client.delete_file("$HOME/x.txt")
     assert cell.world.volumes.files == {}
     client.set_speedratio(50)
     assert cell.controller.panel.speed_override == 0.5

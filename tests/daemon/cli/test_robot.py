@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from daemon.cli.main import app
+from mock_robot.cabinet.panel import Mode
 from tests.daemon.cli.running import handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
 
@@ -22,16 +23,17 @@ def test_the_shipped_modules_are_written_when_somebody_consents(version: int) ->
         done = CliRunner().invoke(app, ["robot", "upload", cell.rws(version), str(MODULES)], input="y\n")
         assert done.exit_code == 0, done.stderr
         assert "motoron, AUTO" in done.stdout
-        assert written(cell) == {f"HOME/handeyed/{path.name}": path.read_bytes() for path in MODULES.iterdir()}
+        fragments = MODULES / ("rw6" if version == 1 else "rw7")
+        sent = [*MODULES.glob("CELL_*"), *fragments.iterdir()]
+        assert written(cell) == {f"HOME/handeyed/{path.name}": path.read_bytes() for path in sent}
 
 
-def test_who_holds_the_mastership_is_reported_and_nothing_is_written() -> None:
+def test_files_are_written_while_the_pendant_has_the_controller() -> None:
     with rws_cell_apart() as cell:
         cell.does(lambda: cell.cell.inject_fault("rws-mastership-held"))
-        ran = handeyed("robot", "upload", cell.rws(2), MODULES, "--yes")
-        assert ran.status == 1
-        assert "somebody else holds the mastership" in ran.err
-        assert written(cell) == {}
+        cell.does(lambda: cell.controller.switch_mode(Mode.MANR, cell.cell.clock()))
+        assert handeyed("robot", "upload", cell.rws(2), MODULES, "--yes").status == 0
+        assert len(written(cell)) == 5
 
 
 def test_what_cannot_be_uploaded_is_reported_before_anybody_is_asked(tmp_path: Path) -> None:

@@ -159,15 +159,20 @@ async def test_the_panel_is_reported_by_the_controller(version: int) -> None:
 
 
 @VERSIONS
-async def test_modules_are_uploaded_when_asked_and_never_without_mastership(version: int) -> None:
+async def test_files_are_copied_without_mastership_and_loaded_only_with_it(version: int) -> None:
     modules = {"CELL_shared.sys": b"MODULE CELL_shared(SYSMODULE)\r\nENDMODULE\r\n"}
     async with rws_cell() as cell, robot_at(cell, version) as robot:
         cell.cell.inject_fault("rws-mastership-held")
+        cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
+        await robot.upload_modules(modules, folder="a/b")
+        assert cell.world.volumes.folders == {"HOME/a", "HOME/a/b"}
+        assert cell.world.volumes.files.pop("HOME/a/b/CELL_shared.sys") == modules["CELL_shared.sys"]
+        cell.controller.switch_mode(Mode.AUTO, cell.cell.clock())
         with pytest.raises(RequestRefused) as refused:
-            await robot.upload_modules(modules)
+            await robot.upload_modules(modules, load_into="T_ROB1")
         assert refused.value.status == "MASTERSHIP_HELD"
-        assert cell.world.volumes.files == {}
         cell.cell.clear_faults()
+        cell.controller.run_program(True, cell.cell.clock())
         with pytest.raises(RequestRefused) as running:
             await robot.upload_modules(modules, load_into="T_ROB1")
         assert running.value.status == "WRONG_STATE"
@@ -263,8 +268,9 @@ async def test_a_subscription_that_has_gone_mute_is_noticed_and_opened_again(ver
 async def test_robotware_8_has_no_mastership_and_the_upload_says_so() -> None:
     async with rws_cell() as cell, robot_at(cell, 2) as robot:
         cell.cell.inject_fault("rws-410")
+        await robot.upload_modules({"x.mod": b"MODULE x\nENDMODULE"})
         with pytest.raises(RequestRefused, match="no mastership any more") as refused:
-            await robot.upload_modules({"x.mod": b"MODULE x\nENDMODULE"})
+            await robot.upload_modules({"x.mod": b"MODULE x\nENDMODULE"}, load_into="T_ROB1")
         assert refused.value.status == "GONE"
 
 

@@ -260,7 +260,12 @@ def test_modules_are_loaded_from_files_into_a_stopped_program(cell: RwsCell) -> 
         client.post("/rw/mastership/request", headers=FORM_2)
         form = {"modulepath": "HOME/cell/x.mod"}
         assert code_2(client.post(load, data=form, headers=FORM_2)) == (400, -1073438708)
+        assert code_2(client.put("/fileservice/HOME/cell/x.mod", content=b"MODULE Mine")) == (404, -1073438713)
+        make = "/fileservice/HOME/create"
+        assert client.post(make, data={"fs-newname": "cell"}, headers=FORM_2).status_code == 204
+        assert client.post(make, data={"fs-newname": "cell"}, headers=FORM_2).status_code == 409
         assert client.put("/fileservice/HOME/cell/x.mod", content=b"MODULE Mine\nENDMODULE").status_code == 201
+        assert client.delete("/fileservice/HOME/cell/x.mod", headers={"Accept": "*/*"}).status_code == 406
         assert code_2(client.post(load, data=form, headers=FORM_2)) == (400, -1073442809)  # it runs
         client.post("/rw/rapid/execution/stop", headers=FORM_2)
         assert client.post(load, data=form, headers=FORM_2).status_code == 204
@@ -272,6 +277,10 @@ def test_modules_are_loaded_from_files_into_a_stopped_program(cell: RwsCell) -> 
     with cell.client_1() as client:
         assert client.get("/fileservice//HOME//cell/x.mod").content.startswith(b"MODULE")
         assert client.delete("/fileservice/$HOME/cell/x.mod").status_code == 204
+        assert client.post("/fileservice/$HOME?fs-action=create", data={"fs-newname": "a"}).status_code == 400
+        new = {"fs-action": "create", "fs-newname": "a"}
+        assert client.post("/fileservice/$HOME", data=new).status_code == 201
+        assert client.post("/fileservice/$HOME/none", data=new).status_code == 404
 
 
 # --- one truth ---
@@ -313,3 +322,18 @@ def test_the_event_log_is_the_cabinets_numbered_newest_first(cell: RwsCell) -> N
     assert [(entry["code"], entry["msgtype"]) for entry in entries[:2]] == [("50050", "3"), ("10013", "1")]
     assert entries[0]["_title"] == "/rw/elog/0/3"
     assert re.fullmatch(r"\d{4}-\d\d-\d\d T  \d\d:\d\d:\d\d", entries[0]["tstamp"])
+
+
+def test_rws_2_lists_the_event_log_oldest_first_and_newest_first_only_in_version_2_1(cell: RwsCell) -> None:
+    for code in (50050, 50080):
+        cell.does(lambda code=code: cell.controller.record(cell.cell.clock(), code, "refused"))  # type: ignore[misc]
+
+    def codes(answer: httpx.Response) -> list[str]:
+        return [entry["code"] for entry in answer.json()["_embedded"]["resources"]]
+
+    with cell.client_2() as client:
+        newest = {"Accept": "application/hal+json;v=2.1"}
+        assert codes(client.get("/rw/elog/0?lang=en"))[-2:] == ["50050", "50080"]
+        assert codes(client.get("/rw/elog/0?lang=en&order=lifo", headers=newest))[:2] == ["50080", "50050"]
+        assert client.get("/rw/elog/0?lang=en&order=lifo").status_code == 400
+        assert client.get("/rw/panel/opmode", headers=newest).status_code == 406

@@ -67,9 +67,19 @@ class RwsClient:
         self, path: str, query: Mapping[str, str] | None = None, *, urgent: bool = False
     ) -> list[dict[str, Any]]:
         """Resources at a path; `urgent` skips the rate limit. Raises DeviceError."""
-        dialect = self._require_dialect()
-        every = {**(query or {}), **dialect.query}
-        answer = await self._ask("GET", path, every, headers=dialect.headers, urgent=urgent)
+        dialect = self.require_dialect()
+        return await self._get(path, {**(query or {}), **dialect.query}, dialect.headers, urgent=urgent)
+
+    async def get_event_log(self) -> list[dict[str, Any]]:
+        """Newest entries of the common event log, newest first. Raises DeviceError."""
+        dialect = self.require_dialect()
+        return await self._get("/rw/elog/0", dialect.log_query, dialect.log_headers)
+
+    async def _get(
+        self, path: str, query: Mapping[str, str], headers: Mapping[str, str], *, urgent: bool = False
+    ) -> list[dict[str, Any]]:
+        dialect = self.require_dialect()
+        answer = await self._ask("GET", path, query, headers=headers, urgent=urgent)
         try:
             return dialect.items(answer.content)
         except ValueError as error:
@@ -80,20 +90,31 @@ class RwsClient:
         self, path: str, query: Mapping[str, str], form: Mapping[str, str], *, urgent: bool = False
     ) -> httpx.Response:
         """Post a form; `urgent` skips the rate limit. Raises DeviceError."""
-        headers = self._require_dialect().post_headers
+        headers = self.require_dialect().post_headers
         return await self._ask("POST", path, query, form=form, headers=headers, urgent=urgent)
 
     async def put_file(self, path: str, content: bytes) -> None:
-        """Write a file below the controller's home folder. Raises DeviceError."""
-        dialect = self._require_dialect()
-        kind = "application/octet-stream" + (";v=2.0" if dialect.version == 2 else "")
-        await self._ask(
-            "PUT", f"/fileservice/{dialect.home}/{path}", {}, content=content, headers={"Content-Type": kind}
-        )
+        """Write a file below the controller's home folder; its folder must exist. Raises DeviceError."""
+        dialect = self.require_dialect()
+        await self._ask("PUT", f"/fileservice/{dialect.home}/{path}", {}, content=content, headers=dialect.file_headers)
+
+    async def make_folder(self, path: str) -> None:
+        """Make a folder below the controller's home folder, and those above it. Raises DeviceError."""
+        dialect = self.require_dialect()
+        parent = dialect.home
+        for name in path.strip("/").split("/"):
+            try:
+                await self._ask("GET", f"/fileservice/{parent}/{name}", {}, headers=dialect.file_headers)
+            except RequestRefused as refused:
+                if refused.status != "NOT_FOUND":
+                    raise
+                action, form = dialect.make_folder(parent, name)
+                await self.post(action, {}, form)
+            parent = f"{parent}/{name}"
 
     async def delete(self, path: str) -> None:
         """Raises DeviceError."""
-        await self._ask("DELETE", path, {}, headers=self._require_dialect().post_headers)
+        await self._ask("DELETE", path, {}, headers=self.require_dialect().post_headers)
 
     async def close(self) -> None:
         """Log out, to free the controller's session."""
@@ -110,7 +131,7 @@ class RwsClient:
 
     def socket(self, path: str) -> tuple[str, dict[str, str], ssl.SSLContext | None]:
         """URL, headers and TLS context of a subscription's WebSocket."""
-        http, dialect = self._http, self._require_dialect()
+        http, dialect = self._http, self.require_dialect()
         assert http is not None
         cookies = "; ".join(f"{name}={value}" for name, value in http.cookies.items())
         url = self.address.url(dialect.version).replace("http", "ws", 1) + path
@@ -118,13 +139,14 @@ class RwsClient:
 
     # --- inside ---
 
-    def _require_dialect(self) -> Dialect:
+    def require_dialect(self) -> Dialect:
+        """The session's dialect; raises DeviceUnreachable without a session."""
         if self.dialect is None:
             raise DeviceUnreachable(self.device, "no session with the controller", "it is looked for again by itself")
         return self.dialect
 
     def _session_now(self) -> httpx.AsyncClient:
-        self._require_dialect()
+        self.require_dialect()
         assert self._http is not None
         return self._http
 

@@ -14,11 +14,17 @@ _MESSAGE = re.compile(r'class="msg">([^<]*)<')
 
 @dataclass(frozen=True)
 class Dialect:
-    """One version of RWS. Paths begin with a slash; `query` is added to every GET."""
+    """One version of RWS. Paths begin with a slash; `query` is added to every GET.
+
+    2.0 lists the event log oldest first; `log_headers` and `log_query` ask for the newest entries first.
+    """
 
     version: int
     headers: Mapping[str, str]
     post_headers: Mapping[str, str]
+    file_headers: Mapping[str, str]
+    log_headers: Mapping[str, str]
+    log_query: Mapping[str, str]
     query: Mapping[str, str]
     controller_state: str
     stop: Call
@@ -26,6 +32,12 @@ class Dialect:
     release_mastership: Call
     home: str
     subprotocol: str
+
+    def make_folder(self, parent: str, name: str) -> tuple[str, Mapping[str, str]]:
+        """Path and form that make a folder below `parent`, itself a path of the file service."""
+        if self.version == 1:
+            return f"/fileservice/{parent}", {"fs-action": "create", "fs-newname": name}
+        return f"/fileservice/{parent}/create", {"fs-newname": name}
 
     def load_module(self, task: str) -> Call:
         """Call that loads a module."""
@@ -64,11 +76,15 @@ def error_in(content: bytes) -> tuple[int | None, str]:
 
 
 _FORM = "application/x-www-form-urlencoded"
+_FILE = "application/octet-stream"
 DIALECTS: Mapping[int, Dialect] = {
     1: Dialect(
         version=1,
         headers={"Accept": "application/json"},
-        post_headers={"Content-Type": _FORM},
+        post_headers={"Content-Type": _FORM, "Accept": "application/json"},
+        file_headers={"Content-Type": _FILE, "Accept": "application/xhtml+xml"},
+        log_headers={"Accept": "application/json"},
+        log_query={"lang": "en", "json": "1"},
         query={"json": "1"},
         controller_state="/rw/panel/ctrlstate",
         stop=("/rw/rapid/execution", {"action": "stop"}),
@@ -80,7 +96,10 @@ DIALECTS: Mapping[int, Dialect] = {
     2: Dialect(
         version=2,
         headers={"Accept": "application/hal+json;v=2.0"},
-        post_headers={"Content-Type": f"{_FORM};v=2.0"},
+        post_headers={"Content-Type": f"{_FORM};v=2.0", "Accept": "application/hal+json;v=2.0"},
+        file_headers={"Content-Type": f"{_FILE};v=2.0", "Accept": "application/xhtml+xml;v=2.0"},
+        log_headers={"Accept": "application/hal+json;v=2.1"},
+        log_query={"lang": "en", "order": "lifo"},
         query={},
         controller_state="/rw/panel/ctrl-state",
         stop=("/rw/rapid/execution/stop", {}),

@@ -43,6 +43,11 @@ class RwsRobot:
         return RobotCapabilities(moves=False, pose_convention=POSE_CONVENTION)
 
     @property
+    def robotware(self) -> int:
+        """Family of RobotWare, from the version of the services: 6 for 1.0, 7 for 2.0. Raises DeviceError."""
+        return {1: 6, 2: 7}[self._client.require_dialect().version]
+
+    @property
     def watching(self) -> bool:
         """Whether the controller reports changes by a subscription."""
         return self._link.watching
@@ -89,7 +94,7 @@ class RwsRobot:
 
     async def read_event_log(self) -> tuple[EventLogEntry, ...]:
         """Newest entries of the common log, newest first."""
-        items = await self._client.get("/rw/elog/0", {"lang": "en"})
+        items = await self._client.get_event_log()
         return tuple(parsing.log_entry(self._device, item) for item in items)
 
     # --- acting ---
@@ -122,15 +127,18 @@ class RwsRobot:
     ) -> None:
         """Write files to HOME:/`folder`, and load them into a task when one is named. Called only on request.
 
-        Holds mastership meanwhile; to load, the program must be stopped. Raises DeviceError.
+        Files need no mastership. Loading holds it meanwhile, and the program must be stopped. Raises DeviceError.
         """
         dialect = await self._client.find()
+        await self._client.make_folder(folder)
+        for name, content in modules.items():
+            await self._client.put_file(f"{folder}/{name}", content)
+        if load_into is None:
+            return
         await self._client.post(*dialect.take_mastership, {})
         try:
-            for name, content in modules.items():
-                await self._client.put_file(f"{folder}/{name}", content)
-            for name in modules if load_into else ():
-                path, query = dialect.load_module(str(load_into))
+            for name in modules:
+                path, query = dialect.load_module(load_into)
                 form = {"modulepath": f"{dialect.home}/{folder}/{name}", "replace": "true"}
                 await self._client.post(path, query, form)
         finally:

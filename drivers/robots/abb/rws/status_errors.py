@@ -24,7 +24,11 @@ BY_STATUS: dict[int, tuple[str, str, str]] = {
     403: ("FORBIDDEN", "the user may not do that", "give the user the grant in the controller's UAS"),
     404: ("NOT_FOUND", "the controller has no such resource", "check mechunit and the version of RobotWare"),
     406: ("NOT_ACCEPTABLE", "no media type of ours will do", "set version= in the address to the controller's"),
-    410: ("GONE", "this RobotWare has no mastership any more", "load the modules with RobotStudio or at the pendant"),
+    410: (
+        "GONE",
+        "this RobotWare has moved it: RobotWare 8 has no mastership any more, but write access of a control station",
+        "load the modules with RobotStudio or at the pendant; reading, stopping and copying files work",
+    ),
     415: ("UNSUPPORTED_MEDIA", "no media type of ours will do", "set version= in the address to the controller's"),
 }
 TOO_MANY = "its 70 sessions are taken, or it is asked more than 20 times a second"
