@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.requirement import PointsDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
@@ -53,7 +54,10 @@ class LimitsDocument(Document):
 
 
 class PlanDocument(Document):
-    """The input: scene, limits, number of poses. `views`: given poses to assess; `robot`: an arm whose reach counts."""
+    """The input: scene, limits, number of poses. `views`: given poses to assess; `robot`: an arm whose reach counts.
+
+    `part`: the points that matter; the working volume without.
+    """
 
     schema_version: Literal[1]
     target: TargetDocument
@@ -64,6 +68,7 @@ class PlanDocument(Document):
     limits: LimitsDocument = LimitsDocument()
     poses: Annotated[int, Field(ge=3, le=60)] = 3
     robot: str | None = None
+    part: PointsDocument = PointsDocument()
     views: list[PoseDocument] | None = None
 
     def scene(self) -> Scene:
@@ -74,13 +79,19 @@ class PlanDocument(Document):
             self.flange_T_camera_guess.transform(),
             self.base_T_target_guess.transform(),
             self.noise.noise(),
+            points=self.part.named_points(),
         )
 
 
 class PredictedDocument(Document):
-    """One standard deviation of X; null where the poses do not determine it."""
+    """One standard deviation of X; null where the poses do not determine it.
+
+    `expanded_mm`: U (k = 2) at the worst of the points that matter, `worst_point`.
+    """
 
     point_mm: float | None
+    expanded_mm: float | None = None
+    worst_point: str | None = None
     translation_mm: Vector | None
     rotation_deg: Vector | None
 
@@ -90,7 +101,11 @@ class PredictedDocument(Document):
             return cls(point_mm=None, translation_mm=None, rotation_deg=None)
         x, y, z = prediction.translation_mm.tolist()
         a, b, c = np.rad2deg(prediction.rotation_rad).tolist()
-        return cls(point_mm=prediction.point_mm, translation_mm=(x, y, z), rotation_deg=(a, b, c))
+        worst = prediction.worst_point
+        return cls(
+            point_mm=prediction.point_mm, expanded_mm=worst.expanded_mm, worst_point=worst.name,
+            translation_mm=(x, y, z), rotation_deg=(a, b, c),
+        )  # fmt: skip
 
 
 class PlannedPoseDocument(Document):

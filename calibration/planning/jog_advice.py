@@ -13,14 +13,13 @@ from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import (
     Scene,
     median_distance_mm,
-    point_weights,
     prediction_of,
     view_information,
-    working_points_mm,
 )
 from calibration.linear_algebra import covariance_or_inf
 from calibration.observability import summarise_motion
 from calibration.planning.next_view import StoppingRule
+from calibration.planning.point_criterion import point_matrices, worst_variances
 from calibration.planning.scene_belief import SceneBelief, ScenePrior, infer_scene
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.planning.viewpoints import ViewpointLimits, within_limits
@@ -115,10 +114,10 @@ def _best_jog(
     known = view_information(scene, taken).sum(axis=0)
     information = known + view_information(scene, poses[keep])
     distance_mm = median_distance_mm(scene, taken)
-    weights = point_weights(working_points_mm(scene.camera, distance_mm))
     regularised = information.copy()
     regularised[:, :6, :6] += np.linalg.inv(prior_covariance)  # two views do not determine X
-    sigma_mm = np.sqrt(np.einsum("ij,nji->n", weights, covariance_or_inf(regularised, 6)))
+    matrices = point_matrices(scene, distance_mm, taken)
+    sigma_mm = np.sqrt(worst_variances(matrices, covariance_or_inf(regularised, 6)))
     single = np.array([len(choices[row]) == 1 for row in np.flatnonzero(keep)])
     best = int(np.argmin(np.where(single, sigma_mm, MIN_GAIN_OF_TWO_TURNS * sigma_mm)))
     row = int(np.flatnonzero(keep)[best])

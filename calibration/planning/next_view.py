@@ -126,7 +126,7 @@ def _revalidate(
     if not all(in_sight(other, limits, pose).all() for other in belief.alternatives):
         return None
     predicted = predict(belief.scene, np.concatenate([_poses_with_target(problem), prepared.base_T_flange]))
-    if not predicted.point_mm <= MAX_LOSS_OF_PREPARED * prepared.predicted.point_mm:
+    if not predicted.worst_point.sigma_mm <= MAX_LOSS_OF_PREPARED * prepared.predicted.worst_point.sigma_mm:
         return None
     return replace(prepared, predicted=predicted)
 

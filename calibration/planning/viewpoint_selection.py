@@ -1,22 +1,19 @@
 """Selection of the set of viewpoints that determines X best: exchange among random candidates, then local search.
 
-The value of a set is the predicted variance of a registered point, trace(W cov): A-optimal design for the
-quantity the user wants (Yang, Rebello & Waslander, arXiv:2303.06766 choose views by information as well).
+The value of a set is the predicted variance of the worst of the points that matter, the largest trace(W cov): U of the
+verdict (Yang, Rebello & Waslander, arXiv:2303.06766 choose views by information as well).
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.likelihood.predicted_uncertainty import (
-    Scene,
-    point_weights,
-    view_information,
-    working_points_mm,
-)
+from calibration.likelihood.predicted_uncertainty import Scene, view_information
 from calibration.linear_algebra import covariance_or_inf
+from calibration.planning.point_criterion import point_matrices, worst_variances
 from calibration.planning.viewpoints import (
     ViewpointLimits,
     clip_to_limits,
@@ -31,6 +28,9 @@ Indices = NDArray[np.intp]
 
 Reachable = Callable[[Array], NDArray[np.bool_]]
 """Mask (n,) of the poses base_T_flange (n, 4, 4) that the arm can take."""
+
+POINT_VIEWPOINTS = 200
+"""Viewpoints over which the place of a point of the base in the camera's frame is averaged."""
 
 LOCAL_STEPS = np.array([0.15, 0.15, 0.3, 40.0, 0.1, 0.1])
 """First step of the local search, in the units of a viewpoint."""
@@ -68,12 +68,14 @@ class Search:
         return Candidates(viewpoints[keep], poses[keep], view_information(self.scene, poses[keep]))
 
     def variance(self, information: Array) -> Array:
-        """Predicted variance (n,) of a registered point, in mm², of information (n, k, k)."""
-        distance = float(np.mean(self.limits.distance_mm))
-        weights = point_weights(working_points_mm(self.scene.camera, distance))
-        with np.errstate(invalid="ignore"):
-            variance = np.einsum("ij,nji->n", weights, covariance_or_inf(information, 6))
-        return np.where(np.isfinite(variance), variance, np.inf)
+        """Predicted variance (n,) of the worst of the points that matter, in mm², of information (n, k, k)."""
+        return worst_variances(self._matrices, covariance_or_inf(information, 6))
+
+    @cached_property
+    def _matrices(self) -> Array:
+        """Of the points that matter; those of the base where viewpoints within the limits see them."""
+        viewpoints = random_viewpoints(self.limits, POINT_VIEWPOINTS, np.random.default_rng(0))
+        return point_matrices(self.scene, float(np.mean(self.limits.distance_mm)), flange_poses(self.scene, viewpoints))
 
 
 POOL_SIZE = 500
