@@ -19,9 +19,9 @@ class VerdictLimits:
     rejected; the others raise warnings of likely causes. Each is a key of `calibration.documents.requirement`.
 
     tolerance_mm : largest U (k = 2) at the worst of the points that matter.
+    point_warning_mm : the same, for a warning. A tolerance that somebody has stated is both: see `with_tolerance`.
     negligible_share, warning_share : of the tolerance: a contradiction that moves a mapped point by less is
         information, or a warning.
-    point_warning_mm : the same, for a warning. A tolerance that somebody has stated is both: see `with_tolerance`.
     """
 
     tolerance_mm: float = 4.0
