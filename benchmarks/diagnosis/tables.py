@@ -18,10 +18,14 @@ from benchmarks.diagnosis.cases import Case, Result, causes, results_of, with_co
 from benchmarks.diagnosis.imperfect import print_imperfect
 from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faulty_sessions import PART, REAL, part_of, real_session, simulated
+from tests.simulated.mixups import MIXUPS
 
 FACTORS = (0.75, 1.0, 1.5, 2.0, 4.0)
 REAL_FACTORS = (1.0, 1.5, 2.0, 4.0)
 EVERY = 250
+PLAIN = GROSS | MIXUPS
+"""Faults without a size."""
+
 PARTS = ("gross", "simulated", "real", "clean", "imperfect")
 SINGLE_THREADED = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Small matrices: threads would wait for each other and for other processes' threads."""
@@ -47,7 +51,7 @@ def main() -> None:
     parser.add_argument("--real", type=int, default=20, help="parts of each real session in each row")
     parser.add_argument("--clean", type=int, default=1000, help="clean sessions")
     parser.add_argument("--only", choices=PARTS, help="one of the parts")
-    parser.add_argument("--kinds", choices=(*GROSS, *KINDS), nargs="+", metavar="KIND", help="some of the rows")
+    parser.add_argument("--kinds", choices=(*PLAIN, *KINDS), nargs="+", metavar="KIND", help="some of the rows")
     parser.add_argument("--factors", type=float, nargs="+", help="sizes, in multiples of just above the noise")
     parser.add_argument("--session", choices=REAL, help="one of the real sessions")
     parser.add_argument("--seed", type=int, default=5, help="of sessions and faults")
@@ -58,10 +62,10 @@ def main() -> None:
     sizes = QUICK if options.quick else Sizes(options.sessions, options.clean, options.real)
     os.environ.update(SINGLE_THREADED)
     with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        bench = Bench(pool, options.seed, tuple(options.kinds or (*GROSS, *KINDS)), options.missed)
+        bench = Bench(pool, options.seed, tuple(options.kinds or (*PLAIN, *KINDS)), options.missed)
         if "gross" in parts:
             print(f"simulated sessions, 6 to 30 views, both set-ups, faults that are plain; {sizes.row} a row")
-            bench.table(bench.simulate(sizes.row), GROSS, ())
+            bench.table(bench.simulate(sizes.row), PLAIN, ())
         if "simulated" in parts:
             print(f"simulated sessions, 6 to 30 views, both set-ups; {sizes.row} a row")
             bench.table(bench.simulate(sizes.row), KINDS, options.factors or FACTORS)
@@ -94,7 +98,7 @@ class Bench:
                 continue
             print(f"\n{name}; {count} a row; at most {PART} of its {len(problem.views)} views that agree")
             parts = [part_of(problem, np.random.default_rng([self.seed, 1, number])) for number in range(count)]
-            real = [kind for kind in (*GROSS, *KINDS) if kind in GROSS or KINDS[kind].real]
+            real = [kind for kind in (*PLAIN, *KINDS) if kind in PLAIN or KINDS[kind].real]
             self.table(list(self.pool.map(with_corrected_size, parts)), real, factors)
 
     def table(self, sessions: Sequence[Session], kinds: Iterable[str], factors: Sequence[float]) -> None:
@@ -113,7 +117,7 @@ class Bench:
         for kind in chosen:
             by_session = [next(found) for _ in sessions]
             for size, results in enumerate(zip(*by_session, strict=True)):
-                _row(kind, "gross" if kind in GROSS else f"x {factors[size]:g}", results)
+                _row(kind, "gross" if kind in PLAIN else f"x {factors[size]:g}", results)
                 if self.prints_misses:
                     _print_misses(results)
 

@@ -46,6 +46,11 @@ def _w_last(base_T_flange: Array, _: Array) -> Array:
     return change_quaternion_order(base_T_flange)
 
 
+def _w_first(base_T_flange: Array, _: Array) -> Array:
+    w_last = np.roll(quaternion_from_rotation(base_T_flange[:, :3, :3]), -1, axis=1)
+    return transform(rotation_from_quaternion(w_last), base_T_flange[:, :3, 3])
+
+
 def _invert(base_T_flange: Array, _: Array) -> Array:
     return inverse(base_T_flange)
 
@@ -96,6 +101,12 @@ CONVENTIONS = (
         "the quaternions are written x, y, z, w; here the scalar comes first",
         "write every quaternion as w, x, y, z",
         _w_last,
+    ),
+    Convention(
+        "quaternion-w-first",
+        "the quaternions were w, x, y, z already and were reordered as if the scalar came last",
+        "write every quaternion as it came: w, x, y, z",
+        _w_first,
     ),
     Convention(
         "poses-inverted",
@@ -189,6 +200,9 @@ def inverted_or_other_setup(inverted: Hypothesis) -> Hypothesis:
         return replace(inverted, code="setup-swapped", message=swapped, fix=change)
     if in_cell_mm > MIN_SETUP_RATIO * on_flange_mm:
         return inverted
+    if on_flange_mm > in_cell_mm:
+        message, fix = f"{swapped}; or {inverted.message}", f"{change}; or {inverted.fix}"
+        return replace(inverted, code="setup-swapped", message=message, fix=fix)
     return replace(inverted, message=f"{inverted.message}; or {swapped}", fix=f"{inverted.fix}; or {change}")
 
 

@@ -1,6 +1,6 @@
 """Test of all known causes of an inconsistent session, and choice of the one that explains it."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit, likeliest_fit
 from calibration.diagnosis.hypothesis import Hypothesis, HypothesisResult, evaluate
 from calibration.diagnosis.pairing_hypotheses import pairing_hypotheses
+from calibration.diagnosis.picture_hypotheses import mirrored_hypothesis, turned_hypotheses
 from calibration.diagnosis.pose_entry_hypotheses import pose_entry_results
 from calibration.diagnosis.screening import is_unusual
 from calibration.diagnosis.view_hypotheses import (
@@ -30,6 +31,7 @@ from calibration.diagnosis.view_hypotheses import (
     find_suspects,
     pose_swap_hypotheses,
 )
+from calibration.diagnosis.wrapped_angles import wrapped_hypotheses
 from calibration.errors import UndeterminedError
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
 from calibration.observability import require_observable
@@ -57,6 +59,9 @@ MIN_LIKELIHOOD_RATIO = 10.0
 FALSE_ALARM_PROBABILITY = 5e-4
 """Probability of naming a fault in a clean session, for each of four kinds (one pose, X changed, the target's pose
 changed, the target's size) with all its alternatives. With the lens, a quarter of a percent of clean sessions."""
+
+SINGLE_VIEW_CODES = frozenset({"pose-mistyped", "poses-swapped", "board-turned"})
+"""Causes of one or two views, of which there may be several in a session."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +114,8 @@ def _diagnose_convention(evidence: Evidence, further: FurtherHypotheses) -> Diag
     ]
     uncorrected = likeliest_fit(sample)
     results = _best_of_each(evaluate(hypotheses, sample, uncorrected))
-    return _diagnosis(uncorrected, [result for result in results if _is_significant(result, uncorrected, 1, 1)])
+    possible = [result for result in results if _is_possible(result, uncorrected, False)]
+    return _diagnosis(uncorrected, [result for result in possible if _is_significant(result, 1, 1)])
 
 
 def _best_explanation(
@@ -130,6 +136,7 @@ def _best_explanation(
         *board_turn_hypotheses(sample, among, target_centre_mm),
         *change_hypotheses(sample, change_points(len(sample))),
         *further(sample),
+        *(_picture_hypotheses(sample) if is_unusual(uncorrected) else ()),
     ]
     results = [
         *evaluate(hypotheses, sample, uncorrected),
@@ -137,7 +144,16 @@ def _best_explanation(
     ]
     # The views left out of the sample count as alternatives.
     best_of_each = _best_of_each(results)
-    found = [result for result in best_of_each if _is_significant(result, uncorrected, len(evidence), len(sample))]
+    majority = _robot_can_err(suspects.half.robot_translation_mm, suspects.half.robot_rotation_rad)
+    found = [
+        result
+        for result in best_of_each
+        if _is_possible(result, uncorrected, majority) and _is_significant(result, len(evidence), len(sample))
+    ]
+    if not found and not _robot_can_err(uncorrected.robot_translation_mm, uncorrected.robot_rotation_rad):
+        results = evaluate(list(wrapped_hypotheses(sample)), sample, uncorrected)
+        possible = [result for result in results if _is_possible(result, uncorrected, False)]
+        found = [result for result in _best_of_each(possible) if _is_significant(result, len(evidence), len(sample))]
     if found and found[0].hypothesis.code in CHANGE_CODES:
         found[0] = (
             _locate_change(evidence, found[0])
@@ -145,6 +161,11 @@ def _best_explanation(
             else _with_alternative_views(found[0], results)
         )
     return _diagnosis(uncorrected, found)
+
+
+def _picture_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
+    yield mirrored_hypothesis(evidence)
+    yield from turned_hypotheses(evidence, change_points(len(evidence)))
 
 
 def _is_observable(base_T_flange: Array) -> bool:
@@ -183,10 +204,8 @@ def _best_of_each(results: list[HypothesisResult]) -> list[HypothesisResult]:
     return list(best.values())
 
 
-def _is_significant(result: HypothesisResult, uncorrected: Fit, views: int, tried: int) -> bool:
+def _is_significant(result: HypothesisResult, views: int, tried: int) -> bool:
     """Whether a result is significant, with the `views` that were not `tried` counted as alternatives."""
-    if not _is_possible(result, uncorrected):
-        return False
     left_out = views / tried
     gain = result.gain - np.log(left_out)
     if result.p_value is None:
@@ -194,17 +213,21 @@ def _is_significant(result: HypothesisResult, uncorrected: Fit, views: int, trie
     return bool(gain > 0) and result.p_value() * left_out < FALSE_ALARM_PROBABILITY
 
 
-def _is_possible(result: HypothesisResult, uncorrected: Fit) -> bool:
-    """Whether the explanation lessens the disagreement, and one of all poses leaves no more than a robot can err by.
+def _is_possible(result: HypothesisResult, uncorrected: Fit, majority: bool) -> bool:
+    """Whether the explanation lessens the disagreement, and leaves no more than a robot can err by.
 
-    A wrong reading of all poses, such as translations shrunk to nothing, may fit garbage better than the garbage fits.
+    A wrong explanation, such as translations shrunk to nothing, may fit garbage better than the garbage fits. One of
+    one or two views may leave more when a `majority` of the views agrees: others are then wrong as well.
     """
     after = result.robot_translation_mm, result.robot_rotation_rad
     before = uncorrected.robot_translation_mm, uncorrected.robot_rotation_rad
     if all(left >= given for left, given in zip(after, before, strict=True)):
         return False
-    possible = after[0] <= MAX_POSSIBLE_NOISE.translation_mm and after[1] <= MAX_POSSIBLE_NOISE.rotation_rad
-    return possible or not result.hypothesis.whole_session
+    return _robot_can_err(*after) or (majority and result.hypothesis.code in SINGLE_VIEW_CODES)
+
+
+def _robot_can_err(translation_mm: float, rotation_rad: float) -> bool:
+    return translation_mm <= MAX_POSSIBLE_NOISE.translation_mm and rotation_rad <= MAX_POSSIBLE_NOISE.rotation_rad
 
 
 def _locate_change(evidence: Evidence, found: HypothesisResult) -> HypothesisResult:

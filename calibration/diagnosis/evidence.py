@@ -57,6 +57,10 @@ class Evidence:
         """The same robot poses with other poses (n, 4, 4) from the images."""
         return replace(self, camera_T_target=camera_T_target)
 
+    def with_images(self, camera_T_target: Array, covariance: Array) -> "Evidence":
+        """The same robot poses with other poses (n, 4, 4) from the images and their covariances (n, 6, 6)."""
+        return replace(self, camera_T_target=camera_T_target, covariance=covariance)
+
     def anchor_T_mount(self) -> Array:
         """(n, 4, 4), see `calibration.problem`."""
         return anchor_T_mount_of(self.setup, self.base_T_flange)

@@ -9,9 +9,9 @@ from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY, MAX_VIEWS, MIN_VIEWS, diagnose, evenly_spaced
 from calibration.diagnosis.effect import MappedPoint
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
-from calibration.diagnosis.findings import diagnosis_findings, lens_findings, with_comparison
+from calibration.diagnosis.findings import MAX_PRINT_SCALE_ERROR, diagnosis_findings, lens_findings, with_comparison
 from calibration.diagnosis.fit import fit
-from calibration.diagnosis.intrinsics_check import LensMisfit, lens_misfit
+from calibration.diagnosis.intrinsics_check import LensMisfit, gross_lens_misfit, lens_misfit
 from calibration.diagnosis.screening import needs_diagnosis
 from calibration.diagnosis.target_check import target_findings
 from calibration.errors import UndeterminedError
@@ -27,6 +27,15 @@ from calibration.transforms import Array
 MAX_TRANSLATION_MM = 1e9
 """mm: views with a larger coordinate of the robot's pose are ignored."""
 
+MAX_LEFT_OUT_SHARE = 0.1
+"""Share of the corners from which their places on the target are doubted."""
+
+MISPLACED_PX = 5.0
+"""Pixel noise from which the target is doubted; wrong intrinsics and bent boards mostly leave less."""
+
+MAX_USUAL_PX = 1.0
+"""Pixel noise from which intrinsics are sought far from the given ones."""
+
 SOLVER_FINDINGS = {"wrong-pitch": "target-scale", "board-turned": "board-turned"}
 """Causes that the solver reports as well, with the code of its finding; the diagnosis adds its figures to that."""
 
@@ -39,6 +48,10 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     # Contradictory numbers may overflow in any hypothesis.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         found = _findings_without_x(problem) if prepared is None else _findings_with_x(problem, solution, prepared)
+    if any(finding.code == "intrinsics-do-not-fit" and finding.severity == "error" for finding in found):
+        # Seen through another lens, a target has another size.
+        others = tuple(finding for finding in solution.findings if finding.code != "target-scale")
+        solution = replace(solution, findings=others)
     known = {finding.code for finding in solution.findings}
     more = {SOLVER_FINDINGS[finding.code]: finding for finding in found if SOLVER_FINDINGS.get(finding.code) in known}
     extended = (
@@ -65,8 +78,11 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     poses[:, :3, 3] /= prepared.scale  # whether the target's size is wrong is for the diagnosis to find
     used = {view.index for view in solution.views if view.status != "rejected"}
     given = evidence_of(problem, seen, camera, poses)
-    misfit = None if problem.camera is None else _lens_misfit(prepared, poses)
     point = None if solution.mount_T_camera is None else MappedPoint.of(solution.mount_T_camera, camera, poses)
+    another_target = tuple(target_findings(problem)) if _points_lie_elsewhere(prepared, poses) else ()
+    if another_target:
+        return another_target
+    misfit = None if problem.camera is None else _lens_misfit(problem, prepared, poses)
     if misfit is None:
         return _diagnosis_findings(problem, given, used, point)
     if not misfit.significant and not _diagnosis_findings(problem, given, used, point):
@@ -75,8 +91,8 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     fitting = evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
     still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
-    lens = misfit.significant or not still_wrong
-    return (*(lens_findings(misfit, _agrees_better(fitting, given)) if lens else ()), *still_wrong)
+    counts = misfit.significant or not still_wrong
+    return (*(lens_findings(misfit, camera, _agrees_better(fitting, given)) if counts else ()), *still_wrong)
 
 
 def _agrees_better(fitting: Evidence, given: Evidence) -> bool:
@@ -85,24 +101,37 @@ def _agrees_better(fitting: Evidence, given: Evidence) -> bool:
     return bool(np.any(with_others.variances < with_given.variances))
 
 
-def _lens_misfit(prepared: PreparedSession, poses: Array) -> LensMisfit | None:
+def _points_lie_elsewhere(prepared: PreparedSession, poses: Array) -> bool:
+    """Whether the corners fit so badly that they may be those of another target."""
+    seen = prepared.seen
+    left_out = np.count_nonzero((seen.weights == 0) & (seen.present > 0))
+    if left_out > MAX_LEFT_OUT_SHARE * np.count_nonzero(seen.present):
+        return True
+    return pixel_deviation(pixel_statistics(seen, prepared.camera, poses)) > MISPLACED_PX
+
+
+def _lens_misfit(problem: Problem, prepared: PreparedSession, poses: Array) -> LensMisfit | None:
     """The misfit of the given intrinsics; a wrong lens is preferred to a deviating target shape, being simpler."""
-    if prepared.shape is None:
-        return lens_misfit(prepared.seen, prepared.camera, poses, FALSE_ALARM_PROBABILITY)
-    as_shaped = pixel_deviation(pixel_statistics(prepared.seen, prepared.camera, poses))
-    drawn = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids])
-    return lens_misfit(
-        drawn, prepared.camera, refine_poses(drawn, prepared.camera, poses), FALSE_ALARM_PROBABILITY, as_shaped
-    )
+    as_seen = pixel_deviation(pixel_statistics(prepared.seen, prepared.camera, poses))
+    drawn, as_shaped = prepared.seen, np.inf
+    if prepared.shape is not None:
+        drawn, as_shaped = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids]), as_seen
+        poses = refine_poses(drawn, prepared.camera, poses)
+    misfit = lens_misfit(drawn, prepared.camera, poses, FALSE_ALARM_PROBABILITY, as_shaped)
+    if misfit is None and (as_seen > MAX_USUAL_PX or abs(prepared.scale - 1) > MAX_PRINT_SCALE_ERROR):
+        return gross_lens_misfit(problem, drawn, as_shaped)
+    return misfit
 
 
 def _findings_without_x(problem: Problem) -> tuple[Finding, ...]:
     """Findings of a session that does not determine X: another target, or another unit or convention of the poses."""
     seen, _ = observe(problem)
     camera = problem.camera or _estimate_camera(problem)
-    another_target = tuple(target_findings(problem, camera))
+    another_target = tuple(target_findings(problem))
     if another_target or camera is None or len(seen) < MIN_VIEWS:
         return another_target
+    if problem.camera is not None and (misfit := gross_lens_misfit(problem, seen)):
+        return lens_findings(misfit, problem.camera, True)
     seen = seen.take(evenly_spaced(len(seen), MAX_VIEWS))
     return _diagnosis_findings(
         problem, evidence_of(problem, seen, camera, candidate_poses(seen, camera)[0][:, 0]), set()

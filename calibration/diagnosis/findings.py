@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, Diagnosis
 from calibration.diagnosis.intrinsics_check import LensMisfit
 from calibration.diagnosis.view_hypotheses import CHANGE_CODES
@@ -16,6 +17,10 @@ MAX_PRINT_SCALE_ERROR = 0.01
 
 MAX_LENS_SHARE = 0.005
 """Largest shift of the target over its distance for a warning; more is an error (another camera or focus)."""
+
+MIN_PICTURE_SCALE_ERROR, MAX_ASPECT_CHANGE, MAX_CENTRE_OFF = 0.1, 0.02, 0.04
+"""Intrinsics of pictures of another size: least change of scale; most change of fx / fy, and of the centre as a share
+of the picture's size."""
 
 
 def diagnosis_findings(
@@ -56,20 +61,20 @@ def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
     return "warning"
 
 
-def lens_findings(misfit: LensMisfit, agrees_better: bool) -> tuple[Finding, ...]:
-    """The finding that the given intrinsics do not fit.
+def lens_findings(misfit: LensMisfit, given: CameraModel, agrees_better: bool) -> tuple[Finding, ...]:
+    """The finding that the `given` intrinsics do not fit.
 
     `agrees_better`: whether robot and images agree better with the others; if not, the target's shape or the light may
     be what the pixels show.
     """
-    matrix = misfit.camera.matrix
+    matrix, factor = misfit.camera.matrix, _picture_scale(misfit.camera, given)
     severity: Severity = "error" if misfit.share > MAX_LENS_SHARE and agrees_better else "warning"
     return (
         Finding(
             "intrinsics-do-not-fit",
             severity,
             Sentence(
-                "intrinsics-do-not-fit",
+                "intrinsics-do-not-fit" if factor is None else "intrinsics-of-another-size",
                 before_px=misfit.before_px,
                 after_px=misfit.after_px,
                 fx=matrix[0, 0],
@@ -77,10 +82,24 @@ def lens_findings(misfit: LensMisfit, agrees_better: bool) -> tuple[Finding, ...
                 cx=matrix[0, 2],
                 cy=matrix[1, 2],
                 percent=100 * misfit.share,
+                **({} if factor is None else {"times": 1 / factor}),
             ),
-            Sentence("calibrate-camera-in-focus"),
+            Sentence("calibrate-camera-in-focus") if factor is None else Sentence("scale-intrinsics", factor=factor),
         ),
     )
+
+
+def _picture_scale(found: CameraModel, given: CameraModel) -> float | None:
+    """The factor between the pictures and those that the `given` intrinsics are of; None when they differ otherwise.
+
+    A picture scaled by s has s fx, s fy, s (cx + 1/2) - 1/2, s (cy + 1/2) - 1/2.
+    """
+    factors = np.diagonal(found.matrix)[:2] / np.diagonal(given.matrix)[:2]
+    factor = float(np.mean(factors))
+    centre_px = factor * (given.matrix[:2, 2] + 0.5) - 0.5
+    off_px = np.abs(centre_px - found.matrix[:2, 2]).max()
+    alike = np.ptp(factors) < MAX_ASPECT_CHANGE * factor and off_px < MAX_CENTRE_OFF * max(given.image_size)
+    return factor if alike and abs(factor - 1) > MIN_PICTURE_SCALE_ERROR else None
 
 
 def _lessened(diagnosis: Diagnosis) -> tuple[list[Sentence], list[Sentence]]:

@@ -7,11 +7,14 @@ import scipy
 
 from calibration.camera import BROWN, CameraModel
 from calibration.diagnosis.evidence import pixel_deviation
+from calibration.errors import UndeterminedError
 from calibration.intrinsics.bundle_adjustment import adjust
+from calibration.intrinsics.estimate import estimate_camera
 from calibration.linear_algebra import scaled_pseudo_inverse, scaled_solve
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, RATIONAL_INTRINSICS, pixel_statistics
-from calibration.observations.view_poses import refine_poses
+from calibration.observations.view_poses import candidate_poses, refine_poses
+from calibration.problem import Problem
 from calibration.transforms import Array
 
 MAX_VIEWS = 40
@@ -24,6 +27,9 @@ camera at another temperature differs by less."""
 
 MIN_REPORTED_RATIO = 1.1
 """Least ratio of the pixel deviations before and after that is reported."""
+
+MIN_GROSS_SIGMAS = 5.0
+"""Least difference of the focal lengths, in its standard deviations, for intrinsics of the views alone."""
 
 MAX_RATIO_TO_SHAPE = 1.02
 """Largest ratio of the pixel deviation with other intrinsics to that with another target shape for preferring them."""
@@ -76,6 +82,33 @@ def _expected_lens(camera: CameraModel) -> Array | None:
     """The given coefficients, when they are not Brown's: those of rational lenses may be of any size."""
     brown = camera.lens_model == "pinhole" and len(camera.distortion) <= BROWN
     return None if brown else camera.distortion
+
+
+def gross_lens_misfit(problem: Problem, seen: Observations, otherwise_px: float = np.inf) -> LensMisfit | None:
+    """The misfit in the views `seen` of intrinsics so wrong that no step leads from them to those that fit.
+
+    None when the views do not determine intrinsics, or these do not fit clearly better.
+    """
+    given = problem.camera
+    detections = [view.detection for view in problem.views if view.detection is not None]
+    if given is None or given.lens_model != "pinhole" or len(detections) < MIN_VIEWS:
+        return None
+    few = [detections[row] for row in np.unique(np.linspace(0, len(detections) - 1, MAX_VIEWS).astype(np.intp))]
+    try:
+        found = estimate_camera(problem.target, few, problem.image_size)
+    except UndeterminedError:
+        return None
+    focal, given_focal = found.camera.matrix[0, 0], given.matrix[0, 0]
+    if abs(given_focal / focal - 1) < MIN_GROSS_SIGMAS * np.sqrt(found.covariance[0, 0]) / focal:
+        return None
+    before, after = (
+        pixel_deviation(pixel_statistics(seen, camera, candidate_poses(seen, camera)[0][:, 0]))
+        for camera in (given, found.camera)
+    )
+    if before < MIN_REPORTED_RATIO * after or after > MAX_RATIO_TO_SHAPE * otherwise_px:
+        return None
+    poses = candidate_poses(seen, found.camera)[0][:, 0]
+    return LensMisfit(found.camera, poses, before, after, abs(float(given_focal / focal) - 1), True)
 
 
 def _step_p_value(seen: Observations, camera: CameraModel, poses: Array) -> float:

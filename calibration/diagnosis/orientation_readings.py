@@ -134,20 +134,28 @@ def rotation_from_euler(angles_rad: Array, order: str) -> Array:
 
 def euler_numbers(rotations: Array, order: str) -> tuple[Array, NDArray[np.bool_]]:
     """Both triples of intrinsic Euler angles (n, 2, 3) rad of rotations (n, 3, 3), and whether they are determined."""
+    a, b, c = euler_angles(rotations, order).T
+    if order[0] == order[2]:
+        other, determined = -b, np.abs(np.sin(b)) > MIN_LOCK_SINE
+    else:
+        other, determined = np.pi - b, np.abs(np.cos(b)) > MIN_LOCK_SINE
+    both = np.stack([np.stack([a, b, c], axis=1), np.stack([a + np.pi, other, c + np.pi], axis=1)], axis=1)
+    return (both + np.pi) % (2 * np.pi) - np.pi, determined
+
+
+def euler_angles(rotations: Array, order: str) -> Array:
+    """Intrinsic Euler angles (n, 3) rad of rotations (n, 3, 3); the middle one is within pi/2, or from 0 to pi."""
     i, j, k = _axes(order)
     sign = 1.0 if (i, j, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
     if order[0] == order[2]:
         b = np.arccos(np.clip(rotations[:, i, i], -1, 1))
         a = np.arctan2(rotations[:, j, i], -sign * rotations[:, k, i])
         c = np.arctan2(rotations[:, i, j], sign * rotations[:, i, k])
-        other, determined = -b, np.abs(np.sin(b)) > MIN_LOCK_SINE
     else:
         b = np.arcsin(np.clip(sign * rotations[:, i, k], -1, 1))
         a = np.arctan2(-sign * rotations[:, j, k], rotations[:, k, k])
         c = np.arctan2(-sign * rotations[:, i, j], rotations[:, i, i])
-        other, determined = np.pi - b, np.abs(np.cos(b)) > MIN_LOCK_SINE
-    both = np.stack([np.stack([a, b, c], axis=1), np.stack([a + np.pi, other, c + np.pi], axis=1)], axis=1)
-    return (both + np.pi) % (2 * np.pi) - np.pi, determined
+    return np.stack([a, b, c], axis=1)
 
 
 def _axes(order: str) -> tuple[int, int, int]:

@@ -82,14 +82,17 @@ def pairings_of(views: int, last: int) -> Iterator[Pairing]:
                 _within(rows + shift, views),
             )
     for start in range(2, last - 2):
-        for shift, what in ((1, "a pose was lost or an image doubled"), (-1, "an image was lost or a pose doubled")):
+        for shift, what in ((1, "an image was lost or a pose doubled"), (-1, "a pose was lost or an image doubled")):
+            pose_of = np.where(rows < start, rows, rows + shift)
+            if shift < 0:
+                pose_of[start] = -1  # the image whose pose was lost
             yield Pairing(
                 "poses-shifted",
                 (start,),
                 f"from view {start} on the poses are off by one, {what} there: image k was taken at pose k"
                 f" {'-+'[shift > 0]} 1",
                 f"look at the rows about view {start}; from there on pair every image with the pose it was taken at",
-                _within(np.where(rows < start, rows, rows + shift), views),
+                _within(pose_of, views),
             )
     yield Pairing(
         "poses-reversed",

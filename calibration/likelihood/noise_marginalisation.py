@@ -55,11 +55,17 @@ class _AtLevels:
 
 
 def marginalise(model: MixedModel, variances: Variances) -> Marginal:
-    """The marginal over the robot's two levels, about the given estimates; the pixels' level is well determined."""
+    """The marginal over the robot's two levels, about the given estimates; the pixels' level is well determined.
+
+    Raises FloatingPointError when no levels have a finite likelihood.
+    """
     estimates = np.maximum(np.sqrt([variances.rotation, variances.translation]), 1e-2 * PRIOR_NOISE.levels())
     branches = [np.array(present) for present in product((True, False), repeat=2)]
     first = _at_levels(model, variances, np.array([np.where(present, estimates, 0.0) for present in branches]))
-    kept = first.log_likelihood > first.log_likelihood.max() - MAX_LOG_LIKELIHOOD_DEFICIT
+    likely = np.where(np.isfinite(first.log_likelihood), first.log_likelihood, -np.inf)
+    if likely.max() == -np.inf:
+        raise FloatingPointError("no levels of the robot's noise have a finite likelihood")
+    kept = likely > likely.max() - MAX_LOG_LIKELIHOOD_DEFICIT
     nodes = [_nodes(model, variances, estimates, present) for present in np.array(branches)[kept]]
     deviations, log_weights = (np.concatenate(parts) for parts in zip(*nodes, strict=True))
     found = _at_levels(model, variances, deviations)

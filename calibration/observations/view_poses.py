@@ -95,9 +95,12 @@ def _ippe_poses(seen: Observations, xy: Array) -> Array:
     for row in np.flatnonzero(np.count_nonzero(used, axis=1) >= MIN_CORNERS):
         chosen = used[row]
         for method in PLANAR_METHODS:
-            _, rotations, translations, _ = cv2.solvePnPGeneric(
-                seen.points_mm[row, chosen], xy[row, chosen], IDEAL_CAMERA_MATRIX, None, flags=method
-            )
+            try:
+                _, rotations, translations, _ = cv2.solvePnPGeneric(
+                    seen.points_mm[row, chosen], xy[row, chosen], IDEAL_CAMERA_MATRIX, None, flags=method
+                )
+            except cv2.error:  # an assertion of OpenCV about points that no lens gives
+                continue
             if len(rotations) and np.all(np.isfinite([*rotations, *translations])):
                 found[row] = True
                 turns[row] = rotations[0][:, 0], rotations[-1][:, 0]

@@ -68,9 +68,13 @@ FINDINGS = {
     "intrinsics-do-not-fit": "the given intrinsics leave {before_px:.3f} px where others leave {after_px:.3f} px"
     " (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}); they misplace the target by {percent:.2f} % of its"
     " distance",
+    "intrinsics-of-another-size": "the given intrinsics leave {before_px:.3f} px where others leave {after_px:.3f} px"
+    " (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}): they are those of pictures {times:.4g} times as large;"
+    " they misplace the target by {percent:.2f} % of its distance",
     "mount-not-as-expected": "the camera was found {off_mm:.1f} mm and {off_deg:.1f} degrees from where it was"
     " expected",
     "target-not-as-described": "the target is another one than was described: {what: and } of {views} views",
+    "target-shown": "the target is another one than was described: {what: and } of {views} views; {shown}",
     "better-poses": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these {taken} leave"
     " {taken_mm:.2g} mm",
     "better-poses-open": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these leave X open",
@@ -128,6 +132,9 @@ ADVICE = {
     "take-new-images": "take a new image at every pose: the camera, or what reads it, gave an old one",
     "compare-target-kind": "compare the target's description with the target: kind, columns, rows, dictionary and"
     " layout",
+    "set-columns-and-rows": 'set "columns" to {columns} and "rows" to {rows}; or compare the target\'s description with'
+    " the target",
+    "count-from-zero": "count the corners from 0: subtract 1 from every id",
     "nothing-unless-many": "nothing, unless they are many: then look at the images for glare and blur",
     "use-oriented-target": "use a target with an unambiguous orientation: a ChArUco board or a grid with a large dot",
     "print-flat": "print the target on a flat, stiff plate for the best accuracy",
@@ -138,6 +145,8 @@ ADVICE = {
     " estimated",
     "check-shared-errors": "check intrinsics, light, focus and the target's flatness; views spread evenly over the"
     " image help",
+    "scale-intrinsics": "multiply fx, fy, cx and cy by {factor:.4g}, or leave the intrinsics out to have them"
+    " estimated",
     "stay-near-work": "take the views near where the robot works, or have its geometry calibrated (absolute accuracy)",
     "check-these-poses": "check these poses for a typing error, an arm still moving, or a target that was moved",
     "use-each-pose-once": "use each pose once; if the arm had moved, the pose is stale: read it anew for every image",
@@ -212,6 +221,9 @@ PARTS = {
     " % of two calibrations of one camera are further apart; either the camera moved between them, or one of them is"
     " wrong by more than it claims",
     "compared-unknown": "{apart}. Whether they agree is not known: one of them does not state the covariance of X",
+    "columns-and-rows-exchanged": "columns and rows are exchanged",
+    "columns-and-rows": "they lie as those of {columns} columns and {rows} rows",
+    "ids-from-one": "their ids are counted from 1",
     "rule": "accepted when no finding is an error; U (k = {coverage_factor:g}) at the worst of the points is one above"
     " {tolerance_mm:g} mm",
 }

@@ -43,12 +43,22 @@ class Noise:
 @dataclass(frozen=True, eq=False)
 class Fault:
     """A session with one thing wrong, the codes that name it rightly, and what its finding must say; `after`: the view
-    of a change."""
+    of a change; `fix`: a part of the advice."""
 
     problem: Problem
     codes: frozenset[str]
     says: tuple[str, ...] = ()
     after: int | None = None
+    fix: str = ""
+
+    def changes(self, clean: Problem) -> bool:
+        """Whether anything is wrong: the order as text of fewer than ten views is that of their numbers."""
+        spoilt, right = self.problem, clean
+        same_views = len(spoilt.views) == len(right.views) and np.array_equal(poses_of(spoilt), poses_of(right))
+        if not same_views or spoilt.setup != right.setup or spoilt.target != right.target:
+            return True
+        pairs = zip(spoilt.views, right.views, strict=True)
+        return spoilt.camera is not right.camera or any(a.detection is not b.detection for a, b in pairs)
 
 
 @dataclass(frozen=True, eq=False)

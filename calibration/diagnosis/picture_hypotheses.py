@@ -1,0 +1,64 @@
+"""Hypotheses that the pictures are mirrored, or turned from some view on, about the principal point."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.hypothesis import Hypothesis
+from calibration.transforms import rotation_from_vector, transform
+
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+TURNS_DEG = (180, 90, -90)
+"""A picture turned by 90 degrees has its sides exchanged, which only a square one survives."""
+
+
+def mirrored_hypothesis(evidence: Evidence) -> Hypothesis:
+    """All pictures are mirrored, at whichever axis: the axes differ by turns, which X takes up.
+
+    A mirrored picture of a plane shows M @ camera_T_target of its points, M = diag(-1, 1, 1). With the plane's normal
+    reversed as well this is a rigid transform, and the detected pose.
+    """
+    flip = np.diag([1.0, 1.0, -1.0])
+    rotations = MIRROR @ evidence.camera_T_target[:, :3, :3] @ flip
+    places = evidence.camera_T_target[:, :3, 3] @ MIRROR
+    # Rotation vectors are turned by a mirror as by its rotation -M.
+    by_mirror = np.kron(np.diag([1.0, 0.0]), -MIRROR) + np.kron(np.diag([0.0, 1.0]), MIRROR)
+    return Hypothesis(
+        "pictures-mirrored",
+        (),
+        evidence.with_images(transform(rotations, places), by_mirror @ evidence.covariance @ by_mirror),
+        evidence,
+        "the pictures are mirrored",
+        "switch off the mirroring (flip, reverse X or Y) in the camera or in what reads it, and take the views again",
+        whole_session=True,
+    )
+
+
+def turned_hypotheses(evidence: Evidence, points: Sequence[int]) -> Iterator[Hypothesis]:
+    """From each of the `points` (rows) on the pictures are turned by a half or a quarter of a turn."""
+    for point in points:
+        where = int(evidence.indices[point])
+        for degrees in TURNS_DEG:
+            turned = np.arange(len(evidence)) >= point
+            yield Hypothesis(
+                "pictures-turned",
+                (where,),
+                _turned(evidence, turned, np.radians(degrees)),
+                evidence,
+                f"from view {where} on the pictures are turned by {abs(degrees)} degrees",
+                "switch off the rotation of pictures in the camera or in what reads it, and take the views again",
+                alternatives=len(TURNS_DEG) * len(evidence),
+                whole_session=True,
+            )
+
+
+def _turned(evidence: Evidence, rows: NDArray[np.bool_], angle_rad: float) -> Evidence:
+    """The evidence with the pictures of these rows (n,) turned about the principal point."""
+    turn = rotation_from_vector(np.array([0.0, 0.0, angle_rad]))
+    both = np.kron(np.eye(2), turn)
+    camera_T_target = evidence.camera_T_target.copy()
+    camera_T_target[rows] = transform(turn, np.zeros(3)) @ camera_T_target[rows]
+    covariance = np.where(rows[:, None, None], both @ evidence.covariance @ both.T, evidence.covariance)
+    return evidence.with_images(camera_T_target, covariance)

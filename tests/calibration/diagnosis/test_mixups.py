@@ -1,0 +1,44 @@
+"""Slips of convention and bookkeeping drawn at random: the cause is named first, with the setting to change."""
+
+import numpy as np
+import pytest
+
+from calibration.problem import Problem, Setup
+from calibration.solution import Finding
+from calibration.solve import solve_hand_eye
+from calibration.transforms import rotation_from_vector, transform
+from calibration.verdict import judge
+from tests.simulated.faults import SETUPS, Noise, simulated_session, with_poses
+from tests.simulated.mixups import MIXUPS
+
+CAUSELESS = {"contradictory-input", "too-few-poses", "too-little-rotation", "starts-disagree", "pose-disagrees"}
+CAUSELESS |= {"not-converged", "no-tilt"}
+"""What the solver says of the data without naming a cause."""
+
+RULES = {"poses-contradict-images", "point-uncertain", "robot-noise", "image-noise", "many-rejected", "hold-out-large"}
+"""What the verdict adds, after the causes."""
+
+
+def causes(problem: Problem) -> list[Finding]:
+    verdict = judge(problem, solve_hand_eye(problem))
+    assert not verdict.accepted
+    ours = [finding for finding in verdict.findings if finding.severity != "info"]
+    return [finding for finding in ours if finding.code not in CAUSELESS]
+
+
+@pytest.mark.parametrize(("number", "kind"), list(enumerate(MIXUPS)))
+def test_the_cause_is_named_first_and_nothing_is_accepted(number: int, kind: str) -> None:
+    clean = simulated_session(np.random.default_rng([3, number]), 12, Noise(), SETUPS[number % 2])
+    fault = MIXUPS[kind](clean, np.random.default_rng([2, number]))
+    first, *_ = causes(fault.problem)
+    assert {first.code} == fault.codes, first
+    assert all(words in first.message for words in fault.says) and fault.fix in first.fix
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+def test_poses_at_random_have_no_cause(setup: Setup) -> None:
+    """An explanation that leaves more than any robot errs by is none."""
+    clean = simulated_session(np.random.default_rng(3), 10, Noise(), setup)
+    rng = np.random.default_rng(4)
+    random = transform(rotation_from_vector(rng.uniform(-3, 3, (10, 3))), rng.uniform(-900, 900, (10, 3)))
+    assert {finding.code for finding in causes(with_poses(clean, random))} <= {"target-scale", *RULES}
