@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from drivers.interfaces import RobotStatus
+from drivers.interfaces import PoseReading, RobotStatus
 from tests.daemon.api.raw_requests import RawRequest
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import FakeRobot, Gate
@@ -18,7 +18,7 @@ HUNG_UP = 20
 
 
 class SilentRobot(FakeRobot):
-    """Answers a status request when `answers` is set."""
+    """Answers requests for its status or pose when `answers` is set."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -26,12 +26,19 @@ class SilentRobot(FakeRobot):
         self.answers.set()
 
     async def read_status(self) -> RobotStatus:
+        await self._wait()
+        return await super().read_status()
+
+    async def read_pose(self) -> PoseReading:
+        await self._wait()
+        return await super().read_pose()
+
+    async def _wait(self) -> None:
         self.waiting += 1
         try:
             await self.answers.wait()
         finally:
             self.waiting -= 1
-        return await super().read_status()
 
 
 @pytest.fixture
@@ -73,6 +80,25 @@ async def test_those_who_hang_up_leave_one_request_to_a_device(silent: tuple[Ben
     assert robot.waiting == 1
     robot.answers.set()
     assert (await bench.client.get("/robot")).status_code == 200
+
+
+async def test_uploads_seen_from_where_the_arm_stands_ask_the_robot_one_at_a_time(
+    silent: tuple[Bench, SilentRobot],
+) -> None:
+    bench, robot = silent
+    location = (await bench.client.post("/scans", json={"name": "part"})).headers["location"]
+    before = len(asyncio.all_tasks())
+    robot.answers.clear()
+    head = f"POST {location}/views?pose=now\nContent-Type: model/ply"
+    uploads = [await RawRequest.send(bench, head, b"ply\n", length=10_000_000) for _ in range(HUNG_UP)]
+    await eventually(lambda: len(asyncio.all_tasks()) >= before + HUNG_UP)
+    assert robot.waiting == 1
+    for upload in uploads:
+        await upload.hang_up()
+    robot.answers.set()
+    await eventually(lambda: len(asyncio.all_tasks()) <= before)
+    assert (await bench.client.get("/robot")).status_code == 200
+    assert (await bench.client.get(location)).json()["views"] == []
 
 
 async def test_a_run_goes_on_when_its_client_hangs_up(bench: Bench) -> None:
