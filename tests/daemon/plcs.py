@@ -1,6 +1,7 @@
 """A PLC's program for tests: reads by name, writes bits, waits for status as a ladder would."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -58,12 +59,13 @@ class Ladder:
         assert not answer.isError(), answer
 
     async def waits(self, wanted: StatusBit, unwanted: StatusBit = NONE, within_s: float = LIMIT_S) -> StatusBit:
-        async with asyncio.timeout(within_s):
-            while True:
-                status = await self.status()
-                if status & wanted == wanted and not status & unwanted:
-                    return status
-                await asyncio.sleep(0.01)
+        ends_s = time.monotonic() + within_s  # a cancellation by asyncio.timeout may be lost in pymodbus
+        while time.monotonic() < ends_s:
+            status = await self.status()
+            if status & wanted == wanted and not status & unwanted:
+                return status
+            await asyncio.sleep(0.01)
+        raise TimeoutError(f"the status had not {wanted!r} without {unwanted!r} in {within_s:g} s")
 
     async def triggers(self, trigger: ControlBit) -> StatusBit:
         """Until it is answered; then lets go."""
