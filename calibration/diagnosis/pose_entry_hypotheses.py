@@ -10,6 +10,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, apply_fit, fits, predict_base_T_flange
 from calibration.diagnosis.hypothesis import Hypothesis, HypothesisResult, few_views_factor, price_of
 from calibration.diagnosis.significance import NoisePosterior, OutsideView
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 
 FREE_POSE = 6
@@ -77,7 +78,7 @@ def pose_entry_results(evidence: Evidence, suspects: Sequence[int], baseline: fl
         yield HypothesisResult(hypothesis, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
 
 
-FIX = "read that pose on the controller again; if it is right, the arm had not settled, or the image is bad"
+FIX = Sentence("read-pose-again")
 
 
 def _own(view: Evidence, fitted: Fit) -> float:
@@ -106,7 +107,7 @@ def _whole_pose(rest: HeldOutView) -> _Candidate:
     turn = np.degrees(
         np.arccos(np.clip((np.trace(expected[:3, :3].T @ rest.view.base_T_flange[0, :3, :3]) - 1) / 2, -1, 1))
     )
-    message = f"the pose of view {where} disagrees with all others by {np.linalg.norm(off):.2f} mm and {turn:.2f} deg"
+    message = Sentence("pose-mistyped", view=where, off_mm=np.linalg.norm(off), off_deg=turn)
     return _Candidate(0.0, True, FREE_POSE, rest.views, message)
 
 
@@ -140,11 +141,13 @@ def _remaining_misfits(rest: HeldOutView, numbers: Array) -> tuple[list[float], 
     return rest.outsider.squares(residuals).tolist(), [chance > MIN_PLAUSIBLE_P_VALUE for chance in chances]
 
 
-def _message(rest: HeldOutView, given: Array, right: Array, index: int) -> str:
-    digits = 2 if index < 3 else 5
-    return (
-        f"the pose of view {int(rest.view.indices[0])} has a wrong number: "
-        f"{NUMBERS[index]} is {given[index]:.{digits}f} and should be about {right[index]:.{digits}f}"
+def _message(rest: HeldOutView, given: Array, right: Array, index: int) -> Sentence:
+    return Sentence(
+        "pose-length-mistyped" if index < 3 else "pose-element-mistyped",
+        view=int(rest.view.indices[0]),
+        name=NUMBERS[index],
+        given=given[index],
+        right=right[index],
     )
 
 

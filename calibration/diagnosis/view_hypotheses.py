@@ -11,6 +11,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.diagnosis.significance import NoisePosterior
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, inverse, transform, vector_from_transform
 
 MAX_SUSPECTS = 10
@@ -94,8 +95,8 @@ def pose_swap_hypotheses(evidence: Evidence, suspects: Sequence[int], half: Fit)
             where,
             evidence.with_robot_poses(poses),
             evidence,
-            f"the poses of views {where[0]} and {where[1]} are swapped",
-            "exchange the two poses",
+            Sentence("poses-swapped", first=where[0], second=where[1]),
+            Sentence("exchange-poses"),
             alternatives=len(evidence) * (len(evidence) - 1) // 2,
         )
 
@@ -113,8 +114,8 @@ def board_turn_hypotheses(evidence: Evidence, suspects: Sequence[int], centre_mm
             (where,),
             evidence.with_camera_poses(seen),
             evidence,
-            f"the board stands turned by 180 degrees in view {where}",
-            "leave that view out; do not touch the board during a run",
+            Sentence("board-turned-in-view", view=where),
+            Sentence("leave-view-out"),
             alternatives=len(evidence),
         )
 
@@ -126,32 +127,21 @@ def change_points(n: int) -> range:
 
 @dataclass(frozen=True)
 class Change:
-    """The cause of a change of X (`of_x`) or of the target's pose at some view."""
+    """The cause of a change of X (`of_x`) or of the target's pose at some view; `code` is its sentence's id, too."""
 
     code: str
     of_x: bool
-    message: str
-    fix: str
+    fix: Sentence
 
 
 CHANGES = {
     "eye-in-hand": (
-        Change("board-moved", False, "the board moved before view {}", "fasten the board and take the views again"),
-        Change(
-            "camera-or-tool-changed",
-            True,
-            "from view {} on the camera sits elsewhere on the flange, or another tool was active",
-            "fasten the camera, make tool0 active in every view, and take the views again",
-        ),
+        Change("board-moved", False, Sentence("fasten-board")),
+        Change("camera-or-tool-changed", True, Sentence("fasten-camera-tool0")),
     ),
     "eye-to-hand": (
-        Change(
-            "board-or-tool-changed",
-            False,
-            "from view {} on the board sits elsewhere on the flange, or another tool was active",
-            "fasten the board, make tool0 active in every view, and take the views again",
-        ),
-        Change("camera-moved", True, "the camera moved before view {}", "fasten the camera and take the views again"),
+        Change("board-or-tool-changed", False, Sentence("fasten-board-tool0")),
+        Change("camera-moved", True, Sentence("fasten-camera")),
     ),
 }
 
@@ -170,7 +160,7 @@ def change_hypotheses(evidence: Evidence, points: Sequence[int]) -> Iterator[Hyp
                 evidence,
                 evidence,
                 change_message(change, [where]),
-                change.fix + ", or keep only the views on one side",
+                change.fix,
                 x_labels=labels if change.of_x else None,
                 y_labels=None if change.of_x else labels,
                 unknowns=6,
@@ -179,10 +169,11 @@ def change_hypotheses(evidence: Evidence, points: Sequence[int]) -> Iterator[Hyp
             )
 
 
-def change_message(change: Change, views: Sequence[int]) -> str:
+def change_message(change: Change, views: Sequence[int]) -> Sentence:
     """The message of a change; `views`: where it may have happened, the most likely first."""
-    others = f" (or {', '.join(map(str, sorted(views[1:])))})" if len(views) > 1 else ""
-    return change.message.format(f"{views[0]}{others}") + ": the views before and after it agree among themselves"
+    others = sorted(views[1:])
+    view = Sentence("view-or", view=views[0], others=others) if others else views[0]
+    return Sentence(change.code, view=view)
 
 
 def x_change_p_value(_: Evidence, fitted: Fit) -> float:

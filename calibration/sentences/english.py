@@ -110,6 +110,34 @@ FINDINGS = {
     " {expected_mm:.2g} mm and {expected_deg:.2g} degrees expected; the uncertainty counts it",
 }
 
+VIEW_CAUSES = {
+    # calibration/diagnosis/view_hypotheses.py, pose_entry_hypotheses.py
+    "poses-swapped": "the poses of views {first} and {second} are swapped",
+    "board-turned-in-view": "the board stands turned by 180 degrees in view {view}",
+    "board-moved": "the board moved before view {view}: the views before and after it agree among themselves",
+    "camera-moved": "the camera moved before view {view}: the views before and after it agree among themselves",
+    "camera-or-tool-changed": "from view {view} on the camera sits elsewhere on the flange, or another tool was active:"
+    " the views before and after it agree among themselves",
+    "board-or-tool-changed": "from view {view} on the board sits elsewhere on the flange, or another tool was active:"
+    " the views before and after it agree among themselves",
+    "view-or": "{view} (or {others:, })",
+    "pose-mistyped": "the pose of view {view} disagrees with all others by {off_mm:.2f} mm and {off_deg:.2f} deg",
+    "pose-length-mistyped": "the pose of view {view} has a wrong number: {name} is {given:.2f} and should be about"
+    " {right:.2f}",
+    "pose-element-mistyped": "the pose of view {view} has a wrong number: {name} is {given:.5f} and should be about"
+    " {right:.5f}",
+    "exchange-poses": "exchange the two poses",
+    "leave-view-out": "leave that view out; do not touch the board during a run",
+    "fasten-board": "fasten the board and take the views again, or keep only the views on one side",
+    "fasten-camera": "fasten the camera and take the views again, or keep only the views on one side",
+    "fasten-board-tool0": "fasten the board, make tool0 active in every view, and take the views again, or keep only"
+    " the views on one side",
+    "fasten-camera-tool0": "fasten the camera, make tool0 active in every view, and take the views again, or keep only"
+    " the views on one side",
+    "read-pose-again": "read that pose on the controller again; if it is right, the arm had not settled, or the image"
+    " is bad",
+}
+
 ADVICE = {
     "add-turned-views-or-plan": "add views turned by 30 degrees or more about different axes, or let the poses be"
     " planned",
@@ -228,4 +256,4 @@ PARTS = {
     " {tolerance_mm:g} mm",
 }
 
-ENGLISH: Mapping[str, str] = MappingProxyType({**FINDINGS, **ADVICE, **VIEWS, **PARTS})
+ENGLISH: Mapping[str, str] = MappingProxyType({**FINDINGS, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS})

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import Evidence, evidence_of
 from calibration.diagnosis.fit import Fit, fit
-from calibration.diagnosis.view_hypotheses import CHANGES
+from calibration.diagnosis.view_hypotheses import CHANGES, change_message
 from calibration.preprocessing.prepare import prepare
 from calibration.problem import Detection, Problem, Setup, View
 from calibration.targets import Charuco
@@ -285,7 +285,9 @@ def _changed(problem: Problem, after: int, spoil: Callable[[Array], Array], what
     poses[after:] = spoil(poses[after:])
     code = CHANGED_CODES[problem.setup, what]
     (change,) = (change for change in CHANGES[problem.setup] if change.code == code)
-    return Fault(with_poses(problem, poses), frozenset({code}), (change.message.format(after),), after)
+    return Fault(
+        with_poses(problem, poses), frozenset({code}), (change_message(change, [after]).partition(":")[0],), after
+    )
 
 
 def _seen(problem: Problem, rng: np.random.Generator, count: int) -> list[int]:
