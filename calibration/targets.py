@@ -97,8 +97,35 @@ class CircleGrid:
 
 
 @dataclass(frozen=True)
+class MarkerGrid:
+    """`columns` × `rows` square markers of a dictionary of OpenCV, numbered row by row from `first`.
+
+    Four corners a marker, id = 4 (number - first) + corner; the origin is the first corner of the first marker.
+    """
+
+    columns: int
+    rows: int
+    side_mm: float
+    gap_mm: float
+    dictionary: str
+    first: int = 0
+
+    @property
+    def count(self) -> int:
+        return self.columns * self.rows
+
+    @cached_property
+    def points_mm(self) -> Array:
+        """(n, 3)"""
+        origins = _grid(self.columns, self.rows, self.side_mm + self.gap_mm)
+        corners = self.side_mm * np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+        points: Array = (origins[:, None] + corners).reshape(-1, 3)
+        return points
+
+
+@dataclass(frozen=True)
 class AprilTagGrid:
-    """`columns` × `rows` tags; four corners a tag, id = 4 tag + corner; origin at tag 0's first."""
+    """`columns` × `rows` tags, numbered row by row from 0; points as in MarkerGrid."""
 
     kind: ClassVar = "apriltag-grid"
     columns: int
@@ -107,13 +134,56 @@ class AprilTagGrid:
     gap_mm: float
     family: str = "tag36h11"
 
+    @property
+    def markers(self) -> MarkerGrid:
+        dictionary = TAG_FAMILIES.get(self.family, self.family)
+        return MarkerGrid(self.columns, self.rows, self.tag_mm, self.gap_mm, dictionary)
+
     @cached_property
     def points_mm(self) -> Array:
         """(n, 3)"""
-        origins = _grid(self.columns, self.rows, self.tag_mm + self.gap_mm)
-        corners = self.tag_mm * np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-        points: Array = (origins[:, None] + corners).reshape(-1, 3)
-        return points
+        return self.markers.points_mm
+
+
+@dataclass(frozen=True)
+class ArucoGrid:
+    """OpenCV's GridBoard: `columns` × `rows` markers, numbered row by row from `first_id`; points as in MarkerGrid."""
+
+    kind: ClassVar = "aruco-grid"
+    columns: int
+    rows: int
+    marker_mm: float
+    gap_mm: float
+    dictionary: str
+    first_id: int = 0
+
+    @property
+    def markers(self) -> MarkerGrid:
+        return MarkerGrid(self.columns, self.rows, self.marker_mm, self.gap_mm, self.dictionary, self.first_id)
+
+    @cached_property
+    def points_mm(self) -> Array:
+        """(n, 3)"""
+        return self.markers.points_mm
+
+
+@dataclass(frozen=True)
+class ArucoMarker:
+    """One ArUco marker: its four corners, the first of them the origin. A board of several is far more accurate."""
+
+    kind: ClassVar = "aruco-marker"
+    marker_mm: float
+    dictionary: str
+    id: int
+
+    @property
+    def markers(self) -> MarkerGrid:
+        return MarkerGrid(1, 1, self.marker_mm, self.marker_mm, self.dictionary, self.id)
+
+    @cached_property
+    def points_mm(self) -> Array:
+        """(4, 3)"""
+        return self.markers.points_mm
 
 
 @dataclass(frozen=True)
@@ -130,7 +200,19 @@ class TrackedFrame:
         return points
 
 
-Target = Chessboard | Charuco | CircleGrid | AprilTagGrid | TrackedFrame
+Target = Chessboard | Charuco | CircleGrid | AprilTagGrid | ArucoGrid | ArucoMarker | TrackedFrame
+MarkerTarget = AprilTagGrid | ArucoGrid | ArucoMarker
+
+
+def orientation_advice(target: Target) -> str | None:
+    """What to do about a target that looks the same turned by 180 degrees; None for one that does not."""
+    match target:
+        case Chessboard() if (target.columns + target.rows) % 2 == 0:
+            return "make one of columns and rows odd, the other even"
+        case CircleGrid() if target.origin is None and (target.layout == "symmetric" or target.rows % 2 == 1):
+            return "use a grid with a large dot, or an asymmetric grid with an even number of rows"
+        case _:
+            return None
 
 
 def require_markers(target: Target) -> None:
@@ -138,9 +220,8 @@ def require_markers(target: Target) -> None:
     match target:
         case Charuco():
             name, needed = target.dictionary, target.columns * target.rows // 2
-            if name not in MARKER_COUNTS:
-                fix = "use one of OpenCV's, like DICT_5X5_100"
-                raise DetectionError("unknown-dictionary", f"the dictionary {name!r} is not known", fix)
+        case ArucoGrid() | ArucoMarker():
+            name, needed = target.dictionary, target.markers.first + target.markers.count
         case AprilTagGrid():
             if target.family not in TAG_FAMILIES:
                 what, fix = f"the tag family {target.family!r} is not known", f"use one of {', '.join(TAG_FAMILIES)}"
@@ -148,6 +229,9 @@ def require_markers(target: Target) -> None:
             name, needed = TAG_FAMILIES[target.family], target.columns * target.rows
         case _:
             return
+    if name not in MARKER_COUNTS:
+        fix = "use one of OpenCV's, like DICT_5X5_100"
+        raise DetectionError("unknown-dictionary", f"the dictionary {name!r} is not known", fix)
     if needed > MARKER_COUNTS[name]:
         what = f"{name} has {MARKER_COUNTS[name]} markers, a target of this size needs {needed}"
         raise DetectionError("dictionary-too-small", what, "check the dictionary, columns and rows")

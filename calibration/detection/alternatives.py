@@ -18,6 +18,8 @@ from calibration.targets import (
     MARKER_COUNTS,
     TAG_FAMILIES,
     AprilTagGrid,
+    ArucoGrid,
+    ArucoMarker,
     Charuco,
     Chessboard,
     CircleGrid,
@@ -139,13 +141,19 @@ def _first_fit(image: Grey, descriptions: Iterable[Target]) -> Target | None:
 
 def _neighbours(target: Target) -> Iterator[Target]:
     """Descriptions near that of a grid of circles or tags, fewest changes first."""
-    yield from _sizes(target)
+    if not isinstance(target, ArucoMarker):
+        yield from _sizes(target)
     match target:
         case CircleGrid():
             other = "symmetric" if target.layout == "asymmetric" else "asymmetric"
             yield replace(target, dots="white" if target.dots == "black" else "black")
             for turned in (target, replace(target, columns=target.rows, rows=target.columns)):
                 yield replace(turned, layout=other)  # type: ignore[arg-type]
+        case ArucoGrid() | ArucoMarker():
+            for group in DICTIONARY_GROUPS:
+                name = _dictionary_of(group, target.dictionary, target.markers.first + target.markers.count)
+                if name is not None and target.dictionary.upper() not in map(str.upper, group):
+                    yield replace(target, dictionary=name)
         case AprilTagGrid():
             for family in TAG_FAMILIES:
                 if family != target.family:

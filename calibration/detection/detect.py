@@ -6,16 +6,16 @@ from typing import Any
 import cv2
 from numpy.typing import NDArray
 
-from calibration.detection.apriltags import detect_apriltags
 from calibration.detection.charuco import detect_charuco
 from calibration.detection.chessboard import detect_chessboard
 from calibration.detection.circles import detect_circles
 from calibration.detection.image import Grey, grey_image
+from calibration.detection.markers import detect_markers
 from calibration.detection.opencv_logging import silence_opencv
 from calibration.detection.validation import validate_detection
 from calibration.errors import DetectionError
 from calibration.problem import Detection
-from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
+from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
 
 Detector = Callable[[Grey, Any], Detection]
 
@@ -23,7 +23,9 @@ DETECTORS: dict[type, Detector] = {
     Chessboard: detect_chessboard,
     Charuco: detect_charuco,
     CircleGrid: detect_circles,
-    AprilTagGrid: detect_apriltags,
+    AprilTagGrid: detect_markers,
+    ArucoGrid: detect_markers,
+    ArucoMarker: detect_markers,
 }
 
 

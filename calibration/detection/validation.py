@@ -10,6 +10,7 @@ from calibration.targets import Target
 from calibration.transforms import Array
 
 MIN_POINTS = 6
+"""Least points, but for a target that has fewer."""
 MAX_RMS_PX, MAX_RMS_OF_PITCH = 0.3, 0.012
 """Largest RMS residual: a constant for blur and noise, plus a share of the pitch for a bent board and the lens."""
 MIN_FORESHORTENING = 0.08
@@ -31,7 +32,7 @@ def validate_detection(detection: Detection, target: Target, image_size: tuple[i
     points, pixels = target.points_mm[detection.ids, :2], detection.corners_px
     keep, gross = np.ones(len(points), bool), 0
     while True:
-        _require_enough(points[keep])
+        _require_enough(points[keep], min(MIN_POINTS, len(target.points_mm)))
         view, residual_px = fit_plane_view(points[keep], pixels[keep], image_size)
         pitch_px, foreshortening = _scale(view, points[keep], pixels[keep])
         outliers = _find_outliers(residual_px, pitch_px)
@@ -62,10 +63,10 @@ def _find_outliers(residual_px: Array, pitch_px: float) -> NDArray[np.bool_]:
     return np.asarray(outliers)
 
 
-def _require_enough(points: Array) -> None:
+def _require_enough(points: Array, min_points: int) -> None:
     """Raises DetectionError `too-few-points`, `points-in-a-line`."""
-    if len(points) < MIN_POINTS:
-        what = f"only {len(points)} points of the target were found, the least is {MIN_POINTS}"
+    if len(points) < min_points:
+        what = f"only {len(points)} points of the target were found, the least is {min_points}"
         raise DetectionError("too-few-points", what, "bring more of the target into view")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-6 * spread[0]:

@@ -10,9 +10,18 @@ from calibration.observations.observations import observe
 from calibration.problem import Detection, Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding
-from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target, TrackedFrame
+from calibration.targets import (
+    AprilTagGrid,
+    ArucoGrid,
+    ArucoMarker,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    Target,
+    TrackedFrame,
+)
 
-Grid = Chessboard | Charuco | CircleGrid | AprilTagGrid
+Grid = Chessboard | Charuco | CircleGrid | AprilTagGrid | ArucoGrid
 
 FOREIGN_ID = "corner-id-unknown"
 MAX_TRIED_VIEWS = 5
@@ -49,7 +58,7 @@ def target_findings(problem: Problem) -> Iterator[Finding]:
 def _fitting_description(problem: Problem) -> tuple[Sentence, Sentence] | None:
     """What fits the points, and the setting to change; None when no number of columns does, or several do."""
     described = problem.target
-    if isinstance(described, TrackedFrame):
+    if isinstance(described, TrackedFrame | ArucoMarker):
         return None
     detections = [view.detection for view in problem.views if view.detection is not None]
     few = [detections[row] for row in np.unique(np.linspace(0, len(detections) - 1, MAX_TRIED_VIEWS).astype(np.intp))]
@@ -81,7 +90,7 @@ def _with_columns(target: Grid, columns: int, last: int) -> Grid | None:
     wide = columns - 1 if isinstance(target, Charuco) else columns
     if wide < 1:
         return None
-    last = last // 4 if isinstance(target, AprilTagGrid) else last
+    last = last // 4 if isinstance(target, AprilTagGrid | ArucoGrid) else last
     rows = last // wide + (2 if isinstance(target, Charuco) else 1)
     return replace(target, columns=columns, rows=max(rows, 2))
 

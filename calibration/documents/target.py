@@ -9,6 +9,7 @@ from calibration.documents.validation import Document
 from calibration.errors import DetectionError
 
 Count = Annotated[int, Field(ge=2, le=200)]
+MarkerId = Annotated[int, Field(ge=0, le=10000)]
 
 
 def _require_markers(target: targets.Target) -> None:
@@ -90,6 +91,49 @@ class AprilTagGridDocument(Document):
         return targets.AprilTagGrid(self.columns, self.rows, self.tag_mm, self.gap_mm, self.family)
 
 
+class ArucoGridDocument(Document):
+    """OpenCV's GridBoard."""
+
+    kind: Literal["aruco-grid"]
+    columns: Annotated[int, Field(ge=1, le=200)]
+    rows: Annotated[int, Field(ge=1, le=200)]
+    marker_mm: PositiveFloat
+    gap_mm: PositiveFloat
+    dictionary: str
+    first_id: MarkerId = 0
+
+    @model_validator(mode="after")
+    def _markers_exist(self) -> "ArucoGridDocument":
+        _require_markers(self.target())
+        return self
+
+    def target(self) -> targets.ArucoGrid:
+        return targets.ArucoGrid(self.columns, self.rows, self.marker_mm, self.gap_mm, self.dictionary, self.first_id)
+
+
+class ArucoMarkerDocument(Document):
+    """One marker."""
+
+    kind: Literal["aruco-marker"]
+    marker_mm: PositiveFloat
+    dictionary: str
+    id: MarkerId
+
+    @model_validator(mode="after")
+    def _marker_exists(self) -> "ArucoMarkerDocument":
+        _require_markers(self.target())
+        return self
+
+    def target(self) -> targets.ArucoMarker:
+        return targets.ArucoMarker(self.marker_mm, self.dictionary, self.id)
+
+
 TargetDocument = Annotated[
-    ChessboardDocument | CharucoDocument | CirclesDocument | AprilTagGridDocument, Field(discriminator="kind")
+    ChessboardDocument
+    | CharucoDocument
+    | CirclesDocument
+    | AprilTagGridDocument
+    | ArucoGridDocument
+    | ArucoMarkerDocument,
+    Field(discriminator="kind"),
 ]

@@ -151,7 +151,7 @@ def _solve(
         problem = load_problem(session, progress)
     if problem.in_space and method != "auto":
         raise CommandError("--method", *FOR_IMAGES, ExitStatus.UNREADABLE)
-    for line in (*find_repeated_poses(session.document), *missing_target_lines(problem)):
+    for line in (*find_repeated_poses(session.document), *symmetry_lines(problem), *missing_target_lines(problem)):
         print_error(f"{session.file}: {line}")
     limits, points = required
     solution = at_points(problem, solve_hand_eye(problem, method=method), points)
@@ -166,6 +166,14 @@ def _solve(
         software=SOFTWARE,
     )
     return document, (session, problem, solution)
+
+
+def symmetry_lines(problem: "Problem") -> list[str]:
+    """A warning, when the target looks the same turned by 180 degrees."""
+    from calibration.targets import orientation_advice
+
+    advice = orientation_advice(problem.target)
+    return [] if advice is None else [f"target: it looks the same turned by 180 deg: {advice}"]
 
 
 def missing_target_lines(problem: "Problem") -> list[str]:

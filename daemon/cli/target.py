@@ -84,6 +84,37 @@ def apriltag_grid(
     _write({"kind": "apriltag-grid", **grid}, page, out, json)
 
 
+@app.command()
+def aruco_grid(
+    columns: Columns = 5,
+    rows: Rows = 7,
+    marker_mm: Annotated[float, typer.Option(help="A marker's edge with its black border.")] = 24.0,
+    gap_mm: Annotated[float, typer.Option(help="White between two markers.")] = 8.0,
+    dictionary: Annotated[str, typer.Option(help="OpenCV's name.")] = "DICT_5X5_100",
+    first_id: Annotated[int, typer.Option(help="Number of the first marker.")] = 0,
+    page: PageOption = "A4",
+    out: Out = Path("target.pdf"),
+    json: Json = False,
+) -> None:
+    """An ArUco board (OpenCV's GridBoard): may be partly visible."""
+    grid = {"columns": columns, "rows": rows, "marker_mm": marker_mm, "gap_mm": gap_mm}
+    _write({"kind": "aruco-grid", **grid, "dictionary": dictionary, "first_id": first_id}, page, out, json)
+
+
+@app.command()
+def aruco_marker(
+    marker_mm: Annotated[float, typer.Option(help="The marker's edge with its black border.")] = 90.0,
+    dictionary: Annotated[str, typer.Option(help="OpenCV's name.")] = "DICT_5X5_100",
+    marker_id: Annotated[int, typer.Option("--id", help="Number of the marker.")] = 0,
+    page: PageOption = "A4",
+    out: Out = Path("target.pdf"),
+    json: Json = False,
+) -> None:
+    """One ArUco marker: four points; a board is far more accurate."""
+    marker = {"marker_mm": marker_mm, "dictionary": dictionary, "id": marker_id}
+    _write({"kind": "aruco-marker", **marker}, page, out, json)
+
+
 @app.command("from")
 def from_file(
     file: Annotated[Path, typer.Argument(help="A session.json, plan.json or handeyed.toml that names a target.")],
@@ -152,11 +183,8 @@ def _summary(out: Path, size: str, target: "TargetDocument") -> str:
 
 def _ambiguity_note(target: "TargetDocument") -> str | None:
     """A warning when the target looks the same rotated by 180 degrees; else None."""
-    match target.kind:
-        case "chessboard" if (target.columns + target.rows) % 2 == 0:
-            advice = "make one of columns and rows odd, the other even"
-        case "circles" if target.origin is None and (target.layout == "symmetric" or target.rows % 2 == 1):
-            advice = "use --large-origin, or an asymmetric grid with an even number of rows"
-        case _:
-            return None
+    from calibration.targets import orientation_advice
+
+    if (advice := orientation_advice(target.target())) is None:
+        return None
     return f"This target looks the same turned by 180 deg, so a turned picture cannot be recognised: {advice}."

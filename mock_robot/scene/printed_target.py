@@ -11,7 +11,17 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calibration.targets import TAG_FAMILIES, AprilTagGrid, Charuco, Chessboard, CircleGrid, Target, TrackedFrame
+from calibration.targets import (
+    AprilTagGrid,
+    ArucoGrid,
+    ArucoMarker,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    MarkerGrid,
+    Target,
+    TrackedFrame,
+)
 from calibration.transforms import Array
 
 BLACK, WHITE = 0.0, 1.0
@@ -106,8 +116,8 @@ def print_target(target: Target, sheet: PrintOptions | None = None) -> PrintedTa
             return _chessboard(target, sheet)
         case Charuco():
             return _charuco(target, sheet)
-        case AprilTagGrid():
-            return _apriltags(target, sheet)
+        case AprilTagGrid() | ArucoGrid() | ArucoMarker():
+            return _markers(target.markers, sheet)
         case CircleGrid():
             return _circles(target, sheet)
         case TrackedFrame():
@@ -155,18 +165,18 @@ def _charuco(target: Charuco, sheet: PrintOptions) -> PrintedTarget:
     return PrintedTarget(_with_margin(u, v, values, margin_mm))
 
 
-def _apriltags(target: AprilTagGrid, sheet: PrintOptions) -> PrintedTarget:
-    dictionary = _dictionary(TAG_FAMILIES.get(target.family, target.family))
+def _markers(grid: MarkerGrid, sheet: PrintOptions) -> PrintedTarget:
+    dictionary = _dictionary(grid.dictionary)
     modules = dictionary.markerSize + 2
-    offsets = target.tag_mm / modules * np.arange(modules + 1)
-    pitch_mm = target.tag_mm + target.gap_mm
-    u = _tile(offsets, target.columns, pitch_mm)[:-1]
-    v = _tile(offsets, target.rows, pitch_mm)[:-1]
+    offsets = grid.side_mm / modules * np.arange(modules + 1)
+    pitch_mm = grid.side_mm + grid.gap_mm
+    u = _tile(offsets, grid.columns, pitch_mm)[:-1]
+    v = _tile(offsets, grid.rows, pitch_mm)[:-1]
     values = np.full((len(v) - 1, len(u) - 1), WHITE)
-    for tag in range(target.columns * target.rows):
-        row, column = (modules + 1) * (tag // target.columns), (modules + 1) * (tag % target.columns)
-        values[row : row + modules, column : column + modules] = _marker(dictionary, tag)
-    margin_mm = target.tag_mm / 2 if sheet.margin_mm is None else sheet.margin_mm
+    for place in range(grid.count):
+        row, column = (modules + 1) * (place // grid.columns), (modules + 1) * (place % grid.columns)
+        values[row : row + modules, column : column + modules] = _marker(dictionary, grid.first + place)
+    margin_mm = grid.side_mm / 2 if sheet.margin_mm is None else sheet.margin_mm
     return PrintedTarget(_with_margin(u, v, values, margin_mm))
 
 

@@ -5,7 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from calibration.targets import TAG_FAMILIES, AprilTagGrid, Charuco, Chessboard, CircleGrid, Target, require_markers
+from calibration.targets import (
+    AprilTagGrid,
+    ArucoGrid,
+    ArucoMarker,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    MarkerTarget,
+    Target,
+    require_markers,
+)
 from calibration.transforms import Array
 from daemon.tools.target_print.shapes import Artwork, Box, Disc, Rectangles
 
@@ -67,14 +77,18 @@ def _(target: CircleGrid) -> Artwork:
     return Artwork((*ground, *dots), extent)
 
 
-@artwork.register
-def _(target: AprilTagGrid) -> Artwork:
-    origins = target.points_mm[::4, :2]
+@artwork.register(AprilTagGrid)
+@artwork.register(ArucoGrid)
+@artwork.register(ArucoMarker)
+def _(target: MarkerTarget) -> Artwork:
     require_markers(target)
-    dictionary = _dictionary(TAG_FAMILIES[target.family])
-    tags = tuple(_marker(dictionary, tag, origin, target.tag_mm) for tag, origin in enumerate(origins))
-    (right, bottom), margin = origins.max(axis=0) + target.tag_mm, target.tag_mm / 2
-    return Artwork(tags, Box(-margin, -margin, right + margin, bottom + margin))
+    grid, origins = target.markers, target.points_mm[::4, :2]
+    dictionary = _dictionary(grid.dictionary)
+    markers = tuple(
+        _marker(dictionary, number, origin, grid.side_mm) for number, origin in enumerate(origins, start=grid.first)
+    )
+    (right, bottom), margin = origins.max(axis=0) + grid.side_mm, grid.side_mm / 2
+    return Artwork(markers, Box(-margin, -margin, right + margin, bottom + margin))
 
 
 def _large(target: CircleGrid) -> list[bool]:

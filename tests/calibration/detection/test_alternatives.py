@@ -10,13 +10,14 @@ from calibration.detection.alternatives import find_alternative
 from calibration.detection.detect import detect
 from calibration.detection.image import grey_image
 from calibration.errors import DetectionError
-from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
+from calibration.targets import AprilTagGrid, ArucoGrid, Charuco, Chessboard, CircleGrid, Target
 from tests.calibration.detection.sights import pictures
 
 CHARUCO = Charuco(7, 5, 30.0, 22.0, "DICT_5X5_100")
 EVEN = Charuco(8, 6, 30.0, 22.0, "DICT_5X5_100")
 CHESSBOARD = Chessboard(9, 6, 20.0)
 CIRCLES = CircleGrid("asymmetric", 4, 11, 40.0)
+ARUCO = ArucoGrid(4, 3, 30.0, 9.0, "DICT_5X5_100")
 TAGS = AprilTagGrid(4, 3, 30.0, 9.0)
 
 SLIPS: dict[str, tuple[Target, Target]] = {
@@ -37,6 +38,8 @@ SLIPS: dict[str, tuple[Target, Target]] = {
     "symmetric circles": (CircleGrid("symmetric", 7, 6, 20.0), CircleGrid("asymmetric", 7, 6, 20.0)),
     "one row of circles less": (CIRCLES, replace(CIRCLES, rows=10)),
     "tags exchanged": (TAGS, replace(TAGS, columns=3, rows=4)),
+    "ArUco board exchanged": (ARUCO, replace(ARUCO, columns=3, rows=4)),
+    "ArUco board of another dictionary": (ARUCO, replace(ARUCO, dictionary="DICT_6X6_100")),
     "another family": (TAGS, replace(TAGS, family="tag25h9")),
 }
 

@@ -24,6 +24,8 @@ KINDS = {
     "white-circles": ["circles", "--dots", "white"],
     "asymmetric": ["circles", "--layout", "asymmetric", "--no-large-origin", "--columns", "4", "--pitch-mm", "36"],
     "apriltag-grid": ["apriltag-grid"],
+    "aruco-grid": ["aruco-grid", "--first-id", "3"],
+    "aruco-marker": ["aruco-marker", "--id", "7"],
 }
 
 
