@@ -103,6 +103,11 @@ FINDINGS = {
     # registration/calibrate
     "sphere-centre": "the sphere's centre lies at ({x_mm:.2f}, {y_mm:.2f}, {z_mm:.2f}) mm in base; over the views it"
     " scatters by {x_spread_mm:.2f}, {y_spread_mm:.2f}, {z_spread_mm:.2f} mm",
+    "surfaces-ambiguous": "two X, {off_mm:.0f} mm and {off_deg:.0f} degrees apart, bring the surfaces together alike",
+    "surfaces-apart": "no X brings the surfaces of the views together",
+    "surfaces-too-few": "fewer than three views show a surface",
+    "surfaces-searched": "no rough X was given: X was searched over all rotations of the camera, and refined by"
+    " {off_mm:.1f} mm and {off_deg:.2f} degrees; views then agree to {rms_mm:.3f} mm RMS",
     "surfaces-agree": "X moved by {off_mm:.1f} mm and {off_deg:.2f} degrees from the rough one; views then agree to"
     " {rms_mm:.3f} mm RMS",
     "not-settled": "X had not settled after {iterations} iterations",
@@ -206,6 +211,7 @@ ADVICE = {
     "check-target-and-unit": "compare the target's description with the target, and the unit of {field}",
     "give-camera-T-target": "give camera_T_target: the target's position and orientation in the camera; or {other}",
     "write-w-first": "write every quaternion as w, x, y, z",
+    "give-rough-x": "give a rough X, or add overlapping views of a part with relief, turned about different axes",
     "start-better": "start from a better rough X, or add overlap",
     "check-mount-and-part": "check the mount, and that the part stood still",
 }

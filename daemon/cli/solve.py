@@ -43,7 +43,9 @@ def solve(
         typer.Option(help="Calibrate from clouds (folders with scan.json): sphere, or none for overlapping surfaces."),
     ] = None,
     radius_mm: Annotated[float | None, typer.Option(help="Radius of --artefact sphere.")] = None,
-    rough: Annotated[Path | None, typer.Option(help="calibration.json with a rough X, for --artefact none.")] = None,
+    rough: Annotated[
+        Path | None, typer.Option(help="calibration.json with a rough X, for --artefact none; else it is searched.")
+    ] = None,
     camera: Annotated[
         Path | None,
         typer.Option(

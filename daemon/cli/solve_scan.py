@@ -27,8 +27,6 @@ def check_options(artefact: str | None, radius_mm: float | None, rough: Path | N
          "give the sphere's radius in mm"),
         (radius_mm is not None and artefact != "sphere", "--radius-mm", "only a sphere has a radius",
          "add --artefact sphere, or leave it out"),
-        (artefact == "none" and rough is None, "--rough", "without an artefact a rough X is needed to begin with",
-         "give a calibration.json, from a sphere or from the drawing of the mount"),
         (rough is not None and artefact != "none", "--rough", "only --artefact none begins with a rough X",
          "add --artefact none, or leave it out"),
         (artefact is not None and method != "auto", "--method", "it is for images only", "leave it out"),
@@ -44,7 +42,7 @@ def solve_scan(
     rough: Path | None,
     required: "tuple[VerdictLimits, tuple[NamedPoint, ...]]",
 ) -> "CalibrationDocument":
-    """Calibrate from a sphere when its radius is given, else from overlapping surfaces and a rough X.
+    """Calibrate from a sphere when its radius is given, else from overlapping surfaces, with a rough X or none.
 
     `required`: the limits of the verdict, and the points where the uncertainty counts.
     Raises DocumentError, RegistrationError.
@@ -75,8 +73,7 @@ def solve_scan(
 def _from_surfaces(views: "list[ScanView]", rough: Path | None) -> "Solution":
     from registration.calibrate.surfaces import solve_surface_scan
 
-    assert rough is not None  # check_options
-    return solve_surface_scan(views, _rough_x(rough))
+    return solve_surface_scan(views, None if rough is None else _rough_x(rough))
 
 
 def _rough_x(file: Path) -> "Array":

@@ -22,6 +22,7 @@ from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, adjoint, difference, skew, transform_from_vector
 from registration.calibrate.outcome import solution_with_x, solution_without_x
+from registration.calibrate.surface_search import find_rough_x
 from registration.fusion.overlap import agreement, reach_of
 from registration.fusion.pair_information import PairEvidence
 from registration.fusion.pose_adjustment import (
@@ -39,6 +40,8 @@ from registration.scan import ScanView, ViewSample, sample_views
 METHOD = "overlapping surfaces"
 ROUGH_MM = 40.0
 """Displacement of a surface by a rough X; the first search for counterparts reaches this far."""
+SEARCHED_MM = 20.0
+"""The same by an X that was searched."""
 NARROWING = 0.75
 MAX_ITERATIONS = 60
 STEP_TOLERANCE_MM = 2e-3
@@ -54,12 +57,14 @@ FIX = "add overlapping views of a part with relief, the flange turned by 30 degr
 
 def solve_surface_scan(
     views: Sequence[ScanView],
-    flange_T_camera: Array,
+    rough: Array | None,
     noise: RobotNoise = ABSOLUTE_NOISE,
     *,
     rough_mm: float = ROUGH_MM,
 ) -> Solution:
-    """X from overlapping views and a rough X; `mount_T_camera` is None when they do not determine it.
+    """X from overlapping views; `mount_T_camera` is None when they do not determine it.
+
+    `rough`: flange_T_camera (4, 4), within `rough_mm` on the surfaces; None: it is searched.
 
     Raises CloudError's leaves, UnitUnknown, ScanError.
     """
@@ -67,11 +72,13 @@ def solve_surface_scan(
     poses = np.array([view.base_T_flange for view in views])
     try:
         require_observable(poses)
-        found = solve_from_surfaces([sample.surface for sample in samples], poses, flange_T_camera, noise, rough_mm)
+        surfaces = [sample.surface for sample in samples]
+        start = find_rough_x(surfaces, poses) if rough is None else rough
+        found = solve_from_surfaces(surfaces, poses, start, noise, SEARCHED_MM if rough is None else rough_mm)
     except UndeterminedError as error:
         results = [ViewResult(index, None, "rejected", error.code, None, None, None) for index in range(len(views))]
         return solution_without_x(METHOD, results, poses, error)
-    return _solution(found, samples, poses, flange_T_camera, noise)
+    return _solution(found, samples, poses, start, noise, searched=rough is None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +253,13 @@ def _weakest(direction: Array) -> str:
 
 
 def _solution(
-    found: SurfaceSolution, samples: Sequence[ViewSample], poses: Array, rough: Array, noise: RobotNoise
+    found: SurfaceSolution,
+    samples: Sequence[ViewSample],
+    poses: Array,
+    rough: Array,
+    noise: RobotNoise,
+    *,
+    searched: bool,
 ) -> Solution:
     x = found.flange_T_camera
     placed = [motion @ flange @ x for motion, flange in zip(found.motions, poses, strict=True)]
@@ -268,13 +281,16 @@ def _solution(
         Noise(None, found.noise.rotation_rad, found.noise.translation_mm),
         results,
         np.delete(poses, found.alone, axis=0),
-        tuple(_findings(found, agreed.rms_mm, rough, noise)),
+        tuple(_findings(found, agreed.rms_mm, rough, noise, searched=searched)),
     )
 
 
-def _findings(found: SurfaceSolution, rms_mm: float | None, rough: Array, noise: RobotNoise) -> list[Finding]:
+def _findings(
+    found: SurfaceSolution, rms_mm: float | None, rough: Array, noise: RobotNoise, *, searched: bool
+) -> list[Finding]:
     off_mm, off_rad = difference(found.flange_T_camera, rough)
-    agree = Sentence("surfaces-agree", off_mm=off_mm, off_deg=np.degrees(off_rad), rms_mm=rms_mm or 0.0)
+    name = "surfaces-searched" if searched else "surfaces-agree"
+    agree = Sentence(name, off_mm=off_mm, off_deg=np.degrees(off_rad), rms_mm=rms_mm or 0.0)
     findings = [Finding("surfaces-agree", "info", agree, Sentence("none-needed"))]
     if not found.converged:
         what = Sentence("not-settled", iterations=found.iterations)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
-from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
+from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
@@ -92,7 +92,7 @@ def test_a_person_reads_the_same_summary_as_with_images(tmp_path: Path) -> None:
         (("--artefact", "sphere", "--radius-mm", "-3"), "-3.0 mm is no radius"),
         (("--artefact", "sphere", "--radius-mm", "nan"), "nan mm is no radius"),
         (("--artefact", "cube"), "none is called 'cube'"),
-        (("--artefact", "none"), "--rough"),
+        (("--artefact", "sphere", "--radius-mm", "20", "--rough", "x.json"), "--rough"),
         (("--radius-mm", "20"), "only a sphere has a radius"),
         (("--artefact", "sphere", "--radius-mm", "20", "--method", "kronecker"), "--method"),
     ],
@@ -166,6 +166,19 @@ def test_x_is_found_from_overlapping_views_of_any_part_and_registers_them(tmp_pa
         for file in (rough, out)
     ]  # fmt: skip
     assert after < 0.5 * before
+
+
+def test_x_is_found_without_a_rough_one(tmp_path: Path) -> None:
+    folder, rough = part_scan(tmp_path / "scan", 6.0), rough_x(tmp_path / "rough.json")
+    began_near = json.loads(handeyed("solve", folder, "--artefact", "none", "--rough", rough, "--json").out)
+    searched = json.loads(handeyed("solve", folder, "--artefact", "none", "--json").out)
+
+    near, found = (PoseDocument(**one["flange_T_camera"]).transform() for one in (began_near, searched))
+    off_mm, off_rad = difference(near, found)
+    assert off_mm < 0.3
+    assert off_rad < np.radians(0.1)
+    assert searched["verdict"]["accepted"] == began_near["verdict"]["accepted"]
+    assert "surfaces-searched" in [finding["id"] for finding in searched["verdict"]["findings"]]
 
 
 def test_three_views_of_a_plane_determine_no_x_and_say_so(tmp_path: Path) -> None:

@@ -119,3 +119,17 @@ def test_two_real_objects_give_the_same_x(real_data: Path) -> None:
     translation_mm, rotation_rad = difference(one, two)
     assert translation_mm < 1.0
     assert rotation_rad < np.deg2rad(0.2)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", ["cone", "cylinder", "david", "duck", "mozart"])
+def test_real_objects_give_the_same_x_without_a_rough_one(name: str, real_data: Path) -> None:
+    rough = solve_sphere_scan(read_scan(real_data / "reghec_sphere"), 48.37).mount_T_camera
+    views = read_scan(real_data / f"reghec_{name}")
+    began_near, searched = solve_surface_scan(views, rough), solve_surface_scan(views, None)
+    assert began_near.mount_T_camera is not None
+    assert searched.mount_T_camera is not None
+    off_mm, off_rad = difference(began_near.mount_T_camera, searched.mount_T_camera)
+    assert off_mm < 0.3
+    assert off_rad < np.deg2rad(0.1)
+    assert judge_scan(searched).accepted
