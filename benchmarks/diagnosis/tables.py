@@ -18,6 +18,7 @@ from benchmarks.diagnosis.cases import Case, Result, causes, results_of, with_co
 from benchmarks.diagnosis.imperfect import print_imperfect
 from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faulty_sessions import PART, REAL, part_of, real_session, simulated
+from tests.simulated.imperfect_sessions import IMPERFECTIONS
 from tests.simulated.mixups import MIXUPS
 
 FACTORS = (0.75, 1.0, 1.5, 2.0, 4.0)
@@ -51,7 +52,8 @@ def main() -> None:
     parser.add_argument("--real", type=int, default=20, help="parts of each real session in each row")
     parser.add_argument("--clean", type=int, default=1000, help="clean sessions")
     parser.add_argument("--only", choices=PARTS, help="one of the parts")
-    parser.add_argument("--kinds", choices=(*PLAIN, *KINDS), nargs="+", metavar="KIND", help="some of the rows")
+    every_kind = (*PLAIN, *KINDS, *IMPERFECTIONS)
+    parser.add_argument("--kinds", choices=every_kind, nargs="+", metavar="KIND", help="some of the rows")
     parser.add_argument("--factors", type=float, nargs="+", help="sizes, in multiples of just above the noise")
     parser.add_argument("--session", choices=REAL, help="one of the real sessions")
     parser.add_argument("--seed", type=int, default=5, help="of sessions and faults")
@@ -74,7 +76,7 @@ def main() -> None:
         if "clean" in parts:
             bench.false_alarms(sizes.clean)
         if "imperfect" in parts:
-            print_imperfect(pool, options.seed, sizes.row)
+            print_imperfect(pool, options.seed, sizes.row, options.kinds or tuple(IMPERFECTIONS))
 
 
 @dataclass(frozen=True, eq=False)

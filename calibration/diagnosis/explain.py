@@ -36,6 +36,9 @@ MISPLACED_PX = 5.0
 MAX_USUAL_PX = 1.0
 """Pixel noise from which intrinsics are sought far from the given ones."""
 
+MIN_SURE_SHARE = 0.5
+"""Share of the pixels' deviation below which other intrinsics are believed without the robot's agreement."""
+
 SOLVER_FINDINGS = {"wrong-pitch": "target-scale", "board-turned": "board-turned"}
 """Causes that the solver reports as well, with the code of its finding; the diagnosis adds its figures to that."""
 
@@ -89,16 +92,19 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
         return ()
     drawn = replace(seen, points_mm=prepared.nominal_mm[seen.ids])
     fitting = evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
+    if misfit.after_px > MIN_SURE_SHARE * misfit.before_px and not _agrees_better(fitting, given):
+        # The pixels show the target's shape or the light: with those intrinsics the poses would be wrong.
+        lens = lens_findings(misfit, camera, agrees_better=False) if misfit.significant else ()
+        return (*lens, *_diagnosis_findings(problem, given, used, point))
     still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
-    counts = misfit.significant or not still_wrong
-    return (*(lens_findings(misfit, camera, _agrees_better(fitting, given)) if counts else ()), *still_wrong)
+    lens = lens_findings(misfit, camera, agrees_better=True) if misfit.significant or not still_wrong else ()
+    return (*lens, *still_wrong)
 
 
 def _agrees_better(fitting: Evidence, given: Evidence) -> bool:
-    """Whether robot and images disagree by less, in mm or in degrees, with other intrinsics than with the given."""
-    with_others, with_given = fit(fitting), fit(given)
-    return bool(np.any(with_others.variances < with_given.variances))
+    """Whether robot and images agree better with other intrinsics: by the product of the robot's two noise levels."""
+    return bool(np.prod(fit(fitting).variances) < np.prod(fit(given).variances))
 
 
 def _points_lie_elsewhere(prepared: PreparedSession, poses: Array) -> bool:

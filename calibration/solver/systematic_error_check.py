@@ -33,9 +33,9 @@ PRIOR_OFF_PROBABILITY = 0.1
 SIZE_SIGMA = 2e-3
 """Standard deviation of a target's size that is off, as a share: printers and paper."""
 
-MIN_CENTRE_SIGMA_PX, MIN_CORNER_SIGMA_PX = 0.05, 0.02
-"""Least standard deviations per axis of a given principal point, and of a corner from its place about the target's
-middle, alike in all views: light, lens and detector shift corners by as much."""
+MIN_CORNER_SIGMA_PX = 0.02
+"""Standard deviation per axis of errors of the corners that are alike in all views, by light, lens and detector: of a
+given principal point, and of a corner's place about the target's middle."""
 
 MIN_FIRST_LOG_RATIO = -6.0
 """Log-likelihood difference, at the noise levels of the exact-camera model, below which the model with a shifted
@@ -118,7 +118,7 @@ def widen_by_shared_errors(
         more += _variance_if_off(exact, _both(models) if errors.trend else models[CENTRE_OFF], best.variances)
     if len(exact.count) >= MIN_VIEWS and not best.free[INTRINSICS]:
         more += _variance_if_off(exact, _with_prior_errors(errors, wider, SIZE_SIGMA), best.variances)
-        centre_sigma_px = MIN_CENTRE_SIGMA_PX if errors.given_camera is None and CENTRE_OFF in models else 0.0
+        centre_sigma_px = MIN_CORNER_SIGMA_PX if errors.given_camera is None and CENTRE_OFF in models else 0.0
         small = MIN_CORNER_SIGMA_PX / _corner_radius_px(prepared)
         more += _variance_of(_with_prior_errors(errors, wider, small, centre_sigma_px), exact, best.variances)
     covariance = best.step.covariance.copy()

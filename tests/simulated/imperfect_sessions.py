@@ -4,7 +4,7 @@ The truth is known. A session of one seed is the same for every kind, but for th
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ from calibration.transforms import (
     transform,
     transform_from_vector,
 )
-from tests.simulated.sessions import BOARD, CAMERA, Cell
+from tests.simulated.sessions import BOARD, CAMERA, Cell, CellNoise
 
 SHARE_EXACT_ROBOT, SHARE_GIVEN = 0.3, 0.7
 VIEWS = (8, 10, 15, 20, 30)
@@ -62,9 +62,6 @@ class Imperfection:
 
 
 NOTHING = Imperfection()
-SETTINGS = ("exact_robot", "small_board")
-"""Fields that are no imperfection: the same session without one has them, too."""
-
 IMPERFECTIONS = {
     "exact robot": Imperfection(exact_robot=True),
     "lens beyond the model": Imperfection(lens=True),
@@ -79,10 +76,11 @@ IMPERFECTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class ImperfectCell:
-    """A session, the truth behind it, and its lens."""
+    """A session, the truth behind it, its lens, and the noise of pixels and robot besides the imperfection."""
 
     cell: Cell
     lens: Lens
+    noise: CellNoise
 
     def point_error_mm(self, solution: Solution) -> float:
         """RMS error of a mapped point over the working volume; NaN without X.
@@ -123,7 +121,8 @@ def imperfect_cell(seed: tuple[int, ...], what: Imperfection) -> ImperfectCell:
     camera_T_target = np.array([_looking(rng, target, what.small_board) for _ in range(n)])
     anchor_T_mount = Y @ inverse(X @ camera_T_target)
     base_T_flange = anchor_T_mount if setup == "eye-in-hand" else inverse(anchor_T_mount)
-    errors = (0.0 if exact or what.exact_robot else 1.0) * robot * rng.standard_normal((n, 6))
+    robot = (0.0 if exact or what.exact_robot else 1.0) * robot
+    errors = robot * rng.standard_normal((n, 6))
     noise_px = image_px * rng.standard_normal((n, len(target.points_mm), 2))
     # What follows draws from generators of its own, so that the session is the same for every kind.
     if what.trend:
@@ -138,7 +137,8 @@ def imperfect_cell(seed: tuple[int, ...], what: Imperfection) -> ImperfectCell:
         reported = base_T_flange[index] @ transform_from_vector(errors[index])
         views.append(View(index, reported, Detection(np.arange(len(pixels)), pixels)))
     problem = Problem(setup, target, camera if given else None, camera.image_size, tuple(views))
-    return ImperfectCell(Cell(problem, X, Y, camera, base_T_flange), lens)
+    noise = CellNoise(image_px, float(robot[0]), float(robot[3]))
+    return ImperfectCell(Cell(problem, X, Y, camera, base_T_flange), lens, noise)
 
 
 def _looking(rng: np.random.Generator, target: Target, far: bool) -> Array:
@@ -226,8 +226,3 @@ def _image_errors(seed: tuple[int, ...], what: Imperfection, target: Target) -> 
         return found
 
     return errors
-
-
-def without_imperfection(what: Imperfection) -> Imperfection:
-    """The session of the same seed inside the model."""
-    return replace(NOTHING, **{name: getattr(what, name) for name in SETTINGS})
