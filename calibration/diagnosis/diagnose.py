@@ -17,7 +17,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit, likeliest_fit
 from calibration.diagnosis.hypothesis import Hypothesis, HypothesisResult, evaluate
 from calibration.diagnosis.pairing_hypotheses import pairing_hypotheses
-from calibration.diagnosis.picture_hypotheses import mirrored_hypothesis, turned_hypotheses
+from calibration.diagnosis.picture_hypotheses import mirrored_hypothesis, turned_hypotheses, turned_instead
 from calibration.diagnosis.pose_entry_hypotheses import pose_entry_results
 from calibration.diagnosis.screening import is_unusual
 from calibration.diagnosis.view_hypotheses import (
@@ -160,6 +160,7 @@ def _best_explanation(
             if len(sample) < len(evidence)
             else _with_alternative_views(found[0], results)
         )
+        found[0] = replace(found[0], hypothesis=turned_instead(found[0].hypothesis))
     return _diagnosis(uncorrected, found)
 
 

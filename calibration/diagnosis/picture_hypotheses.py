@@ -6,12 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.fit import fit
 from calibration.diagnosis.hypothesis import Hypothesis
-from calibration.transforms import rotation_from_vector, transform
+from calibration.transforms import inverse, rotation_angle_rad, rotation_from_vector, transform
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 TURNS_DEG = (180, 90, -90)
 """A picture turned by 90 degrees has its sides exchanged, which only a square one survives."""
+
+MAX_TILT_RAD, MAX_SHIFT_MM = 0.02, 10.0
+"""Rotation and translation by which a change of X may differ from such a turn: 50 px of a usual lens, and noise."""
 
 
 def mirrored_hypothesis(evidence: Evidence) -> Hypothesis:
@@ -52,6 +56,26 @@ def turned_hypotheses(evidence: Evidence, points: Sequence[int]) -> Iterator[Hyp
                 alternatives=len(TURNS_DEG) * len(evidence),
                 whole_session=True,
             )
+
+
+def turned_instead(change: Hypothesis) -> Hypothesis:
+    """The hypothesis that pictures are turned in place of a change of X that is just that, else the `change`.
+
+    A camera is not moved by a half or a quarter of a turn about its axis, and not at all otherwise. Pictures turn about
+    their middle, not the principal point, which moves them by some pixels more.
+    """
+    if change.x_labels is None:
+        return change
+    before, after = fit(change.evidence, change.x_labels).mount_T_camera
+    between = inverse(before) @ after
+    if np.linalg.norm(between[:3, 3]) > MAX_SHIFT_MM:
+        return change
+    (point,) = np.flatnonzero(change.evidence.indices == change.where[0])
+    for degrees, turned in zip(TURNS_DEG, turned_hypotheses(change.evidence, [int(point)]), strict=True):
+        turn = rotation_from_vector(np.array([0.0, 0.0, np.radians(degrees)]))
+        if rotation_angle_rad(turn.T @ between[:3, :3]) < MAX_TILT_RAD:
+            return turned
+    return change
 
 
 def _turned(evidence: Evidence, rows: NDArray[np.bool_], angle_rad: float) -> Evidence:

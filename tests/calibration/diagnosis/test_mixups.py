@@ -42,3 +42,11 @@ def test_poses_at_random_have_no_cause(setup: Setup) -> None:
     rng = np.random.default_rng(4)
     random = transform(rotation_from_vector(rng.uniform(-3, 3, (10, 3))), rng.uniform(-900, 900, (10, 3)))
     assert {finding.code for finding in causes(with_poses(clean, random))} <= {"target-scale", *RULES}
+
+
+def test_pictures_are_turned_although_a_change_of_the_camera_fits_better() -> None:
+    """They turn about their middle, a pixel from the principal point, which an exact robot shows."""
+    clean = simulated_session(np.random.default_rng(6), 12, Noise(0.02, 0.0, 0.0), "eye-in-hand")
+    fault = MIXUPS["pictures turned from view k on"](clean, np.random.default_rng(7))
+    first, *_ = causes(fault.problem)
+    assert first.code == "pictures-turned" and fault.says[0] in first.message
