@@ -47,21 +47,25 @@ MODULE CELL_motion
   PROC cell_one_move()
     VAR errnum reach := 0;
     VAR speeddata speed;
+    VAR num limit := 0;
     cell_from_joints := CJointT();
-    cell_goal_joints := CalcJointT(cell_goal, tool0 \WObj:=wobj0 \ErrorNumber:=reach);
+    cell_goal_joints := CalcJointT(cell_goal, cell_flange \WObj:=wobj0 \ErrorNumber:=reach);
     IF reach <> 0 THEN
       cell_verdict := CB_UNREACHABLE;
       RETURN;
     ENDIF
-    speed := [cell_goal_speed, 500, 5000, 1000];
-    IF OpMode() <> OP_AUTO AND speed.v_tcp > 250 speed.v_tcp := 250;
+    limit := cell_goal_speed;
+    IF OpMode() <> OP_AUTO AND limit > 250 limit := 250;
+    ! A joint move travels and turns unevenly.
+    IF cell_goal_kind <> 2 limit := 0.8 * limit;
+    speed := cell_speed(limit);
     cell_settled := FALSE;
     cell_moving := TRUE;
     cell_verdict := CB_ACCEPTED;
     IF cell_goal_kind = 2 THEN
-      MoveL cell_goal, speed, fine, tool0 \WObj:=wobj0;
+      MoveL cell_goal, speed, fine, cell_flange \WObj:=wobj0;
     ELSE
-      MoveJ cell_goal, speed, fine, tool0 \WObj:=wobj0;
+      MoveJ cell_goal, speed, fine, cell_flange \WObj:=wobj0;
     ENDIF
     cell_moving := FALSE;
     WaitTime \InPos, 0.3;
@@ -72,6 +76,32 @@ MODULE CELL_motion
     SkipWarn;
     RAISE;
   ENDPROC
+
+  FUNC speeddata cell_speed(num limit)
+    ! Travel and turn of the flange share the limit (mm/s) as the way to the goal does: v_tcp plus v_ori times cell_reach is limit.
+    VAR robtarget here;
+    VAR num dot := 0;
+    VAR num arm := 1;
+    VAR num way := 0;
+    VAR num sweep := 0;
+    VAR num share := 0.9;
+    VAR num turn := 0;
+    IF cell_reach > 1 arm := cell_reach;
+    here := CRobT(\Tool:=tool0 \WObj:=wobj0);
+    dot := here.rot.q1 * cell_goal.rot.q1 + here.rot.q2 * cell_goal.rot.q2;
+    dot := Abs(dot + here.rot.q3 * cell_goal.rot.q3 + here.rot.q4 * cell_goal.rot.q4);
+    IF dot > 1 dot := 1;
+    way := Distance(here.trans, cell_goal.trans);
+    sweep := arm * 2 * ACos(dot) * pi / 180;
+    IF way + sweep > 0.001 share := way / (way + sweep);
+    IF share > 0.9 share := 0.9;
+    IF share < 0.25 share := 0.25;
+    turn := (1 - share) * limit / arm * 180 / pi;
+    RETURN [share * limit, turn, limit, turn];
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDFUNC
 
   TRAP cell_abort_trap
     ! ExitCycle stops the movement, clears the path and starts main again.

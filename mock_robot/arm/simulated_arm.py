@@ -64,8 +64,19 @@ class ArmMotion:
         return replace(self, profile=Braked(self.profile, max(now_s - self.start_s, 0.0), deceleration))
 
 
-def plan_motion(arm: Arm, start: Array, end: Array, speed_mm_s: float, linear: bool, now_s: float) -> ArmMotion:
-    """Move between two joint vectors at that flange speed, within the axes' speeds, up to where the path is blocked."""
+def plan_motion(
+    arm: Arm,
+    start: Array,
+    end: Array,
+    speed_mm_s: float,
+    linear: bool,
+    now_s: float,
+    turn_rad_s: float = REORIENTATION_RAD_S,
+) -> ArmMotion:
+    """Move between two joint vectors at that flange speed and reorientation, up to where the path is blocked.
+
+    The axes' speeds limit it, too.
+    """
     path: Path = LinePath(arm, start, end) if linear else JointPath(start, end)
     if path.reachable_fraction <= 0.0:
         return ArmMotion(JointPath(start, start, reachable_fraction=0.0), Trapezoid(0.0, 1.0, 1.0), now_s)
@@ -75,7 +86,7 @@ def plan_motion(arm: Arm, start: Array, end: Array, speed_mm_s: float, linear: b
     travel_mm = float(np.linalg.norm(np.diff(flange[:, :3, 3], axis=0), axis=-1).sum())
     turn_rad = float(np.sum(rotation_angle_rad(np.swapaxes(flange[:-1, :3, :3], -1, -2) @ flange[1:, :3, :3])))
     axis_s = float((np.abs(np.diff(joints, axis=0)) / np.array(arm.speed_rad_s)).max(-1).sum())
-    cruise_s = max(travel_mm / speed_mm_s, turn_rad / REORIENTATION_RAD_S, axis_s)
+    cruise_s = max(travel_mm / speed_mm_s, turn_rad / turn_rad_s, axis_s)
     if cruise_s < 1e-9:
         return ArmMotion(path, Trapezoid(0.0, 1.0, 1.0), now_s)
     speed = path.reachable_fraction / cruise_s
@@ -102,9 +113,12 @@ class SimulatedArm:
         """End of the current motion, or of the last one."""
         return self._motion.end_s
 
-    def depart(self, joints: Array, speed_mm_s: float, linear: bool, now_s: float) -> float:
+    def depart(
+        self, joints: Array, speed_mm_s: float, linear: bool, now_s: float, turn_rad_s: float = REORIENTATION_RAD_S
+    ) -> float:
         """Start a move from the current position; returns the fraction of its path that can be followed (1: all)."""
-        self._motion = plan_motion(self.arm, self.joints_at(now_s), joints, speed_mm_s, linear, now_s)
+        here = self.joints_at(now_s)
+        self._motion = plan_motion(self.arm, here, joints, speed_mm_s, linear, now_s, turn_rad_s)
         self._departures += 1
         return self._motion.path.reachable_fraction
 

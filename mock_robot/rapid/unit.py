@@ -25,6 +25,7 @@ class MoveOrder:
 
     joints: Array
     speed_mm_s: float
+    turn_rad_s: float
     linear: bool
     departed: bool = False
     reachable_fraction: float = 1.0
@@ -70,10 +71,10 @@ class MotionUnit:
 
     # --- called by the program ---
 
-    def order(self, joints: Array, speed_mm_s: float, linear: bool) -> None:
+    def order(self, joints: Array, speed_mm_s: float, turn_rad_s: float, linear: bool) -> None:
         """Start a move; `arrived` reports its end."""
         with self._turn:
-            self._order, self._left_at = MoveOrder(joints, speed_mm_s, linear), None
+            self._order, self._left_at = MoveOrder(joints, speed_mm_s, turn_rad_s, linear), None
             self._depart()
             self.cabinet.moves_accepted += 1
             self.cabinet.external_axes = tuple(self.external)
@@ -182,7 +183,11 @@ class MotionUnit:
         if order is None or order.departed or self.held or self.stopped_by:
             return
         order.departed = True
-        order.reachable_fraction = self.cabinet.arm.depart(order.joints, self._speed(order), order.linear, self.now_s())
+        panel = self.cabinet.panel
+        turn_rad_s = order.turn_rad_s * max(panel.speed_override, MIN_OVERRIDE)
+        order.reachable_fraction = self.cabinet.arm.depart(
+            order.joints, self._speed(order), order.linear, self.now_s(), turn_rad_s
+        )
 
     def _speed(self, order: MoveOrder) -> float:
         panel = self.cabinet.panel

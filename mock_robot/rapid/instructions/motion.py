@@ -1,5 +1,6 @@
 """Moves, and stopping them. All moves are `fine`: the program continues when the arm has arrived."""
 
+from math import radians
 from types import MappingProxyType
 from typing import Any
 
@@ -61,7 +62,7 @@ def _own_unit(task: ProgramTask, zone: list[Any]) -> Any:
 
 
 def _travel(task: ProgramTask, unit: Any, joints: Any, speed: list[float], *, linear: bool) -> None:
-    unit.order(joints, speed[0], linear)
+    unit.order(joints, speed[0], radians(speed[1]), linear)
     while not unit.has_arrived():
         task.wait(unit.arrives_in_s(), until=unit.has_arrived)
     if unit.is_blocked():

@@ -255,6 +255,25 @@ async def test_a_line_that_cannot_be_followed_ends_in_a_motion_error_with_abbs_n
         await moves_again(cell, client)
 
 
+WRISTS = [np.radians(turn) for turn in ([0.0, 0.0, 0.0, 0.0, 0.0, 90.0], [0.0, 0.0, 0.0, 60.0, -60.0, 0.0])]
+
+
+@pytest.mark.parametrize("joints", [*(HOME + turn for turn in WRISTS), AWAY], ids=["roll", "tilt", "away"])
+@pytest.mark.parametrize("kind", MoveKind)
+async def test_no_point_at_the_flange_moves_faster_than_the_request_allows(joints: np.ndarray, kind: MoveKind) -> None:
+    limit_mm_s = 80.0
+    async with talking(time_scale=5.0) as (cell, client):
+        assert await client.asks(move_to(joints, limit_mm_s, kind=kind)) == cb.MoveAccepted()
+        await eventually(lambda: cell.moving)
+        arm, reach = cell.controller.arm, cell.controller.memory["cell_reach"].value  # type: ignore[attr-defined]
+        times = np.arange(cell.controller.robot_s(cell.cell.clock()), arm.end_s, 0.02)
+        flanges = ARM.forward(np.array([arm.joints_at(float(time)) for time in times]))
+        for direction in (*np.eye(3), *-np.eye(3)):
+            points = flanges @ np.append(reach * direction, 1.0)
+            fastest = np.linalg.norm(np.diff(points[:, :3], axis=0), axis=1).max() / 0.02
+            assert fastest <= 1.001 * limit_mm_s
+
+
 async def test_manual_reduced_speed_is_capped_by_the_program() -> None:
     async with talking(time_scale=5.0) as (cell, client):
         cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
