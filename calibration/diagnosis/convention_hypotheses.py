@@ -14,6 +14,7 @@ from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.diagnosis.orientation_readings import READINGS, likely_readings
 from calibration.diagnosis.significance import NoisePosterior
 from calibration.problem import Setup
+from calibration.sentences.sentence import Sentence
 from calibration.solver.target_scale_check import MIN_SCALE_ERROR
 from calibration.transforms import (
     Array,
@@ -98,50 +99,50 @@ MIN_NEIGHBOURS, MAX_NEIGHBOURS = 4, 40
 CONVENTIONS = (
     Convention(
         "quaternion-w-last",
-        "the quaternions are written x, y, z, w; here the scalar comes first",
-        "write every quaternion as w, x, y, z",
+        Sentence("quaternion-w-last"),
+        Sentence("undo-quaternion-w-last"),
         _w_last,
     ),
     Convention(
         "quaternion-w-first",
-        "the quaternions were w, x, y, z already and were reordered as if the scalar came last",
-        "write every quaternion as it came: w, x, y, z",
+        Sentence("quaternion-w-first"),
+        Sentence("undo-quaternion-w-first"),
         _w_first,
     ),
     Convention(
         "poses-inverted",
-        "the poses are inverted: they map base coordinates to the flange (flange_T_base)",
-        "give base_T_flange: the flange's position and orientation in the base",
+        Sentence("poses-inverted"),
+        Sentence("undo-poses-inverted"),
         _invert,
     ),
     Convention(
         "poses-in-metres",
-        "the robot's translations are in metres",
-        "multiply every translation by 1000: translation_mm is in millimetres",
+        Sentence("poses-in-metres"),
+        Sentence("undo-poses-in-metres"),
         _scale_translations(1000.0),
     ),
     Convention(
         "poses-in-micrometres",
-        "the robot's translations are 1000 times too large",
-        "divide every translation by 1000: translation_mm is in millimetres",
+        Sentence("poses-in-micrometres"),
+        Sentence("undo-poses-in-micrometres"),
         _scale_translations(0.001),
     ),
     Convention(
         "poses-in-inches",
-        "the robot's translations are in inches",
-        "multiply every translation by 25.4: translation_mm is in millimetres",
+        Sentence("poses-in-inches"),
+        Sentence("undo-poses-in-inches"),
         _scale_translations(25.4),
     ),
     Convention(
         "radians-read-as-degrees",
-        "the rotation vectors were in radians and were read as degrees: all orientations are 57 times too alike",
-        "convert the rotation vectors without the factor pi/180",
+        Sentence("radians-read-as-degrees"),
+        Sentence("undo-radians-read-as-degrees"),
         _radians_read_as_degrees,
     ),
     Convention(
         "degrees-read-as-radians",
-        "the rotation vectors were in degrees and were read as radians",
-        "convert the rotation vectors to radians first (times pi/180)",
+        Sentence("degrees-read-as-radians"),
+        Sentence("undo-degrees-read-as-radians"),
         _degrees_read_as_radians,
     ),
 )
@@ -194,16 +195,21 @@ def inverted_or_other_setup(inverted: Hypothesis) -> Hypothesis:
     on_flange_mm, in_cell_mm = (camera_mm, target_mm) if setup == "eye-in-hand" else (target_mm, camera_mm)
     other: Setup = "eye-to-hand" if setup == "eye-in-hand" else "eye-in-hand"
     carried, standing = ("target", "camera") if setup == "eye-in-hand" else ("camera", "target")
-    swapped = f"the {carried} is on the flange and the {standing} stands in the cell, which is {other}, not {setup}"
-    change = f'set "setup" to "{other}"'
+    swapped = Sentence("setup-swapped", carried=carried, standing=standing, right=other, given=setup)
+    change = Sentence("set-setup", right=other)
     if on_flange_mm > MIN_SETUP_RATIO * in_cell_mm:
         return replace(inverted, code="setup-swapped", message=swapped, fix=change)
     if in_cell_mm > MIN_SETUP_RATIO * on_flange_mm:
         return inverted
     if on_flange_mm > in_cell_mm:
-        message, fix = f"{swapped}; or {inverted.message}", f"{change}; or {inverted.fix}"
+        message, fix = either(swapped, inverted.message), either(change, inverted.fix)
         return replace(inverted, code="setup-swapped", message=message, fix=fix)
-    return replace(inverted, message=f"{inverted.message}; or {swapped}", fix=f"{inverted.fix}; or {change}")
+    return replace(inverted, message=either(inverted.message, swapped), fix=either(inverted.fix, change))
+
+
+def either(likelier: str, other: str) -> Sentence:
+    """Two sentences of which one is right."""
+    return Sentence("either", first=likelier, second=other)
 
 
 def off_by_one_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
@@ -212,18 +218,15 @@ def off_by_one_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
     if len(next_to) < MIN_NEIGHBOURS:
         return
     next_to = next_to[np.unique(np.linspace(0, len(next_to) - 1, MAX_NEIGHBOURS).astype(np.intp))]
-    for images, poses, message in (
-        (next_to, next_to + 1, "image k was taken at pose k + 1"),
-        (next_to + 1, next_to, "image k was taken at pose k - 1"),
-    ):
+    for images, poses, shift in ((next_to, next_to + 1, 1), (next_to + 1, next_to, -1)):
         baseline = evidence.take(images)
         yield Hypothesis(
             "poses-off-by-one",
             (),
             baseline.with_robot_poses(evidence.base_T_flange[poses]),
             baseline,
-            f"the poses are off by one: {message}",
-            "pair every image with the pose it was taken at; a missing or doubled first row is the usual cause",
+            Sentence("poses-off-by-one", shift=shift),
+            Sentence("pair-images-first-row"),
             alternatives=2,
             whole_session=True,
         )
@@ -235,8 +238,8 @@ def _pitch(evidence: Evidence, factor: float) -> Hypothesis:
         (),
         evidence.scale_target(factor),
         evidence,
-        f"the target is {factor:.4f} times as large as it was said to be",
-        f"measure the printed target with a ruler; multiply its pitch (and tag or square size) by {factor:.4f}",
+        Sentence("wrong-pitch", factor=factor),
+        Sentence("multiply-pitch", factor=factor),
         unknowns=1,
         bonus=3 * len(evidence) * float(np.log(factor)),
         size=factor,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.diagnosis.angle_agreement import angles_between, choose_candidates, mean_mismatch_rad
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, rotation_from_vector, vector_from_rotation
 
 ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ")
@@ -107,8 +108,8 @@ def readings_of(rotations: Array) -> Iterator[Reading]:
         )
         yield Reading(
             "radians-read-as-degrees",
-            f"the Euler angles (intrinsic {read}) were in radians and were read as degrees",
-            "convert the angles without the factor pi/180",
+            Sentence("euler-radians-read-as-degrees", read=read),
+            Sentence("undo-euler-radians-read-as-degrees"),
             rotation_from_euler(np.degrees(numbers[:, :1]), read),
             determined,
         )
@@ -118,8 +119,8 @@ def readings_of(rotations: Array) -> Iterator[Reading]:
         yield _euler_as_vector(f"extrinsic {true}", rotation_from_euler(vectors[..., ::-1], true[::-1]), everywhere)
     yield Reading(
         "rotation-transposed",
-        "the rotations are transposed (the quaternions conjugated), the translations are not",
-        "give base_T_flange: transpose the rotation matrices, or negate x, y, z of every quaternion",
+        Sentence("rotation-transposed"),
+        Sentence("undo-rotation-transposed"),
         np.swapaxes(rotations, 1, 2)[:, None],
         everywhere,
     )
@@ -185,8 +186,8 @@ def _both_vectors(rotations: Array) -> Array:
 def _euler_order(read: str, true: str, candidates: Array, determined: NDArray[np.bool_]) -> Reading:
     return Reading(
         "euler-order",
-        f"the orientations are Euler angles in another order: read as {read}, the robot writes {true}",
-        f"convert the three angles as {true}: each about the {'turned' if true[0] == 'i' else 'fixed'} axis",
+        Sentence("euler-order", read=read, true=true),
+        Sentence("convert-intrinsic" if true[0] == "i" else "convert-extrinsic", true=true),
         candidates,
         determined,
     )
@@ -195,8 +196,8 @@ def _euler_order(read: str, true: str, candidates: Array, determined: NDArray[np
 def _vector_as_euler(read: str, rotations: Array, numbers: Array, determined: NDArray[np.bool_]) -> Reading:
     return Reading(
         "vector-read-as-euler",
-        f"the orientations are rotation vectors and were read as Euler angles ({read})",
-        "convert the three numbers as a rotation vector: its length is the angle, its direction the axis",
+        Sentence("vector-read-as-euler", read=read),
+        Sentence("convert-as-vector"),
         rotations.reshape(*numbers.shape[:2], 3, 3),
         determined,
     )
@@ -205,8 +206,8 @@ def _vector_as_euler(read: str, rotations: Array, numbers: Array, determined: ND
 def _euler_as_vector(true: str, candidates: Array, determined: NDArray[np.bool_]) -> Reading:
     return Reading(
         "euler-read-as-vector",
-        f"the orientations are Euler angles ({true}) and were read as rotation vectors",
-        f"convert the three numbers as Euler angles, {true}",
+        Sentence("euler-read-as-vector", true=true),
+        Sentence("convert-as-euler", true=true),
         candidates,
         determined,
     )

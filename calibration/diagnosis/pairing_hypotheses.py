@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calibration.diagnosis.angle_agreement import angles_between, angles_between_images
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.hypothesis import Hypothesis
+from calibration.sentences.sentence import Sentence
 
 MIN_VIEWS = 5
 """Least views that have an image and the pose that a pairing gives it."""
@@ -77,28 +78,27 @@ def pairings_of(views: int, last: int) -> Iterator[Pairing]:
             yield Pairing(
                 "poses-off-by-one",
                 (),
-                f"the poses are off by {abs(shift)}: image k was taken at pose k {'-+'[shift > 0]} {abs(shift)}",
-                "pair every image with the pose it was taken at; missing or doubled first rows are the usual cause",
+                Sentence("poses-off-by", rows=abs(shift), shift=shift),
+                Sentence("pair-images-first-rows"),
                 _within(rows + shift, views),
             )
     for start in range(2, last - 2):
-        for shift, what in ((1, "an image was lost or a pose doubled"), (-1, "a pose was lost or an image doubled")):
+        for shift, sentence_id in ((1, "image-lost-from"), (-1, "pose-lost-from")):
             pose_of = np.where(rows < start, rows, rows + shift)
             if shift < 0:
                 pose_of[start] = -1  # the image whose pose was lost
             yield Pairing(
                 "poses-shifted",
                 (start,),
-                f"from view {start} on the poses are off by one, {what} there: image k was taken at pose k"
-                f" {'-+'[shift > 0]} 1",
-                f"look at the rows about view {start}; from there on pair every image with the pose it was taken at",
+                Sentence(sentence_id, view=start),
+                Sentence("pair-images-from", view=start),
                 _within(pose_of, views),
             )
     yield Pairing(
         "poses-reversed",
         (),
-        "the poses are in reversed order: the first image was taken at the last pose",
-        "reverse the order of the images or of the poses",
+        Sentence("poses-reversed"),
+        Sentence("reverse-order"),
         views - 1 - rows,
     )
     for first in (0, 1):
@@ -108,9 +108,8 @@ def pairings_of(views: int, last: int) -> Iterator[Pairing]:
                 yield Pairing(
                     "poses-in-lexical-order",
                     (),
-                    f"the {what} are in the order of their names as text (1, 10, 11 ... 2, counted from {first}),"
-                    " the others in that of their numbers",
-                    "sort both by number, or write the numbers with leading zeros",
+                    Sentence(f"{what}-in-lexical-order", first=first),
+                    Sentence("sort-by-number"),
                     pose_of,
                 )
     for start in range(2, last - 1):
@@ -118,8 +117,8 @@ def pairings_of(views: int, last: int) -> Iterator[Pairing]:
             yield Pairing(
                 "poses-blocks-swapped",
                 (views - start,),
-                f"two blocks of poses are swapped: the last {views - start} poses belong to the first images",
-                "put the rows in the order in which the images were taken",
+                Sentence("poses-blocks-swapped", poses=views - start),
+                Sentence("order-as-taken"),
                 (rows + start) % views,
             )
 

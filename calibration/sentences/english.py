@@ -115,6 +115,68 @@ FINDINGS = {
     " {expected_mm:.2g} mm and {expected_deg:.2g} degrees expected; the uncertainty counts it",
 }
 
+SESSION_CAUSES = {
+    # calibration/diagnosis: conventions, orientations, pairings
+    "quaternion-w-last": "the quaternions are written x, y, z, w; here the scalar comes first",
+    "undo-quaternion-w-last": "write every quaternion as w, x, y, z",
+    "quaternion-w-first": "the quaternions were w, x, y, z already and were reordered as if the scalar came last",
+    "undo-quaternion-w-first": "write every quaternion as it came: w, x, y, z",
+    "poses-inverted": "the poses are inverted: they map base coordinates to the flange (flange_T_base)",
+    "undo-poses-inverted": "give base_T_flange: the flange's position and orientation in the base",
+    "poses-in-metres": "the robot's translations are in metres",
+    "undo-poses-in-metres": "multiply every translation by 1000: translation_mm is in millimetres",
+    "poses-in-micrometres": "the robot's translations are 1000 times too large",
+    "undo-poses-in-micrometres": "divide every translation by 1000: translation_mm is in millimetres",
+    "poses-in-inches": "the robot's translations are in inches",
+    "undo-poses-in-inches": "multiply every translation by 25.4: translation_mm is in millimetres",
+    "radians-read-as-degrees": "the rotation vectors were in radians and were read as degrees: all orientations are"
+    " 57 times too alike",
+    "undo-radians-read-as-degrees": "convert the rotation vectors without the factor pi/180",
+    "degrees-read-as-radians": "the rotation vectors were in degrees and were read as radians",
+    "undo-degrees-read-as-radians": "convert the rotation vectors to radians first (times pi/180)",
+    "setup-swapped": "the {carried} is on the flange and the {standing} stands in the cell, which is {right}, not"
+    " {given}",
+    "set-setup": 'set "setup" to "{right}"',
+    "either": "{first}; or {second}",
+    "poses-off-by-one": "the poses are off by one: image k was taken at pose k {shift:step}",
+    "pair-images-first-row": "pair every image with the pose it was taken at; a missing or doubled first row is the"
+    " usual cause",
+    "wrong-pitch": "the target is {factor:.4f} times as large as it was said to be",
+    "multiply-pitch": "measure the printed target with a ruler; multiply its pitch (and tag or square size) by"
+    " {factor:.4f}",
+    "poses-off-by": "the poses are off by {rows}: image k was taken at pose k {shift:step}",
+    "pair-images-first-rows": "pair every image with the pose it was taken at; missing or doubled first rows are"
+    " the usual cause",
+    "image-lost-from": "from view {view} on the poses are off by one, an image was lost or a pose doubled there:"
+    " image k was taken at pose k + 1",
+    "pose-lost-from": "from view {view} on the poses are off by one, a pose was lost or an image doubled there:"
+    " image k was taken at pose k - 1",
+    "pair-images-from": "look at the rows about view {view}; from there on pair every image with the pose it was"
+    " taken at",
+    "poses-reversed": "the poses are in reversed order: the first image was taken at the last pose",
+    "reverse-order": "reverse the order of the images or of the poses",
+    "images-in-lexical-order": "the images are in the order of their names as text (1, 10, 11 ... 2, counted from"
+    " {first}), the others in that of their numbers",
+    "poses-in-lexical-order": "the poses are in the order of their names as text (1, 10, 11 ... 2, counted from"
+    " {first}), the others in that of their numbers",
+    "sort-by-number": "sort both by number, or write the numbers with leading zeros",
+    "poses-blocks-swapped": "two blocks of poses are swapped: the last {poses} poses belong to the first images",
+    "order-as-taken": "put the rows in the order in which the images were taken",
+    "euler-radians-read-as-degrees": "the Euler angles (intrinsic {read}) were in radians and were read as degrees",
+    "undo-euler-radians-read-as-degrees": "convert the angles without the factor pi/180",
+    "rotation-transposed": "the rotations are transposed (the quaternions conjugated), the translations are not",
+    "undo-rotation-transposed": "give base_T_flange: transpose the rotation matrices, or negate x, y, z of every"
+    " quaternion",
+    "euler-order": "the orientations are Euler angles in another order: read as {read}, the robot writes {true}",
+    "convert-intrinsic": "convert the three angles as {true}: each about the turned axis",
+    "convert-extrinsic": "convert the three angles as {true}: each about the fixed axis",
+    "vector-read-as-euler": "the orientations are rotation vectors and were read as Euler angles ({read})",
+    "convert-as-vector": "convert the three numbers as a rotation vector: its length is the angle, its direction"
+    " the axis",
+    "euler-read-as-vector": "the orientations are Euler angles ({true}) and were read as rotation vectors",
+    "convert-as-euler": "convert the three numbers as Euler angles, {true}",
+}
+
 VIEW_CAUSES = {
     # calibration/diagnosis/view_hypotheses.py, pose_entry_hypotheses.py
     "poses-swapped": "the poses of views {first} and {second} are swapped",
@@ -262,4 +324,4 @@ PARTS = {
     " {tolerance_mm:g} mm",
 }
 
-ENGLISH: Mapping[str, str] = MappingProxyType({**FINDINGS, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS})
+ENGLISH: Mapping[str, str] = MappingProxyType({**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS})

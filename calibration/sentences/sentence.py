@@ -56,6 +56,8 @@ class _Templates(Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         if format_spec == "views":
             return _views(value)
+        if format_spec == "step":
+            return f"{'-+'[value > 0]} {abs(value)}"
         if isinstance(value, str) and value in NOT_FINITE:
             value = float(value)
         if isinstance(value, Mapping):
