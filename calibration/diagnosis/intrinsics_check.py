@@ -130,4 +130,5 @@ def _p_value(seen: Observations, before: float, after: float) -> float:
     """Probability that nine more unknowns lower the pixels' variance as far without a fault (Fisher's F)."""
     numbers = 2 * int(np.count_nonzero(seen.weights)) - 6 * len(seen)
     left = max(numbers - INTRINSICS, 1)
-    return float(scipy.stats.f.sf((before / after - 1) * left / INTRINSICS, INTRINSICS, left))
+    ratio = max(before / after - 1, 0.0) * left / INTRINSICS
+    return float(scipy.special.fdtrc(INTRINSICS, left, ratio))

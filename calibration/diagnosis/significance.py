@@ -94,7 +94,7 @@ class NoisePosterior:
 
     def _p_value(self, off: Array, covariance: Array) -> float:
         """p value of values (k, d) with covariances (k, d, d) at the k pairs of levels."""
-        return float(self.weights @ scipy.stats.chi2.sf(squared_distances(off, covariance), off.shape[1]))
+        return float(self.weights @ scipy.special.chdtrc(off.shape[1], squared_distances(off, covariance)))
 
     def outside_view(self, seen: Fit) -> "OutsideView":
         """A view that is not part of the fit; `seen` is its `fit.apply_fit`."""
@@ -128,7 +128,7 @@ class OutsideView:
         directions = np.linalg.solve(self.covariances, slopes.T)  # (k, 6, m)
         own = np.maximum(np.sum(slopes.T * directions, axis=1), MIN_INFORMATION)
         squares = np.sum((self.residual + self.steps)[:, :, None] * directions, axis=1) ** 2 / own
-        chances: Array = self.background.weights @ scipy.stats.chi2.sf(squares, 1)
+        chances: Array = self.background.weights @ scipy.special.chdtrc(1, squares)
         return chances
 
     def best_multiples(self, slopes: Array) -> Array:

@@ -7,8 +7,7 @@ statistical modeling using the t distribution", JASA 84, 1989.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln
-from scipy.stats import f as f_distribution
+from scipy.special import fdtri, gammaln
 
 from calibration.linear_algebra import covariance_of
 from calibration.observations.pose_model import clip_step
@@ -74,7 +73,7 @@ def information_of(at: LinearisedPairs, fitted: PoseFit) -> Array:
 def outlier_limit(tails: float, views: int) -> float:
     """The squared distance that a correct view exceeds with OUTLIER_PROBABILITY; larger for few `views`."""
     redundancy = max(3 * views - 6, 3)
-    return 6 * float(f_distribution.isf(OUTLIER_PROBABILITY, 6, min(tails, redundancy)))
+    return 6 * float(fdtri(6, min(tails, redundancy), 1 - OUTLIER_PROBABILITY))
 
 
 def _state(pairs: PosePairs, chain: ScaledChain, variances: Array, camera: str, tails: float) -> State:

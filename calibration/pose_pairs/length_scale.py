@@ -85,7 +85,7 @@ def with_lengths(
     if drifting and scaled.evidence(views) < fitted.evidence(views):
         return pairs, fitted
     share, deviation = float(np.log(scaled.chain.scale)), float(np.sqrt(scaled.covariance[12, 12]))
-    limit = deviation * float(scipy.stats.t.isf(SCALE_FALSE_ALARM_PROBABILITY / 2, 3 * views - 7))
+    limit = -deviation * float(scipy.special.stdtrit(3 * views - 7, SCALE_FALSE_ALARM_PROBABILITY / 2))
     if abs(share) > max(limit, MIN_SCALE_ERROR):
         wrong = contradicts(scaled) or abs(share) > MAX_SCALE_ERROR
         return (pairs, fitted) if wrong else (free, scaled)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from calibration.linear_algebra import unit_diagonal
 from calibration.pose_pairs.residuals import ScaledChain
@@ -47,7 +47,7 @@ class Moments:
         # Sources that act alike are not separable: least squares with the root of the floored Fisher matrix.
         root = np.sqrt(np.maximum(values, MIN_EIGENVALUE))
         explained = scale * (self.squares + self.spent - self.floor)
-        return np.asarray(scale * nnls(root[:, None] * vectors.T, vectors.T @ explained / root)[0])
+        return np.asarray(scale * scipy.optimize.nnls(root[:, None] * vectors.T, vectors.T @ explained / root)[0])
 
     def mm_update(self, variances: Array) -> Array:
         """The variances (g,) after one MM step, which never lowers the likelihood."""

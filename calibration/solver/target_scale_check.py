@@ -46,7 +46,7 @@ def scale_error(wider: AugmentedModel) -> float:
     step = solve(model, estimate_variances(model, best.variances))
     share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
     probability = FALSE_ALARM_PROBABILITY / (1 + (share / PRINT_SCALE_SIGMA) ** 2)
-    significant = abs(share) > deviation * float(scipy.stats.t.isf(probability / 2, 3 * views - 7))
+    significant = abs(share) > -deviation * float(scipy.special.stdtrit(3 * views - 7, probability / 2))
     return share if significant and MIN_SCALE_ERROR < abs(share) < MAX_SCALE_ERROR else 0.0
 
 

@@ -83,4 +83,4 @@ def _update_selection(prepared: PreparedSession, used: NDArray[np.bool_], best: 
 def _limit(used: int, n: int) -> float:
     """Limit of a squared distance / 6 at FALSE_ALARM_PROBABILITY over n views: a quantile of Fisher's F."""
     redundancy = max(3 * used - 6, 3)
-    return float(scipy.stats.f.isf(FALSE_ALARM_PROBABILITY / n, 6, redundancy))
+    return float(scipy.special.fdtri(6, redundancy, 1 - FALSE_ALARM_PROBABILITY / n))
