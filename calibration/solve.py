@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import diagnose_solution
 from calibration.diagnosis.measured import measured_evidence, measured_findings
 from calibration.errors import UndeterminedError
 from calibration.likelihood.augmented_model import augment_model
-from calibration.observability import require_observable
 from calibration.pose_pairs.session import measured_without_x, solve_measured_session
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem

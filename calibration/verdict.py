@@ -6,8 +6,8 @@ from math import degrees
 
 import numpy as np
 
+from calibration.closed_forms.observability import summarise_motion
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, MAX_USUAL_NOISE
-from calibration.observability import summarise_motion
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Severity, Solution, Uncertainty

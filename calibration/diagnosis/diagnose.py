@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.closed_forms.observability import require_observable
 from calibration.diagnosis.convention_hypotheses import (
     convention_hypotheses,
     inverted_or_other_setup,
@@ -34,7 +35,6 @@ from calibration.diagnosis.view_hypotheses import (
 from calibration.diagnosis.wrapped_angles import wrapped_hypotheses
 from calibration.errors import UndeterminedError
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
-from calibration.observability import require_observable
 from calibration.transforms import Array
 
 MIN_VIEWS = 5

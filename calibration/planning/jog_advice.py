@@ -9,6 +9,7 @@ from itertools import combinations, product
 
 import numpy as np
 
+from calibration.closed_forms.observability import summarise_motion
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import (
     Scene,
@@ -17,7 +18,6 @@ from calibration.likelihood.predicted_uncertainty import (
     view_information,
 )
 from calibration.linear_algebra import covariance_or_inf
-from calibration.observability import summarise_motion
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.point_criterion import point_matrices, worst_variances
 from calibration.planning.scene_belief import SceneBelief, ScenePrior, infer_scene

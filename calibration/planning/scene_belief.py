@@ -12,12 +12,12 @@ import scipy
 
 from calibration.camera import CameraModel
 from calibration.closed_forms.kronecker import kronecker
+from calibration.closed_forms.observability import summarise_motion
 from calibration.errors import DetectionError, UndeterminedError
 from calibration.intrinsics.zhang_init import DEFAULT_FOCAL_OF_WIDTH
 from calibration.likelihood.mapped_points import NamedPoint, with_points
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict, view_information
 from calibration.linear_algebra import covariance_or_inf
-from calibration.observability import summarise_motion
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import target_pose
 from calibration.problem import Problem, Setup, View

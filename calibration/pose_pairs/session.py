@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.closed_forms.observability import describe_axis, require_observable, summarise_motion
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import uncertainty_of
 from calibration.linear_algebra import covariance_of
-from calibration.observability import describe_axis, require_observable, summarise_motion
 from calibration.observations.measured_poses import MeasuredViews, measured_views, unusable_views
 from calibration.observations.observations import UnusableReason
 from calibration.pose_pairs.independent_noise import PoseFit, information_of

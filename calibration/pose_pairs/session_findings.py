@@ -6,8 +6,8 @@ from math import degrees
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.closed_forms.observability import distinct_stations
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, PRIOR_NOISE
-from calibration.observability import distinct_stations
 from calibration.observations.measured_poses import MeasuredViews
 from calibration.observations.observations import UnusableReason
 from calibration.pose_pairs.independent_noise import PoseFit

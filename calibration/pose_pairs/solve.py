@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.closed_forms.observability import describe_axis, require_observable, summarise_motion
 from calibration.errors import UndeterminedError
-from calibration.observability import describe_axis, require_observable, summarise_motion
 from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_independent_noise, outlier_limit
 from calibration.pose_pairs.noise_marginalisation import MAX_VIEWS, marginalise
 from calibration.pose_pairs.noise_models import RANDOM_WALK, cameras_of

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
+from calibration.closed_forms.observability import require_observable
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.estimate import estimate_camera
 from calibration.likelihood.estimate import ALL_FIXED
 from calibration.likelihood.systematic_errors import NO_SYSTEMATIC_ERRORS, SystematicErrors
-from calibration.observability import require_observable
 from calibration.observations.observations import (
     IMAGE_REPEATED,
     Observations,

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.estimate import Estimate
 from calibration.linear_algebra import covariance_of
-from calibration.observability import require_observable
 from calibration.observations.observations import scale_target
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.observations.view_poses import apply_pose_steps, refine_poses

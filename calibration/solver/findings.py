@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calibration.closed_forms.observability import distinct_stations
 from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.kinematics.robot_accuracy import PRIOR_NOISE
 from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS
-from calibration.observability import distinct_stations
 from calibration.observations.observations import IMAGE_REPEATED
 from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession
 from calibration.problem import Problem

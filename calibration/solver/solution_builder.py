@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.closed_forms.observability import describe_axis, summarise_motion
 from calibration.errors import UndeterminedError
 from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.leave_groups_out import leave_groups_out
 from calibration.likelihood.predicted_uncertainty import point_weights, uncertainty_of, working_points_mm
-from calibration.observability import describe_axis, summarise_motion
 from calibration.observations.observations import Observations, UnusableReason, observe, scale_target
 from calibration.observations.reprojection import pixel_residuals
 from calibration.observations.view_poses import refine_poses

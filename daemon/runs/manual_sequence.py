@@ -5,8 +5,8 @@ The robot is only read, never commanded or armed, so a driver that only reads is
 
 from dataclasses import dataclass, field, replace
 
+from calibration.closed_forms.observability import SAME_POSE_MM, SAME_POSE_RAD
 from calibration.documents.pose import PoseDocument
-from calibration.observability import SAME_POSE_MM, SAME_POSE_RAD
 from calibration.planning.jog_advice import Advice, advise
 from calibration.problem import Problem, View
 from calibration.transforms import difference

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from calibration.closed_forms.observability import summarise_motion
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import uncertainty_of
-from calibration.observability import summarise_motion
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
 from calibration.transforms import Array

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calibration.closed_forms.observability import require_observable
 from calibration.errors import UndeterminedError
-from calibration.observability import require_observable
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, map_points

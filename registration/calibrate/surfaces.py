@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.closed_forms.observability import require_observable
 from calibration.errors import UndeterminedError
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
-from calibration.observability import require_observable
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, adjoint, difference, skew, transform_from_vector

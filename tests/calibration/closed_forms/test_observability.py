@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from calibration.closed_forms.observability import require_observable
 from calibration.errors import UndeterminedError
-from calibration.observability import require_observable
 from calibration.transforms import Array, rotation_from_vector, transform
 
 
