@@ -33,7 +33,7 @@ def diagnosis_findings(
     cause = diagnosis.cause
     before, after = _lessened(diagnosis)
     comparison = Sentence("comparison", before=before, after=after)
-    if effect_mm is not None:
+    if effect_mm:  # 0 where the solution takes the cause into account already
         comparison = Sentence("comparison-moving", comparison=comparison, effect_mm=effect_mm)
     message = Sentence("explained", finding=cause.message, comparison=comparison)
     other = diagnosis.runner_up

@@ -51,7 +51,7 @@ FINDINGS = {
     "three-pose": "Eq. 7 gave a matrix {distance:.2g} from a rotation (Frobenius norm), which was projected to one;"
     " the axes of the two motions are {angle_deg:.1f} degrees apart; the paper's X is camera_T_flange, the inverse of"
     " the transform given here",
-    # calibration/observability.py, intrinsics/estimate.py, solve.py, solver: no X
+    # closed_forms/observability.py, intrinsics/estimate.py, solve.py, solver: no X
     "too-few-poses": "{poses} distinct robot poses with the target in view; X needs at least three",
     "pure-translation": "the flange moves without turning: X's translation is not determined in any direction",
     "too-little-rotation": "the flange turns by at most {angle_deg:.1f} degrees; X needs 10 or more",
@@ -141,7 +141,7 @@ SESSION_CAUSES = {
     "poses-off-by-one": "the poses are off by one: image k was taken at pose k {shift:step}",
     "pair-images-first-row": "pair every image with the pose it was taken at; a missing or doubled first row is the"
     " usual cause",
-    "wrong-pitch": "the target is {factor:.4f} times as large as it was said to be",
+    "wrong-pitch": "the target is {factor:.4f} times as large as described",
     "multiply-pitch": "measure the printed target with a ruler; multiply its pitch (and tag or square size) by"
     " {factor:.4f}",
     "poses-off-by": "the poses are off by {rows}: image k was taken at pose k {shift:step}",

@@ -24,8 +24,8 @@ FALSE_ALARM_PROBABILITY = 1e-5
 MIN_SCALE_ERROR = 2e-4
 """Scale errors below it are ignored; paper changes by as much with humidity."""
 
-PRINT_SCALE_SIGMA = 0.01
-"""Half-width of the prior of a print's scale error (Cauchy's): printers and paper make a per cent, a slip any error."""
+PRINT_SCALE_SIGMA = 0.03
+"""Half-width of the prior of a print's scale error (Cauchy's): paper and printers make some per cent."""
 
 MAX_SCALE_ERROR = 0.5
 """A scale error above it is a wrong unit of the robot or the target, not a printing error."""
