@@ -40,8 +40,8 @@ class RequestPacing:
     def _begin_next(self) -> None:
         """Call the next ones, and come again in the next turn while there are any."""
         self._begun = 0
+        if self._urgent or self._others:  # before they are called: an error of one holds no other up
+            asyncio.get_running_loop().call_soon(self._begin_next)
         while self._begun < MAX_BEGUN_A_TURN and (queue := self._urgent or self._others):
             self._begun += 1
             queue.popleft()()
-        if self._begun:
-            asyncio.get_running_loop().call_soon(self._begin_next)

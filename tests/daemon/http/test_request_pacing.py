@@ -60,3 +60,19 @@ async def test_one_that_begins_may_wait_again() -> None:
     pacing.wait(begin, urgent=False)
     await turns(200)
     assert len(begun) == 50
+
+
+async def test_an_error_of_one_holds_no_other_up() -> None:
+    pacing, begun = RequestPacing(), list[str]()
+    errors: list[object] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: errors.append(context["exception"]))
+
+    def fail() -> None:
+        raise ValueError
+
+    pacing.wait(fail, urgent=False)
+    for number in range(10):
+        arrive(pacing, begun, str(number))
+    await turns(20)
+    assert begun == [str(number) for number in range(10)]
+    assert len(errors) == 1
