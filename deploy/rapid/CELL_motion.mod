@@ -2,7 +2,7 @@ MODULE CELL_motion
   ! The motion task (T_ROB1): one move at a time, stopped by cell_abort when cell_bell changes, and when the
   ! communication task shows no life for CELL_WATCHES times CELL_WATCH_S.
   CONST num CELL_WATCH_S := 0.25;
-  CONST num CELL_WATCHES := 4;
+  CONST num CELL_WATCHES := 8;
 
   VAR intnum cell_abort_intno;
   VAR intnum cell_watch_intno;
