@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.errors import DetectionError
 from calibration.problem import Detection
-from calibration.targets import Target
+from calibration.targets import ArucoMarker, Target
 from calibration.transforms import Array
 
-MIN_POINTS = 6
-"""Least points, but for a target that has fewer."""
+MIN_POINTS, MIN_POINTS_OF_A_MARKER = 6, 4
+"""Least points: of a target, and of a single marker, whose four corners are numbered by what it shows."""
 MAX_RMS_PX, MAX_RMS_OF_PITCH = 0.3, 0.012
 """Largest RMS residual: a constant for blur and noise, plus a share of the pitch for a bent board and the lens."""
 MIN_FORESHORTENING = 0.08
@@ -32,7 +32,7 @@ def validate_detection(detection: Detection, target: Target, image_size: tuple[i
     points, pixels = target.points_mm[detection.ids, :2], detection.corners_px
     keep, gross = np.ones(len(points), bool), 0
     while True:
-        _require_enough(points[keep], min(MIN_POINTS, len(target.points_mm)))
+        _require_enough(points[keep], MIN_POINTS_OF_A_MARKER if isinstance(target, ArucoMarker) else MIN_POINTS)
         view, residual_px = fit_plane_view(points[keep], pixels[keep], image_size)
         pitch_px, foreshortening = _scale(view, points[keep], pixels[keep])
         outliers = _find_outliers(residual_px, pitch_px)
