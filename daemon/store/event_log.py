@@ -15,11 +15,11 @@ class StoredEvents:
         self._database = database
 
     async def last(self) -> list[BusEvent]:
-        """The last MAX_EVENTS events, oldest first."""
+        """The last MAX_EVENTS events, oldest first, without those that a damaged database holds no text of."""
         rows = await self._database.read(
             lambda db: db.execute("SELECT number, kind, data FROM events ORDER BY number").fetchall()
         )
-        return [BusEvent(number, kind, json.loads(data)) for number, kind, data in rows[-MAX_EVENTS:]]
+        return [BusEvent(number, kind, json.loads(data)) for number, kind, data in rows[-MAX_EVENTS:] if data]
 
     async def keep(self, events: Sequence[BusEvent]) -> None:
         """Store the events in one transaction and drop old ones. Raises StorageError."""
