@@ -24,9 +24,11 @@ def moves(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Array, Array]]:
     made: list[tuple[Array, Array]] = []
     depart = SimulatedArm.depart
 
-    def recorded(arm: SimulatedArm, joints: Array, speed_mm_s: float, linear: bool, now_s: float) -> float:
+    def recorded(
+        arm: SimulatedArm, joints: Array, speed_mm_s: float, linear: bool, now_s: float, turn_rad_s: float
+    ) -> float:
         made.append((arm.joints_at(now_s), joints))
-        return depart(arm, joints, speed_mm_s, linear, now_s)
+        return depart(arm, joints, speed_mm_s, linear, now_s, turn_rad_s)
 
     monkeypatch.setattr(SimulatedArm, "depart", recorded)
     return made
