@@ -95,7 +95,7 @@ async def longest_while(bench: Bench, path: str, url: str) -> float:
     monitor.reset()
     query: dict[str, Any] = {"limit": ROWS} if "limit" in str(OPENAPI["paths"].get(path, {}).get("get")) else {}
     if path.endswith("/compare"):
-        query = {"with": "cal-0"}
+        query = {"with": "copy-0"}
     answer = await bench.client.get(url, params=query)
     assert answer.status_code in (200, 503), answer.text
     await asyncio.sleep(2 * PERIOD_S)
