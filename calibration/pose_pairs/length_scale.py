@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from calibration.observations.measured_poses import MeasuredViews, require_unit
 from calibration.pose_pairs.independent_noise import PoseFit, fit_independent_noise
+from calibration.pose_pairs.noise_marginalisation import marginalise_few
 from calibration.pose_pairs.noise_models import RANDOM_WALK, cameras_of
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.pose_pairs.session_findings import contradicts
@@ -81,7 +82,7 @@ def with_lengths(
     cameras = cameras_of(pairs) if drifting else (fitted.camera,)
     tails = np.inf if drifting else fitted.tail_dof
     fits = [fit_independent_noise(free.take(used), fitted.chain, camera, tails) for camera in cameras]
-    scaled = max(fits, key=lambda one: one.evidence(views))
+    scaled = marginalise_few(free.take(used), max(fits, key=lambda one: one.evidence(views)))
     if drifting and scaled.evidence(views) < fitted.evidence(views):
         return pairs, fitted
     share, deviation = float(np.log(scaled.chain.scale)), float(np.sqrt(scaled.covariance[12, 12]))

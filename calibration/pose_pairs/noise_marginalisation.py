@@ -16,7 +16,7 @@ from scipy.special import logsumexp, ndtri
 from calibration.linear_algebra import scaled_inverse_and_log_determinant
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
-from calibration.pose_pairs.noise_models import Sources, cameras_of, sources_of
+from calibration.pose_pairs.noise_models import RANDOM_WALK, Sources, cameras_of, sources_of
 from calibration.pose_pairs.noise_priors import WIDE_PRIOR_FACTOR, prior_of
 from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, linearise
 from calibration.transforms import Array
@@ -49,6 +49,12 @@ class _Nodes:
     levels: Array
     steps: Array
     covariances: Array
+
+
+def marginalise_few(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
+    """The fit with X averaged where up to MAX_VIEWS views leave the levels open; else the fit as it is."""
+    normal = fitted.camera != RANDOM_WALK and not np.isfinite(fitted.tail_dof)
+    return marginalise(pairs, fitted) if normal and len(pairs) <= MAX_VIEWS else fitted
 
 
 def marginalise(pairs: PosePairs, fitted: PoseFit) -> PoseFit:

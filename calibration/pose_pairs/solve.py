@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from calibration.closed_forms.observability import describe_axis, require_observable, summarise_motion
 from calibration.errors import UndeterminedError
 from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_independent_noise, outlier_limit
-from calibration.pose_pairs.noise_marginalisation import MAX_VIEWS, marginalise
-from calibration.pose_pairs.noise_models import RANDOM_WALK, cameras_of
+from calibration.pose_pairs.noise_marginalisation import marginalise_few
+from calibration.pose_pairs.noise_models import cameras_of
 from calibration.pose_pairs.random_walk_noise import MIN_VIEWS, fit_random_walk
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.problem import Setup
@@ -91,8 +91,7 @@ def fit_pose_pairs(pairs: PosePairs) -> tuple[PoseFit, NDArray[np.bool_]]:
     if used.sum() >= MIN_VIEWS and pairs.covariance is None:
         drifting = fit_random_walk(pairs.take(used), likeliest.chain)
         likeliest = max(likeliest, drifting, key=lambda one: one.evidence(int(used.sum())))
-    if used.sum() <= MAX_VIEWS and likeliest.camera != RANDOM_WALK and not np.isfinite(likeliest.tail_dof):
-        likeliest = marginalise(pairs.take(used), likeliest)
+    likeliest = marginalise_few(pairs.take(used), likeliest)
     _require_scale(pairs, likeliest)
     return likeliest, used
 

@@ -130,12 +130,13 @@ async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str, progra
     async with robot_only(time_scale=1.0, program=program) as cell, over_tcp(cell.announcement.robot_port) as client:
         await client.is_armed()
         assert await client.asks(move_to(AWAY)) == cb.MoveAccepted()
+        await eventually(lambda: cell.commanded_moves == 1)
         cell.inject_fault(fault)
         with pytest.raises(ConnectionError):
             while True:
                 await client.asks(cb.GetStatus())
         await eventually(lambda: not cell.controller.armed and not cell.moving)
-        assert cell.commanded_moves <= 1
+        assert cell.commanded_moves == 1
 
 
 async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None:

@@ -50,9 +50,8 @@ def test_a_clean_session_is_accepted_and_true_within_its_uncertainty(measure: Me
 @pytest.mark.slow
 @pytest.mark.parametrize("setup", SETUPS)
 @pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
-@pytest.mark.parametrize(("views", "most"), [(6, 2.0), (12, 1.7), (24, 1.7)])
-def test_errors_have_the_size_that_is_claimed(measure: Measure, setup: Setup, views: int, most: float) -> None:
-    """Chi-squared over its degrees of freedom; six views have few for their noise, so that it has long tails."""
+@pytest.mark.parametrize("views", [6, 12, 24])
+def test_errors_have_the_size_that_is_claimed(measure: Measure, setup: Setup, views: int) -> None:
     squares = []
     for seed in range(20):
         cell = measured_cell(np.random.default_rng([7, seed]), views, measure, setup=setup)
@@ -61,7 +60,7 @@ def test_errors_have_the_size_that_is_claimed(measure: Measure, setup: Setup, vi
         assert solution.uncertainty is not None
         error = cell.error(solution.mount_T_camera)
         squares.append(error @ np.linalg.solve(solution.uncertainty.covariance, error) / 6)
-    assert 0.4 < np.mean(squares) < most
+    assert 0.4 < np.mean(squares) < 1.7
 
 
 def longer(factor: float) -> Callable[[Array], Array]:
