@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from daemon.cell.cell import Cell
+from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
@@ -23,6 +24,7 @@ from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
+from daemon.store.sign_in import SignIn
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -88,7 +90,9 @@ class Application:
     metrics: Metrics
     drift: DriftMonitor
     key_service: KeyService
+    sign_in: SignIn
     key_watch: KeyWatch
+    device_watch: DeviceWatch
     systemd: Systemd
     loop_monitor: EventLoopMonitor
     services: tuple[BackgroundService, ...] = ()

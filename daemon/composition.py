@@ -11,6 +11,7 @@ import uvloop
 
 from daemon.application import Application
 from daemon.cell.cell import Cell, Devices
+from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.devices import open_devices
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
@@ -35,6 +36,7 @@ from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.monitor import StoreMonitor
 from daemon.store.retention import Retention
+from daemon.store.sign_in import SignIn
 from daemon.store.store import Store
 from daemon.webhooks.dispatcher import WebhookDispatcher
 
@@ -79,7 +81,8 @@ def build(
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, service_workers, clock, settings.storage)
     monitor, loop_monitor = StoreMonitor(store, events), EventLoopMonitor()
-    key_watch = KeyWatch(store.access_keys, clock)
+    device_watch = DeviceWatch(cell, clock, events.publish)
+    key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
     schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
     plc = _plc(settings, operations, drift, clock)
     return Application(
@@ -98,10 +101,23 @@ def build(
         metrics=metrics,
         drift=drift,
         key_service=KeyService(store.access_keys, clock),
+        sign_in=SignIn(store.access_keys, store.browser_sessions, clock, 60 * settings.server.idle_minutes),
         key_watch=key_watch,
+        device_watch=device_watch,
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         loop_monitor=loop_monitor,
-        services=(loop_monitor, cell.safe_stop, key_watch, monitor, webhooks, retention, drift, schedule, *plc),
+        services=(
+            loop_monitor,
+            cell.safe_stop,
+            device_watch,
+            key_watch,
+            monitor,
+            webhooks,
+            retention,
+            drift,
+            schedule,
+            *plc,
+        ),
         warning_sources=(cell.safe_stop, monitor, webhooks, retention, drift, schedule),
         metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, drift, *plc),
     )

@@ -5,6 +5,8 @@ DaemonError
 ├── RoleTooLow            the key is valid, but may not do this
 ├── SetupRefused          this is not the set-up code, or there are keys already
 ├── KeyExists             a key of that name is there already
+├── PairingRefused        this pairing code signs nobody in
+├── TooManyAttempts       too many attempts to sign in from this address
 └── CertificateUnusable   no server can be started with this certificate
 """
 
@@ -39,6 +41,21 @@ class CertificateUnusable(DaemonError):
     """No server can be started with this certificate."""
 
     code = "certificate-unusable"
+
+
+class PairingRefused(DaemonError):
+    """This pairing code signs nobody in, or none can be made."""
+
+    code = "pairing-refused"
+
+
+class TooManyAttempts(DaemonError):
+    """Too many attempts to sign in from this address."""
+
+    code = "too-many-attempts"
+
+    def __init__(self) -> None:
+        super().__init__("too many attempts to sign in came from this address", "wait a minute, and try again")
 
 
 class KeyExists(DaemonError):

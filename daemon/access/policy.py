@@ -7,6 +7,10 @@ ANY = "*"
 POLICY: tuple[tuple[str, str, Role], ...] = (
     ("GET", "/health", Role.NOBODY),  # for monitors; discloses nothing
     ("POST", "/setup", Role.NOBODY),  # protected by the set-up code in the log
+    ("POST", "/session", Role.NOBODY),  # protected by the key or the pairing code in it
+    ("GET", "/session", Role.NOBODY),  # who is signed in, and what is asked for
+    ("DELETE", "/session", Role.NOBODY),  # ends the caller's own
+    ("POST", "/session/touch", Role.VIEWER),
     ("GET", "/audit", Role.ADMIN),
     ("GET", ANY, Role.VIEWER),
     ("HEAD", ANY, Role.VIEWER),

@@ -24,11 +24,12 @@ ROLES = {role.word: role for role in Role if role is not Role.NOBODY}
 
 @dataclass(frozen=True)
 class Caller:
-    """Name and role of the client that makes a request, and its key's id; each empty when unknown."""
+    """Name and role of the client that makes a request, its key's id and its browser session's; empty when unknown."""
 
     name: str
     role: Role
     key_id: str = ""
+    session: str = ""
 
 
 LOCAL = Caller(LOCAL_CLIENT, Role.ADMIN)

@@ -28,10 +28,11 @@ class SetupCode:
         """Use up the code if `given` is it and return True; otherwise count a wrong attempt and return False."""
         if not self.usable:
             return False
-        right = hmac.compare_digest(_plain(given), _plain(self.text))
+        right = hmac.compare_digest(plain_code(given), plain_code(self.text))
         self._tries = 0 if right else self._tries - 1
         return right
 
 
-def _plain(code: str) -> bytes:
+def plain_code(code: str) -> bytes:
+    """The letters and digits of a typed code in upper case."""
     return "".join(letter for letter in code.upper() if letter.isalnum()).encode()

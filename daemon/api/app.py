@@ -13,6 +13,7 @@ from starlette.types import ASGIApp
 from calibration.errors import CalibrationError
 from daemon.api import openapi, problems
 from daemon.api.dependencies import check_query_names
+from daemon.api.live.live_feed import LiveFeed
 from daemon.api.middleware.abort_first import AbortFirst
 from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.disconnects import Disconnects
@@ -62,6 +63,8 @@ def routes(application: Application | None) -> FastAPI:
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
     )
     app.state.application = application
+    if application is not None:
+        app.state.live = LiveFeed(application)
     for router in ROUTERS:
         app.include_router(router)
     for kind in (DaemonError, CalibrationError, DeviceError, RegistrationError, Exception):

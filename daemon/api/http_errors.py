@@ -11,6 +11,7 @@ DaemonError
 ├── UnknownMediaType      the body's media type is not supported
 ├── NotAcceptable         none of the accepted media types is available
 ├── CloudTooLarge         the cloud has too many points for JSON
+├── TooManyListeners      as many clients listen to /live as may
 └── CrossOrigin           the request comes from a page of another origin
 """
 
@@ -109,6 +110,15 @@ class CloudTooLarge(DaemonError):
     """The cloud has too many points for JSON."""
 
     code = "cloud-too-large-for-json"
+
+
+class TooManyListeners(DaemonError):
+    """As many clients listen to /live as may."""
+
+    code = "too-many-listeners"
+
+    def __init__(self, listeners: int) -> None:
+        super().__init__(f"{listeners} clients listen already", "close some, or share one stream among the tabs")
 
 
 class CrossOrigin(DaemonError):

@@ -10,7 +10,7 @@ from pydantic.json_schema import models_json_schema
 from daemon.access.policy import role_for
 from daemon.access.roles import Role
 from daemon.api.dependencies import JsonBody
-from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH
+from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH, SHOWN_ONCE
 from daemon.api.openapi_examples import example_of
 from daemon.api.route_table import ROUTERS, TAGS
 from daemon.api.schemas.answer import Answer
@@ -47,6 +47,14 @@ KEY_SCHEME: dict[str, Any] = {
     " from the daemon's own machine need none until the first key exists.",
 }
 
+COOKIE_SCHEME: dict[str, Any] = {
+    "type": "apiKey",
+    "in": "cookie",
+    "name": "__Host-handeyed",
+    "description": "The session of a browser, from POST /session; on http://127.0.0.1 it is called handeyed. A request"
+    " that changes something also needs an Origin of this daemon, or Sec-Fetch-Site: same-origin.",
+}
+
 
 def build_openapi(app: FastAPI) -> dict[str, Any]:
     """The complete document, cached."""
@@ -63,7 +71,7 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
         for answer in Answer.__subclasses__():
             if answer.__name__ in models and (shown := _examples_of(answer)):
                 models[answer.__name__]["examples"] = shown
-        components["securitySchemes"] = {"key": KEY_SCHEME}
+        components["securitySchemes"] = {"key": KEY_SCHEME, "session": COOKIE_SCHEME}
         components["parameters"] = {"IdempotencyKey": IDEMPOTENCY_KEY}
         document["tags"] = [{"name": name, "description": about} for name, about in TAGS.items()]
         document["servers"] = [{"url": "http://127.0.0.1:8372", "description": "this machine, as it comes"}]
@@ -96,8 +104,8 @@ def _finish(document: dict[str, Any], bodies: dict[tuple[str, str], type[BaseMod
                 operation["requestBody"] = {"required": False, "content": {"application/json": {"schema": schema}}}
             needed = role_for(method.upper(), path)
             operation["x-role"] = needed.word
-            operation["security"] = [] if needed is Role.NOBODY else [{"key": []}]
-            if method == "post":
+            operation["security"] = [] if needed is Role.NOBODY else [{"key": []}, {"session": []}]
+            if method == "post" and not SHOWN_ONCE.fullmatch(path):
                 reference = {"$ref": "#/components/parameters/IdempotencyKey"}
                 operation.setdefault("parameters", []).append(reference)
             refused = () if needed is Role.NOBODY else (401, 403) if needed > Role.VIEWER else (401,)

@@ -2,7 +2,20 @@
 
 from fastapi import APIRouter
 
-from daemon.api.routes import admin, calibrate, calibrations, cell, drift, events, health, register, runs, scans
+from daemon.api.routes import (
+    admin,
+    calibrate,
+    calibrations,
+    cell,
+    drift,
+    events,
+    health,
+    live,
+    register,
+    runs,
+    scans,
+    session,
+)
 from daemon.api.schemas.health import Welcome
 from daemon.runtime.version import SOFTWARE
 
@@ -18,6 +31,7 @@ LINKS = {
     "ready": "/ready",
     "health": "/health",
     "events": "/events",
+    "live": "/live",
     "metrics": "/metrics",
     "openapi": "/openapi.json",
 }
@@ -30,7 +44,7 @@ TAGS = {
     "register": "Transform one cloud into the robot's base frame while it is streamed.",
     "scans": "Scans of parts from several views.",
     "events": "Server-sent events.",
-    "access": "Keys and the audit log.",
+    "access": "Keys, browser sessions and the audit log.",
     "health": "Health, readiness and metrics.",
 }
 
@@ -52,7 +66,9 @@ ROUTERS: tuple[APIRouter, ...] = (
     drift.router,
     cell.router,
     events.router,
+    live.router,
     register.router,
     scans.router,
     admin.router,
+    session.router,
 )

@@ -31,7 +31,10 @@ HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z
 
 
 class ServerSettings(Document):
-    """The address of the REST interface. Any but a loopback address needs a certificate and keys."""
+    """The address of the REST interface. Any but a loopback address needs a certificate and keys.
+
+    `idle_minutes`: without a touch for this long a browser's session may only read; 0: never.
+    """
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8372
@@ -39,6 +42,7 @@ class ServerSettings(Document):
     certificate: str | None = None
     private_key: str | None = None
     body_limit_mb: Annotated[float, Field(gt=0, le=65536)] = 2048.0
+    idle_minutes: Annotated[float, Field(ge=0, le=720)] = 15.0
 
     @model_validator(mode="after")
     def _check_certificate(self) -> "ServerSettings":

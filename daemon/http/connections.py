@@ -19,6 +19,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.http.problem_details import MEDIA_TYPE, Problem
 from daemon.http.receive_buffer import BUFFER_BYTES, BufferedConnection
+from daemon.http.security_headers import with_security_headers
 from daemon.http.tls_handshake import PendingTlsConnection
 
 
@@ -26,8 +27,10 @@ def _answer(status: int, code: str, detail: str, fix: str) -> bytes:
     """A whole answer, after which the connection is closed."""
     problem = Problem.of(status, code, detail, fix)
     body = problem.model_dump_json(exclude_none=True).encode()
-    head = f"HTTP/1.1 {status} {problem.title}\r\nContent-Type: {MEDIA_TYPE}\r\nContent-Length: {len(body)}\r\n"
-    return f"{head}Connection: close\r\n\r\n".encode() + body
+    length = str(len(body)).encode()
+    named = [(b"content-type", MEDIA_TYPE.encode()), (b"content-length", length), (b"connection", b"close")]
+    lines = (b"%b: %b\r\n" % header for header in with_security_headers(named))
+    return f"HTTP/1.1 {status} {problem.title}\r\n".encode() + b"".join(lines) + b"\r\n" + body
 
 
 MALFORMED = _answer(

@@ -41,7 +41,10 @@ class Planning:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run. `station`: how many stations are captured; `result`: its result, whose keys depend on `kind`."""
+    """One run. `station`: how many stations are captured; `result`: its result, whose keys depend on `kind`.
+
+    `started_by`, `started_by_role`: the actor of its start; empty of runs from before these were stored.
+    """
 
     id: str
     kind: RunKind
@@ -54,6 +57,8 @@ class RunRecord:
     request: dict[str, Any] = field(default_factory=dict)
     result: dict[str, Any] | None = None
     planning: Planning | None = None
+    started_by: str = ""
+    started_by_role: str = ""
 
     @property
     def over(self) -> bool:
@@ -70,15 +75,19 @@ class RunRecord:
         result = None if self.result is None else json.dumps(self.result)
         times = (self.created_at, self.updated_at)
         return (self.id, self.kind, str(self.state), self.station, self.stations, code, what, fix, *times,
-                json.dumps(self.request), result, self.planning and json.dumps(asdict(self.planning)))  # fmt: skip
+                json.dumps(self.request), result, self.planning and json.dumps(asdict(self.planning)),
+                self.started_by, self.started_by_role)  # fmt: skip
 
     @classmethod
     def of(cls, row: tuple[Any, ...]) -> "RunRecord":
-        run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, request, result, planning = row
+        run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, *rest = row
+        request, result, planning, *starter = rest
+        started_by, started_by_role = starter or ("", "")  # a damaged store of an older version is not migrated
         cause = None if code is None else Cause(code, what, fix)
         found = None if result is None else json.loads(result)
         return cls(run_id, kind, RunState(state), station, stations, created_at, updated_at, cause,
-                   json.loads(request), found, planning and Planning(**json.loads(planning)))  # fmt: skip
+                   json.loads(request), found, planning and Planning(**json.loads(planning)), started_by,
+                   started_by_role)  # fmt: skip
 
 
 @dataclass(frozen=True)

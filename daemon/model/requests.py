@@ -1,6 +1,6 @@
 """Bodies of the requests that start something."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, PositiveFloat, model_validator
 
@@ -131,3 +131,26 @@ class SetupRequest(Document):
     name: Annotated[
         str, Field(min_length=1, max_length=100, pattern=NAME_PATTERN), AfterValidator(validate_key_name)
     ] = "admin"
+
+
+class SessionRequest(Document):
+    """An API key, or a pairing code from a screen that is signed in."""
+
+    model_config = _examples({"code": "ABCD-EFGH"})
+
+    key: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    code: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+
+    @model_validator(mode="after")
+    def _check_one(self) -> "SessionRequest":
+        if (self.key is None) == (self.code is None):
+            raise ValueError("give key or code, one of the two")
+        return self
+
+
+class PairingRequest(Document):
+    """Up to which role the other screen may act; by default that of the caller."""
+
+    model_config = _examples({}, {"role": "viewer"})
+
+    role: Literal["viewer", "operator", "admin"] | None = None

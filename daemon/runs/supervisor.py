@@ -28,6 +28,7 @@ from daemon.runs.run_log import RunLog, ignore_step, run_event
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
+from daemon.store.actor import current_audit_context
 from daemon.store.listings import RunListing
 from daemon.store.store import Store
 
@@ -155,7 +156,11 @@ class Supervisor:
             if self.abort_holds != holds_before:
                 raise AbortHeld(self._abort_holders)
             now, first = self._clock.timestamp(), departure.first_state
-            run = RunRecord(self._new_id(self._clock), kind, first, 0, departure.stations, now, now, request=request)
+            actor = current_audit_context()
+            run = RunRecord(
+                self._new_id(self._clock), kind, first, 0, departure.stations, now, now, request=request,
+                started_by=actor.actor, started_by_role=actor.role,
+            )  # fmt: skip
             run_log = RunLog(run, self._save, self._events, self._clock)
             await run_log.begin()
             if self._stopping:

@@ -50,6 +50,7 @@ class EventBus:
         self._forgotten = 0
         self._news = asyncio.Event()
         self.closed = False
+        self.ended = asyncio.Event()
 
     async def recover(self) -> None:
         """Continue the numbering and history of the previous process. Raises StorageError."""
@@ -72,6 +73,7 @@ class EventBus:
     def close(self) -> None:
         """End every listener after it has received what was published."""
         self.closed = True
+        self.ended.set()
         self._wake_listeners()
 
     async def flush(self) -> None:

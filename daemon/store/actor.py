@@ -24,7 +24,8 @@ class IdempotentRequest:
 
 @dataclass(frozen=True)
 class AuditContext:
-    """Actor and role for the audit log, the id of the actor's key, and the request if it has an Idempotency-Key.
+    """Actor and role for the audit log, the ids of the actor's key and browser session, and the request if it has an
+    Idempotency-Key.
 
     `changes`: what was stored.
     """
@@ -34,6 +35,12 @@ class AuditContext:
     key_id: str = ""
     request: IdempotentRequest | None = None
     changes: list[str] = field(default_factory=list, compare=False)
+    session: str = ""
+
+    @property
+    def audited_as(self) -> str:
+        """The actor as the audit log names it: with the session, when a browser acts."""
+        return f"{self.actor} (session {self.session})" if self.session else self.actor
 
     @property
     def caller(self) -> str:
@@ -81,6 +88,8 @@ def append_audit(
     """Within a transaction: append one row, chained to the last."""
     last = db.execute("SELECT sequence, hash FROM audit ORDER BY sequence DESC LIMIT 1").fetchone()
     sequence, before = last or (0, GENESIS_HASH)
-    row = AuditRow(sequence + 1, at, context.actor, context.role, action, subject, json.dumps(detail, sort_keys=True))
+    row = AuditRow(
+        sequence + 1, at, context.audited_as, context.role, action, subject, json.dumps(detail, sort_keys=True)
+    )
     values = (row.sequence, row.at, row.actor, row.role, row.action, row.subject, row.detail, hash_row(row, before))
     db.execute("INSERT INTO audit VALUES (?, ?, ?, ?, ?, ?, ?, ?)", values)

@@ -1,4 +1,4 @@
-"""Ends the requests in progress of a key that has ended: revoked, expired, or rotated out.
+"""Ends the requests in progress of a key that has ended (revoked, expired, or rotated out), or of a browser session.
 
 Keys change in other processes, too (`handeyed keys`), so the table is read while there are such requests.
 """
@@ -12,6 +12,7 @@ from daemon.access.roles import LOCAL, NOBODY, Caller
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
 from daemon.store.access_keys import AccessKeys
+from daemon.store.browser_sessions import BrowserSessions
 
 CHECK_S = 0.5
 """Interval of reading the keys."""
@@ -22,8 +23,8 @@ OnEnd = Callable[[KeyMissing], None]
 class KeyWatch:
     """Background service: knows the requests in progress and their callers."""
 
-    def __init__(self, keys: AccessKeys, clock: Clock) -> None:
-        self._keys, self._clock = keys, clock
+    def __init__(self, keys: AccessKeys, sessions: BrowserSessions, clock: Clock) -> None:
+        self._keys, self._sessions, self._clock = keys, sessions, clock
         self._requests: dict[object, tuple[Caller, OnEnd]] = {}
         self._task: asyncio.Task[None] | None = None
 
@@ -56,13 +57,18 @@ class KeyWatch:
 
     async def _check(self) -> None:
         records = {record.id: record for record in await self._keys.all()}
+        by_session = any(caller.session for caller, _ in self._requests.values())
+        found = (await self._sessions.all()).values() if by_session else ()
         now = self._clock.timestamp()
+        sessions = {session.id for session in found if session.valid(now)}
         for request, (caller, on_end) in list(self._requests.items()):
             record = records.get(caller.key_id)
             if caller == LOCAL:
                 why = "there are keys now: this needs one" if records else None
             elif record is None:
                 why = f"the key of {caller.name!r} is not known"
+            elif caller.session and caller.session not in sessions:
+                why = "this session has ended"
             else:
                 why = None if record.valid(now) else f"the key of {caller.name!r} is {record.state(now)}"
             if why is not None:

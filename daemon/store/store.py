@@ -21,6 +21,7 @@ from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
+from daemon.store.browser_sessions import BrowserSessions
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
@@ -30,7 +31,7 @@ from daemon.store.outbox import Outbox
 
 _UPDATE_RUN = (
     "UPDATE runs SET (id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result,"
-    " planning) = (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) WHERE id = ?"
+    " planning, started_by, started_by_role) = (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) WHERE id = ?"
 )
 
 _CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrations"
@@ -58,6 +59,7 @@ class Store:
         self.stored_events = StoredEvents(self._database)
         self.outbox = Outbox(self._database)
         self.access_keys = AccessKeys(self._database, self._opened.key_reader)
+        self.browser_sessions = BrowserSessions(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
         self.listings = Listings(self._opened.list_reader)
 

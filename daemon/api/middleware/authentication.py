@@ -1,13 +1,20 @@
-"""Authentication, authorisation and audit of every request; sets the actor of what the request stores."""
+"""Authentication, authorisation and audit of every request; sets the actor of what the request stores.
+
+A request is known by its key (Authorization: Bearer), else by the cookie of a browser session.
+"""
 
 import logging
+from contextlib import suppress
 
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from daemon.access.browser_sessions import BrowserSession, token_in
 from daemon.access.errors import KeyMissing, RoleTooLow
 from daemon.access.policy import role_for
 from daemon.access.roles import LOCAL, NOBODY, ROLES, Caller, Role
+from daemon.api.http_errors import CrossOrigin
+from daemon.api.middleware.abort_first import ABORT_PATH
 from daemon.api.problems import answer, problem_of
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
@@ -18,8 +25,10 @@ from daemon.store.actor import AuditContext, acting_as
 
 log = logging.getLogger(__name__)
 
-NOT_AUDITED = ("/register", "/setup")
-"""Paths without an audit row: streamed clouds change nothing, and the set-up writes its own rows."""
+NOT_AUDITED = ("/register", "/setup", "/session", "/keys")
+"""Paths without an audit row: streamed clouds change nothing, and set-up, sessions and keys write their own rows."""
+
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
 class Authentication:
@@ -29,6 +38,7 @@ class Authentication:
         self._app, self._application = app, application
         self._keys = application.store.access_keys
         self._loopback = application.settings.server.loopback
+        self._sign_in = application.sign_in
         self._refusals = LogLimit(application.clock.monotonic_s)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -48,7 +58,7 @@ class Authentication:
         state["caller"] = caller
         if needed is not Role.NOBODY and (on_authenticated := state.get(ON_AUTHENTICATED)) is not None:
             on_authenticated()
-        context = AuditContext(caller.name or _peer(scope), caller.role.word, caller.key_id)
+        context = AuditContext(caller.name or peer_of(scope), caller.role.word, caller.key_id, session=caller.session)
         status = 0
 
         async def send_and_note(message: Message) -> None:
@@ -59,32 +69,52 @@ class Authentication:
         with acting_as(context), self._application.key_watch.watch(caller, state["connection"].end):
             await self._app(scope, receive, send_and_note)
         await self._audit(scope, context, status)
+        if scope["method"] not in SAFE_METHODS and (session := state.get("session")) is not None:
+            await self._sign_in.touch(session)
 
     def _log_refusal(self, scope: Scope, error: DaemonError) -> None:
         """Log a refused request: one line a minute and address, with the number of those left out."""
-        left_out = self._refusals.left_out(network_of(_peer(scope)))
+        left_out = self._refusals.left_out(network_of(peer_of(scope)))
         if left_out is not None:
             more = f" ({left_out} more since the last such line)" if left_out else ""
-            what = scope["method"], scope["path"], _peer(scope), error.what, more
+            what = scope["method"], scope["path"], peer_of(scope), error.what, more
             log.warning("%s %s from %s is refused: %s%s", *what)
 
     async def _caller(self, scope: Scope, needed: Role) -> Caller:
-        """The caller by the request's key. Raises KeyMissing, SetupRefused, StorageError."""
-        if needed is Role.NOBODY:
-            if scope["path"] == "/setup":
-                await self._application.key_service.require_none()  # before the body is read
-            return NOBODY
+        """The caller by the request's key. Raises KeyMissing, CrossOrigin, SetupRefused, StorageError."""
+        if needed is not Role.NOBODY:
+            return await self._known_caller(scope)
+        if scope["path"] == "/setup":
+            await self._application.key_service.require_none()  # before the body is read
+        if scope["path"] == "/session" and scope["method"] != "POST":
+            with suppress(KeyMissing):
+                return await self._known_caller(scope)
+        return NOBODY
+
+    async def _known_caller(self, scope: Scope) -> Caller:
+        """The caller by the key or the cookie. Raises KeyMissing, CrossOrigin, StorageError."""
         if self._loopback and not await self._keys.any_ever():
             return LOCAL
         scheme, _, key = _authorization(scope).partition(" ")
         if scheme.lower() != "bearer":
-            raise KeyMissing("this needs a key")
+            return await self._caller_of_session(scope)
         record = await self._keys.find(key.strip())
         if record is None:
             raise KeyMissing("this key is not known")
         if not record.valid(now := self._application.clock.timestamp()):
             raise KeyMissing(f"the key of {record.name!r} is {record.state(now)}")
         return Caller(record.name, ROLES[record.role], record.id)
+
+    async def _caller_of_session(self, scope: Scope) -> Caller:
+        """The caller by the cookie. An abort is taken with the session's full role, however long it was idle."""
+        token = session_token(scope)
+        if token is None:
+            raise KeyMissing("this needs a key")
+        if scope["method"] not in SAFE_METHODS and not _from_own_page(scope):
+            raise CrossOrigin("a cookie came without an Origin", "ask from a page of this daemon, or with a key")
+        session, key = await self._sign_in.find(token)
+        scope.setdefault("state", {})["session"] = session
+        return self._sign_in.caller(session, key, also_idle=ABORT_PATH.fullmatch(scope["path"]) is not None)
 
     async def _audit(self, scope: Scope, context: AuditContext, status: int) -> None:
         """Append an audit row for a successful POST that stored nothing: changes have rows of their own."""
@@ -107,6 +137,25 @@ def _authorization(scope: Scope) -> str:
     return next((value.decode("latin-1") for name, value in scope["headers"] if name == b"authorization"), "")
 
 
-def _peer(scope: Scope) -> str:
+def session_of(request: Request) -> BrowserSession | None:
+    """The browser session by whose cookie the caller is known; None for a caller with a key, or without one."""
+    found: BrowserSession | None = request.scope["state"].get("session")
+    return found
+
+
+def session_token(scope: Scope) -> str | None:
+    """The token of the request's session cookie; None without one."""
+    cookies = (value.decode("latin-1") for name, value in scope["headers"] if name == b"cookie")
+    return token_in(";".join(cookies), scope["scheme"])
+
+
+def _from_own_page(scope: Scope) -> bool:
+    """True when the browser states that a page of this daemon asks; RequestChecks has refused every other origin."""
+    headers = dict(scope["headers"])
+    return b"origin" in headers or headers.get(b"sec-fetch-site") == b"same-origin"
+
+
+def peer_of(scope: Scope) -> str:
+    """The client's address, for people."""
     client = scope.get("client")
     return client[0] if client else "an unknown peer"

@@ -18,6 +18,7 @@ from daemon.api.http_errors import (
 )
 from daemon.api.problems import answer, problem_of
 from daemon.config.server_settings import ServerSettings
+from daemon.http.security_headers import with_security_headers
 from daemon.runtime.logs import about_request
 from daemon.runtime.metrics import Metrics
 
@@ -25,7 +26,7 @@ MAX_JSON_BYTES = 1_000_000
 """1 MB; a hundred poses are 20 kB."""
 
 MAX_SETUP_BYTES = 1_000
-"""Of POST /setup, which needs no key: a code and a name."""
+"""Of POST /setup and /session, which need no key: a code and a name, or a key."""
 
 MAX_QUERY_BYTES = 4_096
 """A pose of seven numbers is 150."""
@@ -42,7 +43,9 @@ SINGLE_HEADERS = frozenset({
 
 REQUEST_ID = re.compile(r"[A-Za-z0-9._:-]{1,64}")
 
-LINKED_PATHS = re.compile(r"/(?:health|openapi\.json|calibrations/current|(?:runs|calibrations|scans)(?:/[^/]+)?)?")
+LINKED_PATHS = re.compile(
+    r"/(?:health|page/.*|openapi\.json|calibrations/current|(?:runs|calibrations|scans)(?:/[^/]+)?)?"
+)
 """Documents that a link on a page of another origin may lead to: read from the store, without work for a device."""
 
 REFUSALS = (BodyTooLarge, CrossOrigin, HostNotAllowed, InvalidRequest, RequestMalformed, UnknownMediaType)
@@ -98,7 +101,7 @@ class RequestChecks:
     def _limit(self, path: str) -> int:
         if path.startswith(CLOUD_PATHS):
             return self._cloud_limit
-        return MAX_SETUP_BYTES if path == "/setup" else MAX_JSON_BYTES
+        return MAX_SETUP_BYTES if path in ("/setup", "/session") else MAX_JSON_BYTES
 
 
 class _Exchange:
@@ -124,7 +127,8 @@ class _Exchange:
     async def send(self, message: Message) -> None:
         if message["type"] == "http.response.start":
             self.status = message["status"]
-            message = {**message, "headers": [*message.get("headers", ()), (b"x-request-id", self._request_id)]}
+            headers = [*message.get("headers", ()), (b"x-request-id", self._request_id)]
+            message = {**message, "headers": with_security_headers(headers)}
         await self._send(message)
 
 

@@ -9,7 +9,7 @@ from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import status_text
 from daemon.api.problems import problem_responses
-from daemon.api.routes.health import readiness
+from daemon.api.readiness import readiness
 from daemon.api.routes.runs import STARTED, answer_run_start
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.runs import RunDocument

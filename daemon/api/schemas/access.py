@@ -2,7 +2,9 @@
 
 from typing import Any, Literal
 
-from daemon.api.schemas.answer import Answer
+from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
+
+RoleWord = Literal["viewer", "operator", "admin"]
 
 
 class NewKeyDocument(Answer):
@@ -11,8 +13,48 @@ class NewKeyDocument(Answer):
     key: str
     id: str
     name: str
-    role: Literal["viewer", "operator", "admin"]
+    role: RoleWord
     expires_at: str | None
+
+
+class SignedInDocument(Answer):
+    """The name of the key, the session's role, and when the session ends."""
+
+    model_config = example(name="Ann", role="operator", expires_at=EXAMPLE_AT)
+
+    name: str
+    role: RoleWord
+    expires_at: str
+
+
+class SessionDocument(Answer):
+    """Who is signed in, and what is asked for. `role`: "nobody" when nobody is; `expires_at`: of a browser's session.
+
+    `asked`: "nobody" is asked on this machine, "setup-code" makes the first key, or a "key" or pairing code signs in.
+    """
+
+    model_config = example(
+        name="Ann", role="operator", expires_at=EXAMPLE_AT, asked="key", cell="cell-7", software="handeyed 0.1.0",
+        languages=["en"],
+    )  # fmt: skip
+
+    name: str
+    role: Literal["nobody", "viewer", "operator", "admin"]
+    expires_at: str | None
+    asked: Literal["nobody", "setup-code", "key"]
+    cell: str
+    software: str
+    languages: list[str]
+
+
+class PairingDocument(Answer):
+    """A code that signs another screen in, once."""
+
+    model_config = example(code="ABCD-EFGH", expires_at=EXAMPLE_AT, role="operator")
+
+    code: str
+    expires_at: str
+    role: RoleWord
 
 
 class AuditDocument(Answer):

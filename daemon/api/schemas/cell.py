@@ -1,11 +1,23 @@
-"""Schema of the robot's state. Lengths mm, angles deg, quaternions scalar first."""
+"""Schemas of the cell's state. Lengths mm, angles deg, quaternions scalar first."""
 
-from calibration.documents.pose import PoseDocument
-from daemon.api.schemas.answer import Answer
+import math
+from typing import Literal
+
+from calibration.documents.pose import PoseDocument, Vector
+from calibration.kinematics.arm import Arm
+from calibration.transforms import Array
+from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
+from daemon.cell.device_watch import DeviceState
+from daemon.cell.readings import RobotReading
+from drivers.interfaces import LinkHealth
 
 
 class RobotDocument(Answer):
-    """The pose of the arm and the status of the controller."""
+    """The pose of the arm and the status of the controller.
+
+    `skeleton_mm`: base, shoulder, elbow, wrist and flange in the base frame; null, as `model`, when the settings do not
+    name the arm. `mode`: "manual" whenever the controller is not in automatic mode.
+    """
 
     connected: bool
     detail: str
@@ -21,3 +33,73 @@ class RobotDocument(Answer):
     program_running: bool
     speed_limited: bool
     held_by: str | None
+    mode: Literal["automatic", "manual"]
+    model: str | None
+    skeleton_mm: list[Vector] | None
+
+    @classmethod
+    def of(cls, reading: RobotReading, link: LinkHealth, holder: str | None, arm: Arm | None) -> "RobotDocument":
+        status, pose = reading.status, reading.pose
+        cf1, cf4, cf6, cfx = pose.posture
+        return cls(
+            connected=link.connected,
+            detail=link.detail,
+            base_T_flange=PoseDocument.of(pose.base_T_flange),
+            configuration=(cf1, cf4, cf6, cfx),
+            joints_deg=[math.degrees(angle) for angle in reading.joints],
+            still=pose.still,
+            motors_on=status.motors_on,
+            automatic=status.automatic,
+            emergency_stop=status.emergency_stop,
+            moving=status.moving,
+            armed=status.armed,
+            program_running=status.program_running,
+            speed_limited=status.speed_limited,
+            held_by=holder,
+            mode="automatic" if status.automatic else "manual",
+            model=arm.name if arm else None,
+            skeleton_mm=skeleton_mm(arm, reading.joints),
+        )
+
+
+def skeleton_mm(arm: Arm | None, joints_rad: Array) -> list[Vector] | None:
+    """Base, shoulder, elbow, wrist and flange in the base frame, to 1 um; None for an arm that is not known."""
+    if arm is None:
+        return None
+    points = [(0.0, 0.0, 0.0)]
+    for x, y, z in arm.skeleton(joints_rad):
+        points.append((round(float(x), 3), round(float(y), 3), round(float(z), 3)))
+    return points
+
+
+class DeviceFaultDocument(Answer):
+    """An error of a device, and when it was noted."""
+
+    code: str
+    what: str
+    fix: str
+    at: str
+
+
+class LiveDevice(Answer):
+    """The link of a device. `since`: of this state; `last_error` stays when it is over."""
+
+    model_config = example(
+        name="camera", connected=False, detail="not connected yet", since=EXAMPLE_AT,
+        last_error={"code": "device-unreachable", "what": "not connected yet", "fix": "check its power, cable and"
+                    " address: handeyed check asks every device", "at": EXAMPLE_AT},
+    )  # fmt: skip
+
+    name: str
+    connected: bool
+    detail: str
+    since: str
+    last_error: DeviceFaultDocument | None
+
+    @classmethod
+    def of(cls, state: DeviceState) -> "LiveDevice":
+        fault = state.last_error
+        return cls(
+            name=state.name, connected=state.connected, detail=state.detail, since=state.since,
+            last_error=None if fault is None else DeviceFaultDocument(**vars(fault)),
+        )  # fmt: skip

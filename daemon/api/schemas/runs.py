@@ -43,7 +43,10 @@ class PlanningDocument(Answer):
 
 
 class RunDocument(Answer):
-    """One run. `station` counts the stations captured so far; `result` depends on `kind`."""
+    """One run. `station` counts the stations captured so far; `result` depends on `kind`.
+
+    `started_by`: the key's name, or who started it without one; empty in runs from before that was stored.
+    """
 
     model_config = example(
         id=EXAMPLE_ID,
@@ -58,6 +61,8 @@ class RunDocument(Answer):
         request={"count": 3},
         result={"calibration_id": EXAMPLE_ID, "accepted": True, "applied": False},
         planning=None,
+        started_by="Ann",
+        started_by_role="operator",
         links={"self": f"/runs/{EXAMPLE_ID}", "calibration": f"/calibrations/{EXAMPLE_ID}"},
     )
 
@@ -73,6 +78,8 @@ class RunDocument(Answer):
     request: dict[str, Any]
     result: dict[str, Any] | None
     planning: PlanningDocument | None
+    started_by: str
+    started_by_role: str
     links: dict[str, str]
 
     @classmethod
@@ -91,7 +98,8 @@ class RunDocument(Answer):
         return cls(
             id=run.id, kind=run.kind, state=run.state, over=run.over, station=run.station, stations=run.stations,
             created_at=run.created_at, updated_at=run.updated_at, cause=cause, request=run.request, result=run.result,
-            planning=None if run.planning is None else PlanningDocument.of(run.planning), links=links,
+            planning=None if run.planning is None else PlanningDocument.of(run.planning),
+            started_by=run.started_by, started_by_role=run.started_by_role, links=links,
         )  # fmt: skip
 
 

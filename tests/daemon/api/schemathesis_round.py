@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from daemon.api.live.live_feed import LiveFeed
+
 ROOT = Path(__file__).resolve().parents[3]
 
 OPENAPI = ROOT / "docs" / "openapi.json"
@@ -14,9 +16,9 @@ CONFIG = """
 [checks.positive_data_acceptance]
 # The schema cannot say everything a request must be: 412 a condition that is not met, 415 a cloud of another kind,
 # 422 what only its meaning forbids (a quaternion that is none, a cursor that names nothing, a key used before).
-expected-statuses = ["2xx", 304, 401, 403, 404, 406, 409, 412, 413, 415, 422, "5xx"]
+expected-statuses = ["2xx", 304, 401, 403, 404, 406, 409, 412, 413, 415, 422, 429, "5xx"]
 [checks.negative_data_rejection]
-expected-statuses = [400, 401, 403, 404, 405, 406, 409, 411, 412, 413, 415, 421, 422, 431]
+expected-statuses = [400, 401, 403, 404, 405, 406, 409, 411, 412, 413, 415, 421, 422, 429, 431]
 """
 
 
@@ -31,6 +33,17 @@ def end_streams_soon(events: Any) -> None:
                 return
 
     events.listen = briefly
+    LiveFeed.messages = _first_message  # type: ignore[method-assign]
+
+
+async def _first_message(self: LiveFeed, listener: Any) -> Any:
+    """GET /live, which ends with its first message."""
+    async for message in _MESSAGES(self, listener):
+        yield message
+        return
+
+
+_MESSAGES = LiveFeed.messages
 
 
 PHASES = "examples,coverage,fuzzing,stateful"

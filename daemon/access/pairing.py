@@ -1,0 +1,55 @@
+"""Pairing codes: eight letters from a screen that is signed in, for one that is not."""
+
+import hmac
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from daemon.access.roles import Role
+from daemon.access.setup_code import ALPHABET, plain_code
+
+LETTERS = 8
+"""8 letters of 32: 40 bits, with MAX_GUESSES a chance of 5e-12."""
+
+MAX_PAIRING_S = 300.0
+MAX_GUESSES = 5
+"""Wrong codes, from anywhere, after which every open code ends."""
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """An open code: whose key it stands for, up to which role, and until when on the monotonic clock."""
+
+    code: str
+    key_id: str
+    role: Role
+    ends_s: float
+
+
+class PairingCodes:
+    """The open codes: one a key, each valid once, for MAX_PAIRING_S."""
+
+    def __init__(self, choice: Callable[[str], str], monotonic_s: Callable[[], float]) -> None:
+        self._choice, self._monotonic_s = choice, monotonic_s
+        self._open: dict[str, Pairing] = {}
+        self._guesses_left = MAX_GUESSES
+
+    def begin(self, key_id: str, role: Role) -> str:
+        """A new code for this key, as "ABCD-EFGH"; an earlier one of the key ends."""
+        if not self._open:
+            self._guesses_left = MAX_GUESSES
+        letters = "".join(self._choice(ALPHABET) for _ in range(LETTERS))
+        code = f"{letters[:4]}-{letters[4:]}"
+        self._open[key_id] = Pairing(code, key_id, role, self._monotonic_s() + MAX_PAIRING_S)
+        return code
+
+    def redeem(self, given: str) -> Pairing | None:
+        """Use up the code; None for one that is not open, which counts as a guess."""
+        now_s = self._monotonic_s()
+        self._open = {key_id: pairing for key_id, pairing in self._open.items() if now_s < pairing.ends_s}
+        matching = [p for p in self._open.values() if hmac.compare_digest(plain_code(p.code), plain_code(given))]
+        if matching:
+            return self._open.pop(matching[0].key_id)
+        self._guesses_left -= bool(self._open)
+        if self._guesses_left <= 0:
+            self._open.clear()
+        return None

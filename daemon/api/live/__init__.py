@@ -1,0 +1,1 @@
+"""GET /live: one poller for all listeners."""

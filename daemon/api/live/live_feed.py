@@ -1,0 +1,160 @@
+"""One poller of the cell for every listener of GET /live. It runs while somebody listens."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from daemon.api.http_errors import TooManyListeners
+from daemon.api.live.snapshot import Snapshot, json_of, message_of
+from daemon.api.readiness import readiness
+from daemon.api.schemas.cell import LiveDevice, RobotDocument
+from daemon.api.schemas.runs import RunDocument
+from daemon.application import Application
+from daemon.cell.readings import RobotReading
+from daemon.errors import DaemonError
+from daemon.model.run_states import RunState
+from daemon.runtime.version import SOFTWARE
+from drivers.errors import DeviceError
+
+log = logging.getLogger(__name__)
+
+MAX_LISTENERS = 64
+
+BEAT_S = 1.0
+"""Every listener gets a message at least this often, also when nothing has changed."""
+
+FAST_S = 0.2
+"""Interval of the poller while the arm moves or is jogged; of the robot's reading, too."""
+
+MAX_READING_AGE_S = 3.0
+"""Without a reading of the robot for this long, `robot` is null."""
+
+MOVES = frozenset({RunState.MOVING, RunState.WAITING})
+"""States of a run in which the robot is read in steps of FAST_S; in the others the run itself reads it."""
+
+
+@dataclass(eq=False)
+class Listener:
+    """One listener, and what it was sent last."""
+
+    sent: Snapshot = field(default_factory=dict)
+
+
+class LiveFeed:
+    """Reads the cell once for all listeners. A slow listener misses states in between, and gets the newest."""
+
+    def __init__(self, app: Application) -> None:
+        self._app = app
+        self._listeners: set[Listener] = set()
+        self._poller: asyncio.Task[None] | None = None
+        self._snapshot: Snapshot = {}
+        self._news = asyncio.Event()
+        self._reading: asyncio.Task[RobotReading] | None = None
+        self._robot: RobotReading | None = None
+        self._robot_at_s = self._asked_at_s = self._readiness_at_s = self._beat_at_s = float("-inf")
+        self._ready = "null"
+
+    def admit(self) -> Listener:
+        """A place for one listener, until `release`. Raises TooManyListeners."""
+        if len(self._listeners) >= MAX_LISTENERS:
+            raise TooManyListeners(MAX_LISTENERS)
+        listener = Listener()
+        self._listeners.add(listener)
+        if self._poller is None or self._poller.done():
+            self._readiness_at_s = float("-inf")
+            self._poller = asyncio.create_task(self._poll(), name="reads the cell for GET /live")
+        return listener
+
+    def release(self, listener: Listener) -> None:
+        """The listener has left; with the last one the poller ends."""
+        self._listeners.discard(listener)
+        if not self._listeners and self._poller is not None:
+            self._poller.cancel()
+            self._poller, self._snapshot = None, {}
+
+    async def messages(self, listener: Listener) -> AsyncIterator[bytes]:
+        """The first message is whole, the next ones have `at` and what has changed. Ends when the daemon stops."""
+        ended = asyncio.create_task(self._app.events.ended.wait())
+        try:
+            while not self._app.events.closed:
+                news, snapshot = self._news, self._snapshot
+                if snapshot and snapshot is not listener.sent:
+                    message, listener.sent = message_of(snapshot, listener.sent), snapshot
+                    yield message
+                    continue
+                waiting = asyncio.create_task(news.wait())
+                await asyncio.wait([waiting, ended], return_when=asyncio.FIRST_COMPLETED)
+                waiting.cancel()
+        finally:
+            ended.cancel()
+
+    async def _poll(self) -> None:
+        failing = False
+        while True:
+            fast = False
+            try:
+                fast = await self._look()
+                failing = False
+            except Exception:  # the beat stays away, and the page says so, until it works again
+                if not failing:
+                    log.exception("reading the cell for GET /live failed")
+                failing = True
+            await self._app.clock.sleep(FAST_S if fast else BEAT_S)
+
+    async def _look(self) -> bool:
+        """Take a snapshot and pass it on when it is due; returns whether the next look is due in FAST_S."""
+        now_s, run = self._app.clock.monotonic_s(), self._app.supervisor.in_progress
+        fast = (run is not None and run.state in MOVES) or (self._robot is not None and self._robot.status.moving)
+        await self._read_robot(now_s, FAST_S if fast else BEAT_S)
+        if now_s - self._readiness_at_s >= 0.99 * BEAT_S:
+            self._readiness_at_s, self._ready = now_s, await self._read_readiness()
+        snapshot = self._take(self._robot_document())
+        changed = {**snapshot, "at": ""} != {**self._snapshot, "at": ""}
+        if changed or now_s - self._beat_at_s >= 0.99 * BEAT_S:
+            self._beat_at_s, self._snapshot = now_s, snapshot
+            news, self._news = self._news, asyncio.Event()
+            news.set()
+        return fast or run is not None
+
+    async def _read_robot(self, now_s: float, interval_s: float) -> None:
+        """Ask for a reading when one is due, and take it when it comes within FAST_S; it is never asked for twice."""
+        if self._reading is None and now_s - self._asked_at_s >= 0.99 * interval_s:
+            self._asked_at_s = now_s
+            self._reading = asyncio.create_task(self._app.readings.robot.read())
+        if self._reading is not None:
+            await asyncio.wait([self._reading], timeout=FAST_S)
+            if self._reading.done():
+                reading, self._reading = self._reading, None
+                try:
+                    self._robot, self._robot_at_s = reading.result(), self._app.clock.monotonic_s()
+                except DeviceError as error:
+                    self._robot = None
+                    self._app.device_watch.note("robot", error)
+        if now_s - self._robot_at_s > MAX_READING_AGE_S:
+            self._robot = None
+
+    async def _read_readiness(self) -> str:
+        with suppress(DaemonError, DeviceError):
+            return json_of(await readiness(self._app))
+        return "null"
+
+    def _robot_document(self) -> RobotDocument | None:
+        if self._robot is None:
+            return None
+        cell = self._app.cell
+        return RobotDocument.of(self._robot, cell.robot.link, cell.holder, self._app.operations.rules.arm)
+
+    def _take(self, robot: RobotDocument | None) -> Snapshot:
+        app = self._app
+        run = app.supervisor.in_progress
+        return {
+            "at": json_of(app.clock.timestamp()),
+            "software": json_of(SOFTWARE),
+            "robot": json_of(robot),
+            "run": json_of(None if run is None else RunDocument.of(run)),
+            "devices": json_of([LiveDevice.of(state) for state in app.device_watch.states()]),
+            "ready": self._ready,
+            "holder": json_of(app.cell.holder),
+        }
