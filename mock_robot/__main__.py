@@ -46,6 +46,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--serial", action="store_true", help="open a serial line (a pty): with RAPID in place of the socket"
     )
+    run.add_argument("--bare", action="store_true", help="a controller without the robot program, to set up over RWS")
+    run.add_argument("--virtual", action="store_true", help="RWS says that it is RobotStudio's controller")
+    run.add_argument("--without", action="append", default=[], metavar="OPTION", help="an absent option, as 623-1")
+    run.add_argument("--deny", action="append", default=[], metavar="GRANT", help="an absent grant, as UAS_CFG_WRITE")
     run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")
     run.add_argument("--ready-file", type=Path, help="write the JSON line there")
     run.add_argument("--with-parent", action="store_true", help="end when standard input closes")

@@ -8,6 +8,7 @@ import sys
 import threading
 
 from mock_robot.cell import MockCell, Ports, default_program
+from mock_robot.rws.world import World
 from mock_robot.truth.truth import CellTruth
 
 
@@ -22,6 +23,7 @@ async def _run(options: argparse.Namespace) -> int:
         time_scale=options.time_scale,
         program=options.controller or default_program(),
     )
+    equip(cell.rws.world, options)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -50,6 +52,14 @@ async def _run(options: argparse.Namespace) -> int:
     finally:
         await cell.close()
     return 0
+
+
+def equip(world: World, options: argparse.Namespace) -> None:
+    """Leave out what the command line says the controller does not have."""
+    world.equipment.virtual = options.virtual
+    world.equipment.without, world.equipment.denied = frozenset(options.without), frozenset(options.deny)
+    if options.bare:
+        world.remove_robot_program()
 
 
 def _until_input_ends(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:

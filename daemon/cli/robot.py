@@ -1,19 +1,20 @@
-"""`handeyed robot upload`: copy the robot program to the controller, after consent."""
+"""`handeyed robot ...`: install the robot program on a controller, copy its files, or remove it."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import CommandError
 from daemon.cli.output import CommandGroup
+from daemon.cli.robot_files import module_files
+from daemon.cli.robot_setup import remove, setup
 
 if TYPE_CHECKING:
     from drivers.robots.abb.rws.address import RwsAddress
     from drivers.robots.abb.rws.parsing import ControllerState
 
 MAX_CONNECT_S = 15.0
-SUFFIXES = (".mod", ".sys", ".cfg")
 
 app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="The controller over Robot Web Services.")
 
@@ -21,6 +22,10 @@ app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="The controller o
 @app.callback()
 def robot() -> None:
     """The controller over Robot Web Services."""
+
+
+app.command()(setup)
+app.command()(remove)
 
 
 @app.command()
@@ -43,9 +48,9 @@ def upload(
 
     if not address.startswith("rws://"):
         raise AddressNotUnderstood(address, "modules are copied over Robot Web Services", "write rws://host")
-    where, files = RwsAddress.parse(address), _files(folder)
+    where, files = RwsAddress.parse(address), module_files(folder)
     state, robotware = asyncio.run(_state(where))
-    files |= _files(folder / f"rw{robotware}", modules=False)
+    files |= module_files(folder / f"rw{robotware}", modules=False)
     typer.echo(f"{where.address}: {state}")
     for name, content in files.items():
         typer.echo(f"  HOME:/{to}/{name}  {len(content)} bytes")
@@ -53,22 +58,6 @@ def upload(
         raise CommandError(where.address, "nothing was written", "consent to it, or give --yes")
     asyncio.run(_upload(where, files, to))
     typer.echo("written; docs/rapid.md says what comes next")
-
-
-def _files(folder: Path, *, modules: bool = True) -> dict[str, bytes]:
-    from daemon.runtime.bounded_read import read_bounded
-
-    if not (modules or folder.is_dir()):
-        return {}
-    try:
-        found = {path.name: read_bounded(path) for path in sorted(folder.iterdir()) if path.suffix in SUFFIXES}
-    except OSError as error:
-        raise CommandError(
-            str(folder), error.strerror or str(error), "name the folder of the modules", ExitStatus.UNREADABLE
-        ) from None
-    if modules and not any(name.endswith((".mod", ".sys")) for name in found):
-        raise CommandError(str(folder), "no RAPID module is in it", "name deploy/rapid", ExitStatus.UNREADABLE)
-    return found
 
 
 async def _state(where: "RwsAddress") -> "tuple[ControllerState, int]":

@@ -6,6 +6,7 @@ Times are passed in. `now_s` is wire time (heartbeat, time stamps); the arm runs
 from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -42,6 +43,15 @@ class LogEntry:
     text: str
 
 
+class CabinetSymbol(Protocol):
+    """A RAPID persistent: its type, and its value in RAPID syntax. Setting a value may raise ValueError."""
+
+    @property
+    def type(self) -> str: ...
+
+    value: str
+
+
 @dataclass
 class Cabinet(ABC):
     """Switches and state of a controller. The robot program behind the link is implemented by a subclass."""
@@ -74,6 +84,10 @@ class Cabinet(ABC):
     @abstractmethod
     def restart(self, now_s: float) -> None:
         """Warm start: new session, disarmed, program state cleared."""
+
+    def symbol(self, task: str, module: str, name: str) -> "CabinetSymbol | None":
+        """A PERS of the program, by names in lower case; None for a program that has no RAPID."""
+        return None
 
     # --- switches, operated by people, tests and faults ---
 

@@ -1,16 +1,15 @@
 """Reads a controller's configuration files: tasks and modules, signals and system outputs, serial ports."""
 
-import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from mock_robot.rapid.cfg_types import FACTORY_TASK, HEADERS, TASK_ARGUMENTS, attributes_of, signal_attribute
 from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.program import Source
+from protocols.cfg_file import parse_cfg
 
 Instance = dict[str, str]
-_ATTRIBUTE = re.compile(r'-(\w+)(?:\s+("[^"]*"|[^\s"-][^\s"]*))?')
 TASK_TYPES = ("NORMAL", "STATIC", "SEMISTATIC")
 TRUST_LEVELS = ("None", "SysFail", "SysHalt", "SysStop")
 """What an error of a task that is not NORMAL does: nothing, or all tasks stop. SysFail when none is given."""
@@ -31,37 +30,22 @@ class Fragments:
         path = self.modules / f"rw{self.robotware}" / f"{domain}.cfg"
         if not path.exists():
             return {}
-        lines = path.read_text("ascii").replace("\r", "").split("\n")
-        if lines[0] not in HEADERS.get((domain, self.robotware), ()):
-            raise RapidProgramError(path.name, 1, f"{lines[0]} is no header of RobotWare {self.robotware}")
+        file = parse_cfg(path.read_text("ascii"))
+        if file.header not in HEADERS.get((domain, self.robotware), ()):
+            raise RapidProgramError(path.name, 1, f"{file.header} is no header of RobotWare {self.robotware}")
         found: dict[str, list[Instance]] = {}
-        for line, kind, instance in _instances(lines):
-            known = attributes_of(domain, kind, self.robotware)
+        for each in file.instances:
+            known = attributes_of(domain, each.kind, self.robotware)
             if known is None:
-                raise RapidProgramError(path.name, line, f"no type of {domain} is named {kind}")
-            if unknown := sorted(instance.keys() - known):
-                raise RapidProgramError(path.name, line, f"{kind} has no attribute {', '.join(unknown)}")
-            found.setdefault(kind, []).append(instance)
+                raise RapidProgramError(path.name, each.line, f"no type of {domain} is named {each.kind}")
+            if unknown := sorted(each.attributes.keys() - known):
+                raise RapidProgramError(path.name, each.line, f"{each.kind} has no attribute {', '.join(unknown)}")
+            found.setdefault(each.kind, []).append(each.attributes)
         return found
 
     def text(self, module: str) -> str:
         """Text of a module's file."""
         return (self.modules / module).read_text("ascii")
-
-
-def _instances(lines: list[str]) -> Iterator[tuple[int, str, Instance]]:
-    """Line, type and attributes of each instance; "" for an attribute without a value."""
-    kind, number, instance = "", 0, ""
-    for at, raw in enumerate(lines[1:], 2):
-        line = raw.strip()
-        if re.fullmatch(r"[A-Z_0-9]+:", line):
-            kind = line[:-1]
-        elif instance or line.startswith("-"):
-            number = number or at
-            instance += line.removesuffix("\\") + " "
-            if not line.endswith("\\"):
-                yield number, kind, {key: value.strip('"') for key, value in _ATTRIBUTE.findall(instance)}
-                number, instance = 0, ""
 
 
 @dataclass(frozen=True)

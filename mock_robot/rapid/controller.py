@@ -17,6 +17,7 @@ from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices, Services
+from mock_robot.rapid.symbols import LiveSymbol
 from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.unit import MotionUnit
 from protocols.cb import messages as cb
@@ -206,6 +207,17 @@ class RapidController(Cabinet):
             self.record(now_s, SYSTEM_STOP, f"{task.name} is a trusted task: all tasks are stopped")
         if plan.stops_all or plan.kind == "NORMAL":
             self.halt(now_s, Status.MOTION_ERROR)
+
+    def symbol(self, task: str, module: str, name: str) -> LiveSymbol | None:
+        """A PERS of a loaded module, by names in lower case; `module` may be empty."""
+        for loaded in self._loaded:
+            if loaded.plan.name.casefold() != task:
+                continue
+            names = [source.name.rpartition(".")[0].casefold() for source in loaded.plan.sources]
+            if module and module not in names:
+                return None
+            return self.memory.symbol(f"{loaded.plan.name}/{name}") or self.memory.symbol(name)
+        return None
 
     def _executes(self, task_name: str) -> bool:
         return any(loaded.task.running for loaded in self._loaded if loaded.task.name == task_name)

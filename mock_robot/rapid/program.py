@@ -19,6 +19,7 @@ from mock_robot.rapid.scope import (
     Slot,
 )
 from mock_robot.rapid.statements import Run, block
+from mock_robot.rapid.symbols import LiveSymbol
 from mock_robot.rapid.syntax import Node, line_of, name, optional_part, parse_module, parse_system, part, parts
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
 from mock_robot.rapid.types import NUM, SIGNALDO, Array, Type
@@ -52,6 +53,10 @@ class PersistentMemory:
     def find(self, key: str) -> Persistent | None:
         """The PERS of that name, or None."""
         return self._kept[key][1] if key in self._kept else None
+
+    def symbol(self, key: str) -> LiveSymbol | None:
+        """The PERS of that name with its type, or None."""
+        return LiveSymbol(*self._kept[key]) if key in self._kept else None
 
     def preset(self, key: str, value: Any) -> None:
         """Set a PERS before the module is loaded, as an integrator edits it; the type comes from the existing value."""

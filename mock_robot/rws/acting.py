@@ -8,9 +8,10 @@ from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import DONE, Item, Reply
 from mock_robot.rws.mastership import DOMAINS, Consent
-from mock_robot.rws.memory import TASKS, module_name
+from mock_robot.rws.memory import module_name
 from mock_robot.rws.refusals import (
     BAD_ARGUMENT,
+    NO_INSTANCE_1,
     NO_MODULE,
     NO_PATH,
     NO_RESOURCE,
@@ -120,6 +121,8 @@ def stop(context: RequestContext, parts: Parts) -> Reply:
     if context.asked.form.get("stopmode", "stop") not in ("cycle", "instr", "stop", "qstop"):
         raise RwsRefused(BAD_ARGUMENT)
     allow(context, Act.STOP)
+    if context.dialect.version == 2 and context.world.mode is Mode.AUTO:
+        context.world.equipment.require("UAS_REMOTE_START_STOP_IN_AUTO")
     if context.world.execution_state == "running":
         context.world.cabinet.run_program(False, context.now_s)
     return DONE
@@ -140,13 +143,17 @@ def set_cycle(context: RequestContext, parts: Parts) -> Reply:
 
 
 def write_symbol(context: RequestContext, parts: Parts) -> Reply:
-    found = context.world.memory.symbol(parts["symbol"])
+    found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
     if not context.asked.form.get("value"):
         raise RwsRefused(BAD_ARGUMENT)
+    context.world.equipment.require("UAS_RAPID_CURRVALUE")
     allow(context, Act.WRITE_DATA)
-    found[1].value = context.asked.form["value"]
+    try:
+        found[1].value = context.asked.form["value"]
+    except ValueError as error:
+        raise RwsRefused(BAD_ARGUMENT, str(error)) from None
     return DONE
 
 
@@ -160,7 +167,7 @@ def deactivate(context: RequestContext, parts: Parts) -> Reply:
 
 def _select(context: RequestContext, parts: Parts, active: bool) -> Reply:
     task = parts.get("task") or context.asked.form.get("task", "")
-    if task not in TASKS:
+    if task not in context.world.memory.tasks:
         raise RwsRefused(NO_RESOURCE)
     allow(context, Act.LOAD)
     (context.world.memory.inactive.discard if active else context.world.memory.inactive.add)(task)
@@ -191,6 +198,54 @@ def unload_module(context: RequestContext, parts: Parts) -> Reply:
     allow(context, Act.LOAD)
     del loaded[context.asked.form["module"]]
     return DONE
+
+
+# --- configuration ---
+
+
+def load_configuration(context: RequestContext, parts: Parts) -> Reply:
+    """Load a file of HOME when it has no duplicates."""
+    world, form = context.world, context.asked.form
+    if form.get("action-type") not in ("add", "replace", "add-with-reset"):
+        raise RwsRefused(BAD_ARGUMENT)
+    try:
+        content = world.volumes.files[world.volumes.canonical(form.get("filepath", ""))]
+    except (KeyError, NoVolume):
+        raise RwsRefused(NO_PATH) from None
+    _allow_configuration(context)
+    wrong = world.equipment.load(content.decode("latin-1"))
+    if wrong is not None:
+        raise RwsRefused(BAD_ARGUMENT, wrong)
+    world.cabinet.record(context.now_s, 10045, "configuration loaded: it acts with the next restart")
+    return DONE
+
+
+def save_configuration(context: RequestContext, parts: Parts) -> Reply:
+    world = context.world
+    path = context.asked.form.get("filepath", "").removeprefix("/fileservice/")
+    try:
+        canonical = world.volumes.canonical(path)
+    except NoVolume:
+        raise RwsRefused(NO_PATH) from None
+    if not world.volumes.has_folder(canonical.rpartition("/")[0]):
+        raise RwsRefused(NO_PATH)
+    world.equipment.require("UAS_BACKUP")
+    world.volumes.files[canonical] = world.equipment.text(parts["domain"]).encode("latin-1")
+    return DONE
+
+
+def delete_instance(context: RequestContext, parts: Parts) -> Reply:
+    kinds = context.world.equipment.configuration.get(parts["domain"].upper(), {})
+    if parts["instance"] not in kinds.get(parts["type"].upper(), {}):
+        raise RwsRefused(NO_INSTANCE_1 if context.dialect.version == 1 else NO_RESOURCE)
+    _allow_configuration(context)
+    del kinds[parts["type"].upper()][parts["instance"]]
+    return DONE
+
+
+def _allow_configuration(context: RequestContext) -> None:
+    context.world.equipment.require("UAS_CFG_WRITE")
+    context.require_master("cfg")
 
 
 # --- signals, mastership, consent ---

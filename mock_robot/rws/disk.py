@@ -23,6 +23,7 @@ def read_file(context: RequestContext, parts: Parts) -> Reply:
 def write_file(context: RequestContext, parts: Parts) -> Reply:
     """The folder must exist: it is not made."""
     path, files = _path(context, parts), context.world.volumes.files
+    context.world.equipment.require("UAS_FTP_WRITE", "UAS_FILE_ACCESS_READ_WRITE")
     if not context.world.volumes.has_folder(path.rpartition("/")[0]):
         raise RwsRefused(context.dialect.no_file)
     status = 200 if path in files else 201
@@ -46,6 +47,7 @@ def make_folder(context: RequestContext, parts: Parts) -> Reply:
 
 def delete_file(context: RequestContext, parts: Parts) -> Reply:
     path, volumes = _path(context, parts), context.world.volumes
+    context.world.equipment.require("UAS_FTP_WRITE", "UAS_FILE_ACCESS_READ_WRITE")
     if volumes.files.pop(path, None) is None and path not in volumes.folders:
         raise RwsRefused(context.dialect.no_file)
     volumes.folders.discard(path)

@@ -4,11 +4,11 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.cabinet.cabinet import Cabinet, CabinetSymbol
 
 _MODULE = re.compile(rb"^\s*MODULE\s+(\w+)", re.IGNORECASE | re.MULTILINE)
 TASKS = {"T_ROB1": True, "T_COMM": False}
-"""The tasks, and whether each moves the arm."""
+"""The tasks of a controller that has the robot program, and whether each moves the arm."""
 LOAD0 = "[0.001,[0,0,0.001],[1,0,0,0],0,0,0]"
 FRAME0 = "[[0,0,0],[1,0,0,0]]"
 
@@ -66,15 +66,21 @@ class RwsMemory:
         default_factory=lambda: {task: {"BASE": "SysMod", "user": "SysMod"} for task in TASKS}
     )
     inactive: set[str] = field(default_factory=set)
+    tasks: dict[str, bool] = field(default_factory=lambda: dict(TASKS))
 
-    def symbol(self, path: str) -> tuple[str, Symbol] | None:
-        """Find `T_ROB1/Module/name`, or `T_ROB1/name` when only one module has it; case-insensitive."""
+    def symbol(self, path: str, cabinet: Cabinet) -> tuple[str, CabinetSymbol] | None:
+        """Find `T_ROB1/Module/name`, or `T_ROB1/name` when only one module has it; case-insensitive.
+
+        What is not in `symbols` is looked for in the cabinet's program.
+        """
         wanted = path.strip("/").lower().split("/")
         for full, symbol in self.symbols.items():
             parts = full.lower().split("/")
             if parts == wanted or (len(wanted) == 2 and [parts[0], parts[-1]] == wanted):
                 return full, symbol
-        return None
+        task, module, name = [wanted[0], "", wanted[-1]] if len(wanted) == 2 else [*wanted, "", "", ""][:3]
+        live = cabinet.symbol(task, module, name)
+        return None if live is None else (path.strip("/"), live)
 
     def signal(self, path: str) -> tuple[str, RwsSignal] | None:
         """Find `name`, or `network/device/name`."""

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import Item, Reply
-from mock_robot.rws.memory import TASKS
 from mock_robot.rws.numbers import format_axis, format_float
 from mock_robot.rws.refusals import BAD_ARGUMENT, LIFO_IN_2_0, NO_RESOURCE, NO_SIGNAL, RwsRefused
 from mock_robot.rws.volumes import RAMDISK_PATH
@@ -83,6 +82,25 @@ def mechunit(context: RequestContext, parts: Parts) -> Reply:
     return Reply(items=[Item("ms-mechunit", MECHUNIT, values)])
 
 
+def base_frame(context: RequestContext, parts: Parts) -> Reply:
+    _require_mechunit(parts)
+    names = ("x", "y", "z", "q1", "q2", "q3", "q4")
+    numbers = [format_float(value) for value in context.world.equipment.base_frame]
+    return Reply(items=[Item("ms-mechunit-baseframe", "baseframe", dict(zip(names, numbers, strict=True)))])
+
+
+def grants(context: RequestContext, parts: Parts) -> Reply:
+    """1.0 names a grant in the title, 2.0 in a value."""
+    held = context.world.equipment.grants(context.dialect.version)
+    if context.dialect.version == 1:
+        return Reply(items=[Item("user-grant", name, {}) for name in held])
+    return Reply(items=[Item("uas-grant", str(at), {"grantname": name}) for at, name in enumerate(held)])
+
+
+def configuration(context: RequestContext, parts: Parts) -> Reply:
+    return Reply(items=context.world.equipment.instances(parts["domain"], parts["type"]), listed=True)
+
+
 def tasks(context: RequestContext, parts: Parts) -> Reply:
     memory, run = context.world.memory, context.world.execution_state
     items = [
@@ -98,7 +116,7 @@ def tasks(context: RequestContext, parts: Parts) -> Reply:
                 "motiontask": "TRUE" if moves else "FALSE",
             },
         )
-        for name, moves in TASKS.items()
+        for name, moves in memory.tasks.items()
     ]
     return Reply(items=items, listed=True)
 
@@ -121,14 +139,14 @@ def module(context: RequestContext, parts: Parts) -> Reply:
 
 
 def symbol_value(context: RequestContext, parts: Parts) -> Reply:
-    found = context.world.memory.symbol(parts["symbol"])
+    found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
     return Reply(items=[Item("rap-data", f"RAPID/{found[0]}", {"value": found[1].value})])
 
 
 def symbol_properties(context: RequestContext, parts: Parts) -> Reply:
-    found = context.world.memory.symbol(parts["symbol"])
+    found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
     values = {"symburl": f"RAPID/{found[0]}", "symtyp": "per", "dattyp": found[1].type, "dim": "", "local": "false"}
@@ -184,12 +202,13 @@ def system(context: RequestContext, parts: Parts) -> Reply:
 
 
 def options(context: RequestContext, parts: Parts) -> Reply:
-    names = ("616-1 PC Interface", "623-1 Multitasking", "689-1 Externally Guided Motion (EGM)")
+    names = context.world.equipment.options(context.dialect.version)
     return Reply(items=[Item("sys-option-li", name, {"option": name}) for name in names], listed=True)
 
 
 def identity(context: RequestContext, parts: Parts) -> Reply:
-    values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": "Virtual Controller"}
+    kind = "Virtual Controller" if context.world.equipment.virtual else "Real Controller"
+    values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": kind}
     return Reply(items=[Item("ctrl-identity-info", "identity", values)])
 
 

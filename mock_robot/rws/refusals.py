@@ -23,6 +23,7 @@ class Refusal:
 
 HELD_BY_ANOTHER = Refusal(403, -1073445862, "Requested resource is held by someone else")
 NO_MASTERSHIP = Refusal(403, -1073445859, "The user does not have required mastership for the operation")
+NO_GRANT = Refusal(403, -1073445867, "Operation not allowed for user")
 REJECTED = Refusal(403, -1073445881, "Rejected")
 NO_SIGNAL = Refusal(404, -1073445866, "Invalid IO signal name passed in the uri")
 NO_RESOURCE = Refusal(404, -1073414146, "Resource not found")
@@ -41,3 +42,4 @@ NOT_ACCEPTABLE = Refusal(406, -1073445879, "Accept must name a media type with v
 UNSUPPORTED_MEDIA = Refusal(415, -1073445879, "Content-Type must be application/x-www-form-urlencoded;v=2.0")
 LIFO_IN_2_0 = Refusal(400, -1073445879, "LIFO is not supported in v=2.0")
 GONE = Refusal(410, -1073445879, "Mastership is replaced by the control station service")
+NO_INSTANCE_1 = Refusal(400, -1073414146, "Unknown instance")

@@ -30,6 +30,8 @@ RWS_2 = ServiceDialect(
 )
 
 _UNIT = "/rw/motionsystem/mechunits/(?P<mechunit>[^/]+)"
+_CFG_DOMAIN = "/rw/cfg/(?P<domain>[A-Za-z]+)"
+_CFG_TYPE = f"{_CFG_DOMAIN}/(?P<type>[A-Za-z_0-9]+)"
 _TASK = "/rw/rapid/tasks/(?P<task>[^/]+)"
 
 _SHARED: tuple[Row, ...] = (
@@ -41,6 +43,9 @@ _SHARED: tuple[Row, ...] = (
     ("GET", f"{_UNIT}/robtarget", None, reading.robtarget),
     ("GET", f"{_UNIT}/cartesian", None, reading.cartesian),
     ("GET", f"{_UNIT}/jointtarget", None, reading.jointtarget),
+    ("GET", f"{_UNIT}/baseframe", None, reading.base_frame),
+    ("GET", f"{_CFG_TYPE}/instances", None, reading.configuration),
+    ("DELETE", f"{_CFG_TYPE}/instances/(?P<instance>.+)", None, acting.delete_instance),
     ("GET", "/rw/rapid/execution", None, reading.execution),
     ("GET", "/rw/rapid/tasks", None, reading.tasks),
     ("GET", "/rw/iosystem/signals", None, reading.signals),
@@ -60,6 +65,9 @@ _SHARED: tuple[Row, ...] = (
     ("DELETE", "/fileservice/(?P<path>.+)", None, disk.delete_file),
 )
 _FIRST: tuple[Row, ...] = (
+    ("GET", "/users/grants", None, reading.grants),
+    ("POST", "/rw/cfg", "load", acting.load_configuration),
+    ("POST", _CFG_DOMAIN, "saveas", acting.save_configuration),
     ("GET", "/rw/panel/ctrlstate", None, reading.controller_state),
     ("POST", "/rw/panel/ctrlstate", "setctrlstate", acting.set_controller_state),
     ("POST", "/fileservice/(?P<path>.+)", None, disk.make_folder),
@@ -82,6 +90,9 @@ _FIRST: tuple[Row, ...] = (
     ("POST", "/rw/mastership(?:/(?P<domain>[a-z]+))?", "release", acting.release_mastership),
 )
 _SECOND: tuple[Row, ...] = (
+    ("GET", "/uas/user/grants", None, reading.grants),
+    ("POST", "/rw/cfg/load", None, acting.load_configuration),
+    ("POST", f"{_CFG_DOMAIN}/saveas", None, acting.save_configuration),
     ("GET", "/rw/panel/ctrl-state", None, reading.controller_state),
     ("POST", "/rw/panel/ctrl-state", None, acting.set_controller_state),
     ("POST", "/fileservice/(?P<path>.+)/create", None, disk.make_folder),

@@ -62,6 +62,7 @@ class Service:
         """React to changes of the controller: a restart drops all sessions, faults take effect."""
         if self.world.cabinet.session != self._known_session:
             self._known_session = self.world.cabinet.session
+            self.world.take_configuration()
             self.sessions.end_all()
             self._digest.forget()
             self.subscriptions.forget()

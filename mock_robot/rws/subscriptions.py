@@ -156,7 +156,7 @@ class Subscriptions:
         """`symbol/data/RAPID/...` in 1.0, `symbol/RAPID/.../data` in 2.0."""
         first = self.version == 1
         bare = path.removeprefix("rapid/symbol/data/RAPID/" if first else "rapid/symbol/RAPID/").removesuffix("/data")
-        found = self.world.memory.symbol(bare)
+        found = self.world.memory.symbol(bare, self.world.cabinet)
         if found is None:
             return None
         symbol = found[1]

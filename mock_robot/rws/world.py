@@ -10,8 +10,9 @@ from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.panel import Mode
 from mock_robot.faults.board import FaultBoard
 from mock_robot.rws.elog import ControllerEventLog
+from mock_robot.rws.equipment import Equipment
 from mock_robot.rws.mastership import Mastership
-from mock_robot.rws.memory import RwsMemory
+from mock_robot.rws.memory import RwsMemory, RwsSignal
 from mock_robot.rws.volumes import Volumes
 
 MOTORS_ON_CODE, MOTORS_OFF_CODE, ESTOP_CODE, RELEASED_CODE = 10011, 10012, 10013, 10014
@@ -36,6 +37,7 @@ class World:
     memory: RwsMemory = field(default_factory=RwsMemory)
     volumes: Volumes = field(default_factory=Volumes)
     mastership: Mastership = field(default_factory=Mastership)
+    equipment: Equipment = field(default_factory=Equipment)
     tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4), "tGripper": _shift_z(150.0)})
     wobjs: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4), "wobjTableN": _shift_z(100.0)})
     picked: PendantSelection = PendantSelection()
@@ -44,6 +46,21 @@ class World:
 
     def __post_init__(self) -> None:
         self.elog = ControllerEventLog.starting_at(self.cabinet, self.clock())
+
+    def take_configuration(self) -> None:
+        """Restart with what was loaded: tasks and signals of the configuration are there from now on."""
+        tasks = self.equipment.configuration.get("SYS", {}).get("CAB_TASKS", {})
+        for name, task in tasks.items():
+            self.memory.tasks[name] = "MotionTask" in task.attributes
+            self.memory.modules.setdefault(name, {})
+        for name, signal in self.equipment.configuration.get("EIO", {}).get("EIO_SIGNAL", {}).items():
+            self.memory.signals.setdefault(name, RwsSignal(signal.attributes.get("SignalType", "DO"), "", False))
+
+    def remove_robot_program(self) -> None:
+        """Leave a controller as it is delivered: without the robot program's task and signals."""
+        self.memory.tasks = {"T_ROB1": True}
+        self.memory.modules = {"T_ROB1": {"BASE": "SysMod", "user": "SysMod"}}
+        self.memory.signals = {n: s for n, s in self.memory.signals.items() if not n.startswith("cell_")}
 
     @property
     def mode(self) -> Mode:

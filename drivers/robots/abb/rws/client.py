@@ -93,6 +93,23 @@ class RwsClient:
         headers = self.require_dialect().post_headers
         return await self._ask("POST", path, query, form=form, headers=headers, urgent=urgent)
 
+    async def get_file(self, path: str) -> bytes | None:
+        """Content of a file below the controller's home folder; None when there is none. Raises DeviceError."""
+        dialect = self.require_dialect()
+        headers = {"Accept": "*/*"}
+        try:
+            answer = await self._ask("GET", f"/fileservice/{dialect.home}/{path}", {}, headers=headers)
+        except RequestRefused as refused:
+            if refused.status == "NOT_FOUND":
+                return None
+            raise
+        return answer.content
+
+    async def delete_file(self, path: str) -> None:
+        """Delete a file or an empty folder below the controller's home folder. Raises DeviceError."""
+        dialect = self.require_dialect()
+        await self._ask("DELETE", f"/fileservice/{dialect.home}/{path}", {}, headers=dialect.file_headers)
+
     async def put_file(self, path: str, content: bytes) -> None:
         """Write a file below the controller's home folder; its folder must exist. Raises DeviceError."""
         dialect = self.require_dialect()

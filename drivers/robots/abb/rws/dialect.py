@@ -44,6 +44,34 @@ class Dialect:
         path = f"/rw/rapid/tasks/{task}"
         return (path, {"action": "loadmod"}) if self.version == 1 else (f"{path}/loadmod", {})
 
+    def mastership(self, domain: str, action: str) -> Call:
+        """Call that requests or releases the mastership of cfg or rapid; both are `edit` in 2.0."""
+        if self.version == 1:
+            return f"/rw/mastership/{domain}", {"action": action}
+        return f"/rw/mastership/edit/{action}", {}
+
+    def symbol(self, name: str) -> str:
+        """Path of a RAPID symbol's value; `name` is task/module/symbol."""
+        return f"/rw/rapid/symbol/data/RAPID/{name}" if self.version == 1 else f"/rw/rapid/symbol/RAPID/{name}/data"
+
+    def set_symbol(self, name: str) -> Call:
+        """Call that writes a RAPID symbol."""
+        return (self.symbol(name), {"action": "set"}) if self.version == 1 else (self.symbol(name), {})
+
+    @property
+    def load_cfg(self) -> Call:
+        """Call that loads a configuration file."""
+        return ("/rw/cfg", {"action": "load"}) if self.version == 1 else ("/rw/cfg/load", {})
+
+    def save_cfg(self, domain: str) -> Call:
+        """Call that saves a domain to a file."""
+        return (f"/rw/cfg/{domain}", {"action": "saveas"}) if self.version == 1 else (f"/rw/cfg/{domain}/saveas", {})
+
+    @property
+    def grants(self) -> str:
+        """Path of the grants of the user in session."""
+        return "/users/grants" if self.version == 1 else "/uas/user/grants"
+
     @property
     def name(self) -> str:
         """Name for messages."""

@@ -1,0 +1,37 @@
+"""The RAPID modules and configuration fragments that are copied to a controller."""
+
+from pathlib import Path
+
+from daemon.cli.errors import CommandError, ExitStatus
+
+SUFFIXES = (".mod", ".sys", ".cfg")
+_ROOT = Path(__file__).parents[2]
+PLACES = (_ROOT / "deploy" / "rapid", _ROOT / "mock_robot" / "rapid" / "modules")
+"""In the repository, and as the wheel holds them."""
+
+
+def module_folder(given: Path | None) -> Path:
+    """The folder given, or that of this release's modules. Raises CommandError without any."""
+    found = given or next((place for place in PLACES if (place / "CELL_shared.sys").exists()), None)
+    if found is None:
+        raise CommandError(
+            "the modules", "they are not installed here", "give --modules deploy/rapid", ExitStatus.UNREADABLE
+        )
+    return found
+
+
+def module_files(folder: Path, *, modules: bool = True) -> dict[str, bytes]:
+    """Files of a folder that a controller loads, by name. Raises CommandError when `modules` are wanted and absent."""
+    from daemon.runtime.bounded_read import read_bounded
+
+    if not (modules or folder.is_dir()):
+        return {}
+    try:
+        found = {path.name: read_bounded(path) for path in sorted(folder.iterdir()) if path.suffix in SUFFIXES}
+    except OSError as error:
+        raise CommandError(
+            str(folder), error.strerror or str(error), "name the folder of the modules", ExitStatus.UNREADABLE
+        ) from None
+    if modules and not any(name.endswith((".mod", ".sys")) for name in found):
+        raise CommandError(str(folder), "no RAPID module is in it", "name deploy/rapid", ExitStatus.UNREADABLE)
+    return found

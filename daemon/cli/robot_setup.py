@@ -1,0 +1,282 @@
+"""`handeyed robot setup` and `handeyed robot remove`: install the robot program over Robot Web Services, or undo it."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import Json
+from daemon.cli.robot_files import module_files, module_folder
+
+if TYPE_CHECKING:
+    from drivers.robots.abb.rws.address import RwsAddress
+    from drivers.robots.abb.setup.installer import Outcome, SetupRecord
+    from drivers.robots.abb.setup.plan import Package, SetupPlan
+    from drivers.robots.abb.setup.requirements import Finding
+    from drivers.robots.abb.setup.survey import ControllerSurvey
+
+RECORD = "setup.json"
+Address = Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")]
+
+
+def setup(
+    address: Address,
+    modules: Annotated[Path | None, typer.Option(help="The RAPID modules; default: those of this release.")] = None,
+    to: Annotated[str, typer.Option(help="The folder within HOME: on the controller.")] = "handeyed",
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A setting of CELL_shared.sys; repeatable.")
+    ] = None,
+    task: Annotated[str, typer.Option(help="The motion task.")] = "T_ROB1",
+    egm: Annotated[bool, typer.Option("--egm", help="EGM is wanted, too: its option is required.")] = False,
+    backup: Annotated[Path | None, typer.Option(help="Folder of the backup; default: a new one here.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show findings and plan; change nothing.")] = False,
+    yes: Yes = False,
+    json: Json = False,
+) -> None:
+    """Install the robot program on a controller: look, plan, ask, back up, write, load, set, read back.
+
+    Says first what the controller lacks, with ABB's option numbers and menus, and changes nothing then. What a program
+    cannot do (Reset RAPID, PP to main) is listed as steps. `handeyed robot remove` undoes it from the backup.
+
+    Exit status: 0 done, or nothing to do; 1 something is missing or was refused; 2 the modules cannot be read.
+    """
+    import asyncio
+
+    values = dict(_setting(each) for each in setting or ())
+    asyncio.run(
+        _setup(
+            _rws(address),
+            module_folder(modules),
+            _Wish(to, values, task, egm, backup, dry_run=dry_run, yes=yes, json=json),
+        )
+    )
+
+
+def remove(
+    address: Address,
+    backup: Annotated[Path, typer.Option(help="The backup that `handeyed robot setup` made.")],
+    yes: Yes = False,
+    json: Json = False,
+) -> None:
+    """Undo `handeyed robot setup` from its backup: settings, configuration and files are as before.
+
+    Exit status: 0 all is as before, 1 a step was refused and is named, 2 the backup cannot be read.
+    """
+    import asyncio
+
+    record = _read_record(backup)
+    if not (yes or typer.confirm(f"Undo {backup}: {len(record.files)} files?", default=False, err=True)):
+        raise CommandError(address, "nothing was changed", "consent to it, or give --yes")
+    outcomes, family = asyncio.run(_remove(_rws(address), record))
+    from drivers.robots.abb.setup.installer import steps_after_removal
+
+    _report({"done": [vars(each) for each in outcomes], "by_hand": list(steps_after_removal(family))}, json=json)
+    if not json:
+        typer.echo("\n".join(each.line() for each in outcomes))
+        typer.echo("\n".join(f"by hand  {step}" for step in steps_after_removal(family)))
+    raise typer.Exit(ExitStatus.OK if all(each.ok for each in outcomes) else ExitStatus.FAILED)
+
+
+class _Wish:
+    """What the command line asks for."""
+
+    def __init__(
+        self,
+        folder: str,
+        values: dict[str, str],
+        task: str,
+        egm: bool,
+        backup: Path | None,
+        *,
+        dry_run: bool,
+        yes: bool,
+        json: bool,
+    ) -> None:
+        self.folder, self.values, self.task, self.egm, self.backup = folder, values, task, egm, backup
+        self.dry_run, self.yes, self.json = dry_run, yes, json
+
+
+async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
+    from drivers.robots.abb.rws.administration import RwsAdministration
+    from drivers.robots.abb.setup.installer import back_up, install
+    from drivers.robots.abb.setup.plan import plan_setup
+    from drivers.robots.abb.setup.requirements import findings
+    from drivers.robots.abb.setup.settings import module_name
+    from drivers.robots.abb.setup.survey import read_survey
+
+    async with RwsAdministration(where) as controller:
+        package = _package(modules, wish.folder, {1: 6, 2: 7}[controller.version])
+        package.with_settings(wish.values)  # a setting that cannot be is refused before anything is read
+        names = [f"{module_name(package.shared)}/{name}" for name in wish.values]
+        survey = await read_survey(controller, package.fragments.values(), package.paths, names, wish.task)
+        wanted = package.with_settings(wish.values)
+        found = findings(
+            survey,
+            task=wish.task,
+            unit=where.mechunit,
+            serial=wanted.setting("cell_use_serial").upper() == "TRUE",
+            egm=wish.egm,
+            load_is_default=wanted.load_is_default,
+        )
+        plan = plan_setup(survey, package, wish.values, found, wish.task)
+        _show(where.address, survey, found, plan, wish)
+        if any(finding.missing for finding in found):
+            raise CommandError(where.address, "nothing was changed", "see what is MISSING above")
+        if wish.dry_run or not plan.changes_anything:
+            return
+        if not (wish.yes or typer.confirm("Do it?", default=False, err=True)):
+            raise CommandError(where.address, "nothing was changed", "consent to it, or give --yes")
+        folder = wish.backup or _backup_folder(survey.name)
+        record = await back_up(controller, survey, plan)
+        _write_record(folder, record)
+        outcomes = await install(controller, plan, record)
+        _write_record(folder, record)
+    _finish(where.address, survey, found, plan, outcomes, folder, wish)
+
+
+async def _remove(where: "RwsAddress", record: "SetupRecord") -> "tuple[list[Outcome], int]":
+    from drivers.robots.abb.rws.administration import RwsAdministration
+    from drivers.robots.abb.setup.installer import remove
+
+    async with RwsAdministration(where) as controller:
+        return await remove(controller, record), {1: 6, 2: 7}[controller.version]
+
+
+# --- what is shown ---
+
+
+def _show(address: str, survey: "ControllerSurvey", found: "Iterable[Finding]", plan: "SetupPlan", wish: _Wish) -> None:
+    missing = any(finding.missing for finding in found)
+    if wish.json and (wish.dry_run or missing or not plan.changes_anything):
+        _report(_document(address, survey, found, plan), json=True)
+    if wish.json:
+        return
+    typer.echo(f"{address}: " + "\n  ".join(survey.summary()))
+    for finding in found:
+        typer.echo(finding.line())
+    if missing:
+        return
+    typer.echo("\n".join(plan.lines()))
+    if not plan.changes_anything:
+        typer.echo("everything is there; nothing was changed")
+
+
+def _finish(
+    address: str,
+    survey: "ControllerSurvey",
+    found: "Iterable[Finding]",
+    plan: "SetupPlan",
+    outcomes: "list[Outcome]",
+    folder: Path,
+    wish: _Wish,
+) -> None:
+    done = {"done": [vars(each) for each in outcomes], "backup": str(folder)}
+    _report({**_document(address, survey, found, plan), **done}, json=wish.json)
+    if not wish.json:
+        typer.echo("\n".join(each.line() for each in outcomes))
+        typer.echo(f"backup   {folder} (handeyed robot remove {address} --backup {folder})")
+        typer.echo("\n".join(f"by hand  {number}. {step}" for number, step in enumerate(plan.by_hand, 1)))
+    raise typer.Exit(ExitStatus.OK if all(each.ok for each in outcomes) else ExitStatus.FAILED)
+
+
+def _document(
+    address: str, survey: "ControllerSurvey", found: "Iterable[Finding]", plan: "SetupPlan"
+) -> dict[str, Any]:
+    return {
+        "address": address,
+        "controller": {
+            "name": survey.name,
+            "robotware": survey.robotware,
+            "virtual": survey.virtual,
+            "mode": survey.mode,
+            "state": survey.controller,
+            "execution": survey.execution,
+            "options": survey.options,
+            "grants": survey.grants,
+            "tasks": dict(survey.tasks),
+            "units": list(survey.units),
+            "base_frame": survey.base_frame,
+            "mastership": survey.mastership,
+        },
+        "findings": [vars(finding) for finding in found],
+        "plan": {
+            "write": list(plan.writes),
+            "replace": list(plan.replaced),
+            "load": list(plan.load),
+            "set": dict(plan.symbols),
+        },
+        "by_hand": list(plan.by_hand),
+    }
+
+
+def _report(document: dict[str, Any], *, json: bool) -> None:
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(document))
+
+
+# --- files and arguments ---
+
+
+def _rws(address: str) -> "RwsAddress":
+    from drivers.errors import AddressNotUnderstood
+    from drivers.robots.abb.rws.address import RwsAddress
+
+    if not address.startswith("rws://"):
+        raise AddressNotUnderstood(address, "a controller is set up over Robot Web Services", "write rws://host")
+    return RwsAddress.parse(address)
+
+
+def _setting(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise CommandError(text, "this is no setting", "write NAME=VALUE", ExitStatus.UNREADABLE)
+    return name.strip(), value
+
+
+def _package(modules: Path, folder: str, robotware: int) -> "Package":
+    from drivers.robots.abb.setup.plan import Package
+
+    return Package(folder, module_files(modules) | module_files(modules / f"rw{robotware}", modules=False))
+
+
+def _backup_folder(name: str) -> Path:
+    from datetime import UTC, datetime
+
+    plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-") or "controller"
+    return Path(f"handeyed-setup-{plain}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
+
+
+def _write_record(folder: Path, record: "SetupRecord") -> None:
+    from json import dumps
+
+    try:
+        (folder / "HOME").mkdir(parents=True, exist_ok=True)
+        for path, content in record.files.items():
+            if content is not None:
+                (folder / "HOME" / path).parent.mkdir(parents=True, exist_ok=True)
+                (folder / "HOME" / path).write_bytes(content)
+        for name, content in record.configuration.items():
+            (folder / name).write_bytes(content)
+        (folder / RECORD).write_text(dumps(record.document(), indent=2))
+    except OSError as error:
+        raise CommandError(str(folder), error.strerror or str(error), "name another folder with --backup") from None
+
+
+def _read_record(folder: Path) -> "SetupRecord":
+    from daemon.runtime.bounded_read import read_bounded
+    from drivers.robots.abb.setup.installer import SetupRecord
+
+    home = folder / "HOME"
+    try:
+        contents = {str(p.relative_to(home)): read_bounded(p) for p in sorted(home.rglob("*")) if p.is_file()}
+        return SetupRecord.from_document(read_bounded(folder / RECORD), contents)
+    except (OSError, ValueError) as error:
+        raise CommandError(
+            str(folder), f"no backup of a setup ({error})", "name the folder that it made", ExitStatus.UNREADABLE
+        ) from None

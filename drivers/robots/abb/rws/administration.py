@@ -1,0 +1,169 @@
+"""What an installation needs of Robot Web Services: options, grants, configuration, RAPID symbols, files."""
+
+from collections.abc import AsyncIterator, Iterator, Mapping
+from contextlib import asynccontextmanager
+from typing import Any
+from urllib.parse import quote
+
+from drivers.errors import RequestRefused
+from drivers.robots.abb.rws.address import RwsAddress
+from drivers.robots.abb.rws.client import RwsClient
+from drivers.robots.abb.rws.parsing import Values
+from drivers.timing import Timing
+
+ABSENT = ("NOT_FOUND", "BAD_ARGUMENT", "GONE")
+"""Statuses of a refusal of something that this RobotWare, or this controller, does not have."""
+
+
+class RwsAdministration:
+    """One session with the controller. Every method raises DeviceError."""
+
+    def __init__(self, address: RwsAddress, timing: Timing | None = None) -> None:
+        self.address = address
+        self._client = RwsClient(f"robot {address.address}", address, timing or Timing())
+
+    async def __aenter__(self) -> "RwsAdministration":
+        await self._client.find()
+        return self
+
+    async def __aexit__(self, *error: object) -> None:
+        await self._client.close()
+
+    @property
+    def device(self) -> str:
+        """Name for messages."""
+        return self._client.device
+
+    @property
+    def version(self) -> int:
+        """Version of the services: 1 on RobotWare 6, 2 on 7."""
+        return self._client.require_dialect().version
+
+    # --- reading ---
+
+    async def read(self, path: str, query: Mapping[str, str] | None = None) -> list[dict[str, Any]] | None:
+        """Resources at a path; None when the controller does not have it."""
+        try:
+            return await self._client.get(path, query)
+        except RequestRefused as refused:
+            if refused.status in ABSENT:
+                return None
+            raise
+
+    async def read_first(self, path: str) -> Values:
+        """The first resource at a path; {} when there is none."""
+        return next(iter(await self.read(path) or ()), {})
+
+    async def read_panel(self) -> Values:
+        """`ctrlstate`, `opmode` and `ctrlexecstate`, as far as they can be read."""
+        paths = (self._client.require_dialect().controller_state, "/rw/panel/opmode", "/rw/rapid/execution")
+        return {key: value for path in paths for key, value in (await self.read_first(path)).items()}
+
+    async def read_options(self) -> tuple[str, ...] | None:
+        """Options of the system, as "623-1 Multitasking"; None when the controller does not list them."""
+        found = await self.read("/rw/system/options")
+        return None if found is None else tuple(_texts(found, "option"))
+
+    async def read_grants(self) -> tuple[str, ...] | None:
+        """Grants of the user in session, as "UAS_CFG_WRITE"; None when the controller does not list them."""
+        found = await self.read(self._client.require_dialect().grants)
+        if found is None:
+            return None
+        return tuple(str(each.get("grantname") or each.get("_title", "")) for each in found)
+
+    async def read_base_frame(self, mechunit: str) -> tuple[float, ...] | None:
+        """World to base: x, y, z in mm and quaternion (w, x, y, z); None when it cannot be read."""
+        values = await self.read_first(f"/rw/motionsystem/mechunits/{mechunit}/baseframe")
+        try:
+            return tuple(float(values[key]) for key in ("x", "y", "z", "q1", "q2", "q3", "q4"))
+        except (KeyError, TypeError, ValueError):
+            return None
+
+    async def read_mastership(self) -> Values:
+        """Who holds the mastership that loading needs; {} where there is none, as on RobotWare 8."""
+        domain = "rapid" if self.version == 1 else "edit"
+        return await self.read_first(f"/rw/mastership/{domain}")
+
+    async def read_instances(self, domain: str, kind: str) -> frozenset[str]:
+        """Names of the instances of a type of the configuration."""
+        found = await self.read(f"/rw/cfg/{domain}/{kind}/instances")
+        return frozenset(str(each.get("_title", "")).removeprefix(f"{domain}/{kind}/") for each in found or ())
+
+    async def read_modules(self, task: str) -> tuple[str, ...]:
+        """Names of the modules that a task holds."""
+        if self.version == 1:
+            found = await self.read("/rw/rapid/modules", {"task": task})
+        else:
+            found = await self.read(f"/rw/rapid/tasks/{task}/modules")
+        return tuple(str(each.get("name") or each.get("_title", "")) for each in found or ())
+
+    async def read_symbol(self, name: str) -> str | None:
+        """Value of task/module/symbol in RAPID's spelling; None when there is none."""
+        values = await self.read_first(self._client.require_dialect().symbol(name))
+        return str(values["value"]) if "value" in values else None
+
+    async def read_file(self, path: str) -> bytes | None:
+        """Content of a file below HOME; None when there is none."""
+        return await self._client.get_file(path)
+
+    # --- acting ---
+
+    async def make_folder(self, path: str) -> None:
+        """Make a folder below HOME."""
+        await self._client.make_folder(path)
+
+    async def write_file(self, path: str, content: bytes) -> None:
+        """Write a file below HOME."""
+        await self._client.put_file(path, content)
+
+    async def delete_file(self, path: str) -> None:
+        """Delete a file or an empty folder below HOME; no effect when there is none."""
+        try:
+            await self._client.delete_file(path)
+        except RequestRefused as refused:
+            if refused.status not in ABSENT:
+                raise
+
+    async def save_configuration(self, domain: str, path: str) -> bytes | None:
+        """Save a domain to a file below HOME, and return its content."""
+        dialect = self._client.require_dialect()
+        call, query = dialect.save_cfg(domain)
+        await self._client.post(call, query, {"filepath": f"/fileservice/{dialect.home}/{path}"})
+        return await self.read_file(path)
+
+    @asynccontextmanager
+    async def hold_mastership(self, domain: str) -> AsyncIterator[None]:
+        """Hold the mastership of `cfg` or `rapid` meanwhile."""
+        dialect = self._client.require_dialect()
+        await self._client.post(*dialect.mastership(domain, "request"), {})
+        try:
+            yield
+        finally:
+            await self._client.post(*dialect.mastership(domain, "release"), {})
+
+    async def load_configuration(self, path: str) -> None:
+        """Load a configuration file of HOME, when it has no duplicates. Needs the mastership of cfg."""
+        dialect = self._client.require_dialect()
+        call, query = dialect.load_cfg
+        form: Mapping[str, str] = {"filepath": f"{dialect.home}/{path}", "action-type": "add"}
+        await self._client.post(call, query, form)
+
+    async def delete_instance(self, domain: str, kind: str, name: str) -> None:
+        """Delete an instance of the configuration. Needs the mastership of cfg."""
+        await self._client.delete(f"/rw/cfg/{domain}/{kind}/instances/{quote(name, safe='')}")
+
+    async def write_symbol(self, name: str, value: str) -> None:
+        """Set a PERS. Needs the mastership of rapid."""
+        path, query = self._client.require_dialect().set_symbol(name)
+        await self._client.post(path, query, {"value": value})
+
+
+def _texts(value: Any, name: str) -> Iterator[str]:
+    """Every text called `name`, at any depth: RWS 2.0 nests what 1.0 lists."""
+    if isinstance(value, list):
+        for each in value:
+            yield from _texts(each, name)
+    elif isinstance(value, dict):
+        if isinstance(value.get(name), str):
+            yield value[name]
+        yield from (text for each in value.values() if isinstance(each, list | dict) for text in _texts(each, name))

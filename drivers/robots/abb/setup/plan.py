@@ -1,0 +1,144 @@
+"""The steps of an installation, from what the controller is and what is to be installed. Pure."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from drivers.robots.abb.setup import settings
+from drivers.robots.abb.setup.requirements import WRITE_CONFIGURATION, WRITE_DATA, Finding
+from drivers.robots.abb.setup.survey import ControllerSurvey
+from protocols.cfg_file import CfgFile, parse_cfg
+
+SHARED_MODULE = "CELL_shared.sys"
+LOAD_MENU = "RobotStudio: Configuration, Load Parameters, 'Load parameters if no duplicates'"
+RESET_RAPID = {
+    6: "restart with Reset RAPID (pendant: ABB menu, Restart, Advanced, Reset RAPID), which takes modules and settings",
+    7: "restart with Reset RAPID (pendant: Settings, Advanced restart, Reset RAPID), which takes modules and settings",
+}
+POINTER = "run mode continuous; PP to main; motors on; start; then AUTO"
+FIREWALL = (
+    "let the link through: pendant, Settings, Network, Firewall Manager: RobotWebServices and RAPID sockets, for the "
+    "port the PC is at"
+)
+
+
+@dataclass(frozen=True)
+class Package:
+    """What is installed: files by name in one folder of HOME, among them the configuration fragments."""
+
+    folder: str
+    files: Mapping[str, bytes]
+
+    @property
+    def fragments(self) -> dict[str, CfgFile]:
+        """Configuration files by name."""
+        return {
+            name: parse_cfg(content.decode("ascii", "replace"))
+            for name, content in self.files.items()
+            if name.lower().endswith(".cfg")
+        }
+
+    @property
+    def shared(self) -> str:
+        """Text of the module with the settings; "" without one."""
+        return self.files.get(SHARED_MODULE, b"").decode("ascii", "replace")
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Paths below HOME."""
+        return tuple(f"{self.folder}/{name}" for name in self.files)
+
+    def with_settings(self, values: Mapping[str, str]) -> "Package":
+        """The same with other settings. Raises AddressNotUnderstood for one that cannot be."""
+        if not values:
+            return self
+        written = settings.replace_settings(self.shared, values).encode("ascii")
+        return Package(self.folder, {**self.files, SHARED_MODULE: written})
+
+    def setting(self, name: str) -> str:
+        """Value of a setting in the text; "" without one."""
+        return settings.value_in(self.shared, name) or ""
+
+    @property
+    def load_is_default(self) -> bool:
+        """Whether the tool load is the 1 gram of tool0."""
+        return "[0.001," in self.setting("cell_flange").replace(" ", "")
+
+
+@dataclass(frozen=True)
+class SetupPlan:
+    """What would be done. `symbols`: values by task/module/name. `by_hand`: steps of a person, in order."""
+
+    package: Package
+    replaced: tuple[str, ...]
+    unchanged: tuple[str, ...]
+    load: tuple[str, ...]
+    symbols: Mapping[str, str]
+    by_hand: tuple[str, ...]
+
+    @property
+    def writes(self) -> tuple[str, ...]:
+        """Names of the files that are written."""
+        return tuple(name for name in self.package.files if name not in self.unchanged)
+
+    @property
+    def changes_anything(self) -> bool:
+        """Whether anything is to be done over Robot Web Services."""
+        return bool(self.writes or self.load or self.symbols)
+
+    def lines(self) -> tuple[str, ...]:
+        """Lines for a person, in the order of execution."""
+        folder = self.package.folder
+        kept = "back up  configuration of " + ", ".join(sorted({f.domain for f in self.package.fragments.values()}))
+        return (
+            *((kept,) if self.load else ()),
+            *(f"back up  HOME:/{folder}/{name}" for name in self.replaced),
+            *(f"write    HOME:/{folder}/{name}  {len(self.package.files[name])} bytes" for name in self.writes),
+            *(f"load     {name}" for name in self.load),
+            *(f"set      {name} := {value}" for name, value in self.symbols.items()),
+            *(f"by hand  {number}. {step}" for number, step in enumerate(self.by_hand, 1)),
+        )
+
+
+def plan_setup(
+    survey: ControllerSurvey, package: Package, values: Mapping[str, str], found: Iterable[Finding], task: str
+) -> SetupPlan:
+    """Plan an installation of `package` with the settings `values`. Raises AddressNotUnderstood for a bad setting."""
+    package = package.with_settings(values)
+    codes = {finding.code for finding in found}
+    locked = bool({"manual-mode", "mastership"} & codes)
+    current = {path.rpartition("/")[2]: content for path, content in survey.files.items()}
+    unchanged = tuple(name for name, content in package.files.items() if current.get(name) == content)
+    absent = tuple(name for name, fragment in package.fragments.items() if wants(survey, name, fragment, package))
+    may_load = WRITE_CONFIGURATION.is_held(survey) and not locked and survey.family <= 7
+    symbols = {} if locked or not WRITE_DATA.is_held(survey) else _symbols(survey, package, values)
+    changed = set(package.files) - set(unchanged) or absent
+    by_hand = (
+        *(() if may_load else (f"{LOAD_MENU}: HOME:/{package.folder}/{name}" for name in absent)),
+        *((RESET_RAPID.get(survey.family, RESET_RAPID[7]),) if changed else ()),
+        *((FIREWALL,) if survey.family >= 7 and not survey.virtual else ()),
+        f"{task}: no other module may have a main; {POINTER}",
+        "run this command again: it reads back the settings in use" if not survey.symbols else "handeyed check",
+    )
+    replaced = tuple(name for name in package.files if name in current and name not in unchanged)
+    return SetupPlan(package, replaced, unchanged, absent if may_load else (), symbols, by_hand)
+
+
+def wants(survey: ControllerSurvey, name: str, fragment: CfgFile, package: Package) -> bool:
+    """Whether a fragment is still to be loaded: one of its named instances is not in the configuration.
+
+    The serial port is wanted only for a link over a serial line.
+    """
+    if fragment.domain == "SIO" and package.setting("cell_use_serial").upper() != "TRUE":
+        return False
+    named = [each for each in fragment.instances if "Name" in each.attributes and each.kind != "SYSSIG_OUT"]
+    return any(each.name not in survey.instances.get(f"{fragment.domain}/{each.kind}", frozenset()) for each in named)
+
+
+def _symbols(survey: ControllerSurvey, package: Package, values: Mapping[str, str]) -> dict[str, str]:
+    """Settings in use that differ from those wanted."""
+    wanted = {name: package.setting(name) for name in values}
+    return {
+        symbol: wanted[name]
+        for symbol, value in survey.symbols.items()
+        if (name := symbol.rpartition("/")[2]) in wanted and not settings.same_value(value, wanted[name])
+    }

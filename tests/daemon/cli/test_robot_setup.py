@@ -1,0 +1,191 @@
+"""`handeyed robot setup` at the mock: what a controller lacks is said before a write; then all is done, and undone."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from daemon.cli.main import app
+from mock_robot.cabinet.panel import Mode
+from tests.daemon.cli.running import Ran, handeyed
+from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
+
+State = Callable[[RwsCell], Any]
+
+
+def run(cell: RwsCell, version: int, *options: str | Path) -> Ran:
+    return handeyed("robot", "setup", cell.rws(version), *options)
+
+
+def bare(cell: RwsCell) -> None:
+    """A controller as it is delivered."""
+    cell.world.remove_robot_program()
+
+
+def without(*options: str) -> State:
+    return lambda cell: setattr(cell.world.equipment, "without", frozenset(options))
+
+
+def denied(*grants: str) -> State:
+    return lambda cell: setattr(cell.world.equipment, "denied", frozenset(grants))
+
+
+def manual(cell: RwsCell) -> None:
+    cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
+
+
+def virtual(cell: RwsCell) -> None:
+    cell.world.equipment = replace(cell.world.equipment, virtual=True)
+
+
+def upside_down(cell: RwsCell) -> None:
+    cell.world.equipment.base_frame = (0.0, 0.0, 2500.0, 0.0, 1.0, 0.0, 0.0)
+
+
+def held(cell: RwsCell) -> None:
+    cell.cell.inject_fault("rws-mastership-held")
+
+
+FINDINGS: list[tuple[int, State, str, bool, str]] = [
+    (1, without("623-1"), "multitasking", True, "623-1 Multitasking"),
+    (2, without("3114-1"), "multitasking", True, "3114-1 Multitasking"),
+    (1, without("616-1"), "pc-interface", True, "616-1 PC Interface"),
+    (1, denied("UAS_FTP_WRITE"), "grant-files", True, "Groups"),
+    (2, denied("UAS_FILE_ACCESS_READ_WRITE"), "grant-files", True, "Roles"),
+    (2, denied("UAS_CFG_WRITE"), "grant-configuration", False, "Modify configuration"),
+    (1, denied("UAS_RAPID_CURRVALUE"), "grant-data", False, "Reset RAPID"),
+    (2, denied("UAS_REMOTE_START_STOP_IN_AUTO"), "grant-remote-stop", False, "Remote Start and Stop in Auto"),
+    (1, manual, "manual-mode", False, "switch to AUTO"),
+    (2, held, "mastership", False, "Release Write Access"),
+    (2, virtual, "virtual", False, "127.0.0.1"),
+    (1, upside_down, "base-frame", False, "[0, 0, 2500, 0, 1, 0, 0]"),
+    (1, bare, "tool-load", False, "LoadIdentify"),
+]
+
+
+@pytest.fixture(scope="module")
+def shared_cell() -> Any:
+    with rws_cell_apart() as cell:
+        yield cell
+
+
+@pytest.mark.parametrize(("version", "state", "code", "missing", "words"), FINDINGS, ids=lambda each: str(each)[:24])
+def test_what_a_controller_lacks_is_said_before_anything_is_changed(
+    shared_cell: RwsCell, version: int, state: State, code: str, missing: bool, words: str
+) -> None:
+    cell, before = shared_cell, replace(shared_cell.world.equipment)
+    cell.does(lambda: state(cell))
+    try:
+        ran = run(cell, version, "--dry-run", "--json")
+        found = {each["code"]: each for each in json.loads(ran.out)["findings"]}
+        assert words in found[code]["what"] + found[code]["fix"]
+        assert found[code]["missing"] is missing
+        assert ran.status == (1 if missing else 0)
+        assert not cell.world.volumes.files
+    finally:
+        cell.world.equipment = before
+        cell.does(cell.cell.clear_faults)
+        cell.does(lambda: cell.controller.recover(cell.cell.clock()))
+
+
+def test_egm_is_asked_for_only_when_it_is_wanted(shared_cell: RwsCell) -> None:
+    without("689-1")(shared_cell)
+    try:
+        assert run(shared_cell, 1, "--dry-run").status == 0
+        assert "689-1 Externally Guided Motion" in run(shared_cell, 1, "--dry-run", "--egm").out
+    finally:
+        without()(shared_cell)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_bare_controller_is_set_up_read_back_and_undone(version: int, tmp_path: Path) -> None:
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        world, before = cell.world, {"HOME/handeyed/CELL_comm.mod": b"MODULE of_before\r\nENDMODULE\r\n"}
+        world.volumes.files.update(before)
+        done = run(cell, version, "--yes", "--backup", tmp_path, "--set", "cell_reach=555")
+        assert done.status == 0, done.out + done.err
+        assert "by hand  1. restart with Reset RAPID" in done.out
+        assert b"PERS num cell_reach :=555;" in world.volumes.files["HOME/handeyed/CELL_shared.sys"]
+        assert "T_COMM" in world.equipment.configuration["SYS"]["CAB_TASKS"]
+        assert "cell_do_motors" in world.equipment.configuration["EIO"]["EIO_SIGNAL"]
+        cell.does(lambda: cell.controller.restart(cell.cell.clock()))
+        cell.does(cell.cell.nudge)
+        assert world.memory.tasks == {"T_ROB1": True, "T_COMM": False}
+        assert "write " not in run(cell, version, "--dry-run", "--set", "cell_reach=555").out
+        undone = handeyed("robot", "remove", cell.rws(version), "--backup", tmp_path, "--yes")
+        assert undone.status == 0, undone.out + undone.err
+        assert world.volumes.files == before
+        assert not any(instances for kinds in world.equipment.configuration.values() for instances in kinds.values())
+
+
+def test_what_may_not_be_loaded_becomes_a_step_by_hand(tmp_path: Path) -> None:
+    with rws_cell_apart() as cell:
+        cell.does(lambda: (bare(cell), manual(cell), held(cell)))
+        done = run(cell, 2, "--yes", "--backup", tmp_path, "--json")
+        document = json.loads(done.out)
+        assert done.status == 0, done.err
+        assert document["plan"]["load"] == []
+        assert [step for step in document["by_hand"] if "HOME:/handeyed/SYS.cfg" in step]
+        assert len(cell.world.volumes.files) == 5
+        assert not cell.world.equipment.configuration
+
+
+def test_a_refusal_on_the_way_is_named_and_the_rest_goes_on(tmp_path: Path) -> None:
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        cell.world.equipment.load('SYS:CFG_1.0:6:0::\nCAB_TASK_MODULES:\n      -File "HOME:/handeyed/CELL_comm.mod"\n')
+        done = run(cell, 1, "--yes", "--backup", tmp_path)
+        assert done.status == 1
+        assert "FAIL  load SYS.cfg" in done.out
+        assert "ok    load EIO.cfg" in done.out
+
+
+def test_settings_in_use_are_set_and_read_back(tmp_path: Path) -> None:
+    with rws_cell_apart(program="rapid") as cell:
+        done = run(
+            cell, 1, "--yes", "--backup", tmp_path, "--set", "cell_reach=555", "--set", "cell_box_low=[-1, -2, 3]"
+        )
+        assert done.status == 0, done.out + done.err
+        assert "ok    T_ROB1/CELL_shared/cell_reach := 555" in done.out
+        symbol = cell.controller.symbol("t_rob1", "cell_shared", "cell_box_low")
+        assert symbol is not None
+        assert symbol.value == "[-1,-2,3]"
+        assert handeyed("robot", "remove", cell.rws(1), "--backup", tmp_path, "--yes").status == 0
+        assert symbol.value != "[-1,-2,3]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (("--set", "cell_reach"), 2, "write NAME=VALUE"),
+        (("--set", "cell_of_none=1"), 1, "no such setting"),
+        (("--set", "cell_reach=far"), 1, "this is no num"),
+        (("--task", "T_ROB_L"), 1, "no motion task is named T_ROB_L: there are T_ROB1"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(
+    shared_cell: RwsCell, arguments: tuple[str, ...], status: int, words: str
+) -> None:
+    ran = run(shared_cell, 1, "--yes", *arguments)
+    assert ran.status == status
+    assert words in ran.out + ran.err
+    assert not shared_cell.world.volumes.files
+
+
+def test_nothing_is_done_without_consent(shared_cell: RwsCell) -> None:
+    shared_cell.does(lambda: bare(shared_cell))
+    refused = CliRunner().invoke(app, ["robot", "setup", shared_cell.rws(1)], input="n\n")
+    assert refused.exit_code == 1
+    assert "nothing was changed" in refused.stderr
+    assert not shared_cell.world.volumes.files
+
+
+def test_a_backup_that_is_none_is_refused(shared_cell: RwsCell, tmp_path: Path) -> None:
+    ran = handeyed("robot", "remove", shared_cell.rws(1), "--backup", tmp_path, "--yes")
+    assert ran.status == 2
+    assert "no backup of a setup" in ran.err
