@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import signal
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -15,54 +16,91 @@ from daemon.access.roles import Role
 from daemon.application import Application
 from daemon.cell.cell import Devices
 from daemon.composition import build
+from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord
+from daemon.model.run_states import RunState
 from daemon.plc.service import PlcService
 from daemon.server import Server
 from drivers.registry import open_robot
 from protocols.modbus.codes import Function
 from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.access_keys import TEST, bearer
+from tests.daemon.calibrations import a_calibration
 from tests.daemon.fakes import FakeCamera, FakeRobot, FakeScanner
 from tests.daemon.plcs import MOVING, Ladder
 from tests.drivers.modbus_terminal import Terminal
 from tests.mock_robot.running_cell import RunningCell, running_cell
-from tests.stories.plant import settings_of
+from tests.stories.plant import poses_taught_for, settings_of
 from tests.support.waiting import LIMIT_S, eventually
 
 MAX_IDLE_S = 2.0
+SCHEDULE_H = 0.2 / 3600
+"""A verification is due as often as the schedule checks."""
 NONE = ControlBit(0)
+POSES = [pose.model_dump(mode="json") for pose in poses_taught_for(7)[:3]]
 
 
 class Gate(Terminal):
-    """A terminal whose first input is the gate. `seen`: how it was read last; `readings`: how often."""
+    """A terminal whose first input is the gate. `seen`: closed when last read; `readings`, of them `openings`."""
 
     seen = False
     readings = 0
+    openings = 0
 
     def bits(self, function: Function, address: int, count: int) -> Any:
         self.seen, self.readings = self.inputs[0], self.readings + 1
+        self.openings += not self.seen
         return super().bits(function, address, count)
 
 
 @dataclass
 class Witness:
-    """Records what is wrong with each departure of the arm."""
+    """Records what is wrong with each departure of the arm.
+
+    `entitled`: runs that somebody asked for and nobody has ended. `openings`: the gate's when the latest of them
+    finished; None when it has not, and after a failed or aborted run: then nobody consents to scheduled verifications.
+    """
 
     gate: Gate
     starting: int = 0
     entitled: set[str] = field(default_factory=set)
+    latest: str = ""
+    openings: int | None = None
     wrong: list[str] = field(default_factory=list)
     departures: int = 0
+    scheduled: int = 0
     readings: int = 0
 
-    def watch(self, cell: RunningCell, run_in_progress: Callable[[], str | None]) -> None:
+    def entitle(self, run: str) -> None:
+        self.entitled.add(run)
+        self.latest = run
+
+    def withdraw(self) -> None:
+        """From now on nobody's request is in progress, and nobody consents to a scheduled verification."""
+        self.entitled.clear()
+        self.openings = None
+
+    def hear(self, kind: str, data: dict[str, Any]) -> None:
+        """Take note of the end of a run."""
+        if kind == "run" and data["state"] in (RunState.FAILED, RunState.ABORTED):
+            self.openings = None
+        if kind == "run" and data["state"] == RunState.FINISHED and data["id"] == self.latest:
+            self.openings = self.gate.openings
+
+    def _may_depart(self, run: RunRecord | None) -> bool:
+        if run is not None and run.kind == "verify":  # only the schedule starts those here
+            self.scheduled += 1
+            return self.openings == self.gate.openings
+        return self.starting > 0 or (run is not None and run.id in self.entitled)
+
+    def watch(self, cell: RunningCell, run_in_progress: Callable[[], RunRecord | None]) -> None:
         """Look at every departure from now on."""
         depart = cell.controller.arm.depart
 
         def departs(*arguments: Any) -> Any:
             self.departures += 1
             run = run_in_progress()
-            if run not in self.entitled and not self.starting:
-                self.wrong.append(f"departure {self.departures}: nobody's request is in progress (run {run})")
+            if not self._may_depart(run):
+                self.wrong.append(f"departure {self.departures}: nobody's request is in progress ({run})")
             if not self.gate.seen or self.gate.readings == self.readings:
                 self.wrong.append(f"departure {self.departures}: the gate was not seen closed before it")
             self.readings = self.gate.readings
@@ -86,10 +124,10 @@ class WatchedPlant:
     application: Application = field(init=False)
     client: httpx.AsyncClient = field(init=False)
     plc: Ladder = field(init=False)
+    server: Server = field(init=False)
 
-    def run_in_progress(self) -> str | None:
-        run = self.application.supervisor.in_progress
-        return None if run is None else run.id
+    def run_in_progress(self) -> RunRecord | None:
+        return self.application.supervisor.in_progress
 
     async def restart(self) -> None:
         """The daemon ends in order, and starts again."""
@@ -101,7 +139,13 @@ class WatchedPlant:
         interlocks = {"address": f"tcp://127.0.0.1:{self.gate.port}", "limit_s": 5.0, "signals": signals}
         settings = settings_of(self.cell.announcement, self.folder).model_dump(mode="json", exclude_none=True)
         settings = type(settings_of(self.cell.announcement, self.folder)).model_validate(
-            {**settings, "interlocks": interlocks, "plc": MOVING}
+            {
+                **settings,
+                "interlocks": interlocks,
+                "plc": MOVING,
+                "drift": {"every_h": SCHEDULE_H},
+                "calibration": {**settings["calibration"], "poses": POSES},
+            }
         )
         arm = FakeRobot()
         self.application = build(
@@ -110,13 +154,15 @@ class WatchedPlant:
                 open_robot(made.robot.address), FakeCamera(arm, blind=lambda _: True, size=(1920, 1200)), FakeScanner()
             ),
         )
+        self._hear_events()
         announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        server = Server(self.application, announced.set_result)
+        self.server = server = Server(self.application, announced.set_result)
         task = asyncio.create_task(server.listen())
         await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
         if not self.keys:
             for role in (Role.OPERATOR, Role.VIEWER):
                 self.keys[role.word], _ = await self.application.key_service.add(role.word, role, TEST)
+            await put_in_force(self.application)
         self.client = await self.running.enter_async_context(
             httpx.AsyncClient(base_url=announced.result(), timeout=LIMIT_S)
         )
@@ -137,7 +183,16 @@ class WatchedPlant:
     async def stop(self) -> None:
         self.stop_flood()
         await self.running.aclose()
-        self.witness.entitled.clear()
+        self.witness.withdraw()
+
+    def _hear_events(self) -> None:
+        publish = self.application.events.publish
+
+        def published(kind: str, data: dict[str, Any]) -> None:
+            self.witness.hear(kind, data)
+            publish(kind, data)
+
+        self.application.events.publish = published  # type: ignore[method-assign]
 
     async def _post(self, path: str, who: str, **body: Any) -> httpx.Response:
         return await self.client.post(path, headers=bearer(self.keys[who]), json=body)
@@ -148,8 +203,8 @@ class WatchedPlant:
         self.witness.starting += 1
         answer = await self._post("/scans", "operator", capture=True, name="part")
         if answer.status_code in (201, 202) and (run := self.run_in_progress()):
-            self.run = run
-            self.witness.entitled.add(run)
+            self.run = run.id
+            self.witness.entitle(run.id)
         self.witness.starting -= 1
 
     async def viewer_starts(self) -> None:
@@ -175,8 +230,8 @@ class WatchedPlant:
         with contextlib.suppress(TimeoutError):
             await self.plc.waits(StatusBit.TRIGGER_ACK, within_s=MAX_IDLE_S)
         if run := self.run_in_progress():
-            self.run = run
-            self.witness.entitled.add(run)
+            self.run = run.id
+            self.witness.entitle(run.id)
         await self.plc.sets(NONE)
         self.witness.starting -= 1
 
@@ -184,7 +239,7 @@ class WatchedPlant:
         """The abort is held until no run is in progress; from then on nobody's is."""
         await self.plc.sets(ControlBit.ABORT)
         await eventually(lambda: not self.run_in_progress())
-        self.witness.entitled.clear()
+        self.witness.withdraw()
         if self.cell.moving:
             self.witness.wrong.append("a PLC's abort left no run in progress while the arm was moving")
         await self.plc.sets(NONE)
@@ -197,6 +252,16 @@ class WatchedPlant:
         seen = self.witness.departures
         with contextlib.suppress(AssertionError):
             await eventually(lambda: self.witness.departures > seen or not self.run_in_progress(), MAX_IDLE_S)
+
+    async def waits_for_the_end(self) -> None:
+        if run := self.run_in_progress():
+            with contextlib.suppress(AssertionError):
+                await eventually(lambda: self.run_in_progress() != run, MAX_IDLE_S)
+
+    async def waits_for_the_schedule(self) -> None:
+        seen = self.witness.scheduled
+        with contextlib.suppress(AssertionError):
+            await eventually(lambda: self.witness.scheduled > seen, MAX_IDLE_S)
 
     async def gate_moves(self) -> None:
         self.gate.inputs[0] = not self.gate.inputs[0]
@@ -225,6 +290,11 @@ class WatchedPlant:
             finally:
                 writer.close()
 
+    async def signal_comes(self) -> None:
+        """The process is asked to end, in whatever it does; the service manager starts it again."""
+        self.server.handle_exit(signal.SIGTERM, None)
+        await self.restart()
+
     def stop_flood(self) -> None:
         for task in self.flood:
             task.cancel()
@@ -244,8 +314,18 @@ STEPS = (
     WatchedPlant.reply_is_lost,
     WatchedPlant.emergency_stop,
     WatchedPlant.readers_hang_up,
+    WatchedPlant.waits_for_the_end,
+    WatchedPlant.waits_for_the_schedule,
     WatchedPlant.restart,
+    WatchedPlant.signal_comes,
 )
+
+
+async def put_in_force(application: Application) -> None:
+    """Store a calibration and apply it: without one nothing can be verified."""
+    document = a_calibration("cal-1")
+    await application.store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
+    await application.store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
 
 
 @asynccontextmanager

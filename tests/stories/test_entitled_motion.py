@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from daemon.cell.cell import Cell
+from daemon.drift.schedule import DriftSchedule
 from daemon.model.records import RunRecord
 from daemon.runs.supervisor import Supervisor
 from drivers.interlocked_robot import InterlockedRobot
@@ -58,6 +59,21 @@ async def test_a_plc_that_triggers_moves_the_arm_and_its_abort_stops_it(tmp_path
         await plant.plc_aborts()
         await eventually(lambda: not plant.cell.controller.armed and not plant.cell.moving)
         assert plant.witness.wrong == []
+
+
+async def test_the_schedule_moves_the_arm_after_a_finished_run_only(tmp_path: Path) -> None:
+    async with watched_plant(tmp_path) as plant:
+        await plant.waits_for_the_schedule()
+        assert plant.witness.departures == 0
+        await plant.operator_starts()
+        await eventually(lambda: plant.witness.scheduled > 0)
+        assert plant.witness.wrong == []
+
+
+async def test_a_schedule_that_asks_nobody_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(DriftSchedule, "_skip_reason", lambda self: "")
+    wrong, _ = await history((P.operator_starts, P.operator_aborts, P.waits_for_the_schedule), tmp_path)
+    assert any("nobody's request" in each for each in wrong)
 
 
 async def test_an_abort_that_stops_nothing_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
