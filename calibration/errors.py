@@ -5,7 +5,8 @@ CalibrationError
 ├── DetectionError         the target was not found, or what was found is not the target
 ├── GeometryError          a number is outside a function's domain (not a rotation, not finite)
 ├── UndeterminedError      the motions do not determine X, so there is no transform to return
-└── ComparisonError        two calibrations cannot be compared
+├── ComparisonError        two calibrations cannot be compared
+└── ExportRefused          there is nothing to export, or not in this way
 """
 
 from dataclasses import dataclass
@@ -63,6 +64,16 @@ class ComparisonError(CalibrationError):
     """Two calibrations cannot be compared: one has no transform, or their set-ups differ."""
 
     code = "not-comparable"
+
+    def __init__(self, what: str, fix: str) -> None:
+        self.what, self.fix = what, fix
+        super().__init__(f"{what}: {fix}")
+
+
+class ExportRefused(CalibrationError):
+    """Nothing can be exported: there is no transform, or an option cannot be. `what` and `fix` are sentences."""
+
+    code = "export-refused"
 
     def __init__(self, what: str, fix: str) -> None:
         self.what, self.fix = what, fix

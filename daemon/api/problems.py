@@ -12,6 +12,7 @@ from calibration.errors import (
     DetectionError,
     DocumentError,
     DocumentProblem,
+    ExportRefused,
     UndeterminedError,
 )
 from daemon import errors
@@ -80,6 +81,7 @@ STATUS: dict[type[Exception], int] = {
     DetectionError: 422,
     UndeterminedError: 422,
     ComparisonError: 409,
+    ExportRefused: 409,
     CalibrationError: 422,
     CloudUnsupported: 415,
     CloudIOError: 500,
@@ -140,7 +142,14 @@ def _words(error: Exception) -> tuple[str, str, str]:
             return "document-refused", what, "; ".join(dict.fromkeys(p.fix for p in error.problems))
         case device.DeviceError():
             return error.code, f"{error.device}: {error.what}", error.fix
-        case errors.DaemonError() | DetectionError() | UndeterminedError() | ComparisonError() | RegistrationError():
+        case (
+            errors.DaemonError()
+            | DetectionError()
+            | UndeterminedError()
+            | ComparisonError()
+            | ExportRefused()
+            | RegistrationError()
+        ):
             return error.code, str(error.what), error.fix
         case CalibrationError():
             return "calibration-error", str(error), "look at the poses and pictures"

@@ -12,6 +12,7 @@ from daemon.cli.calibrate import calibrate
 from daemon.cli.check import check
 from daemon.cli.compare import compare
 from daemon.cli.demo import demo
+from daemon.cli.export import export
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
 from daemon.cli.output import CommandGroup
@@ -54,6 +55,7 @@ app.add_typer(audit, name="audit", rich_help_panel=CELL)
 app.command("support-bundle", rich_help_panel=CELL)(support_bundle)
 app.command(rich_help_panel=OFFLINE)(solve)
 app.command(rich_help_panel=OFFLINE)(compare)
+app.command(rich_help_panel=OFFLINE)(export)
 app.command(rich_help_panel=OFFLINE)(register)
 app.command(rich_help_panel=OFFLINE)(register_archive)
 app.command(rich_help_panel=OFFLINE)(plan)

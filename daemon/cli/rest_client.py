@@ -48,6 +48,10 @@ class DaemonClient:
         """The JSON answer of a GET."""
         return self._request(lambda: self._http.get(path)).json()
 
+    def read(self, path: str) -> bytes:
+        """The content of a GET."""
+        return self._request(lambda: self._http.get(path)).content
+
     def post(self, path: str, body: dict[str, Any] | None = None) -> Any:
         """The JSON answer of a POST; `body` goes as JSON."""
         return self._request(lambda: self._http.post(path, json=body or {})).json()

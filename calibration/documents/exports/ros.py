@@ -1,0 +1,97 @@
+"""ROS: a static transform as a launch file, as a TFMessage, for easy_handeye2 and for moveit_calibration.
+
+Metres; the quaternion as x, y, z, w. Options of static_transform_publisher as in ros2/geometry2; the .calib file as
+easy_handeye2's HandeyeCalibration.msg; the launch file as moveit_calibration's control widget saves it.
+"""
+
+from calibration.documents.exports.notation import angles_xyz
+from calibration.documents.exports.subject import Subject
+
+UNITS = "metres; quaternion x, y, z, w with w >= 0"
+
+
+def _named(subject: Subject) -> tuple[dict[str, str], dict[str, str]]:
+    """Translation x, y, z in metres and rotation x, y, z, w by name."""
+    w, x, y, z = subject.quaternion_wxyz()
+    return dict(zip("xyz", subject.metres(), strict=True)), {"x": x, "y": y, "z": z, "w": w}
+
+
+def write_launch(subject: Subject) -> str:
+    """A launch file in Python for ROS 2."""
+    translation, rotation = _named(subject)
+    values = {
+        **{f"--{axis}": value for axis, value in translation.items()},
+        **{f"--q{axis}": value for axis, value in rotation.items()},
+        "--frame-id": subject.parent,
+        "--child-frame-id": subject.child,
+    }
+    arguments = "".join(f'                "{option}", "{value}",\n' for option, value in values.items())
+    return (
+        subject.comment("#", UNITS) + "from launch import LaunchDescription\n"
+        "from launch_ros.actions import Node\n\n\n"
+        "def generate_launch_description():\n"
+        "    return LaunchDescription([\n"
+        "        Node(\n"
+        '            package="tf2_ros",\n'
+        '            executable="static_transform_publisher",\n'
+        f"            arguments=[\n{arguments}            ],\n"
+        "        ),\n"
+        "    ])\n"
+    )
+
+
+def write_tf(subject: Subject) -> str:
+    """A tf2_msgs/TFMessage in YAML."""
+    translation, rotation = (_flow(values) for values in _named(subject))
+    publish = (
+        "ros2 topic pub --once --qos-durability transient_local"
+        ' /tf_static tf2_msgs/msg/TFMessage "$(cat tf_static.yaml)"'
+    )
+    return subject.comment("#", UNITS, publish) + (
+        "transforms:\n"
+        f"- header: {{frame_id: {subject.parent}}}\n"
+        f"  child_frame_id: {subject.child}\n"
+        "  transform:\n"
+        f"    translation: {translation}\n"
+        f"    rotation: {rotation}\n"
+    )
+
+
+def write_easy_handeye2(subject: Subject) -> str:
+    """A .calib of easy_handeye2, for ~/.ros2/easy_handeye2/calibrations/NAME.calib."""
+    translation, rotation = _named(subject)
+    kind, base, effector = ("eye_in_hand", "base", subject.parent)
+    if not subject.on_flange:
+        kind, base, effector = ("eye_on_base", subject.parent, "tool0")
+    return subject.comment("#", UNITS, "save it as ~/.ros2/easy_handeye2/calibrations/handeyed.calib") + (
+        "parameters:\n"
+        "  name: handeyed\n"
+        f"  calibration_type: {kind}\n"
+        f"  robot_base_frame: {base}\n"
+        f"  robot_effector_frame: {effector}\n"
+        f"  tracking_base_frame: {subject.child}\n"
+        "  tracking_marker_frame: target\n"
+        "transform:\n"
+        f"  translation: {_flow(translation)}\n"
+        f"  rotation: {_flow(rotation)}\n"
+    )
+
+
+def write_moveit(subject: Subject) -> str:
+    """The launch file of moveit_calibration, a ROS 1 static transform."""
+    translation, rotation = _named(subject)
+    angles = " ".join(subject.radians(angles_xyz(subject.parent_T_child[:3, :3])))
+    about = "; ".join([*subject.about(), UNITS])
+    position, quaternion = " ".join(translation.values()), " ".join(rotation.values())
+    return (
+        "<launch>\n"
+        f"  <!-- {about} -->\n"
+        f'  <!-- xyz="{position}" rpy="{angles}" about fixed axes -->\n'
+        '  <node pkg="tf2_ros" type="static_transform_publisher" name="camera_link_broadcaster"\n'
+        f'      args="{position}   {quaternion} {subject.parent} {subject.child}" />\n'
+        "</launch>\n"
+    )
+
+
+def _flow(values: dict[str, str]) -> str:
+    return "{" + ", ".join(f"{name}: {value}" for name, value in values.items()) + "}"

@@ -1,0 +1,107 @@
+"""`handeyed export FILE|ID --as FORMAT`: X or poses as a file of another system."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import quote, urlencode
+
+import typer
+
+from daemon.cli.errors import CommandError, ExitStatus
+
+if TYPE_CHECKING:
+    from calibration.documents.exports.subject import ExportOptions
+
+LIST = "list"
+WHAT = 'calibration.json, planned.json, session.json, or an id of the daemon ("current": the one in force).'
+CHILD = "Name of the camera's frame; one that ends with camera_link is its body frame (REP 103)."
+
+
+def export(
+    what: Annotated[str, typer.Argument(metavar="FILE|ID", help=WHAT)],
+    form: Annotated[str, typer.Option("--as", metavar="FORMAT", help="The format; without it they are listed.")] = LIST,
+    out: Annotated[Path | None, typer.Option("--out", help="Write here, not to standard output.")] = None,
+    parent: Annotated[str | None, typer.Option(help="Name of the flange's or base's frame.")] = None,
+    child: Annotated[str, typer.Option(help=CHILD)] = "camera_optical_frame",
+    decimals: Annotated[int, typer.Option(min=0, max=9, help="Decimals of lengths in mm.")] = 4,
+    robot: Annotated[str | None, typer.Option(help="The arm of poses, as 'IRB 1600-6/1.45'.")] = None,
+    url: Annotated[str, typer.Option(help="The daemon's address, for an id.")] = "http://127.0.0.1:8372",
+) -> None:
+    """Write a calibration for ROS, RAPID, OpenCV, HALCON and others, or planned poses for the settings and for RAPID.
+
+    Exit status: 0 written, 1 there is nothing to export, 2 unreadable input or no such format.
+    """
+    from calibration.documents.exports.subject import ExportOptions
+    from calibration.errors import ExportRefused
+
+    if form == LIST:
+        typer.echo(_listing())
+        return
+    try:
+        if Path(what).is_file() or what.endswith(".json"):
+            content = _from_file(Path(what), form, ExportOptions(parent, child, decimals), robot)
+        else:
+            content = _from_daemon(url, what, form, ExportOptions(parent, child, decimals))
+    except ExportRefused as error:
+        raise CommandError(what, error.what, error.fix, ExitStatus.UNREADABLE) from None
+    if out is not None:
+        out.write_bytes(content)
+    else:
+        sys.stdout.buffer.write(content)
+
+
+def _listing() -> str:
+    from calibration.documents.exports.formats import FORMATS, POSE_FORMATS
+
+    rows = [(each.name, each.file, each.about) for each in FORMATS.values()]
+    rows += [(each.name, each.file, each.about) for each in POSE_FORMATS.values()]
+    return "\n".join(f"{name:<18}{file:<24}{about}" for name, file, about in rows)
+
+
+def _from_file(file: Path, form: str, options: "ExportOptions", robot: str | None) -> bytes:
+    """From calibration.json, or the poses of a plan's answer or of a session."""
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.exports.formats import POSE_FORMATS, export, export_poses
+    from calibration.documents.validation import parse_document
+    from daemon.runtime.bounded_read import read_document
+
+    content = read_document(file)
+    if form in POSE_FORMATS:
+        return export_poses(_poses(file, content, robot), form)
+    return export(parse_document(CalibrationDocument, content, str(file)), form, options)
+
+
+def _poses(file: Path, content: bytes, robot: str | None) -> Any:
+    """Poses of the flange in what `handeyed plan --json` printed, or in session.json."""
+    import json
+
+    import numpy as np
+
+    from calibration.documents.exports.pose_list import pose_list
+    from calibration.documents.plan import PlannedDocument
+    from calibration.documents.session import SessionDocument
+    from calibration.documents.validation import parse_document
+    from calibration.kinematics.abb_arms import find_arm
+
+    try:
+        keys = set(json.loads(content))
+    except (ValueError, RecursionError, TypeError):
+        keys = set()
+    stations = (
+        parse_document(SessionDocument, content, str(file)).views
+        if "views" in keys
+        else parse_document(PlannedDocument, content, str(file)).poses
+    )
+    poses = np.array([station.base_T_flange.transform() for station in stations]).reshape(-1, 4, 4)
+    return pose_list(file.name, poses, find_arm(robot) if robot else None)
+
+
+def _from_daemon(url: str, calibration_id: str, form: str, options: "ExportOptions") -> bytes:
+    from daemon.cli.rest_client import DaemonClient
+
+    query = {"child": options.child, "decimals": options.decimals}
+    if options.parent is not None:
+        query["parent"] = options.parent
+    with DaemonClient(url) as daemon:
+        path = f"/calibrations/{quote(calibration_id, safe='')}/exports/{quote(form, safe='')}"
+        return daemon.read(f"{path}?{urlencode(query)}")

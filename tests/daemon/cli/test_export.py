@@ -1,0 +1,63 @@
+"""`handeyed export FILE|ID --as FORMAT`."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.exports.formats import FORMATS, POSE_FORMATS
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import difference
+from tests.calibration.documents.exports.readers import READERS
+from tests.calibration.documents.exports.some_poses import POSES
+from tests.daemon.cli.running import handeyed
+
+VERSION_1 = Path(__file__).parents[2] / "calibration" / "documents" / "calibration_version_1.json"
+
+
+def planned(folder: Path) -> Path:
+    """What `handeyed plan --json` prints."""
+    poses = [{"base_T_flange": PoseDocument.of(pose).model_dump(), "target_in_view": 1.0} for pose in POSES]
+    predicted = {"point_mm": 0.1, "translation_mm": [0.1] * 3, "rotation_deg": [0.01] * 3}
+    file = folder / "planned.json"
+    file.write_text(json.dumps({"poses": poses, "predicted": predicted}))
+    return file
+
+
+def test_a_file_is_exported_to_a_file_and_to_standard_output(tmp_path: Path) -> None:
+    known = CalibrationDocument.model_validate_json(VERSION_1.read_bytes())
+    assert known.flange_T_camera is not None
+    for name in ("opencv", "gltf", "kuka"):
+        ran = handeyed("export", VERSION_1, "--as", name, "--out", tmp_path / name)
+        assert (ran.status, ran.out, ran.err) == (0, "", "")
+        apart_mm, _ = difference(READERS[name]((tmp_path / name).read_bytes()), known.flange_T_camera.transform())
+        assert apart_mm < 2e-4
+    assert handeyed("export", VERSION_1, "--as", "kuka").out == (tmp_path / "kuka").read_text()
+
+
+def test_without_a_format_they_are_listed() -> None:
+    listed = handeyed("export", VERSION_1).out.splitlines()
+    assert [line.split()[0] for line in listed] == [*FORMATS, *POSE_FORMATS]
+
+
+def test_planned_poses_go_into_the_settings_and_into_rapid(tmp_path: Path) -> None:
+    arm = ("--robot", "IRB 1600-6/1.45")
+    text = handeyed("export", planned(tmp_path), "--as", "poses-toml", *arm).out
+    taught = tomllib.loads(text)["poses"]
+    assert np.allclose([pose["translation_mm"] for pose in taught], POSES[:, :3, 3], atol=1e-4)
+    assert all(len(pose["configuration"]) == 4 for pose in taught)
+    assert "robtarget he_pose_3" in handeyed("export", planned(tmp_path), "--as", "rapid-robtarget", *arm).out
+    refused = handeyed("export", planned(tmp_path), "--as", "rapid-robtarget")
+    assert refused.status == 2
+    assert "the arm is not known" in refused.err
+
+
+def test_what_cannot_be_exported_is_refused(tmp_path: Path) -> None:
+    assert handeyed("export", tmp_path / "nowhere.json", "--as", "csv").status == 2
+    wrong = handeyed("export", VERSION_1, "--as", "halkon")
+    assert wrong.status == 2
+    assert "did you mean 'halcon'" in wrong.err
+    assert handeyed("export", VERSION_1, "--as", "csv", "--child", "a b").status == 2
+    assert handeyed("export", "some-id", "--as", "csv", "--url", "http://127.0.0.1:1").status == 1
