@@ -19,6 +19,8 @@ class Finding:
     """A message for people: a stable `code`, what was found, and how to fix it.
 
     `effect_mm`: by how much a mapped point moves when the cause is taken into account, None where that is not known.
+    `sizes`: what the verdict compares with its limits, by their names in `calibration.verdict.VerdictLimits`; while
+    none is beyond its limit the severity is `within` at most.
     """
 
     code: str
@@ -26,6 +28,8 @@ class Finding:
     message: str
     fix: str
     effect_mm: float | None = None
+    sizes: tuple[tuple[str, float], ...] = ()
+    within: Severity = "warning"
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,11 @@ class VerdictLimits:
     point_warning_mm : the same, for a warning. A tolerance that somebody has stated is both: see `with_tolerance`.
     negligible_share, warning_share : of the tolerance: a contradiction that moves a mapped point by less is
         information, or a warning.
+    print_scale_share : largest scale error of a printer; more is a wrong number in the target's description.
+    lens_share : largest shift of the target over its distance by other intrinsics for a warning; more is another camera
+        or focus.
+    leave_out_probability : posterior probability of errors beyond the model from which the verdict mentions them.
+    mount_sigma : how far from its expected mount the camera may be found, in sigmas of that expectation.
     """
 
     tolerance_mm: float = 4.0
@@ -37,6 +42,10 @@ class VerdictLimits:
     possible_hold_out_mm: float = 40.0
     negligible_share: float = 0.05
     warning_share: float = 0.25
+    print_scale_share: float = 0.01
+    lens_share: float = 0.005
+    leave_out_probability: float = 0.5
+    mount_sigma: float = 2.0
 
     def with_tolerance(self, tolerance_mm: float | None) -> "VerdictLimits":
         """These limits with a stated tolerance, below which nothing is warned of; unchanged with None."""
@@ -57,9 +66,6 @@ class Verdict:
     limits: VerdictLimits
 
 
-LIKELY = 0.5
-"""Posterior probability of errors beyond the model from which the verdict mentions them."""
-
 CONTRADICTIONS = ("pose-disagrees", "image-disagrees")
 """Reasons for rejecting a view although the target was found in it."""
 
@@ -75,11 +81,14 @@ def judge(problem: Problem, solution: Solution, limits: VerdictLimits = DEFAULT_
 
 
 def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimits) -> Finding:
-    """The finding with its severity lowered to what its effect on a mapped point deserves.
+    """The finding with its severity lowered to what its sizes and its effect on a mapped point deserve.
 
     The uncertainty contains the effects (see `calibration.diagnosis.explain`). An effect within the rest of it, or far
     below the tolerance, is information; one well below the tolerance a warning.
     """
+    if not exceeds_limit(finding, limits):
+        fix = Sentence("none-needed") if finding.within == "info" else finding.fix
+        finding = replace(finding, severity=less_severe(finding.severity, finding.within), fix=fix)
     if finding.effect_mm is None or uncertainty is None:
         return finding
     expanded_mm = COVERAGE_FACTOR * uncertainty.point_mm
@@ -89,7 +98,17 @@ def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimi
         deserved = "warning"
     if finding.effect_mm <= max(without_mm, limits.negligible_share * limits.tolerance_mm):
         deserved = "info"
-    return replace(finding, severity=min(finding.severity, deserved, key=("info", "warning", "error").index))
+    return replace(finding, severity=less_severe(finding.severity, deserved))
+
+
+def exceeds_limit(finding: Finding, limits: VerdictLimits = DEFAULT_VERDICT_LIMITS) -> bool:
+    """Whether one of the finding's sizes is beyond its limit, or it has none to compare."""
+    return not finding.sizes or any(abs(size) > getattr(limits, name) for name, size in finding.sizes)
+
+
+def less_severe(one: Severity, other: Severity) -> Severity:
+    """The lower of two severities."""
+    return min(one, other, key=("info", "warning", "error").index)
 
 
 def verdict_of(solution: Solution, findings: tuple[Finding, ...], limits: VerdictLimits) -> Verdict:
@@ -225,7 +244,7 @@ def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> It
 
 def _leave_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     left_out = solution.leave_out
-    if left_out is not None and left_out.share > LIKELY:
+    if left_out is not None and left_out.share > limits.leave_out_probability:
         yield Finding(
             "leave-out-larger",
             "info",

@@ -11,6 +11,7 @@ DaemonError
 ├── SameAgain             a device repeated its last capture from another pose
 ├── PictureUnusable       the camera's picture cannot be used
 ├── NoPoses               there are no poses, or too few
+├── ToleranceLoosened     a request states a larger tolerance than the settings allow; `stated_mm`, `allowed_mm`
 ├── PoseRefused           a pose lies outside what the settings allow; `station`
 │   └── PathRefused       the flange would leave the box on the way to a pose; `along`, `flange_mm`, `outside_mm`
 ├── NotFound              no such run, calibration, scan, frame, view or page
@@ -140,6 +141,19 @@ class NoPoses(DaemonError):
     """There are no poses, or fewer than asked for."""
 
     code = "no-poses"
+
+
+class ToleranceLoosened(DaemonError):
+    """A request states a larger tolerance than the settings, which forbid that."""
+
+    code = "tolerance-loosened"
+
+    def __init__(self, stated_mm: float, allowed_mm: float) -> None:
+        self.stated_mm, self.allowed_mm = stated_mm, allowed_mm
+        super().__init__(
+            f"a tolerance of {stated_mm:g} mm is larger than the settings' {allowed_mm:g} mm",
+            "state a smaller one or none; or allow it with [calibration] requests_may_loosen",
+        )
 
 
 class PoseRefused(DaemonError):

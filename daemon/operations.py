@@ -14,7 +14,7 @@ from calibration.planning.what_if import PlanComparison
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import Settings, TaughtPose
-from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses
+from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses, ToleranceLoosened
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanViewRecord
 from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
 from daemon.model.run_states import RunState
@@ -61,7 +61,11 @@ class Operations:
     clock: Clock
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
-        """Start a calibration run. Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, StorageError."""
+        """Start a calibration run.
+
+        Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, ToleranceLoosened, StorageError.
+        """
+        self._check_tolerance(request.tolerance_mm)
         settings, target = self.settings.calibration, request.target or self.settings.target
         session = self._session("calibration", target, self.settings.camera.intrinsics)
 
@@ -98,12 +102,13 @@ class Operations:
 
     async def verify(self, request: VerifyRequest) -> RunRecord:
         """Start a verification run. Raises as `calibrate`, and NoCalibration."""
+        self._check_tolerance(request.tolerance_mm)
         settings, target = self.settings.calibration, request.target or self.settings.target
 
         async def prepare() -> RunPlan:
             calibration = await self.current_document()
             await self._check_ready(await self.cell.obstacles())
-            run = VerificationRun(self.workers, calibration)
+            run = VerificationRun(self.workers, calibration, request.tolerance_mm or settings.tolerance_mm)
             session = self._session("verify", target, calibration.camera)
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
@@ -183,6 +188,11 @@ class Operations:
         self.supervisor.require_free()
         await self.store.require_ready()
         return await self.supervisor.start(kind, request.model_dump(mode="json", exclude_none=True), prepare)
+
+    def _check_tolerance(self, tolerance_mm: float | None) -> None:
+        settings = self.settings.calibration
+        if tolerance_mm is not None and settings.forbids(tolerance_mm):
+            raise ToleranceLoosened(tolerance_mm, settings.verdict_limits().tolerance_mm)
 
     async def _check_ready(self, reasons: tuple[str, ...]) -> None:
         if reasons:

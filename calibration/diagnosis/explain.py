@@ -9,7 +9,7 @@ from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY, MAX_VIEWS, MIN_VIEWS, diagnose, evenly_spaced
 from calibration.diagnosis.effect import MappedPoint
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
-from calibration.diagnosis.findings import MAX_PRINT_SCALE_ERROR, diagnosis_findings, lens_findings, with_comparison
+from calibration.diagnosis.findings import diagnosis_findings, lens_findings, with_comparison
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.intrinsics_check import LensMisfit, gross_lens_misfit, lens_misfit
 from calibration.diagnosis.screening import needs_diagnosis
@@ -23,6 +23,7 @@ from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import Problem
 from calibration.solution import COVERAGE_FACTOR, Finding, Solution, Uncertainty
 from calibration.transforms import Array
+from calibration.verdict import DEFAULT_VERDICT_LIMITS, exceeds_limit
 
 MAX_TRANSLATION_MM = 1e9
 """mm: views with a larger coordinate of the robot's pose are ignored."""
@@ -51,7 +52,7 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     # Contradictory numbers may overflow in any hypothesis.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         found = _findings_without_x(problem) if prepared is None else _findings_with_x(problem, solution, prepared)
-    if any(finding.code == "intrinsics-do-not-fit" and finding.severity == "error" for finding in found):
+    if any(f.code == "intrinsics-do-not-fit" and f.severity == "error" and exceeds_limit(f) for f in found):
         # Seen through another lens, a target has another size.
         others = tuple(finding for finding in solution.findings if finding.code != "target-scale")
         solution = replace(solution, findings=others)
@@ -124,7 +125,9 @@ def _lens_misfit(problem: Problem, prepared: PreparedSession, poses: Array) -> L
         drawn, as_shaped = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids]), as_seen
         poses = refine_poses(drawn, prepared.camera, poses)
     misfit = lens_misfit(drawn, prepared.camera, poses, FALSE_ALARM_PROBABILITY, as_shaped)
-    if misfit is None and (as_seen > MAX_USUAL_PX or abs(prepared.scale - 1) > MAX_PRINT_SCALE_ERROR):
+    if misfit is None and (
+        as_seen > MAX_USUAL_PX or abs(prepared.scale - 1) > DEFAULT_VERDICT_LIMITS.print_scale_share
+    ):
         return gross_lens_misfit(problem, drawn, as_shaped)
     return misfit
 

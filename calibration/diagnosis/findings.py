@@ -12,12 +12,6 @@ from calibration.diagnosis.view_hypotheses import CHANGE_CODES
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Severity
 
-MAX_PRINT_SCALE_ERROR = 0.01
-"""Up to a hundredth is a printer; more is a wrong number."""
-
-MAX_LENS_SHARE = 0.005
-"""Largest shift of the target over its distance for a warning; more is an error (another camera or focus)."""
-
 MIN_PICTURE_SCALE_ERROR, MAX_ASPECT_CHANGE, MAX_CENTRE_OFF = 0.1, 0.02, 0.04
 """Intrinsics of pictures of another size: least change of scale; most change of fx / fy, and of the centre as a share
 of the picture's size."""
@@ -39,7 +33,8 @@ def diagnosis_findings(
     other = diagnosis.runner_up
     if other is not None and diagnosis.runner_up_gain > diagnosis.gain - MIN_LOG_LIKELIHOOD_GAIN:
         message = Sentence("explained-or", **message.params, other=other.message)
-    return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix, effect_mm),)
+    sizes = (("print_scale_share", cause.size - 1),) if cause.code == "wrong-pitch" else ()
+    return (Finding(cause.code, severity_of(diagnosis, used), message, cause.fix, effect_mm, sizes),)
 
 
 def with_comparison(finding: Finding, diagnosed: Finding) -> Finding:
@@ -56,9 +51,7 @@ def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
     if cause.code in CHANGE_CODES:
         before = {index for index in used if index < cause.where[0]}
         return "error" if before and used - before else "warning"
-    if cause.code == "wrong-pitch":
-        return "error" if abs(cause.size - 1) > MAX_PRINT_SCALE_ERROR else "warning"
-    return "warning"
+    return "error" if cause.code == "wrong-pitch" else "warning"
 
 
 def lens_findings(misfit: LensMisfit, given: CameraModel, agrees_better: bool) -> tuple[Finding, ...]:
@@ -68,11 +61,10 @@ def lens_findings(misfit: LensMisfit, given: CameraModel, agrees_better: bool) -
     be what the pixels show.
     """
     matrix, factor = misfit.camera.matrix, _picture_scale(misfit.camera, given)
-    severity: Severity = "error" if misfit.share > MAX_LENS_SHARE and agrees_better else "warning"
     return (
         Finding(
             "intrinsics-do-not-fit",
-            severity,
+            "error" if agrees_better else "warning",
             Sentence(
                 "intrinsics-do-not-fit" if factor is None else "intrinsics-of-another-size",
                 before_px=misfit.before_px,
@@ -85,6 +77,7 @@ def lens_findings(misfit: LensMisfit, given: CameraModel, agrees_better: bool) -
                 **({} if factor is None else {"times": 1 / factor}),
             ),
             Sentence("calibrate-camera-in-focus") if factor is None else Sentence("scale-intrinsics", factor=factor),
+            sizes=(("lens_share", misfit.share),),
         ),
     )
 

@@ -83,6 +83,11 @@ class UncertaintyDocument(Document):
         """The covariance (6, 6) of [rotation rad, translation mm], None in one written as version 1."""
         return None if self.covariance is None else np.array(self.covariance)
 
+    @property
+    def worst_expanded_mm(self) -> float | None:
+        """U (k = 2) at the worst of the points that matter, None in one written as version 1."""
+        return max((point.expanded_mm for point in self.points), default=None)
+
 
 class NoiseDocument(Document):
     """Estimated from the data; null where it cannot be."""

@@ -36,6 +36,10 @@ class BoundsDocument(Document):
     possible_hold_out_mm: PositiveFloat = DEFAULT.possible_hold_out_mm
     negligible_share: Annotated[float, Field(ge=0, le=1)] = DEFAULT.negligible_share
     warning_share: Annotated[float, Field(ge=0, le=1)] = DEFAULT.warning_share
+    print_scale_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.print_scale_share
+    lens_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.lens_share
+    leave_out_probability: Annotated[float, Field(ge=0, le=1)] = DEFAULT.leave_out_probability
+    mount_sigma: PositiveFloat = DEFAULT.mount_sigma
 
 
 class LimitsInForceDocument(BoundsDocument):

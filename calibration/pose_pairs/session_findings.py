@@ -15,8 +15,7 @@ from calibration.pose_pairs.noise_marginalisation import MAX_VIEWS
 from calibration.pose_pairs.noise_models import GIVEN
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
-from calibration.solution import Finding, Severity
-from calibration.solver.findings import MAX_PRINT_SCALE_ERROR
+from calibration.solution import Finding
 
 CAMERA_TURNS, CAMERA_SHIFTS = ("camera rotation", "camera roll"), ("camera lateral", "camera depth")
 
@@ -99,8 +98,7 @@ def _poses(problem: Problem, seen: MeasuredViews, used: NDArray[np.bool_]) -> It
 def _lengths(fitted: PoseFit) -> Iterator[Finding]:
     share = fitted.chain.scale - 1
     message = Sentence("lengths-longer" if share > 0 else "lengths-shorter", percent=100 * abs(share))
-    severity: Severity = "error" if abs(share) > MAX_PRINT_SCALE_ERROR else "warning"
-    yield Finding("camera-scale", severity, message, Sentence("check-lengths"))
+    yield Finding("camera-scale", "error", message, Sentence("check-lengths"), sizes=(("print_scale_share", share),))
 
 
 def _noise(seen: MeasuredViews, fitted: PoseFit, used: int) -> Iterator[Finding]:
@@ -108,10 +106,8 @@ def _noise(seen: MeasuredViews, fitted: PoseFit, used: int) -> Iterator[Finding]
     if fitted.camera != GIVEN:
         name = "camera-noise" if seen.covariance is None else "camera-noise-beyond"
         message = Sentence(name, translation_mm=shift_mm, rotation_deg=degrees(turn_rad))
-        if _is_impossible(turn_rad, shift_mm):
-            yield Finding("camera-noise", "error", message, Sentence("check-camera-poses"))
-        else:
-            yield Finding("camera-noise", "info", message, Sentence("none-needed"))
+        sizes = (("possible_translation_mm", shift_mm), ("possible_rotation_rad", turn_rad))
+        yield Finding("camera-noise", "error", message, Sentence("check-camera-poses"), sizes=sizes, within="info")
     if used <= MAX_VIEWS:
         message = Sentence(
             "noises-assumed",

@@ -17,9 +17,6 @@ from calibration.solver.closed_form import THREE_POSE
 from calibration.solver.initial_guess import InitialGuess
 from calibration.solver.view_outliers import Selection
 
-MAX_PRINT_SCALE_ERROR = 0.01
-"""Largest scale error of a printer; a larger one is a wrong number in the description."""
-
 
 def solver_findings(
     problem: Problem, prepared: PreparedSession, start: InitialGuess, selection: Selection
@@ -72,9 +69,10 @@ def _target(prepared: PreparedSession, selection: Selection) -> Iterator[Finding
     if (share := selection.best.scale - 1) != 0.0:
         yield Finding(
             "target-scale",
-            "error" if abs(share) > MAX_PRINT_SCALE_ERROR else "warning",
+            "error",
             Sentence("target-larger" if share > 0 else "target-smaller", percent=100 * abs(share)),
             Sentence("measure-pitch"),
+            sizes=(("print_scale_share", share),),
         )
 
 

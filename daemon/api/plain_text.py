@@ -66,6 +66,13 @@ def _verification_lines(table: dict[str, Any]) -> Iterable[str]:
     yield f"over all {len(table['points'])} points: {sigma} mm"
     if table["expected_point_mm"] is not None:
         yield f"the calibration expects a mapped point within {table['expected_point_mm']:.3g} mm (one sigma)"
+    if table.get("tolerance_mm") is not None:
+        worst = table["worst_expanded_mm"]
+        calibrated = "" if worst is None else f", the calibration's U at the worst point is {worst:.3g} mm"
+        yield (
+            f"{'within' if table['within_tolerance'] else 'NOT within'} the tolerance of {table['tolerance_mm']:g} mm:"
+            f" twice the largest sigma is {table['expanded_mm']:.3g} mm{calibrated}"
+        )
 
 
 def _row(name: str, cells: list[str]) -> str:

@@ -50,6 +50,7 @@ STATUS: dict[type[Exception], int] = {
     errors.CellNotReady: 503,
     errors.Stopping: 503,
     errors.PoseRefused: 422,
+    errors.ToleranceLoosened: 422,
     http_errors.InvalidRequest: 422,
     errors.TargetNotSeen: 422,
     errors.StopUnconfirmed: 502,

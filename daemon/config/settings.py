@@ -128,10 +128,12 @@ class CalibrationSettings(Document):
     """The poses of a calibration, its stopping rule, and whether the operator or the daemon applies the result.
 
     `tolerance_mm`: largest U (k = 2) at the worst of the points that matter; a run stops when it is met.
+    `requests_may_loosen`: whether a request may state a larger one than is in force without it.
     """
 
     count: Annotated[int, Field(ge=3, le=100)] = 3
     tolerance_mm: Tolerance | None = None
+    requests_may_loosen: bool = True
     uncertainty_mm: Annotated[float, Field(gt=0)] | None = None
     policy: Literal["operator", "auto"] = "operator"
     poses: tuple[TaughtPose, ...] = ()
@@ -147,6 +149,11 @@ class CalibrationSettings(Document):
     def verdict_limits(self, tolerance_mm: float | None = None) -> VerdictLimits:
         """The limits in force of a request with this tolerance."""
         return self.verdict.limits(tolerance_mm or self.tolerance_mm)
+
+    def forbids(self, tolerance_mm: float | None) -> bool:
+        """Whether a request must not state this tolerance."""
+        loosened = tolerance_mm is not None and tolerance_mm > self.verdict_limits().tolerance_mm
+        return loosened and not self.requests_may_loosen
 
 
 class StorageSettings(Document):

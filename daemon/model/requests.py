@@ -74,12 +74,17 @@ class ArtefactRequest(Document):
 class VerifyRequest(Document):
     """Poses to look at the target from; by default three of those a calibration would take.
 
+    `tolerance_mm`: U (k = 2) that the calibration in force shall have at the worst of the points that matter, and twice
+    the largest standard deviation of a point of the target over the poses; by default the settings'.
     With `artefact` and `scan_id` the scanner is verified instead: each view of that scan is a position of the artefact.
     """
 
-    model_config = _examples({}, {"scan_id": "20261121-090000-3f9a1c", "artefact": {"radius_mm": 25.0}})
+    model_config = _examples(
+        {}, {"tolerance_mm": 0.3}, {"scan_id": "20261121-090000-3f9a1c", "artefact": {"radius_mm": 25.0}}
+    )
 
     poses: Annotated[tuple[TaughtPose, ...], Field(min_length=2, max_length=100)] | None = None
+    tolerance_mm: Tolerance | None = None
     target: TargetDocument | None = None
     artefact: ArtefactRequest | None = None
     scan_id: Annotated[str, Field(min_length=1, max_length=64)] | None = None
@@ -88,8 +93,11 @@ class VerifyRequest(Document):
     def _check_kind(self) -> "VerifyRequest":
         if (self.artefact is None) != (self.scan_id is None):
             raise ValueError("a scanner is verified with artefact and scan_id: give both, or neither")
-        if self.artefact is not None and (self.poses is not None or self.target is not None):
-            raise ValueError("poses and target belong to the camera's verification: leave them out beside artefact")
+        of_camera = (self.poses, self.target, self.tolerance_mm)
+        if self.artefact is not None and any(value is not None for value in of_camera):
+            raise ValueError(
+                "poses, target and tolerance_mm belong to the camera's verification: leave them out beside artefact"
+            )
         return self
 
 

@@ -180,12 +180,13 @@ class PlcGateway:
 
     async def _begin(self, start: StartCommand) -> RunRecord:
         """Start the run through `daemon.operations`, as REST does, and return it. Raises the same errors."""
+        tolerance = {"tolerance_mm": start.tolerance_um / 1e3 or None}
         match start.command:
             case PlcCommand.CALIBRATE:
-                wanted = {"count": start.stations_wanted or None, "tolerance_mm": start.tolerance_um / 1e3 or None}
+                wanted = {"count": start.stations_wanted or None, **tolerance}
                 return await self.operations.calibrate(validate_document(CalibrateRequest, wanted, "registers"))
             case PlcCommand.VERIFY:
-                return await self.operations.verify(VerifyRequest())
+                return await self.operations.verify(validate_document(VerifyRequest, tolerance, "registers"))
             case _:
                 await self.operations.calibration("current")
                 request = ScanRequest(name=f"part {start.part_id}", capture=True, refine=True)
@@ -217,7 +218,9 @@ class PlcGateway:
         document = (await operations.store.calibration(run.result["calibration_id"])).document
         if command is PlcCommand.CALIBRATE:
             return calibration_result(run, document, now)
-        return verification_result(run, document, now, holds=not (await self.drift.report_after(run)).alarm)
+        drifts = bool((await self.drift.report_after(run)).alarm)
+        met = run.result["verification"]["within_tolerance"] is not False
+        return verification_result(run, document, now, holds=met and not drifts)
 
     async def _abort(self, by: str) -> None:
         """Abort the run in progress, also one that another client started; then append its audit row."""

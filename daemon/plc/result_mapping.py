@@ -50,15 +50,16 @@ def registration_result(
 
 
 def base_result(command: PlcCommand, run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
-    """The fields common to all results: run, X, its uncertainty and age."""
-    camera = sigma = None
+    """The fields common to all results: run, X, its uncertainty, U at the worst of the points that matter, and age."""
+    camera = sigma = worst_mm = None
     if document.flange_T_camera is not None:
         camera = CameraPose(document.flange_T_camera.translation_mm, document.flange_T_camera.quaternion_wxyz)
     if document.uncertainty is not None:
         uncertainty = document.uncertainty
         sigma = Sigma(uncertainty.translation_mm, uncertainty.rotation_deg, uncertainty.point_mm)
+        worst_mm = uncertainty.worst_expanded_mm
     age_s = age_of(document, now)
-    return CommandResult(command, PlcVerdict.NONE, run.id, 0, run.station, age_s, camera, sigma)
+    return CommandResult(command, PlcVerdict.NONE, run.id, 0, run.station, age_s, camera, sigma, worst_mm=worst_mm)
 
 
 def age_of(document: CalibrationDocument, now: datetime) -> int:

@@ -91,17 +91,10 @@ def adaptive_parameters(
     return AdaptiveParameters(guess, planning_limits(settings, rules), wish, rules, assumed)
 
 
-MOUNT_TOLERANCE_SIGMA = 2.0
-"""The verdict warns when the camera is found further than this from its expected mount, in sigmas of the guess."""
-
-
 def mount_expectation(settings: CalibrationSettings) -> ExpectedMount | None:
     """The expected mount of the camera, when the settings give one."""
     guess = settings.flange_T_camera_guess
     if guess is None:
         return None
-    return ExpectedMount(
-        guess.transform(),
-        MOUNT_TOLERANCE_SIGMA * settings.guess_mm,
-        MOUNT_TOLERANCE_SIGMA * radians(settings.guess_deg),
-    )
+    sigma = settings.verdict.mount_sigma
+    return ExpectedMount(guess.transform(), sigma * settings.guess_mm, sigma * radians(settings.guess_deg))

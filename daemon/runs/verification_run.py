@@ -6,6 +6,7 @@ from typing import Any
 from calibration.documents.calibration import CalibrationDocument
 from calibration.monitoring.target_scatter import Verification, verify
 from calibration.problem import Problem
+from calibration.solution import COVERAGE_FACTOR
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
@@ -32,10 +33,11 @@ class WithoutFirstView:
 
 @dataclass(frozen=True)
 class VerificationRun:
-    """The run without its poses."""
+    """The run without its poses. `tolerance_mm`: of U, see `VerifyRequest`; None where none is stated."""
 
     workers: Workers
     calibration: CalibrationDocument
+    tolerance_mm: float | None = None
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, and verify the calibration; see `document_of` for the result."""
@@ -43,7 +45,8 @@ class VerificationRun:
         problem = await sequence.run(MIN_VIEWS)
         found = await self.workers.run(_verify, problem, self.calibration)
         log.conclude()
-        return E.SOLVED, {"calibration_id": self.calibration.id, "verification": document_of(found, self.calibration)}
+        document = document_of(found, self.calibration, self.tolerance_mm)
+        return E.SOLVED, {"calibration_id": self.calibration.id, "verification": document}
 
 
 def _verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
@@ -51,9 +54,17 @@ def _verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
     return verify(replace(problem, camera=camera), calibration)
 
 
-def document_of(found: Verification, calibration: CalibrationDocument) -> dict[str, Any]:
-    """The points in base and their standard deviations, rounded to 0.1 um (Tab. 1 of the paper)."""
+def document_of(
+    found: Verification, calibration: CalibrationDocument, tolerance_mm: float | None = None
+) -> dict[str, Any]:
+    """The points in base and their standard deviations, rounded to 0.1 um (Tab. 1 of the paper).
+
+    `expanded_mm`: twice the largest standard deviation; `within_tolerance` when it and the calibration's U at the worst
+    of the points that matter are, null without a tolerance.
+    """
     points, sigma = found.points_base_mm.round(4), found.sigma_per_point_mm.round(4)
+    expanded_mm = float(COVERAGE_FACTOR * sigma.max())
+    worst_mm = calibration.uncertainty.worst_expanded_mm if calibration.uncertainty else None
     return {
         "calibration_id": calibration.id,
         "stations": list(found.stations),
@@ -63,5 +74,9 @@ def document_of(found: Verification, calibration: CalibrationDocument) -> dict[s
         ],
         "cross": found.ids[found.cross()].tolist(),
         "sigma_mm": found.sigma_mm.round(4).tolist(),
+        "expanded_mm": expanded_mm,
+        "worst_expanded_mm": worst_mm,
+        "tolerance_mm": tolerance_mm,
+        "within_tolerance": None if tolerance_mm is None else max(expanded_mm, worst_mm or 0.0) <= tolerance_mm,
         "expected_point_mm": calibration.uncertainty.point_mm if calibration.uncertainty else None,
     }

@@ -70,6 +70,7 @@ class ContentsBit(IntFlag):
     X = 1
     UNCERTAINTY = 2
     DEVIATION = 4
+    WORST_POINT = 8
 
 
 class DriftState(IntEnum):

@@ -31,6 +31,7 @@ ERROR_CODES: dict[str, tuple[int, str]] = {
     "abort-held": (23, ABORTED),
     "stop-unconfirmed": (25, "the controller has not confirmed that the arm is stopped and disarmed"),
     "run-stalled": (24, "the run did not get any further, and was stopped"),
+    "tolerance-loosened": (26, "tolerance_wanted is larger than the settings', which forbid that"),
     # the robot and other devices
     "link-lost": (30, "the link to the controller was lost"),
     "device-unreachable": (31, "a device does not answer at its address"),

@@ -59,16 +59,19 @@ _Q = "orientation of the camera on the flange, unit quaternion (ABB's q1..q4)"
 _SX = "one standard deviation of X's position"
 _SR = "one standard deviation of X's rotation about the camera's axis"
 _POINT = "one standard deviation of a mapped point"
+_WORST = "U (k = 2) at the worst of the points that matter: what the tolerance is compared with"
 _DEVIATION = (
     "calibrate: hold-out error; verify: largest scatter of the target over the positions; register: RMS between views"
 )
+
+_TOLERANCE = "U (k = 2) of the next calibrate or verify; 0: as in the settings"
 
 REGISTERS: tuple[Register, ...] = (
     Register(0, "control", Kind.BITS, "", "triggers, acknowledge, abort, clear error: see its bits", True),
     Register(1, "heartbeat_in", Kind.UINT16, "", "the PLC changes it; see heartbeat_limit_s of the settings", True),
     Register(2, "stations_wanted", Kind.UINT16, "", "of the next calibrate; 0: as in the settings", True),
     Register(3, "part_id", Kind.UINT32, "", "any number of the PLC's; it comes back with the result", True),
-    Register(5, "tolerance_wanted", Kind.UINT16, "µm", "U (k = 2) of the next calibrate; 0: as in the settings", True),
+    Register(5, "tolerance_wanted", Kind.UINT16, "µm", _TOLERANCE, True),
     Register(16, "status", Kind.BITS, "", "see its bits"),
     Register(17, "command", Kind.UINT16, "", "the command in progress, or the last: 1 calibrate, 2 verify, 3 register"),
     Register(18, "error_code", Kind.UINT16, "", "set while the error bit is: see the table of codes"),
@@ -108,6 +111,9 @@ REGISTERS: tuple[Register, ...] = (
     Register(143, "sigma_point_um", Kind.INT32, "µm", _POINT),
     Register(145, "deviation_um", Kind.INT32, "µm", _DEVIATION),
     Register(147, "crc", Kind.UINT16, "", "CRC-16/MODBUS over registers 64 to 146 as they are read, high byte first"),
+    Register(148, "u_worst", Kind.FLOAT32, "mm", _WORST),
+    Register(150, "u_worst_um", Kind.INT32, "µm", _WORST),
+    Register(152, "crc_all", Kind.UINT16, "", "the same over registers 64 to 151"),
 )  # fmt: skip
 
 SIZE = REGISTERS[-1].address + REGISTERS[-1].registers

@@ -12,7 +12,7 @@ from protocols.modbus.words import (
     unsigned_words,
 )
 from protocols.plc.codes import ContentsBit, PlcCommand, PlcVerdict
-from protocols.plc.registers import REGISTERS, RESULT, SIZE, Kind, Register
+from protocols.plc.registers import BY_NAME, REGISTERS, RESULT, SIZE, Kind, Register
 
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
@@ -52,12 +52,13 @@ class CommandResult:
     camera: CameraPose | None = None
     sigma: Sigma | None = None
     deviation_mm: float | None = None
+    worst_mm: float | None = None
 
     def values(self) -> dict[str, Value]:
         """Values by register name, without the counters of the handshake."""
         camera = self.camera or CameraPose((0.0,) * 3, (0.0,) * 4)
         sigma = self.sigma or Sigma((0.0,) * 3, (0.0,) * 3, 0.0)
-        deviation_mm = self.deviation_mm or 0.0
+        deviation_mm, worst_mm = self.deviation_mm or 0.0, self.worst_mm or 0.0
         return {
             "result_command": self.command,
             "verdict": self.verdict,
@@ -78,6 +79,8 @@ class CommandResult:
             **_by_axis("sigma_r_udeg", "xyz", _to_integers(sigma.rotation_deg, 1e6)),
             "sigma_point_um": round(1e3 * sigma.point_mm),
             "deviation_um": round(1e3 * deviation_mm),
+            "u_worst": worst_mm,
+            "u_worst_um": round(1e3 * worst_mm),
         }
 
     def _contents(self) -> ContentsBit:
@@ -85,15 +88,19 @@ class CommandResult:
             (self.camera, ContentsBit.X),
             (self.sigma, ContentsBit.UNCERTAINTY),
             (self.deviation_mm, ContentsBit.DEVIATION),
+            (self.worst_mm, ContentsBit.WORST_POINT),
         )
         return ContentsBit(sum(bit for value, bit in known if value is not None))
 
 
 def result_block(result: CommandResult, number: int, acquisition: int, part_id: int, order: WordOrder) -> Words:
-    """Encode the registers from RESULT on, closed by their CRC."""
+    """Encode the registers from RESULT on. `crc` closes those before it, `crc_all` the whole block."""
     counted = {"result_number": number, "result_acquisition": acquisition, "result_part": part_id}
-    words = encode_block({**result.values(), **counted}, RESULT_REGISTERS, RESULT, SIZE - RESULT, order)
-    return (*words[:-1], crc16(words[:-1]))
+    words = list(encode_block({**result.values(), **counted}, RESULT_REGISTERS, RESULT, SIZE - RESULT, order))
+    for name in ("crc", "crc_all"):
+        place = BY_NAME[name].address - RESULT
+        words[place] = crc16(words[:place])
+    return tuple(words)
 
 
 def encode_block(

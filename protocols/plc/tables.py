@@ -59,6 +59,7 @@ BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
     (ContentsBit, ContentsBit.X): "x, q and their integers",
     (ContentsBit, ContentsBit.UNCERTAINTY): "sigma, sigma_r, sigma_point and their integers",
     (ContentsBit, ContentsBit.DEVIATION): "deviation and its integer",
+    (ContentsBit, ContentsBit.WORST_POINT): "u_worst and its integer",
 }
 
 

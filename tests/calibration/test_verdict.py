@@ -120,6 +120,32 @@ def test_a_finding_weighs_its_effect_beside_tolerance_and_uncertainty(
     assert found.severity == severity
 
 
+@pytest.mark.parametrize(
+    ("code", "name", "size", "within", "limit", "severity"),
+    [
+        ("target-scale", "print_scale_share", -0.009, "warning", 0.01, "warning"),
+        ("target-scale", "print_scale_share", -0.011, "warning", 0.01, "error"),
+        ("target-scale", "print_scale_share", -0.011, "warning", 0.02, "warning"),
+        ("intrinsics-do-not-fit", "lens_share", 0.006, "warning", 0.005, "error"),
+        ("camera-noise", "possible_translation_mm", 3.0, "info", 15.0, "info"),
+        ("camera-noise", "possible_translation_mm", 3.0, "info", 2.0, "error"),
+    ],
+)
+def test_a_finding_is_an_error_only_beyond_a_limit_in_force(
+    code: str, name: str, size: float, within: Severity, limit: float, severity: Severity
+) -> None:
+    given = Finding(code, "error", "what", "fix", sizes=((name, size),), within=within)
+    found = weigh(given, None, replace(VerdictLimits(), **{name: limit}))
+    assert (found.severity, found.fix) == (severity, "none needed" if severity == "info" else "fix")
+
+
+def test_from_which_probability_parting_is_mentioned_is_a_limit() -> None:
+    solution = replace(SOLVED, leave_out=LeaveOut(0.8, 4.0, 6.0, 0.6, "image", 4))
+    for probability, mentioned in ((0.5, True), (0.7, False)):
+        findings = judge(GOOD.problem, solution, VerdictLimits(leave_out_probability=probability)).findings
+        assert ("leave-out-larger" in {finding.code for finding in findings}) is mentioned
+
+
 def test_the_verdict_says_when_leaving_views_out_parts_from_the_model() -> None:
     parted = LeaveOut(0.8, 4.0, 6.0, 0.9, "image", 4)
     said = [f for f in judge(GOOD.problem, replace(SOLVED, leave_out=parted)).findings if f.code == "leave-out-larger"]

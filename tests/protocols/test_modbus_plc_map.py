@@ -18,7 +18,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 RESULT_OF_ALL = CommandResult(
     PlcCommand.CALIBRATE, PlcVerdict.ACCEPTED, "20261121-090000-3f9a1c", 0, 8, 61,
     CameraPose((40.125, -25.5, 90.0625), (0.5, -0.5, 0.5, -0.5)),
-    Sigma((0.01, 0.02, 0.03), (0.001, 0.002, 0.003), 0.0625), 0.125,
+    Sigma((0.01, 0.02, 0.03), (0.001, 0.002, 0.003), 0.0625), 0.125, 0.25,
 )  # fmt: skip
 
 
@@ -79,13 +79,16 @@ def test_a_result_reads_as_it_was_in_both_word_orders(order: WordOrder) -> None:
 
     expected = {
         "result_number": 7, "result_acquisition": 9, "result_command": 1, "verdict": 1, "result_error": 0,
-        "result_stations": 8, "contents": 7, "result_part": 4_000_000_000, "age": 61,
+        "result_stations": 8, "contents": 15, "result_part": 4_000_000_000, "age": 61,
         "run_id": "20261121-090000-3f9a1c", "x_x": 40.125, "x_y": -25.5, "q_y": 0.5, "sigma_point": 0.0625,
         "deviation": 0.125, "x_um_x": 40125, "x_um_z": 90062, "q_ppm_x": -500000, "sigma_um_z": 30,
         "sigma_r_udeg_x": 1000, "sigma_point_um": 62, "deviation_um": 125,
+        "u_worst": 0.25, "u_worst_um": 250,
     }  # fmt: skip
     assert {name: read(name) for name in expected} == expected
-    assert block[-1] == crc16(block[:-1])
+    for name in ("crc", "crc_all"):
+        end = BY_NAME[name].address - RESULT
+        assert block[end] == crc16(block[:end])
 
 
 def test_what_is_not_known_is_zero_and_said_to_be() -> None:
@@ -93,7 +96,8 @@ def test_what_is_not_known_is_zero_and_said_to_be() -> None:
         CommandResult(PlcCommand.VERIFY, PlcVerdict.FAILED, error_code=30), 1, 1, 0, WordOrder.HIGH_FIRST
     )
     assert block[BY_NAME["contents"].address - RESULT] == 0
-    assert not any(block[BY_NAME["x_x"].address - RESULT : -1])
+    ends = (BY_NAME["crc"].address - RESULT, BY_NAME["crc_all"].address - RESULT)
+    assert not any(block[BY_NAME["x_x"].address - RESULT : ends[0]] + block[ends[0] + 1 : ends[1]])
 
 
 def test_the_documents_are_up_to_date() -> None:

@@ -86,6 +86,10 @@ async def test_a_plc_states_the_tolerance(tmp_path: Path, tolerance_um: int, ver
         assert value_of(image, "verdict") == verdict
         found = (await bench.client.get(f"/calibrations/{value_of(image, 'run_id')}")).json()
         assert found["verdict"]["limits"]["tolerance_mm"] == (tolerance_um / 1e3 or 1e-7)
+        worst_mm = max(point["expanded_mm"] for point in found["uncertainty"]["points"])
+        assert value_of(image, "contents") & ContentsBit.WORST_POINT
+        assert value_of(image, "u_worst") == pytest.approx(worst_mm, rel=1e-6)
+        assert value_of(image, "u_worst_um") == round(1e3 * worst_mm)
 
 
 REFUSALS = {

@@ -1,0 +1,76 @@
+"""The tolerance of requests: what verifications compare with it, and settings that forbid a larger one."""
+
+from pathlib import Path
+
+import pytest
+
+from daemon.config.settings import CalibrationSettings
+from daemon.runs.pose_selection import mount_expectation
+from protocols.plc.codes import ControlBit, PlcVerdict, StatusBit
+from protocols.plc.registers import BY_NAME
+from tests.daemon.calibrations import apply_calibration
+from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.plcs import MOVING, ladder, value_of
+from tests.support.waiting import LIMIT_S
+
+
+async def test_a_verification_is_compared_with_the_tolerance(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path, calibration={"tolerance_mm": 50.0})) as bench:
+        await apply_calibration(bench)
+        for body, within in (({}, True), ({"tolerance_mm": 1e-4}, False)):
+            run = (await bench.client.post("/verify", params={"wait": LIMIT_S}, json=body)).json()
+            found = run["result"]["verification"]
+            assert found["tolerance_mm"] == body.get("tolerance_mm", 50.0)
+            largest_mm = 2 * max(max(point["sigma_mm"]) for point in found["points"])
+            assert found["expanded_mm"] == pytest.approx(largest_mm)
+            assert found["within_tolerance"] is within
+        text = (await bench.client.get(f"/runs/{run['id']}", headers={"Accept": "text/plain"})).text
+        assert "NOT within the tolerance of 0.0001 mm" in text
+
+
+async def test_settings_may_forbid_that_a_request_loosens_the_tolerance(tmp_path: Path) -> None:
+    strict = {"tolerance_mm": 2.0, "requests_may_loosen": False}
+    async with serving(settings_for(tmp_path, calibration=strict)) as bench:
+        for path in ("/calibrate", "/verify"):
+            refused = await bench.client.post(path, json={"tolerance_mm": 2.1})
+            assert (refused.status_code, refused.json()["code"]) == (422, "tolerance-loosened")
+        assert (await bench.client.get("/runs")).json()["runs"] == []
+        started = await bench.client.post("/calibrate", json={"tolerance_mm": 1.9})
+        assert started.status_code == 202
+
+
+async def test_a_plc_states_the_tolerance_of_a_verification_and_learns_that_it_may_not_loosen_it(
+    tmp_path: Path,
+) -> None:
+    settings = settings_for(tmp_path, plc=MOVING, calibration={"tolerance_mm": 50.0, "requests_may_loosen": False})
+    async with serving(settings) as bench, ladder(bench) as plc:
+        await apply_calibration(bench)
+        await plc.sets(ControlBit(0))
+        await plc.waits(StatusBit.READY | StatusBit.ONLINE)
+        await plc.client.write_register(BY_NAME["tolerance_wanted"].address, 50_001)
+        assert await plc.triggers(ControlBit.TRIGGER_VERIFY) & StatusBit.ERROR
+        assert value_of(await plc.image(), "error_code") == 26
+        await plc.client.write_register(BY_NAME["tolerance_wanted"].address, 1)
+        await plc.waits(StatusBit.READY)
+        assert not await plc.triggers(ControlBit.TRIGGER_VERIFY) & StatusBit.ERROR
+        assert value_of(await plc.result(), "verdict") == PlcVerdict.REJECTED
+
+
+@pytest.mark.parametrize(
+    ("stated_mm", "default_mm", "may_loosen", "forbidden"),
+    [(None, 4.0, False, False), (4.0, 4.0, False, False), (4.1, 4.0, False, True), (4.1, 4.0, True, False)],
+)
+def test_without_a_tolerance_of_the_settings_the_default_is_compared(
+    stated_mm: float | None, default_mm: float, may_loosen: bool, forbidden: bool
+) -> None:
+    settings = CalibrationSettings.model_validate(
+        {"requests_may_loosen": may_loosen, "verdict": {"default_tolerance_mm": default_mm}}
+    )
+    assert settings.forbids(stated_mm) is forbidden
+
+
+def test_how_far_the_mount_may_be_off_is_a_limit() -> None:
+    guess = {"translation_mm": [0.0, 0.0, 100.0], "quaternion_wxyz": [1.0, 0.0, 0.0, 0.0]}
+    settings = {"flange_T_camera_guess": guess, "guess_mm": 10.0, "verdict": {"mount_sigma": 3.0}}
+    expected = mount_expectation(CalibrationSettings.model_validate(settings))
+    assert expected is not None and expected.within_mm == 30.0
