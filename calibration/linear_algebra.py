@@ -30,6 +30,9 @@ MIN_EIGENVALUE = 1e-14
 MIN_DETERMINED = 1e-13
 """A smallest eigenvalue of a scaled matrix up to this is zero within rounding: something is not determined."""
 
+MIN_REGULAR_PIVOT = 1e-9
+"""A smallest pivot of a scaled matrix above it is far from MIN_DETERMINED: the eigenvalues need not be computed."""
+
 RIDGE = 1e-12
 """Added to the diagonal of a scaled matrix. It is a hundred times above rounding, so that what is undetermined stays
 finite, and a million times below the smallest eigenvalues of sessions that determine X."""
@@ -59,12 +62,31 @@ def covariance_or_inf(information: Array, size: int) -> Array:
     Elements beside an infinite diagonal are zero. Raises LinAlgError for numbers that are not finite.
     """
     scaled, scale = unit_diagonal(information)
+    regular = _leading_inverse(scaled, size)
+    if regular is not None:
+        return scale[..., :size, None] * regular * scale[..., None, :size]
     values, vectors = np.linalg.eigh(scaled)
     determined = values[..., 0] > MIN_DETERMINED
     values = np.where(determined[..., None], values, 1.0)
     rows = vectors[..., :size, :] * scale[..., :size, None]
     covariance: Array = (rows / values[..., None, :]) @ np.swapaxes(rows, -1, -2)
     return np.where(determined[..., None, None], covariance, np.diag(np.full(size, np.inf)))
+
+
+def _leading_inverse(scaled: Array, size: int) -> Array | None:
+    """The first (size, size) of the inverses, by Cholesky; None unless all matrices are far from singular.
+
+    With the order of the unknowns reversed, the last block of the factor is that of the Schur complement.
+    """
+    try:
+        factor = np.linalg.cholesky(scaled[..., ::-1, ::-1])
+    except np.linalg.LinAlgError:
+        return None
+    if not np.all(np.diagonal(factor, axis1=-2, axis2=-1) ** 2 > MIN_REGULAR_PIVOT):
+        return None
+    root = np.linalg.inv(factor[..., -size:, -size:])[..., ::-1, ::-1]
+    inverse: Array = np.swapaxes(root, -1, -2) @ root
+    return inverse
 
 
 def scaled_pseudo_inverse(matrices: Array, min_eigenvalue: float) -> Array:

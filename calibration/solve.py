@@ -7,10 +7,8 @@ import numpy as np
 from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import diagnose_solution
-from calibration.diagnosis.measured import measured_evidence, measured_findings
 from calibration.errors import UndeterminedError
 from calibration.likelihood.augmented_model import augment_model
-from calibration.pose_pairs.session import measured_without_x, solve_measured_session
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
@@ -65,6 +63,10 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
 
 def _solve_in_space(problem: Problem) -> Solution:
     """The solution of a session whose views measure the target in space; by maximum likelihood only."""
+    # Imported here: images need none of it, and it takes a fifth of the time of importing this module.
+    from calibration.diagnosis.measured import measured_evidence, measured_findings
+    from calibration.pose_pairs.session import measured_without_x, solve_measured_session
+
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             found = solve_measured_session(problem)

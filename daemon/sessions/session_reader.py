@@ -18,7 +18,6 @@ from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, MeasuredPoints, MeasuredPose, Measurement, Problem, View
 from calibration.targets import Target
 from daemon.runtime.bounded_read import read_document
-from daemon.sessions.cloud_views import view_of_cloud
 from daemon.sessions.other_target import explain_missing
 from daemon.sessions.session_files import SESSION_FILE, TAKE_AGAIN, ImageError, read_grey
 from daemon.sessions.view_detection import detect_in_file
@@ -94,6 +93,8 @@ def _problem_in_space(session: SessionFolder, target: Target, progress: Progress
     document, views = session.document, []
     for index, view in enumerate(document.views):
         if view.cloud is not None:
+            from daemon.sessions.cloud_views import view_of_cloud  # with SciPy's trees: for clouds only
+
             views.append(view_of_cloud(session.path, target, index, view, document.image_size))
             progress(index + 1, len(document.views))
         else:

@@ -12,7 +12,7 @@ from calibration.problem import MeasuredPoints, MeasuredPose, Problem, Setup
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, transform, vector_from_rotation
-from calibration.verdict import judge
+from calibration.verdict import DEFAULT_VERDICT_LIMITS, judge, weigh
 from tests.simulated.measured_sessions import (
     Measure,
     measured_cell,
@@ -27,7 +27,8 @@ MEASURES = {"poses": tracker(), "poses with covariance": tracker(known=True), "p
 
 
 def codes(solution: Solution) -> list[str]:
-    return [finding.code for finding in solution.findings if finding.severity != "info"]
+    weighed = (weigh(finding, None, DEFAULT_VERDICT_LIMITS) for finding in solution.findings)
+    return [finding.code for finding in weighed if finding.severity != "info"]
 
 
 @pytest.mark.parametrize("setup", SETUPS)
