@@ -74,9 +74,7 @@ def render_session(folder: Path, seed: int = 14) -> None:
     views = []
     for index in range(VIEWS):
         picture = take_picture(camera, BOARD, rng)
-        error = transform(
-            rotation_from_vector(ROBOT_RAD * rng.standard_normal(3)), ROBOT_MM * rng.standard_normal(3)
-        )
+        error = transform(rotation_from_vector(ROBOT_RAD * rng.standard_normal(3)), ROBOT_MM * rng.standard_normal(3))
         base_T_flange = base_T_target @ inverse(flange_T_camera @ picture.camera_T_target) @ error
         name = f"view_{index:03d}.jpg"
         cv2.imwrite(str(folder / name), picture.image, [cv2.IMWRITE_JPEG_QUALITY, 95])
