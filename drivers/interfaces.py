@@ -6,7 +6,7 @@ stem from, which separates stale data from fresh.
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,15 +99,57 @@ class MoveGoal:
     path: Literal["joint", "linear"] = "joint"
 
 
+@dataclass(frozen=True, eq=False)
+class JointGoal:
+    """Axis angles (6,) in rad to move to, for the first pose and for jogging; `speed_mm_s` of the flange."""
+
+    joints_rad: Array
+    external_axes: tuple[float, ...] = ()
+    speed_mm_s: float = 50.0
+
+
+@dataclass(frozen=True)
+class RobotSetup:
+    """Settings of the controller's program: the load on the flange (kg, mm from it), and its limits of motion.
+
+    `reach_mm`: distance from the flange to the farthest point of what it carries, whose speed limits turning.
+    `world_box_mm`: lowest and highest corner of the goals' box, in the world frame.
+    """
+
+    load_kg: float
+    load_centre_mm: tuple[float, float, float]
+    reach_mm: float
+    speed_max_mm_s: float
+    joint_travel_deg: float
+    world_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+@runtime_checkable
+class ConfiguredRobot(Protocol):
+    """A robot whose program tells its settings, moves axes, and switches outputs."""
+
+    async def read_setup(self) -> RobotSetup: ...
+
+    async def move_to_joints(self, goal: JointGoal) -> None:
+        """Move all axes to their angles; otherwise as `Robot.move_to`."""
+        ...
+
+    async def switch_output(self, output: Literal["light", "trigger"], on: bool) -> None:
+        """Switch an output that the controller's settings name. Raises RequestRefused when they name none."""
+        ...
+
+
 class RobotCapabilities(NamedTuple):
     """What a robot can do, and how its controller gives poses.
 
     `moves` False for a robot that is only read: arming raises RequestRefused, moving MoveRefused.
-    `pose_convention`: frames, unit and quaternion order at the controller, for messages.
+    `pose_convention`: frames, unit and quaternion order at the controller, for messages. `pose_frame`: the frame in
+    which the controller gives and takes poses of the flange.
     """
 
     moves: bool
     pose_convention: str
+    pose_frame: Literal["base", "world"] = "base"
 
 
 class Robot(Device, Protocol):

@@ -4,13 +4,15 @@ MODULE CELL_comm
   CONST num CELL_HALF_FRAME := 0.5;
   CONST num CELL_IDLE := 10;
   CONST num CELL_PAYLOAD_MAX := 1012;
-  CONST num CELL_BUILD := 4;
+  CONST num CELL_BUILD := 5;
   CONST num CELL_STANDS := 0.01;
   ! A sign of life of the motion task is this young (s); without one for this long another program runs there.
   CONST num CELL_BEAT_MAX := 2;
   CONST num CELL_FOREIGN := 5;
   CONST num CELL_MINUTE := 60;
   CONST num CELL_LONG := 4000000;
+  ! A load (kg) below this is that of tool0, 1 gram: not measured.
+  CONST num CELL_LOAD_MIN := 0.01;
 
   VAR socketdev cell_server;
   ! Two sockets: the client is cell_peer{cell_who}, a waiting one is cell_peer{cell_other}.
@@ -29,6 +31,20 @@ MODULE CELL_comm
   VAR clock cell_beaten;
   VAR clock cell_told;
   VAR clock cell_released;
+
+  VAR signaldo cell_do_light;
+  VAR signaldo cell_do_trigger;
+  VAR signaldi cell_di_1;
+  VAR signaldi cell_di_2;
+  VAR signaldi cell_di_3;
+  VAR signaldi cell_di_4;
+  VAR bool cell_named := FALSE;
+  ! The error that ended the last move, as the event log has it.
+  VAR intnum cell_error_intno;
+  VAR errdomain cell_error_domain;
+  VAR num cell_error_number := 0;
+  VAR string cell_error_title := "";
+  VAR string cell_error_cause := "";
 
   VAR bool cell_open := FALSE;
   VAR bool cell_has_guest := FALSE;
@@ -68,6 +84,7 @@ MODULE CELL_comm
   VAR robtarget cell_asked;
   VAR robtarget cell_here;
   VAR jointtarget cell_seen;
+  VAR jointtarget cell_asked_joints;
 
   FUNC num cell_fletcher(VAR rawbytes data, num count)
     ! Fletcher-16 of bytes 1 to 10 and the payload. For 1022 bytes low is at most 260610: high stays below 2^23, exact in a num.
@@ -112,6 +129,14 @@ MODULE CELL_comm
     CASE 8:
       RETURN 0;
     CASE 9:
+      RETURN 0;
+    CASE 10:
+      RETURN 52;
+    CASE 11:
+      RETURN 0;
+    CASE 12:
+      RETURN 4;
+    CASE 13:
       RETURN 0;
     DEFAULT:
       RETURN -1;
@@ -164,6 +189,53 @@ MODULE CELL_comm
     SkipWarn;
     RAISE;
   ENDFUNC
+
+  FUNC num cell_unsafe()
+    ! Why the arm must not be armed or moved besides cell_forbidden; CB_OK when nothing is against it.
+    IF cell_flange.tload.mass < CELL_LOAD_MIN RETURN CB_NO_LOAD;
+    IF NOT cell_inputs() RETURN CB_INTERLOCK;
+    RETURN CB_OK;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDFUNC
+
+  FUNC bool cell_inputs()
+    ! Whether every input of cell_interlock is 1. A name that the controller does not know counts as 0.
+    IF cell_interlock{1} = "" AND cell_interlock{2} = "" AND cell_interlock{3} = "" AND cell_interlock{4} = "" RETURN TRUE;
+    IF NOT cell_named RETURN FALSE;
+    IF NOT cell_input(cell_interlock{1}, cell_di_1) RETURN FALSE;
+    IF NOT cell_input(cell_interlock{2}, cell_di_2) RETURN FALSE;
+    IF NOT cell_input(cell_interlock{3}, cell_di_3) RETURN FALSE;
+    RETURN cell_input(cell_interlock{4}, cell_di_4);
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDFUNC
+
+  FUNC bool cell_input(string name, VAR signaldi signal)
+    IF name = "" RETURN TRUE;
+    RETURN DInput(signal) = 1;
+  ERROR
+    SkipWarn;
+    RETURN FALSE;
+  ENDFUNC
+
+  PROC cell_name_signals()
+    ! Connect the signals that the settings name.
+    cell_named := FALSE;
+    IF cell_light <> "" AliasIO cell_light, cell_do_light;
+    IF cell_trigger <> "" AliasIO cell_trigger, cell_do_trigger;
+    IF cell_interlock{1} <> "" AliasIO cell_interlock{1}, cell_di_1;
+    IF cell_interlock{2} <> "" AliasIO cell_interlock{2}, cell_di_2;
+    IF cell_interlock{3} <> "" AliasIO cell_interlock{3}, cell_di_3;
+    IF cell_interlock{4} <> "" AliasIO cell_interlock{4}, cell_di_4;
+    cell_named := TRUE;
+  ERROR
+    SkipWarn;
+    cell_write "a signal that CELL_shared names is not there: nothing is armed";
+    RETURN;
+  ENDPROC
 
   FUNC num cell_flags()
     VAR num flags := 0;
@@ -247,7 +319,7 @@ MODULE CELL_comm
     VAR num part := 1000;
     VAR num done := 0;
     IF NOT cell_busy RETURN 1000;
-    now := CJointT(\TaskName:="T_ROB1");
+    now := CJointT(\TaskName:=cell_motion_task);
     start := [cell_from_joints.robax.rax_1, cell_from_joints.robax.rax_2, cell_from_joints.robax.rax_3, cell_from_joints.robax.rax_4, cell_from_joints.robax.rax_5, cell_from_joints.robax.rax_6];
     goal := [cell_goal_joints.robax.rax_1, cell_goal_joints.robax.rax_2, cell_goal_joints.robax.rax_3, cell_goal_joints.robax.rax_4, cell_goal_joints.robax.rax_5, cell_goal_joints.robax.rax_6];
     at := [now.robax.rax_1, now.robax.rax_2, now.robax.rax_3, now.robax.rax_4, now.robax.rax_5, now.robax.rax_6];
@@ -336,6 +408,7 @@ MODULE CELL_comm
   PROC cell_begin_anew()
     ! The link has failed: address in use, network not there, plug pulled. Close everything, wait a second.
     cell_halt CB_ABORTED;
+    cell_wanted := FALSE;
     cell_greeted := FALSE;
     cell_watched := FALSE;
     cell_has_guest := FALSE;
@@ -355,7 +428,8 @@ MODULE CELL_comm
 
   PROC cell_reset()
     ! A PERS outlives a restart: reset everything. A move that power or restart interrupted is held until it is dropped.
-    IF cell_moving OR cell_request cell_hold;
+    IF cell_moving OR cell_request OR cell_held cell_hold;
+    cell_wanted := FALSE;
     cell_session := (cell_session MOD 65535) + 1;
     cell_armed := FALSE;
     cell_busy := FALSE;
@@ -378,10 +452,34 @@ MODULE CELL_comm
     cell_zero cell_released;
     cell_zero cell_rung;
     cell_silent := FALSE;
+    cell_name_signals;
+    IDelete cell_error_intno;
+    CONNECT cell_error_intno WITH cell_error_trap;
+    IError COMMON_ERR, TYPE_ERR, cell_error_intno;
   ERROR
     SkipWarn;
     RAISE;
   ENDPROC
+
+  TRAP cell_error_trap
+    ! Keep the error of a move: the first one of the domain of motion, otherwise the newest.
+    VAR trapdata event;
+    VAR errdomain domain;
+    VAR num number := 0;
+    VAR errtype type;
+    VAR string title := "";
+    VAR string cause := "";
+    GetTrapData event;
+    ReadErrData event, domain, number, type \Title:=title \Str1:=cause;
+    IF cell_error_domain = MOTION_ERR AND cell_error_number <> 0 RETURN;
+    cell_error_domain := domain;
+    cell_error_number := domain * 10000 + number;
+    cell_error_title := title;
+    cell_error_cause := cause;
+  ERROR
+    SkipWarn;
+    TRYNEXT;
+  ENDTRAP
 
   PROC cell_listen()
     SocketClose cell_server;
@@ -428,6 +526,7 @@ MODULE CELL_comm
       cell_tick;
     ENDWHILE
     cell_halt CB_ABORTED;
+    cell_wanted := FALSE;
   ERROR
     SkipWarn;
     RAISE;
@@ -637,13 +736,14 @@ MODULE CELL_comm
     ENDIF
     cell_keep := TRUE;
     cell_do_command;
-    IF cell_command = 4 AND cell_status <> CB_ACCEPTED cell_tell "a move is refused, status " + NumToStr(cell_status, 0);
+    IF (cell_command = 4 OR cell_command = 10) AND cell_status <> CB_ACCEPTED cell_tell "a move is refused, status " + NumToStr(cell_status, 0);
     IF cell_keep THEN
       cell_finish_frame;
       cell_remember;
       cell_put cell_tx;
     ENDIF
     IF cell_command = 9 AND cell_keep THEN
+      cell_wanted := FALSE;
       cell_greeted := FALSE;
       cell_watched := FALSE;
       IF NOT cell_use_serial cell_open := FALSE;
@@ -685,6 +785,14 @@ MODULE CELL_comm
       cell_get_joints;
     CASE 9:
       cell_halt CB_ABORTED;
+    CASE 10:
+      cell_move;
+    CASE 11:
+      cell_get_error;
+    CASE 12:
+      cell_set_output;
+    CASE 13:
+      cell_get_setup;
     ENDTEST
   ERROR
     SkipWarn;
@@ -700,13 +808,14 @@ MODULE CELL_comm
       RETURN;
     ENDIF
     cell_halt CB_ABORTED;
+    cell_wanted := TRUE;
     cell_await_motion;
     cell_finished_seq := 0;
     cell_finished_status := CB_OK;
     cell_greeted := TRUE;
     cell_zero cell_since_hello;
     cell_add_u16 1;
-    cell_add_u16 15;
+    cell_add_u16 255;
     cell_add_u16 cell_session;
     cell_add_u16 CELL_BUILD;
     cell_add_u16 1024;
@@ -720,6 +829,7 @@ MODULE CELL_comm
     ! A stopped move belongs to the previous client: its end is not reported to this one, and it does not continue.
     cell_busy := FALSE;
     WaitUntil DOutput(cell_do_running) = 0 OR (NOT cell_abort) \MaxTime:=1.5 \PollRate:=0.04;
+    IF DOutput(cell_do_running) = 1 cell_await_beat;
   ERROR
     SkipWarn;
     IF ERRNO = ERR_WAIT_MAXTIME THEN
@@ -729,15 +839,24 @@ MODULE CELL_comm
     RAISE;
   ENDPROC
 
+  PROC cell_await_beat()
+    ! A main that calls cell_motion does so soon, if it does not work now.
+    WaitUntil cell_ready() OR cell_beat <> cell_beat_seen \MaxTime:=0.3 \PollRate:=0.04;
+    IF cell_beat <> cell_beat_seen cell_zero cell_beaten;
+  ERROR
+    SkipWarn;
+    TRYNEXT;
+  ENDPROC
+
   PROC cell_get_pose()
     IF cell_u16(0) > 1 THEN
       cell_refuse CB_BAD_FIELD;
       RETURN;
     ENDIF
     IF cell_u16(0) = 1 THEN
-      cell_here := CRobT(\TaskName:="T_ROB1" \Tool:=cell_tool \WObj:=cell_wobj);
+      cell_here := CRobT(\TaskName:=cell_motion_task \Tool:=cell_tool \WObj:=cell_wobj);
     ELSE
-      cell_here := CRobT(\TaskName:="T_ROB1" \Tool:=tool0 \WObj:=wobj0);
+      cell_here := CRobT(\TaskName:=cell_motion_task \Tool:=tool0 \WObj:=wobj0);
     ENDIF
     cell_add_float cell_here.trans.x;
     cell_add_float cell_here.trans.y;
@@ -761,7 +880,7 @@ MODULE CELL_comm
 
   PROC cell_get_joints()
     VAR jointtarget now;
-    now := CJointT(\TaskName:="T_ROB1");
+    now := CJointT(\TaskName:=cell_motion_task);
     cell_add_float now.robax.rax_1;
     cell_add_float now.robax.rax_2;
     cell_add_float now.robax.rax_3;
@@ -786,6 +905,47 @@ MODULE CELL_comm
     RAISE;
   ENDPROC
 
+  PROC cell_get_error()
+    cell_add_u32 cell_error_number;
+    cell_add_text cell_error_title;
+    cell_add_text cell_error_cause;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  PROC cell_set_output()
+    ! 1: the light, 2: the trigger. A signal that the settings do not name, or the controller has not, is refused.
+    IF cell_u16(2) < 2 AND cell_named THEN
+      IF cell_u16(0) = 1 AND cell_light <> "" THEN
+        SetDO cell_do_light, cell_u16(2);
+        RETURN;
+      ENDIF
+      IF cell_u16(0) = 2 AND cell_trigger <> "" THEN
+        SetDO cell_do_trigger, cell_u16(2);
+        RETURN;
+      ENDIF
+    ENDIF
+    cell_refuse CB_BAD_FIELD;
+  ERROR
+    SkipWarn;
+    cell_refuse CB_BAD_FIELD;
+    RETURN;
+  ENDPROC
+
+  PROC cell_get_setup()
+    cell_add_float cell_flange.tload.mass;
+    cell_add_pos cell_flange.tload.cog;
+    cell_add_float cell_reach;
+    cell_add_float cell_speed_max;
+    cell_add_float cell_travel_max;
+    cell_add_pos cell_box_low;
+    cell_add_pos cell_box_high;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
   PROC cell_arm()
     VAR num against := 0;
     IF cell_u16(2) > 1 THEN
@@ -797,6 +957,7 @@ MODULE CELL_comm
       RETURN;
     ENDIF
     against := cell_forbidden();
+    IF against = CB_OK against := cell_unsafe();
     IF against = CB_OK AND (NOT cell_ready()) against := CB_WRONG_MODE;
     IF against = CB_OK AND cell_u16(0) <> cell_session against := CB_NOT_ARMED;
     cell_status := against;
@@ -807,14 +968,20 @@ MODULE CELL_comm
   ENDPROC
 
   PROC cell_move()
-    VAR num kind := 0;
-    kind := cell_u16(64);
-    IF kind < 1 OR kind > 2 THEN
+    VAR num kind := 3;
+    VAR num speed_at := 48;
+    IF cell_command = 4 THEN
+      kind := cell_u16(64);
+      speed_at := 60;
+    ENDIF
+    IF kind < 1 OR kind > 3 OR (cell_command = 4 AND kind = 3) THEN
       cell_refuse CB_BAD_FIELD;
       RETURN;
     ENDIF
     cell_note_end;
     cell_status := cell_forbidden();
+    IF cell_status <> CB_OK RETURN;
+    cell_status := cell_unsafe();
     IF cell_status <> CB_OK RETURN;
     cell_status := CB_NOT_ARMED;
     IF NOT cell_armed RETURN;
@@ -822,11 +989,25 @@ MODULE CELL_comm
     IF cell_busy OR cell_abort OR cell_held RETURN;
     cell_status := CB_WRONG_MODE;
     IF NOT cell_ready() RETURN;
-    cell_read_goal;
+    cell_check_speed speed_at;
     IF cell_status <> CB_OK RETURN;
-    cell_goal := cell_asked;
-    cell_goal_speed := cell_float(60);
+    IF kind = 3 THEN
+      cell_read_joints;
+    ELSE
+      cell_read_goal;
+    ENDIF
+    IF cell_status <> CB_OK RETURN;
+    IF kind = 3 THEN
+      cell_goal_joints := cell_asked_joints;
+    ELSE
+      cell_goal := cell_asked;
+    ENDIF
+    cell_goal_speed := cell_float(speed_at);
     cell_goal_kind := kind;
+    cell_error_domain := 0;
+    cell_error_number := 0;
+    cell_error_title := "";
+    cell_error_cause := "";
     cell_verdict := 0;
     cell_done := FALSE;
     cell_request := TRUE;
@@ -858,12 +1039,52 @@ MODULE CELL_comm
     RAISE;
   ENDPROC
 
+  PROC cell_check_speed(num speed_at)
+    cell_status := CB_SPEED;
+    IF NOT cell_finite(speed_at) RETURN;
+    IF cell_float(speed_at) <= 0 OR cell_float(speed_at) > cell_speed_max RETURN;
+    cell_status := CB_OK;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  PROC cell_read_joints()
+    ! Axes of a goal; the motion task checks the rest.
+    VAR jointtarget now;
+    cell_status := CB_BAD_FIELD;
+    FOR i FROM 0 TO 11 DO
+      IF NOT cell_finite(4 * i) RETURN;
+    ENDFOR
+    FOR i FROM 0 TO 5 DO
+      IF Abs(cell_float(4 * i)) > 2000 RETURN;
+    ENDFOR
+    now := CJointT(\TaskName:=cell_motion_task);
+    cell_asked_joints.robax := [cell_float(0), cell_float(4), cell_float(8), cell_float(12), cell_float(16), cell_float(20)];
+    cell_asked_joints.extax := now.extax;
+    cell_read_extax 24, cell_asked_joints.extax;
+    cell_status := CB_OK;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  PROC cell_read_extax(num offset, VAR extjoint axes)
+    ! Goals of the external axes that exist.
+    IF axes.eax_a < 8.9E9 axes.eax_a := cell_float(offset);
+    IF axes.eax_b < 8.9E9 axes.eax_b := cell_float(offset + 4);
+    IF axes.eax_c < 8.9E9 axes.eax_c := cell_float(offset + 8);
+    IF axes.eax_d < 8.9E9 axes.eax_d := cell_float(offset + 12);
+    IF axes.eax_e < 8.9E9 axes.eax_e := cell_float(offset + 16);
+    IF axes.eax_f < 8.9E9 axes.eax_f := cell_float(offset + 20);
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
   PROC cell_read_goal()
     ! Checks of a goal, except its reach.
     VAR num norm := 0;
-    cell_status := CB_SPEED;
-    IF NOT cell_finite(60) RETURN;
-    IF cell_float(60) <= 0 OR cell_float(60) > cell_speed_max RETURN;
     cell_status := CB_BAD_FIELD;
     FOR i FROM 0 TO 6 DO
       IF NOT cell_finite(4 * i) RETURN;
@@ -883,14 +1104,9 @@ MODULE CELL_comm
     UnpackRawBytes cell_rx, 43, cell_asked.robconf.cf4 \IntX:=INT;
     UnpackRawBytes cell_rx, 45, cell_asked.robconf.cf6 \IntX:=INT;
     UnpackRawBytes cell_rx, 47, cell_asked.robconf.cfx \IntX:=INT;
-    cell_here := CRobT(\TaskName:="T_ROB1" \Tool:=tool0 \WObj:=wobj0);
+    cell_here := CRobT(\TaskName:=cell_motion_task \Tool:=tool0 \WObj:=wobj0);
     cell_asked.extax := cell_here.extax;
-    IF cell_here.extax.eax_a < 8.9E9 cell_asked.extax.eax_a := cell_float(36);
-    IF cell_here.extax.eax_b < 8.9E9 cell_asked.extax.eax_b := cell_float(40);
-    IF cell_here.extax.eax_c < 8.9E9 cell_asked.extax.eax_c := cell_float(44);
-    IF cell_here.extax.eax_d < 8.9E9 cell_asked.extax.eax_d := cell_float(48);
-    IF cell_here.extax.eax_e < 8.9E9 cell_asked.extax.eax_e := cell_float(52);
-    IF cell_here.extax.eax_f < 8.9E9 cell_asked.extax.eax_f := cell_float(56);
+    cell_read_extax 36, cell_asked.extax;
     cell_status := CB_OUTSIDE_BOX;
     IF cell_asked.trans.x < cell_box_low.x OR cell_asked.trans.x > cell_box_high.x RETURN;
     IF cell_asked.trans.y < cell_box_low.y OR cell_asked.trans.y > cell_box_high.y RETURN;
@@ -952,6 +1168,7 @@ MODULE CELL_comm
       cell_halt cell_forbidden();
       IF cell_busy cell_hold;
     ENDIF
+    IF (cell_armed OR cell_busy) AND (NOT cell_inputs()) cell_halt CB_INTERLOCK;
     IF DOutput(cell_do_running) = 0 THEN
       cell_zero cell_beaten;
       cell_take_over;
@@ -1008,7 +1225,7 @@ MODULE CELL_comm
     IF (NOT cell_busy) AND (NOT cell_moving) RETURN;
     IF cell_age(cell_sampled) < 0.1 RETURN;
     cell_zero cell_sampled;
-    now := CJointT(\TaskName:="T_ROB1");
+    now := CJointT(\TaskName:=cell_motion_task);
     IF cell_apart(now, cell_seen) < CELL_STANDS THEN
       cell_moving := FALSE;
       cell_settled := TRUE;
@@ -1180,6 +1397,27 @@ MODULE CELL_comm
   PROC cell_add_float(num value)
     PackRawBytes value, cell_tx, cell_pos \Float4;
     cell_pos := cell_pos + 4;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  PROC cell_add_pos(pos point)
+    cell_add_float point.x;
+    cell_add_float point.y;
+    cell_add_float point.z;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
+  PROC cell_add_text(string text)
+    ! 80 bytes, zeros behind the text.
+    FOR i FROM 0 TO 19 DO
+      PackRawBytes 0, cell_tx, cell_pos + 4 * i \IntX:=UDINT;
+    ENDFOR
+    IF StrLen(text) > 0 PackRawBytes text, cell_tx, cell_pos \ASCII;
+    cell_pos := cell_pos + 80;
   ERROR
     SkipWarn;
     RAISE;

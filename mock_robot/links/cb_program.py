@@ -12,17 +12,27 @@ import numpy as np
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
 from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
+from mock_robot.arm.goals import goal_joints, speeds_sharing
 from mock_robot.arm.simulated_arm import IN_POSITION_S
 from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, MIN_OVERRIDE, Cabinet
+from mock_robot.cabinet.events import TITLES
 from mock_robot.cabinet.panel import Mode
 from protocols.cb import messages as cb
-from protocols.cb.codes import VERSION, Capability, MoveKind, Status
+from protocols.cb.codes import VERSION, Capability, MoveKind, Output, Status
 
 HEARTBEAT_S = 2.0
 """Silence of the client after which the arm stops and disarms."""
 MAX_SPEED_MM_S = 1000.0
 """Faster moves are refused; a calibration never needs such a speed."""
-CAPABILITIES = Capability.MOVES | Capability.STOPS_DURING_MOTION | Capability.JOINTS | Capability.ANNOUNCES_END_OF_MOVE
+CAPABILITIES = Capability(255)
+"""All of them."""
+MIN_LOAD_KG = 0.01
+"""A load below this is that of tool0, 1 gram: nothing is armed with it."""
+MAX_JOINT_TRAVEL_RAD = np.radians(270.0)
+REACH_MM = 400.0
+"""Distance from the flange to the farthest point of camera or tool on it: cell_reach."""
+CAMERA_LOAD = (1.5, (0.0, 0.0, 60.0))
+"""Mass (kg) and centre (mm) of camera and bracket."""
 BUILD = 1
 MAX_RAWBYTES = 1024
 
@@ -38,8 +48,16 @@ class _Move:
 
 @dataclass
 class Controller(Cabinet):
-    """State and behaviour of the robot program. It serves one client at a time, which `servers.py` ensures."""
+    """State and behaviour of the robot program. It serves one client at a time, which `servers.py` ensures.
 
+    `load`: mass and centre of what the flange carries; `outputs`: states of light and trigger; `interlocks`: inputs by
+    name, each of which must be on.
+    """
+
+    load: tuple[float, tuple[float, float, float]] = CAMERA_LOAD
+    outputs: dict[Output, bool] = field(default_factory=dict, init=False)
+    interlocks: dict[str, bool] = field(default_factory=dict, init=False)
+    _error: cb.ErrorText = field(default=cb.ErrorText(0, "", ""), init=False)
     _move: _Move | None = field(default=None, init=False)
     _finished: tuple[int, Status] = field(default=(0, Status.OK), init=False)
     _greeted_at_s: float = field(default=0.0, init=False)
@@ -127,7 +145,7 @@ class Controller(Cabinet):
         if not request.armed:
             self.halt(now_s, Status.ABORTED)
             return cb.ArmingDone()
-        forbidden = self.panel.forbids_motion()
+        forbidden = self._obstacle()
         if forbidden is not None:
             return self._refuse(now_s, forbidden, "arming refused")
         if request.session != self.session:
@@ -136,6 +154,15 @@ class Controller(Cabinet):
             )
         self.armed = True
         return cb.ArmingDone()
+
+    def _obstacle(self) -> Status | None:
+        """Why nothing may move now: the panel, no load, an interlock."""
+        forbidden = self.panel.forbids_motion()
+        if forbidden is None and self.load[0] < MIN_LOAD_KG:
+            return Status.NO_LOAD
+        if forbidden is None and not all(self.interlocks.values()):
+            return Status.INTERLOCK
+        return forbidden
 
     def _stop_request(self, seq: int, request: cb.Stop, now_s: float) -> cb.Reply:
         self._stop(now_s, Status.ABORTED)
@@ -146,15 +173,8 @@ class Controller(Cabinet):
         return cb.Farewell()
 
     def _move_request(self, seq: int, request: cb.Move, now_s: float) -> cb.Reply:
-        forbidden = self.panel.forbids_motion()
-        if forbidden is not None:
-            return self._refuse(now_s, forbidden, "move refused")
-        if not self.armed:
-            return self._refuse(now_s, Status.NOT_ARMED, "move refused: not armed")
-        if self._move is not None:
-            return self._refuse(now_s, Status.BUSY, f"move {self._move.seq} is under way")
-        if not 0.0 < request.speed_mm_s <= MAX_SPEED_MM_S:  # NaN compares false
-            return self._refuse(now_s, Status.SPEED, f"speed {request.speed_mm_s} mm/s")
+        if refused := self._refuse_start(request.speed_mm_s, now_s):
+            return refused
         if not np.all(np.isfinite([*request.position_mm, *request.quaternion_wxyz, *request.external_axes])):
             return self._refuse(now_s, Status.BAD_FIELD, "a number of the pose is not finite")
         try:
@@ -163,25 +183,76 @@ class Controller(Cabinet):
             return self._refuse(now_s, Status.BAD_FIELD, str(error))
         if not self.box.contains(base_T_flange[:3, 3]):
             return self._refuse(now_s, Status.OUTSIDE_BOX, f"flange at {request.position_mm} mm")
-        return self._depart(seq, request, base_T_flange, now_s)
-
-    def _depart(self, seq: int, request: cb.Move, base_T_flange: Array, now_s: float) -> cb.Reply:
-        robot_s = self.robot_s(now_s)
+        here = self.arm.joints_at(self.robot_s(now_s))
         try:
-            here = self.arm.joints_at(robot_s)
-            there = self.arm.arm.matching(base_T_flange, request.configuration, near_rad=here)
+            there = goal_joints(self.arm.arm, base_T_flange, request.configuration, here)
         except UnreachablePoseError as error:
             code = 50080 if isinstance(error, OtherConfiguration) else 50050
             return self._refuse(now_s, Status.UNREACHABLE, error.what, code)
+        linear = request.kind is MoveKind.LINEAR
+        return self._depart(seq, there, request.external_axes, request.speed_mm_s, linear, now_s) or cb.MoveAccepted()
+
+    def _move_joints(self, seq: int, request: cb.MoveJoints, now_s: float) -> cb.Reply:
+        if refused := self._refuse_start(request.speed_mm_s, now_s):
+            return refused
+        if not np.all(np.isfinite([*request.axes_deg, *request.external_axes])):
+            return self._refuse(now_s, Status.BAD_FIELD, "an axis is not finite")
+        there = np.radians(request.axes_deg)
+        try:
+            self.arm.arm.require_within_limits(there)
+        except UnreachablePoseError as error:
+            return self._refuse(now_s, Status.UNREACHABLE, error.what, 50027)
+        if not self.box.contains(self.arm.arm.forward(there)[:3, 3]):
+            return self._refuse(now_s, Status.OUTSIDE_BOX, f"axes {request.axes_deg}")
+        refused = self._depart(seq, there, request.external_axes, request.speed_mm_s, False, now_s)
+        return refused or cb.JointMoveAccepted()
+
+    def _refuse_start(self, speed_mm_s: float, now_s: float) -> cb.Refused | None:
+        """Refuse a move for the state of the cell or its speed."""
+        forbidden = self._obstacle()
+        if forbidden is not None:
+            return self._refuse(now_s, forbidden, "move refused")
+        if not self.armed:
+            return self._refuse(now_s, Status.NOT_ARMED, "move refused: not armed")
+        if self._move is not None:
+            return self._refuse(now_s, Status.BUSY, f"move {self._move.seq} is under way")
+        if not 0.0 < speed_mm_s <= MAX_SPEED_MM_S:  # NaN compares false
+            return self._refuse(now_s, Status.SPEED, f"speed {speed_mm_s} mm/s")
+        return None
+
+    def _depart(
+        self, seq: int, there: Array, external_axes: cb.Six, speed_mm_s: float, linear: bool, now_s: float
+    ) -> cb.Refused | None:
+        """Start the move, with its turning limited; refuse one with too much joint travel."""
+        robot_s = self.robot_s(now_s)
+        here = self.arm.joints_at(robot_s)
+        travel_rad = float(np.abs(there - here).max())
+        if travel_rad > MAX_JOINT_TRAVEL_RAD:
+            return self._refuse(now_s, Status.UNREACHABLE, f"an axis would turn by {np.degrees(travel_rad):.0f} deg")
         cap = MANUAL_SPEED_MM_S if self.panel.mode is Mode.MANR else MAX_SPEED_MM_S
-        speed_mm_s = min(request.speed_mm_s, cap) * max(self.panel.speed_override, MIN_OVERRIDE)
-        self._move = _Move(seq, self.arm.depart(there, speed_mm_s, request.kind is MoveKind.LINEAR, robot_s))
+        poses = self.arm.arm.forward(np.array([here, there]))
+        travel, turn = speeds_sharing(poses[0], poses[1], min(speed_mm_s, cap) * (1.0 if linear else 0.8), REACH_MM)
+        override = max(self.panel.speed_override, MIN_OVERRIDE)
+        reachable = self.arm.depart(there, travel * override, linear, robot_s, turn * override)
+        self._move, self._error = _Move(seq, reachable), cb.ErrorText(0, "", "")
         self.moves_accepted += 1
         self.external_axes = tuple(
-            have if have >= 8.9e9 else asked
-            for have, asked in zip(self.external_axes, request.external_axes, strict=True)
+            have if have >= 8.9e9 else asked for have, asked in zip(self.external_axes, external_axes, strict=True)
         )
-        return cb.MoveAccepted()
+        return None
+
+    def _get_error(self, seq: int, request: cb.GetError, now_s: float) -> cb.Reply:
+        return self._error
+
+    def _set_output(self, seq: int, request: cb.SetOutput, now_s: float) -> cb.Reply:
+        self.outputs[request.output] = request.on
+        return cb.OutputDone()
+
+    def _get_setup(self, seq: int, request: cb.GetSetup, now_s: float) -> cb.Reply:
+        load_kg, centre_mm = self.load
+        travel_deg = float(np.degrees(MAX_JOINT_TRAVEL_RAD))
+        limits = (REACH_MM, MAX_SPEED_MM_S, travel_deg)
+        return cb.Setup(load_kg, centre_mm, *limits, self.box.low_mm, self.box.high_mm)
 
     # --- inside ---
 
@@ -199,7 +270,8 @@ class Controller(Cabinet):
         blocked = Status.MOTION_ERROR if move.reachable_fraction < 1.0 else Status.OK
         self._move, self._finished = None, (move.seq, move.result or blocked)
         if self._finished[1] is Status.MOTION_ERROR:
-            self.record(now_s, 50050, f"move {move.seq} could not follow its line beyond {move.reachable_fraction:.0%}")
+            self._error = cb.ErrorText(50026, TITLES[50026], "the arm cannot follow the line")
+            self.record(now_s, 50026, f"move {move.seq} could not follow its line beyond {move.reachable_fraction:.0%}")
         return True
 
     def _stop(self, now_s: float, result: Status) -> None:
@@ -227,6 +299,10 @@ _HANDLERS: dict[type[Any], Callable[[Controller, int, Any, float], cb.Reply]] = 
     cb.SetArmed: Controller._arm,
     cb.GetJoints: Controller._joints,
     cb.Bye: Controller._bye,
+    cb.MoveJoints: Controller._move_joints,
+    cb.GetError: Controller._get_error,
+    cb.SetOutput: Controller._set_output,
+    cb.GetSetup: Controller._get_setup,
 }
 
 

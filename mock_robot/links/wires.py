@@ -17,6 +17,9 @@ from mock_robot.rapid.controller import RapidController
 from mock_robot.rapid.frames import FrameFaultBoard
 
 Clock = Callable[[], float]
+_UNTURNED = [1.0, 0.0, 0.0, 0.0]
+CAMERA_LOAD = [True, [[0.0, 0.0, 0.0], _UNTURNED], [1.5, [0.0, 0.0, 60.0], _UNTURNED, 0.0, 0.0, 0.0]]
+"""`cell_flange` as an integrator sets it: the flange's frame, with a camera and its bracket, 1.5 kg, 60 mm out."""
 
 
 class Wires(Protocol):
@@ -108,6 +111,7 @@ class RapidWires:
             "cell_port": float(port),
             "cell_box_low": list(rapid.box.low_mm),
             "cell_box_high": list(rapid.box.high_mm),
+            "cell_flange": CAMERA_LOAD,
             "cell_session": float(rapid.session - 1),
         }
         path = None

@@ -4,7 +4,8 @@ RobotWare 6: the union of EIO.cfg, SYS.cfg and SIO.cfg in the public repositorie
 PaulaFreudenberger/ABB-Rapid-Git, rafurb886/ABB_EIO, tetov/compas_rcf, joseballester/abb-rapidserver,
 panin-anan/abb_SAMXL_Grinding_RAPID, Keen1949/ABB_ROBOT_Socket, EdgarIvanMM/PaletizadoCajasConFrascos and
 Fabio-Coder/Robo_ABB_Injetora-Rotinas_de_ajuste. RobotWare 7: no export is public; zwj12/SignalAutoConfigurationTool
-writes its system outputs with `Name` in place of `Signal`, and a header without a layout.
+writes its system outputs with `Name` in place of `Signal`, and a header without a layout; UDPUC_HOST and what it has
+are named in Nantaphat-Yoktaworn/node-red-contrib-abb-gofa, of a controller with 7.21.
 
 An attribute that no export prints is refused: a real controller may know more.
 """
@@ -19,9 +20,10 @@ HEADERS: Mapping[tuple[str, int], tuple[str, ...]] = MappingProxyType(
         ("SIO", 6): ("SIO:CFG_1.0:6:1::", "SIO:CFG_1.0::"),
         ("EIO", 7): ("EIO:CFG_1.0::",),
         ("SYS", 7): ("SYS:CFG_1.0::",),
+        ("SIO", 7): ("SIO:CFG_1.0::",),
     }
 )
-"""First lines by domain and RobotWare. OmniCore has no serial port of its own, hence no SIO."""
+"""First lines by domain and RobotWare. OmniCore has no serial port of its own; its SIO has network devices."""
 
 _SIGNAL = (
     "Name SignalType Device DeviceMap Label Category Access Default Size SafeLevel FiltPas FiltAct Invert EncType "
@@ -42,6 +44,7 @@ _TYPES = {
     ("SIO", "COM_TRP"): "Name Type PhyChannel RemoteAdress RemotePortNumber",
 }
 _TYPES_OF_7 = {
+    ("SIO", "UDPUC_HOST"): "Name Type RemoteAddress RemotePortNumber LocalPortNumber",
     ("EIO", "SYSSIG_OUT"): "Status Name Arg1 Arg2 Arg3 Arg4",
     ("EIO", "SYSSIG_IN"): "Name Action Arg1 Arg6 Arg7",
 }

@@ -7,6 +7,7 @@ from pathlib import Path
 from mock_robot.rapid.cfg_types import FACTORY_TASK, HEADERS, TASK_ARGUMENTS, attributes_of, signal_attribute
 from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.program import Source
+from mock_robot.rapid.signals import DigitalSignal
 from protocols.cfg_file import parse_cfg
 
 Instance = dict[str, str]
@@ -23,7 +24,7 @@ class Fragments:
     robotware: int
 
     def read(self, domain: str) -> dict[str, list[Instance]]:
-        """Instances of `domain`.cfg by type; {} for a domain without file.
+        """Instances of `domain`.cfg by type, or of a variant such as SIO_egm; {} without file.
 
         Raises RapidProgramError for a header, type or attribute that no export of this RobotWare has.
         """
@@ -31,6 +32,7 @@ class Fragments:
         if not path.exists():
             return {}
         file = parse_cfg(path.read_text("ascii"))
+        domain = domain.partition("_")[0]
         if file.header not in HEADERS.get((domain, self.robotware), ()):
             raise RapidProgramError(path.name, 1, f"{file.header} is no header of RobotWare {self.robotware}")
         found: dict[str, list[Instance]] = {}
@@ -87,15 +89,13 @@ def _source(fragments: Fragments, module: Instance) -> Source:
 SystemOutput = Callable[[str], bool]
 
 
-def signals(fragments: Fragments, outputs: Mapping[str, SystemOutput]) -> dict[str, Callable[[], bool]]:
-    """Digital outputs of EIO.cfg, each as a function of its system output.
+def signals(fragments: Fragments, outputs: Mapping[str, SystemOutput]) -> dict[str, DigitalSignal]:
+    """Digital signals of EIO.cfg by name; those of a system output mirror it.
 
     Raises RapidProgramError for an unknown status or signal, and for a task in an argument that is not a task's.
     """
     inputs = fragments.read("EIO")
-    found: dict[str, Callable[[], bool]] = {}
-    for signal in inputs.get("EIO_SIGNAL", []):
-        found[signal["Name"]] = _low
+    found = {each["Name"]: DigitalSignal(each["Name"], each["SignalType"]) for each in inputs.get("EIO_SIGNAL", [])}
     for output in inputs.get("SYSSIG_OUT", []):
         status, signal_name = output["Status"], output[signal_attribute(fragments.robotware)]
         if status not in outputs:
@@ -106,16 +106,22 @@ def signals(fragments: Fragments, outputs: Mapping[str, SystemOutput]) -> dict[s
         given = {key for key in output if key.startswith("Arg")}
         if given != ({argument} if argument else set()):
             raise RapidProgramError("EIO.cfg", 0, f"system output {status} takes {argument or 'no argument'}")
-        found[signal_name] = _bind(outputs[status], output.get(argument or "", ""))
+        found[signal_name].source = _bind(outputs[status], output.get(argument or "", ""))
     return found
-
-
-def _low() -> bool:
-    return False
 
 
 def _bind(output: SystemOutput, argument: str) -> Callable[[], bool]:
     return lambda: output(argument)
+
+
+def egm_devices(fragments: Fragments) -> frozenset[str]:
+    """Names of the devices to which Externally Guided Motion can send, of SIO.cfg and SIO_egm.cfg."""
+    found = [*fragments.read("SIO_egm").items(), *fragments.read("SIO").items()]
+    return frozenset(each["Name"] for kind, many in found for each in many if _is_egm(kind, each))
+
+
+def _is_egm(kind: str, instance: Instance) -> bool:
+    return kind in ("COM_TRP", "UDPUC_HOST") and instance.get("Type") == "UDPUC"
 
 
 def serial_ports(fragments: Fragments) -> tuple[str, ...]:

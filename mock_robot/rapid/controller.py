@@ -8,17 +8,19 @@ from time import monotonic
 from typing import Any
 
 from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.cabinet.events import TITLES
 from mock_robot.errors import MockError
 from mock_robot.faults.robot_faults import FAULTS
-from mock_robot.rapid.configuration import Fragments, TaskPlan, serial_ports, signals, task_plans
+from mock_robot.rapid.configuration import Fragments, TaskPlan, egm_devices, serial_ports, signals, task_plans
 from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices, Services
+from mock_robot.rapid.signals import DigitalSignal
 from mock_robot.rapid.symbols import LiveSymbol
-from mock_robot.rapid.tasks import ProgramTask
+from mock_robot.rapid.tasks import ERROR, ErrorEvent, ProgramTask
 from mock_robot.rapid.unit import MotionUnit
 from protocols.cb import messages as cb
 from protocols.cb.codes import Status
@@ -55,6 +57,7 @@ class RapidController(Cabinet):
     devices: OpenDevices = field(default_factory=OpenDevices)
     memory: PersistentMemory = field(default_factory=PersistentMemory, init=False)
     unit: MotionUnit = field(init=False)
+    signals: dict[str, DigitalSignal] = field(default_factory=dict, init=False)
     _loaded: list[Loaded] = field(default_factory=list, init=False)
     _error: set[str] = field(default_factory=set, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
@@ -121,8 +124,29 @@ class RapidController(Cabinet):
         if had_link:
             self.await_link()
 
+    def fail_power(self, now_s: float) -> None:
+        """A power failure and the start after it: the arm stops where it is, with its path and program pointer.
+
+        Tasks other than NORMAL begin anew, without the StopMove they had. Motors and program are started by hand.
+        """
+        self.switch_motors(False, now_s)
+        self.run_program(False, now_s)
+        with self._turn:
+            background = [loaded for loaded in self._loaded if loaded.plan.kind != "NORMAL"]
+            for loaded in background:
+                loaded.interrupts.end()
+                loaded.task.end()
+                self._loaded.remove(loaded)
+            self.devices.close()
+            self.unit.stopped_by.difference_update(loaded.task.name for loaded in background)
+            begun = [self._load_task(loaded.plan) for loaded in background]
+            self._loaded += begun
+            self._watch()
+            for loaded in begun:
+                loaded.task.begin(running=True)
+
     def _load(self) -> None:
-        known = signals(
+        self.signals = signals(
             self._fragments,
             {
                 "MotOnState": lambda _: self.panel.motors_on,
@@ -131,24 +155,28 @@ class RapidController(Cabinet):
                 "Error": lambda name: name in self._error,
             },
         )
-        for plan in self._plans:
-            task = ProgramTask(plan.name, self, plan.motion)
-            program = Program(task, self.memory, known)
-            program.load(plan.sources)
-            interrupts = Interrupts(task)
-            task.services = Services(
-                self.unit,
-                self.panel,
-                self.devices,
-                self.board,
-                interrupts,
-                program.errors,
-                self._note,
-                self.max_clock_s,
-            )
-            task.main = program.main()
-            self._loaded.append(Loaded(plan, task, interrupts))
+        self._loaded += [self._load_task(plan) for plan in self._plans]
         self._watch()
+
+    def _load_task(self, plan: TaskPlan) -> Loaded:
+        task = ProgramTask(plan.name, self, plan.motion)
+        program = Program(task, self.memory, self.signals)
+        program.load(plan.sources)
+        interrupts = Interrupts(task)
+        task.services = Services(
+            self.unit,
+            self.panel,
+            self.devices,
+            self.board,
+            interrupts,
+            program.errors,
+            self._note,
+            self.max_clock_s,
+            self.signals,
+            egm_devices(self._fragments),
+        )
+        task.main = program.main()
+        return Loaded(plan, task, interrupts)
 
     def _watch(self) -> None:
         """Mirror the program's own state for tests."""
@@ -197,6 +225,9 @@ class RapidController(Cabinet):
         """Log a program that stopped by itself, and stop all tasks when the task is trusted."""
         now_s = self.clock()
         self.record(now_s, stopped.code, f"{task.name} stopped at {stopped.where}: {stopped.text}")
+        event = ErrorEvent(*divmod(stopped.code, 10_000), ERROR, TITLES.get(stopped.code, ""), stopped.text)
+        for loaded in self._loaded:
+            loaded.interrupts.note_event(event)
         plan = next((loaded.plan for loaded in self._loaded if loaded.task is task), None)
         if plan is None:
             return

@@ -6,6 +6,7 @@ MockError
 RapidError              a run-time error with a name, for an ERROR handler
 RaisedFurther           the same, passed to the caller by RAISE in a handler
 ProgramStopped          an error that nothing handles or that cannot be handled: the task's program stops
+LongJump                a booked error on its way to the routine whose handler lists it
 CycleLeft               ExitCycle, or the program pointer moved to main: all routines are left
 """
 
@@ -31,11 +32,11 @@ class RapidProgramError(MockError):
 class RapidError(Exception):
     """A recoverable error with its RAPID name; the failing statement fills in `where`.
 
-    `logged`: the event log has it, or SkipWarn has kept it out.
+    `logged`: the event log has it, or SkipWarn has kept it out. `number`: of one that a program raised.
     """
 
-    def __init__(self, name: str, detail: str) -> None:
-        self.name, self.detail, self.where = name, detail, ""
+    def __init__(self, name: str, detail: str, number: float | None = None) -> None:
+        self.name, self.detail, self.where, self.number = name, detail, "", number
         self.logged = False
         super().__init__(f"{name}: {detail}")
 
@@ -54,6 +55,17 @@ class ProgramStopped(Exception):
     def __init__(self, code: int, where: str, text: str) -> None:
         self.code, self.where, self.text = code, where, text
         super().__init__(f"{where}: {text}")
+
+
+class LongJump(Exception):
+    """RAISE of a number that the handler of a calling routine lists: all routines between are left, out of traps too.
+
+    RAPID kernel manual 3HAC050946, error recovery with long jump; the example of ClearPath in 3HAC050917 uses it.
+    """
+
+    def __init__(self, error: RapidError, number: float) -> None:
+        self.error, self.number = error, number
+        super().__init__(str(error))
 
 
 class CycleLeft(Exception):

@@ -9,18 +9,19 @@ from typing import Any
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.scope import CompileContext, Data, Frame, Persistent, Routine, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, word
-from mock_robot.rapid.tasks import ProgramTask
+from mock_robot.rapid.tasks import ErrorEvent, ProgramTask
 from mock_robot.rapid.types import NUM
 
 
 @dataclass
 class Interrupt:
-    """A connected interrupt: its trap, and the PERS or the timer that triggers it."""
+    """A connected interrupt: its trap, and the PERS, the timer or the entries of the event log that trigger it."""
 
     trap: Routine
     watched: Persistent | None = None
     notice: Callable[[], None] | None = None
     timer: threading.Event | None = None
+    errors: tuple[int, int, float | None] | None = None
 
     def end(self) -> None:
         """Stop watching."""
@@ -79,6 +80,23 @@ class Interrupts:
                     return
 
         threading.Thread(target=tick, name=f"rapid timer of {self.task.name}", daemon=True).start()
+
+    def watch_errors(self, number: float, domain: int, kind: int, error: float | None) -> None:
+        """Trigger at every entry of the event log of that domain (0: any), type (0: any) and number (None: any)."""
+        order = self._orders.get(number)
+        if order is None:
+            raise RapidError("ERR_UNKINO", f"interrupt {number:g} is not connected")
+        order.end()
+        order.errors = (domain, kind, error)
+
+    def note_event(self, event: ErrorEvent) -> None:
+        """Trigger what watches for such an entry."""
+        for order in list(self._orders.values()):
+            if order.errors is None:
+                continue
+            domain, kind, error = order.errors
+            if domain in (0, event.domain) and kind in (0, event.type) and error in (None, event.number):
+                self.task.interrupt(order.trap, event)
 
     def delete(self, slot: Slot) -> None:
         """Remove the interrupt; no error for an unknown one."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from mock_robot.rapid.calls import call
-from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidProgramError
+from mock_robot.rapid.errors import CycleLeft, LongJump, ProgramStopped, RaisedFurther, RapidProgramError
 from mock_robot.rapid.expressions import expression
 from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
 from mock_robot.rapid.scope import (
@@ -22,7 +22,7 @@ from mock_robot.rapid.statements import Run, block
 from mock_robot.rapid.symbols import LiveSymbol
 from mock_robot.rapid.syntax import Node, line_of, name, optional_part, parse_module, parse_system, part, parts
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
-from mock_robot.rapid.types import NUM, SIGNALDO, Array, Type
+from mock_robot.rapid.types import NUM, SIGNALDI, SIGNALDO, Array, Type
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class PersistentMemory:
         """The PERS of that name; `initial` is called when none of this type exists yet."""
         known = self._kept.get(key)
         if known is None or known[0] != kind:
-            known = self._kept[key] = (kind, Persistent(initial()))
+            known = self._kept[key] = (kind, Persistent(initial(), key))
         return known[1]
 
     def __getitem__(self, key: str) -> Persistent:
@@ -87,8 +87,12 @@ class Program:
         errno = symbols["errno"].slot
         assert errno is not None
         self.errors = ErrorNumbers(numbers, errno)
+        settings = symbols["c_motset"]
+        self.scope.symbols["c_motset"] = replace(settings, storage="read only")
+        self.task.settings = settings.slot
         for signal, device in self.signals.items():
-            self.scope.symbols[signal.casefold()] = Data(signal.casefold(), SIGNALDO, "var", Slot(device))
+            kind = SIGNALDI if getattr(device, "kind", "DO") == "DI" else SIGNALDO
+            self.scope.symbols[signal.casefold()] = Data(signal.casefold(), kind, "var", Slot(device))
         self.scope = Scope(self.scope)
 
     def load(self, sources: Sequence[Source]) -> None:
@@ -180,7 +184,9 @@ def _compile(context: CompileContext, routine: Routine, node: Node) -> None:
     statements = block(inner, [each for each in parts(body) if each.data != "data"])
     inner.in_handler = True
     for handler in parts(node, "error"):
-        routine.handler = block(inner, parts(part(handler, 0)))
+        *numbers, statements_of_handler = parts(handler)
+        routine.listed = tuple(expression(inner, number, NUM).evaluate for number in numbers)
+        routine.handler = block(inner, parts(statements_of_handler))
     undo = [block(inner, parts(part(each, 0))) for each in parts(node, "undo")]
 
     def run(frame: Frame) -> Any:
@@ -191,11 +197,20 @@ def _compile(context: CompileContext, routine: Routine, node: Node) -> None:
     def run_with_undo(frame: Frame) -> Any:
         try:
             return run(frame)
-        except CycleLeft:
+        except (CycleLeft, LongJump):
             undo[0](frame)
             raise
 
-    routine.body = run_with_undo if undo else run
+    def run_as_recovery_point(frame: Frame) -> Any:
+        points = context.task.recovery_points
+        points.append(lambda number: any(listed(frame) == number for listed in routine.listed))
+        try:
+            return inside(frame)
+        finally:
+            points.pop()
+
+    inside = run_with_undo if undo else run
+    routine.body = run_as_recovery_point if routine.listed else inside
 
 
 def _local(context: CompileContext, node: Node) -> tuple[int, Run]:

@@ -23,7 +23,7 @@ _FORBIDDEN = (
     (re.compile(r"\bReadBin\b(?!.*\\Time:=)", re.I), "waits 60 s: give \\Time"),
     (re.compile(r"\bSocketReceive\b.*\\Str\b", re.I), "\\Str cuts at 80 characters: use \\RawData"),
     (re.compile(r"\bStopMove\s*\\Quick\b", re.I), "RobotWare 7 does not load \\Quick"),
-    (re.compile(r"\bSingArea\s*\\Wrist\b", re.I), "the orientation would leave the path"),
+    (re.compile(r"(?<!sing\.wrist )\bSingArea\s*\\Wrist\b", re.I), "the orientation would leave the path"),
     (re.compile(r"\bRETRY\s*;", re.I), "RETRY does the failed instruction once more, a motion too"),
     (re.compile(r"\bCRobT\((?!.*\\Tool:=.*\\WObj:=)", re.I), "tool and work object must be named"),
 )
@@ -46,7 +46,7 @@ def offences(source: bytes) -> list[Offence]:
         if any(int(literal) > MAX_INTEGER for literal in _INTEGER.findall(re.sub(r'"[^"]*"', "", code))):
             found.append(Offence(number, f"a num is exact up to {MAX_INTEGER} only"))
     for routine in _ROUTINE.finditer(text):
-        if not re.search(r"^\s*ERROR\s*$", routine[0], re.M | re.I):
+        if not re.search(r"^\s*ERROR\s*(\(\w+\)\s*)?$", routine[0], re.M | re.I):
             line_number = text.count("\n", 0, routine.start(1)) + 1
             found.append(Offence(line_number, f"a {routine[1]} without ERROR: any error in it stops the program"))
     return sorted(found, key=lambda offence: offence.line)

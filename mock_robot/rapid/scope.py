@@ -26,10 +26,10 @@ class Slot:
 class Persistent(Slot):
     """A PERS: shared by tasks; its watchers are called on every change."""
 
-    __slots__ = ("_value", "watchers")
+    __slots__ = ("_value", "name", "watchers")
 
-    def __init__(self, value: Any) -> None:
-        self._value = value
+    def __init__(self, value: Any, name: str = "") -> None:
+        self._value, self.name = value, name
         self.watchers: tuple[Callable[[], None], ...] = ()
 
     @property
@@ -94,7 +94,10 @@ class Parameter:
 
 @dataclass
 class Routine:
-    """A routine of a module; `body` is set by the compiler. `kind`: proc, func, trap."""
+    """A routine of a module; `body` is set by the compiler. `kind`: proc, func, trap.
+
+    `listed`: the numbers in ERROR (...), the only errors its handler takes; () for a handler of any error.
+    """
 
     name: str
     kind: str
@@ -104,6 +107,7 @@ class Routine:
     places: int = 0
     body: Callable[[Frame], Any] | None = None
     handler: Callable[[Frame], Any] | None = None
+    listed: tuple[Callable[[Frame], float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -163,12 +167,16 @@ class ErrorNumbers:
 
     def note(self, error: RapidError) -> None:
         """Set ERRNO to an error that is being handled."""
-        self.errno.value = self.numbers.get(error.name, 0.0)
+        self.errno.value = self.number_of(error)
+
+    def number_of(self, error: RapidError) -> float:
+        """Number of an error as a program sees it; 0 for one without."""
+        return self.numbers.get(error.name, 0.0) if error.number is None else error.number
 
     def error_of(self, number: float) -> RapidError:
         """The error that a program raises by number."""
         found = next((name for name, known in self.numbers.items() if known == number), None)
-        return RapidError(found or f"error {number:g}", "raised by the program")
+        return RapidError(found or f"error {number:g}", "raised by the program", number)
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """Services of a task's instructions: arm, panel, devices, wires, interrupts, event log."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +10,7 @@ from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.scope import ErrorNumbers
+from mock_robot.rapid.signals import DigitalSignal
 from mock_robot.rapid.unit import MotionUnit
 
 
@@ -69,3 +70,5 @@ class Services:
     errors: ErrorNumbers
     note: Callable[[int, str], None]
     max_clock_s: float = MAX_CLOCK_S
+    signals: Mapping[str, DigitalSignal] = field(default_factory=dict)
+    egm_devices: frozenset[str] = frozenset()

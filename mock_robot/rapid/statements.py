@@ -5,7 +5,7 @@ from enum import IntEnum
 from typing import Any
 
 from mock_robot.rapid.calls import call
-from mock_robot.rapid.errors import ProgramStopped, RaisedFurther, RapidError
+from mock_robot.rapid.errors import LongJump, ProgramStopped, RaisedFurther, RapidError
 from mock_robot.rapid.expressions import Evaluate, expression, reference
 from mock_robot.rapid.interrupts import connection
 from mock_robot.rapid.scope import Builtin, CompileContext, Frame, Routine, Scope, Slot
@@ -43,7 +43,8 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
     runs = [_KINDS[node.data](context, node) for node in statements]
     lines = [line_of(node) for node in statements]
     task, module, count = context.task, context.module, len(runs)
-    handle = _stop_in_handler if context.in_handler else _handle
+    in_handler = context.in_handler
+    handle = _stop_in_handler if in_handler else _handle
 
     def run(frame: Frame) -> Any:
         at, retries = 0, 0
@@ -59,6 +60,11 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
             except RapidError as error:
                 error.where = error.where or f"{module}:{lines[at]}"
                 flow = handle(context, frame, error)
+            except LongJump as jump:
+                routine = context.routine
+                if in_handler or routine is None or not _lists(routine, frame, jump.number):
+                    raise
+                flow = _run_handler(context, frame, routine, jump.error)
             if flow is Flow.RETURNED:
                 return flow
             if flow is Flow.NEXT:
@@ -73,8 +79,17 @@ def _handle(context: CompileContext, frame: Frame, error: RapidError) -> Flow:
     """Run the routine's own handler; without one the program stops (the caller's is not tried)."""
     routine = context.routine
     assert routine is not None
-    if routine.handler is None:
+    if routine.handler is None or (routine.listed and not _lists(routine, frame, context.errors.number_of(error))):
         raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error}; {routine.name} has no ERROR handler") from error
+    return _run_handler(context, frame, routine, error)
+
+
+def _lists(routine: Routine, frame: Frame, number: float) -> bool:
+    return any(listed(frame) == number for listed in routine.listed)
+
+
+def _run_handler(context: CompileContext, frame: Frame, routine: Routine, error: RapidError) -> Flow:
+    assert routine.handler is not None
     context.errors.note(error)
     task = context.task
     outer, task.handled = task.handled, error
@@ -226,10 +241,13 @@ def _raise(context: CompileContext, node: Node) -> Run:
         number = expression(context, asked, NUM).evaluate
     elif not context.in_handler:
         raise context.wrong(line_of(node), "RAISE without a number belongs into an ERROR handler")
-    inside, numbered = context.in_handler, context.errors.error_of
+    inside, numbered, task = context.in_handler, context.errors.error_of, context.task
 
     def run(frame: Frame) -> None:
-        error = None if number is None else numbered(number(frame))
+        value = None if number is None else number(frame)
+        error = None if value is None else numbered(value)
+        if error is not None and value is not None and any(lists(value) for lists in task.recovery_points):
+            raise LongJump(error, value)
         if inside or error is None:
             raise _RaisedHere(error)
         raise error

@@ -18,6 +18,21 @@ EXECUTION_ERROR = 10020
 """ABB's event number: execution error state."""
 
 
+ERROR = 3
+"""TYPE_ERR of system.rapid."""
+
+
+@dataclass(frozen=True)
+class ErrorEvent:
+    """An entry of the event log: domain and number within it (50050: 5 and 50), type (3: error), title, cause."""
+
+    domain: int
+    number: int
+    type: int
+    title: str
+    cause: str
+
+
 class TaskOwner(Protocol):
     """Is notified when a program stops by itself."""
 
@@ -29,7 +44,8 @@ class ProgramTask:
     """One task. `attention` is checked between instructions; setting it also wakes a waiting instruction.
 
     As on a controller, an interrupt that comes while the task is stopped is lost. `now_s` is wire time; `handled` is
-    the error whose handler runs.
+    the error whose handler runs; `settings` holds C_MOTSET; `event` is what called the current trap;
+    `booked` counts BookErrNo; `recovery_points` say for a number whether a routine under way lists it, outermost first.
     """
 
     name: str
@@ -41,9 +57,13 @@ class ProgramTask:
     attention: bool = field(default=True, init=False)
     running: bool = field(default=False, init=False)
     main: Callable[[], Any] | None = field(default=None, init=False)
+    settings: Any = field(default=None, init=False)
+    recovery_points: list[Callable[[float], bool]] = field(default_factory=list, init=False)
+    event: ErrorEvent | None = field(default=None, init=False)
+    booked: int = field(default=0, init=False)
     interrupts_disabled: bool = field(default=False, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
-    _pending: "deque[Routine]" = field(default_factory=deque, init=False)
+    _pending: "deque[tuple[Routine, ErrorEvent | None]]" = field(default_factory=deque, init=False)
     _trapping: bool = field(default=False, init=False)
     _leaving: bool = field(default=False, init=False)
     _ended: bool = field(default=False, init=False)
@@ -99,12 +119,12 @@ class ProgramTask:
         if self._thread.is_alive() and not self.is_current:
             self._thread.join(limit_s)
 
-    def interrupt(self, trap: Routine) -> None:
+    def interrupt(self, trap: Routine, event: ErrorEvent | None = None) -> None:
         """Run the trap before the next instruction. Lost while the task is stopped."""
         with self._turn:
             if not self.running:
                 return
-            self._pending.append(trap)
+            self._pending.append((trap, event))
         self.rouse()
 
     def rouse(self) -> None:
@@ -131,7 +151,7 @@ class ProgramTask:
             if trap is None:
                 self._listen(None)
             else:
-                self._run_trap(trap)
+                self._run_trap(*trap)
 
     def wait(self, seconds: float | None, fileno: int | None = None, until: Callable[[], bool] | None = None) -> bool:
         """Wait until the descriptor is readable or `until` holds (True), or a timeout; traps run meanwhile."""
@@ -161,9 +181,9 @@ class ProgramTask:
                 os.read(self._ear, 4096)
         return bool(ready)
 
-    def _run_trap(self, trap: Routine) -> None:
+    def _run_trap(self, trap: Routine, event: ErrorEvent | None) -> None:
         assert trap.body is not None
-        self._trapping = True
+        self._trapping, self.event = True, event
         try:
             trap.body([None] * (trap.places + 1))
         except RaisedFurther as raised:

@@ -90,9 +90,16 @@ STRING = Atom("string", str)
 RAWBYTES = Atom("rawbytes", RawBytes, device=True)
 CLOCK = Atom("clock", StopWatch, device=True)
 SIGNALDO = Atom("signaldo", Nothing, device=True)
+SIGNALDI = Atom("signaldi", Nothing, device=True)
+TRAPDATA = Atom("trapdata", Nothing, device=True)
+MECUNIT = Atom("mecunit", Nothing, device=True)
+EGMIDENT = Atom("egmident", Nothing, device=True)
 TASKID = Atom("taskid", Nothing, device=True)
 ANYTYPE = Atom("anytype", Nothing)
 CONDITION = Atom("condition", Nothing)
 SWITCH = Atom("switch", Nothing)
 
-ATOMS = (NUM, DNUM, BYTE, BOOL, STRING, RAWBYTES, CLOCK, SIGNALDO, TASKID, ANYTYPE, CONDITION, SWITCH)
+ATOMS = (
+    *(NUM, DNUM, BYTE, BOOL, STRING, RAWBYTES, CLOCK, SIGNALDO, SIGNALDI),
+    *(TRAPDATA, MECUNIT, EGMIDENT, TASKID, ANYTYPE, CONDITION, SWITCH),
+)

@@ -36,7 +36,8 @@ class MotionUnit:
     """The motion task's arm. `held`: program stopped or motors off; `stopped_by`: tasks that called StopMove.
 
     An interrupted move continues from where the arm stands once nothing prevents it, as on a controller; only ClearPath
-    (or leaving the program) ends it.
+    (or leaving the program) ends it. `egm`: state of each EGM identity that is
+    taken. `active`: name and value of the tool, work object and load in use, by type.
     """
 
     cabinet: Cabinet
@@ -46,6 +47,8 @@ class MotionUnit:
     external: list[float] = field(default_factory=list)
     override_percent: float = 100.0
     max_speed_mm_s: float = 5000.0
+    egm: dict[int, str] = field(default_factory=dict)
+    active: dict[str, tuple[str, Any]] = field(default_factory=dict)
     stopped_by: set[str] = field(default_factory=set, init=False)
     held: bool = field(default=True, init=False)
     _order: MoveOrder | None = field(default=None, init=False)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from protocols.cb.codes import REPLY_BIT, VERSION, Command, Status
+from protocols.cb.codes import REPLY_BIT, VERSION, Capability, Command, Status
 from protocols.cb.errors import NotAllowedNow, NothingToAnswer, PayloadRefused, RequestOutstanding
 from protocols.cb.events import (
     ClientEvent,
@@ -86,6 +86,8 @@ class ClientSession:
         self._session = known_session
         self._last_seq = last_seq
         self._outstanding: _Outstanding | None = None
+        self.capabilities = Capability(0)
+        """What the controller can do, from its reply to HELLO."""
 
     @property
     def state(self) -> ClientSessionState:
@@ -188,6 +190,7 @@ class ClientSession:
             return answered
         self._advance(_TRIGGER_OF_REPLY.get(command))
         if isinstance(reply, Welcome):
+            self.capabilities = reply.capabilities
             before, self._session = self._session, reply.session
             if before is not None and before != reply.session:
                 answered.insert(0, SessionChanged(before, reply.session))

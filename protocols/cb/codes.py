@@ -21,6 +21,10 @@ class Command(IntEnum):
     ARM = 7
     GET_JOINTS = 8
     BYE = 9
+    MOVE_JOINTS = 10
+    GET_ERROR = 11
+    SET_OUTPUT = 12
+    GET_SETUP = 13
 
 
 class Status(IntEnum):
@@ -44,6 +48,8 @@ class Status(IntEnum):
     DUPLICATE_SEQ_DIFFERENT_PAYLOAD = 15
     ESTOP = 16
     BAD_FIELD = 17
+    NO_LOAD = 18
+    INTERLOCK = 19
 
 
 class Flag(IntFlag):
@@ -80,3 +86,14 @@ class Capability(IntFlag):
     STOPS_DURING_MOTION = 2
     JOINTS = 4
     ANNOUNCES_END_OF_MOVE = 8
+    MOVES_JOINTS = 16
+    REPORTS_ERRORS = 32
+    SWITCHES_OUTPUTS = 64
+    REPORTS_SETUP = 128
+
+
+class Output(IntEnum):
+    """An output of the controller that SET_OUTPUT switches; the controller's settings name its signal."""
+
+    LIGHT = 1
+    TRIGGER = 2

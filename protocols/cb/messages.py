@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from protocols.cb.codes import Capability, Command, Flag, FrameSelector, MoveKind, Status
+from protocols.cb.codes import Capability, Command, Flag, FrameSelector, MoveKind, Output, Status
 from protocols.cb.errors import FieldOutOfRange, PayloadRefused
 
 Three = tuple[float, float, float]
@@ -89,6 +89,33 @@ class Bye:
 
 
 @dataclass(frozen=True)
+class MoveJoints:
+    """Move all axes to these angles, to a stop point (MoveAbsJ): no posture, no singularity."""
+
+    axes_deg: Six
+    external_axes: Six
+    speed_mm_s: float
+
+
+@dataclass(frozen=True)
+class GetError:
+    """Request ABB's number and text of the error that ended the last move."""
+
+
+@dataclass(frozen=True)
+class SetOutput:
+    """Switch an output that the controller's settings name."""
+
+    output: Output
+    on: bool
+
+
+@dataclass(frozen=True)
+class GetSetup:
+    """Request the settings of the modules that concern motion."""
+
+
+@dataclass(frozen=True)
 class Pong:
     """Reply to PING."""
 
@@ -160,6 +187,38 @@ class Farewell:
 
 
 @dataclass(frozen=True)
+class JointMoveAccepted:
+    """Reply to MOVE_JOINTS: the move begins, as after MOVE."""
+
+
+@dataclass(frozen=True)
+class ErrorText:
+    """Reply to GET_ERROR: number as in the event log (50050: domain 5, number 50; 0: none), title and cause."""
+
+    number: int
+    title: str
+    cause: str
+
+
+@dataclass(frozen=True)
+class OutputDone:
+    """Reply to SET_OUTPUT."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Reply to GET_SETUP: the load on the flange (kg, mm), and the limits the modules hold moves to."""
+
+    load_kg: float
+    load_centre_mm: Three
+    reach_mm: float
+    speed_max_mm_s: float
+    joint_travel_deg: float
+    box_low_mm: Three
+    box_high_mm: Three
+
+
+@dataclass(frozen=True)
 class Refused:
     """Reply to a request that was not executed. `status` is the raw number."""
 
@@ -171,8 +230,36 @@ class Refused:
         return _STATUS_NAMES.get(self.status, str(self.status))
 
 
-Request = Ping | Hello | GetPose | Move | Stop | GetStatus | SetArmed | GetJoints | Bye
-Answer = Pong | Welcome | Pose | MoveAccepted | Stopped | Report | ArmingDone | Joints | Farewell
+Request = (
+    Ping
+    | Hello
+    | GetPose
+    | Move
+    | Stop
+    | GetStatus
+    | SetArmed
+    | GetJoints
+    | Bye
+    | MoveJoints
+    | GetError
+    | SetOutput
+    | GetSetup
+)
+Answer = (
+    Pong
+    | Welcome
+    | Pose
+    | MoveAccepted
+    | Stopped
+    | Report
+    | ArmingDone
+    | Joints
+    | Farewell
+    | JointMoveAccepted
+    | ErrorText
+    | OutputDone
+    | Setup
+)
 Reply = Answer | Refused
 
 
@@ -187,6 +274,11 @@ def _boolean(number: int) -> bool:
     if number not in (0, 1):
         raise ValueError(f"{number} is neither 0 nor 1")
     return bool(number)
+
+
+def _text(padded: bytes) -> str:
+    """A RAPID string of at most 80 bytes, padded with zeros."""
+    return padded.rstrip(b"\0").decode("latin-1")
 
 
 _POSE = (
@@ -228,6 +320,22 @@ _FIELDS: dict[type[Any], tuple[_Field, ...]] = {
     ArmingDone: (),
     Joints: (_Field("axes_deg", "6f"), _Field("external_axes", "6f")),
     Farewell: (),
+    MoveJoints: (_Field("axes_deg", "6f"), _Field("external_axes", "6f"), _Field("speed_mm_s", "f")),
+    GetError: (),
+    SetOutput: (_Field("output", "H", Output), _Field("on", "H", _boolean)),
+    GetSetup: (),
+    JointMoveAccepted: (),
+    ErrorText: (_Field("number", "I"), _Field("title", "80s", _text), _Field("cause", "80s", _text)),
+    OutputDone: (),
+    Setup: (
+        _Field("load_kg", "f"),
+        _Field("load_centre_mm", "3f"),
+        _Field("reach_mm", "f"),
+        _Field("speed_max_mm_s", "f"),
+        _Field("joint_travel_deg", "f"),
+        _Field("box_low_mm", "3f"),
+        _Field("box_high_mm", "3f"),
+    ),
 }
 
 _STRUCTS = {kind: struct.Struct("<" + "".join(f.layout for f in fields)) for kind, fields in _FIELDS.items()}
@@ -242,6 +350,10 @@ REQUESTS: dict[Command, type[Request]] = {
     Command.ARM: SetArmed,
     Command.GET_JOINTS: GetJoints,
     Command.BYE: Bye,
+    Command.MOVE_JOINTS: MoveJoints,
+    Command.GET_ERROR: GetError,
+    Command.SET_OUTPUT: SetOutput,
+    Command.GET_SETUP: GetSetup,
 }
 """Request type of each command."""
 
@@ -255,6 +367,10 @@ ANSWERS: dict[Command, type[Answer]] = {
     Command.ARM: ArmingDone,
     Command.GET_JOINTS: Joints,
     Command.BYE: Farewell,
+    Command.MOVE_JOINTS: JointMoveAccepted,
+    Command.GET_ERROR: ErrorText,
+    Command.SET_OUTPUT: OutputDone,
+    Command.GET_SETUP: Setup,
 }
 """Reply type of each command that succeeded."""
 
@@ -266,7 +382,7 @@ COMMAND_OF: dict[type[Any], Command] = {
 
 def good_status(answer: Answer) -> Status:
     """Status sent with a reply: ACCEPTED for a move, otherwise OK."""
-    return Status.ACCEPTED if isinstance(answer, MoveAccepted) else Status.OK
+    return Status.ACCEPTED if isinstance(answer, MoveAccepted | JointMoveAccepted) else Status.OK
 
 
 def pack(message: Request | Answer) -> bytes:
@@ -275,6 +391,8 @@ def pack(message: Request | Answer) -> bytes:
     values: list[Any] = []
     for field in _FIELDS[kind]:
         value = getattr(message, field.name)
+        if isinstance(value, str):
+            value = value.encode("latin-1", "replace")
         values += value if isinstance(value, tuple) else (value,)
     try:
         return _STRUCTS[kind].pack(*values)
@@ -290,7 +408,7 @@ def unpack(kind: type[Any], payload: bytes) -> Any:
     values = iter(layout.unpack(payload))
     fields: dict[str, Any] = {}
     for field in _FIELDS[kind]:
-        count = int(field.layout[:-1]) if field.layout[0].isdigit() else 1
+        count = int(field.layout[:-1]) if field.layout[0].isdigit() and field.layout[-1] != "s" else 1
         value = tuple(next(values) for _ in range(count)) if count > 1 else next(values)
         try:
             fields[field.name] = field.convert(value) if field.convert else value

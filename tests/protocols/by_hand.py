@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-CODES = {"u16": "<u2", "i16": "<i2", "u32": "<u4", "f32": "<f4"}
+CODES = {"u16": "<u2", "i16": "<i2", "u32": "<u4", "f32": "<f4", "u8": "u1"}
 
 ROWS: dict[str, tuple[int, str]] = {
     "ping": (1, ""),
@@ -16,6 +16,10 @@ ROWS: dict[str, tuple[int, str]] = {
     "arm": (7, "u16 u16"),
     "get joints": (8, ""),
     "bye": (9, ""),
+    "move joints": (10, "f32 " * 13),
+    "get error": (11, ""),
+    "set output": (12, "u16 u16"),
+    "get setup": (13, ""),
     "pong": (0x81, ""),
     "welcome": (0x82, "u16 " * 6),
     "pose": (0x83, "f32 " * 7 + "i16 " * 4 + "f32 " * 6 + "u32 u16 u16"),
@@ -25,6 +29,10 @@ ROWS: dict[str, tuple[int, str]] = {
     "arming done": (0x87, ""),
     "joints": (0x88, "f32 " * 12),
     "farewell": (0x89, ""),
+    "joint move accepted": (0x8A, ""),
+    "error": (0x8B, "u32 " + "u8 " * 160),
+    "output done": (0x8C, ""),
+    "setup": (0x8D, "f32 " * 13),
 }
 """Command number and payload layout of every message."""
 

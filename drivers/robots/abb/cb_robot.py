@@ -2,10 +2,20 @@
 
 import asyncio
 import contextlib
+from typing import Literal
 
 from calibration.transforms import Array
 from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus, Standstill
+from drivers.interfaces import (
+    JointGoal,
+    LinkHealth,
+    MoveGoal,
+    PoseReading,
+    RobotCapabilities,
+    RobotSetup,
+    RobotStatus,
+    Standstill,
+)
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.cb_link import CbLink
 from drivers.robots.abb.cb_move_monitor import MoveMonitor
@@ -14,18 +24,24 @@ from drivers.robots.abb.cb_status_errors import move_failure, move_refusal, requ
 from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.timing import Timing
 from drivers.transports.transport import Transport
-from protocols.cb.codes import Status
+from protocols.cb.codes import Capability, Output, Status
 from protocols.cb.messages import (
+    ErrorText,
+    GetError,
     GetJoints,
     GetPose,
+    GetSetup,
     GetStatus,
     Joints,
     Move,
+    MoveJoints,
     Pose,
     Refused,
     Report,
     Request,
     SetArmed,
+    SetOutput,
+    Setup,
     Stop,
 )
 
@@ -49,7 +65,7 @@ class CbRobot:
     @property
     def capabilities(self) -> RobotCapabilities:
         """The robot can move."""
-        return RobotCapabilities(moves=True, pose_convention=POSE_CONVENTION)
+        return RobotCapabilities(moves=True, pose_convention=POSE_CONVENTION, pose_frame="world")
 
     @property
     def controller_session(self) -> int | None:
@@ -112,7 +128,9 @@ class CbRobot:
 
     async def move_to(self, goal: MoveGoal) -> None:
         """Move and return when the arm stands at the goal. Cancellation or an error on the way stops the arm."""
-        move = cb_wire.move_of(self._device, goal)
+        await self._move(cb_wire.move_of(self._device, goal))
+
+    async def _move(self, move: Move | MoveJoints) -> None:
         conversation = self._link.conversation()
         try:
             await self._arrive(conversation, await self._begin(conversation, move))
@@ -124,6 +142,21 @@ class CbRobot:
             stopping.add_done_callback(self._stopping.discard)
             await asyncio.shield(stopping)
             raise
+
+    async def move_to_joints(self, goal: JointGoal) -> None:
+        """Move all axes to their angles (MoveAbsJ); otherwise as `move_to`."""
+        await self._move(cb_wire.joint_move_of(self._device, goal))
+
+    async def read_setup(self) -> RobotSetup:
+        """The load on the flange and the limits that the modules hold moves to. Raises RequestRefused for old ones."""
+        setup = (await self._read(GetSetup(), "reading the settings")).reply
+        assert isinstance(setup, Setup)
+        return cb_wire.robot_setup(setup)
+
+    async def switch_output(self, output: Literal["light", "trigger"], on: bool) -> None:
+        """Switch an output that the modules name. Raises RequestRefused when they name none."""
+        which = Output.LIGHT if output == "light" else Output.TRIGGER
+        await self._read(SetOutput(which, on), f"switching the {output}")
 
     async def close(self) -> None:
         """Send BYE (the controller disarms), and stop connecting."""
@@ -147,7 +180,7 @@ class CbRobot:
         if isinstance(answered.reply, Refused):
             raise request_refusal(self._device, doing, answered.reply)
 
-    async def _begin(self, conversation: CbConversation, move: Move) -> int:
+    async def _begin(self, conversation: CbConversation, move: Move | MoveJoints) -> int:
         """Number of the accepted move. A lost answer is requested again only under the same number."""
         try:
             answered = await conversation.ask(move)
@@ -164,8 +197,23 @@ class CbRobot:
             await self._timing.sleep(POLL_S)
             answered = await self._read(GetStatus(), "reading the status", conversation)
             assert isinstance(answered.reply, Report)
-            if arrival.has_arrived(answered.reply, self._timing.clock()):
-                return
+            try:
+                if arrival.has_arrived(answered.reply, self._timing.clock()):
+                    return
+            except MoveFailed as failed:
+                if failed.status != Status.MOTION_ERROR.name:
+                    raise
+                raise move_failure(self._device, Status.MOTION_ERROR, await self._error(conversation)) from None
+
+    async def _error(self, conversation: CbConversation) -> ErrorText | None:
+        """ABB's number and words about the error of the last move; None from modules that do not give them."""
+        if not conversation.session.capabilities & Capability.REPORTS_ERRORS:
+            return None
+        with contextlib.suppress(DeviceError):
+            reply = (await self._read(GetError(), "reading the error", conversation)).reply
+            assert isinstance(reply, ErrorText)
+            return reply
+        return None
 
 
 def _set_armed(conversation: CbConversation, armed: bool) -> SetArmed:

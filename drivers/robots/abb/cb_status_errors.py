@@ -2,7 +2,7 @@
 
 from drivers.errors import MoveFailed, MoveRefused, RequestRefused
 from protocols.cb.codes import Status
-from protocols.cb.messages import Refused
+from protocols.cb.messages import ErrorText, Refused
 
 WHAT_TO_DO: dict[int, tuple[str, str]] = {
     Status.UNKNOWN_CMD: ("the controller does not know the command", "load the program modules of this release"),
@@ -29,6 +29,14 @@ WHAT_TO_DO: dict[int, tuple[str, str]] = {
         "another client may be on the line: leave only one",
     ),
     Status.ESTOP: ("the emergency stop is pressed", "make the cell safe, release it, confirm at the controller"),
+    Status.NO_LOAD: (
+        "the load on the flange is not set: cell_flange has the 1 gram of tool0",
+        "set mass, centre and inertia of camera and bracket in cell_flange (CELL_shared.sys): run LoadIdentify",
+    ),
+    Status.INTERLOCK: (
+        "an input that cell_interlock names is 0, or is not there",
+        "see the cell's guard or gripper; the names stand in CELL_shared.sys",
+    ),
     Status.BAD_FIELD: ("the request says something that means nothing there", "load the modules of this release"),
 }
 
@@ -44,9 +52,11 @@ def move_refusal(device: str, refused: Refused) -> MoveRefused:
     return MoveRefused(device, f"the move was refused, {what}", fix, refused.name)
 
 
-def move_failure(device: str, status: int) -> MoveFailed:
-    """The move started and ended elsewhere than at its goal."""
+def move_failure(device: str, status: int, error: ErrorText | None = None) -> MoveFailed:
+    """The move started and ended elsewhere than at its goal; `error`: ABB's own words about it."""
     what, fix = _sentence(status)
+    if error is not None and error.number:
+        what += f": {error.number} {error.title}" + (f" ({error.cause})" if error.cause else "")
     return MoveFailed(device, f"the move did not reach its goal, {what}", fix, Refused(status).name)
 
 

@@ -8,11 +8,11 @@ from calibration.errors import GeometryError
 from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
-from drivers.interfaces import MoveGoal, PoseReading, Posture, RobotStatus, Standstill
+from drivers.interfaces import JointGoal, MoveGoal, PoseReading, Posture, RobotSetup, RobotStatus, Standstill
 from drivers.robots.abb.robtarget import UNUSED_AXES, UNUSED_AXIS, external_axis
 from protocols.cb.codes import Flag, MoveKind, Status
 from protocols.cb.errors import FieldOutOfRange
-from protocols.cb.messages import Joints, Move, Pose, Report, pack
+from protocols.cb.messages import Joints, Move, MoveJoints, Pose, Report, Setup, pack
 
 ROTATION_TOLERANCE = 1e-6
 MAX_POSITION_MM = 1e5
@@ -97,6 +97,30 @@ def move_of(device: str, goal: MoveGoal) -> Move:
     except FieldOutOfRange as error:
         raise _goal_error(device, error.reason) from error
     return move
+
+
+def joint_move_of(device: str, goal: JointGoal) -> MoveJoints:
+    """Request for axis angles; raises MoveRefused (BAD_FIELD) for a goal that cannot be encoded."""
+    axes_deg = np.degrees(np.asarray(goal.joints_rad, float))
+    if axes_deg.shape != (6,) or not np.all(np.isfinite(axes_deg)):
+        raise _goal_error(device, f"axes {goal.joints_rad}; six angles are wanted")
+    if not (math.isfinite(goal.speed_mm_s) and goal.speed_mm_s > 0):
+        raise _goal_error(device, f"a speed of {goal.speed_mm_s} mm/s")
+    if len(goal.external_axes) not in (0, 6) or not np.all(np.isfinite(goal.external_axes)):
+        raise _goal_error(device, f"external axes {goal.external_axes}")
+    return MoveJoints(_six(tuple(axes_deg)), _six(goal.external_axes or UNUSED_AXES), float(goal.speed_mm_s))
+
+
+def robot_setup(setup: Setup) -> RobotSetup:
+    """Convert the settings of the modules."""
+    return RobotSetup(
+        load_kg=setup.load_kg,
+        load_centre_mm=setup.load_centre_mm,
+        reach_mm=setup.reach_mm,
+        speed_max_mm_s=setup.speed_max_mm_s,
+        joint_travel_deg=setup.joint_travel_deg,
+        world_box_mm=(setup.box_low_mm, setup.box_high_mm),
+    )
 
 
 def _goal_problem(goal: MoveGoal) -> str:

@@ -1,6 +1,6 @@
-"""Instructions on the cabinet: signals, mode, override, addresses."""
+"""Instructions on the cabinet: mode, override, addresses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from mock_robot.cabinet.panel import Mode
@@ -9,11 +9,6 @@ from mock_robot.rapid.tasks import ProgramTask
 
 MODES: Mapping[Mode, float] = MappingProxyType({Mode.AUTO: 1.0, Mode.MANR: 2.0, Mode.MANF: 3.0})
 """OP_AUTO, OP_MAN_PROG and OP_MAN_TEST of system.rapid."""
-
-
-def d_output(task: ProgramTask, signal: Callable[[], bool]) -> float:
-    """State of the system output behind the signal."""
-    return float(signal())
 
 
 def op_mode(task: ProgramTask) -> float:
@@ -39,7 +34,6 @@ def runs_on_robot_controller(task: ProgramTask) -> bool:
 
 DOES = MappingProxyType(
     {
-        "DOutput": d_output,
         "OpMode": op_mode,
         "CSpeedOverride": speed_override,
         "GetSysInfo": system_info,

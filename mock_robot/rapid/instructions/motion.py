@@ -6,6 +6,7 @@ from typing import Any
 
 from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
 from mock_robot.rapid.errors import ProgramStopped, RapidError
+from mock_robot.rapid.instructions.settings import note_move
 from mock_robot.rapid.postures import flange_of, joints_rad
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
@@ -24,6 +25,7 @@ def _move_to_target(
     except UnreachablePoseError as error:
         code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH
         raise ProgramStopped(code, task.name, error.what) from error
+    note_move(task, tool, wobj)
     unit.external = [have if have >= 8.9e9 else want for have, want in zip(unit.external, target[3], strict=True)]
     return unit, joints
 
@@ -50,6 +52,7 @@ def move_abs_j(
         unit.arm.require_within_limits(joints)
     except UnreachablePoseError as error:
         raise ProgramStopped(JOINT_OUT_OF_RANGE, task.name, error.what) from error
+    note_move(task, tool, wobj)
     _travel(task, unit, joints, speed, linear=False)
 
 
@@ -104,14 +107,6 @@ def is_stop_move_active(task: ProgramTask, from_move_task: bool | None, from_oth
     return bool(own if from_move_task else unit.stopped_by - {unit.task_name})
 
 
-def vel_set(task: ProgramTask, override: float, most: float) -> None:
-    task.services.unit.override_percent, task.services.unit.max_speed_mm_s = override, most
-
-
-def _setting(task: ProgramTask, *switches: Any) -> None:
-    """No effect: configuration supervision is always on, and singularities are never avoided."""
-
-
 DOES = MappingProxyType(
     {
         "MoveJ": move_j,
@@ -121,9 +116,5 @@ DOES = MappingProxyType(
         "StartMove": start_move,
         "ClearPath": clear_path,
         "IsStopMoveAct": is_stop_move_active,
-        "VelSet": vel_set,
-        "ConfJ": _setting,
-        "ConfL": _setting,
-        "SingArea": _setting,
     }
 )

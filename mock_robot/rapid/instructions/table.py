@@ -7,6 +7,8 @@ from typing import Any
 from mock_robot.rapid.instructions import (
     cabinet,
     clocks,
+    egm,
+    error_events,
     flow,
     interrupts,
     mathematics,
@@ -14,10 +16,27 @@ from mock_robot.rapid.instructions import (
     poses,
     rawbytes,
     serial,
+    settings,
+    signals,
     sockets,
 )
 
-_TABLES = (cabinet, clocks, flow, interrupts, mathematics, motion, poses, rawbytes, serial, sockets)
+_TABLES = (
+    cabinet,
+    clocks,
+    egm,
+    error_events,
+    flow,
+    interrupts,
+    mathematics,
+    motion,
+    poses,
+    rawbytes,
+    serial,
+    settings,
+    signals,
+    sockets,
+)
 
 DOES: Mapping[str, Callable[..., Any]] = MappingProxyType(
     {name.casefold(): does for table in _TABLES for name, does in table.DOES.items()}
@@ -40,6 +59,8 @@ LEFT_OUT: Mapping[str, frozenset[str]] = MappingProxyType(
             "socketsend": "data",
             "open": "file",
             "getsysinfo": "serialno swversion swversionname robottype ctrlid ctrllang systemname",
+            "getsysdata": "taskref",
+            "setdo": "sdelay sync",
             "crobt": "taskref",
             "cjointt": "taskref",
             "calcjointt": "usecurwobjpos",

@@ -15,7 +15,9 @@ from protocols.cb.frames import FramingBroken
 from protocols.cb.messages import (
     ArmingDone,
     Bye,
+    ErrorText,
     Farewell,
+    GetError,
     GetJoints,
     GetPose,
     GetStatus,
@@ -63,6 +65,7 @@ class FakeArm:
     running_seq: int = 0
     finished: tuple[int, Status] = (0, Status.OK)
     polls: int = 0
+    error: ErrorText | None = None
 
     def answer(self, seq: int, request: Request) -> Reply:
         """Do it, once."""
@@ -73,7 +76,8 @@ class FakeArm:
             case Hello():
                 self.armed = False
                 self._end(Status.ABORTED)
-                return Welcome(1, Capability(7), self.session, 1, 1024, 6)
+                can = Capability(7) | (Capability.REPORTS_ERRORS if self.error else Capability(0))
+                return Welcome(1, can, self.session, 1, 1024, 6)
             case Ping():
                 return Pong()
             case GetPose():
@@ -92,6 +96,9 @@ class FakeArm:
                 return Stopped()
             case GetStatus():
                 return self._report()
+            case GetError():
+                assert self.error is not None, "asked of a controller that does not give it"
+                return self.error
             case Bye():
                 self.armed = False
                 return Farewell()

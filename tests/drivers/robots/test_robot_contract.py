@@ -16,8 +16,8 @@ from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.transports.serial_line import SerialTransport
 from drivers.transports.tcp import TcpTransport
 from protocols.cb.codes import MoveKind, Status
-from protocols.cb.messages import Bye, GetPose, GetStatus, Move, Stop
-from tests.drivers.robots.fake_controller import BASE_T_FLANGE, STANDING, FakeController, PtyCell, TcpCell
+from protocols.cb.messages import Bye, ErrorText, GetPose, GetStatus, Move, Stop
+from tests.drivers.robots.fake_controller import BASE_T_FLANGE, STANDING, FakeArm, FakeController, PtyCell, TcpCell
 from tests.support.waiting import LIMIT_S, eventually
 
 GOAL = MoveGoal(BASE_T_FLANGE, Configuration(0, -1, 0, 1), speed_mm_s=80.0)
@@ -124,6 +124,16 @@ async def test_a_move_that_ends_elsewhere_fails(cell):
         with pytest.raises(MoveFailed, match="did not reach its goal") as failed:
             await robot.move_to(GOAL)
         assert failed.value.status == status.name
+
+
+async def test_a_motion_error_is_reported_with_abbs_number_title_and_cause():
+    error = ErrorText(50050, "Position outside reach", "axis 3")
+    controller = FakeController(FakeArm(error=error, ends_with=Status.MOTION_ERROR))
+    async with TcpCell(controller) as tcp:
+        async for robot, _ in _connected(TcpTransport("127.0.0.1", tcp.port), controller):
+            await robot.set_armed(True)
+            with pytest.raises(MoveFailed, match=r"motion error: 50050 Position outside reach \(axis 3\)"):
+                await robot.move_to(GOAL)
 
 
 async def test_a_cancelled_move_stops_the_arm(cell):

@@ -71,7 +71,7 @@ def load(folder: Path, robotware: int = 6) -> None:
         ("rw6/SYS.cfg", "-TrustLevel", "-Trustlevel", "CAB_TASKS has no attribute Trustlevel"),
         ("rw6/SIO.cfg", '-Connector "COM1"', '-Connector "COM1" -Baudrate 115200', "has no attribute Baudrate"),
         ("CELL_shared.sys", "PERS num cell_bell", "VAR num cell_bell", "only PERS and CONST are shared"),
-        ("CELL_motion.mod", "PROC main()", "PROC mine()", "no module of this task has a PROC main"),
+        ("CELL_main.mod", "PROC main()", "PROC mine()", "no module of this task has a PROC main"),
     ],
 )
 def test_what_a_controller_refuses_is_refused_by_name(
@@ -94,7 +94,7 @@ def test_a_file_as_a_controller_exports_it_is_read(folder: Path) -> None:
     executing = []
     outputs = {"MotOnState": lambda _: True, "TaskExecuting": lambda task: executing.append(task) or True}
     found = signals(Fragments(folder, 6), outputs)  # type: ignore[arg-type]
-    assert found["doRuns"]()
+    assert found["doRuns"].read()
     assert found.keys() == {"doMotorsOn", "doRuns"}
     assert executing == ["T_ROB1"]
 
@@ -104,7 +104,7 @@ def test_the_shipped_fragments_load_in_both_and_an_error_of_the_link_task_stops_
     fragments = Fragments(DEPLOYED, robotware)
     plans = {plan.name: plan for plan in task_plans(fragments)}
     assert [(plan.name, plan.motion, len(plan.sources)) for plan in plans.values()] == [
-        ("T_ROB1", True, 2),
+        ("T_ROB1", True, 3),
         ("T_COMM", False, 2),
     ]
     assert (plans["T_COMM"].kind, plans["T_COMM"].stops_all) == ("SEMISTATIC", False)

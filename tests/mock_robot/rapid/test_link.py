@@ -17,6 +17,7 @@ import pytest
 from mock_robot.arm.simulated_arm import plan_motion
 from mock_robot.cabinet.panel import Mode
 from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.links.wires import CAMERA_LOAD
 from mock_robot.rapid.controller import DEPLOYED, RapidController
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, FrameSelector, MoveKind, Status
@@ -41,7 +42,7 @@ WIRES = pytest.mark.parametrize("serial", [False, True], ids=["tcp", "serial"])
 GOOD = move_to(AWAY)
 NAN = float("nan")
 JOINTS_FAIL = (
-    '    now := CJointT(\\TaskName:="T_ROB1");\n    cell_add_float',
+    "    now := CJointT(\\TaskName:=cell_motion_task);\n    cell_add_float",
     '    Open "none:", cell_line \\Bin;\n    cell_add_float',
 )
 LINE_FAULTS = sorted(name for name, fault in FAULTS.items() if fault.area in ("link", "serial"))
@@ -55,7 +56,7 @@ async def test_the_published_bytes_are_answered_by_the_rapid(serial: bool) -> No
             ping = bytes.fromhex("43 42 01 01 01 00 00 00 00 00 88 0a")
             assert await answer_to(client, ping) == Frame(0x81, 1).encode()
             hello = bytes.fromhex("43 42 01 02 02 00 00 00 08 00 94 c7 01 00 00 00 01 00 00 00")
-            welcome = cb.Welcome(1, cb.Capability(15), cell.controller.session, 4, 1024, 6)
+            welcome = cb.Welcome(1, cb.Capability(255), cell.controller.session, 5, 1024, 6)
             assert await answer_to(client, hello) == Frame(0x82, 2, cb.pack(welcome)).encode()
             pose = await answer_to(client, Frame(3, 3, b"\0\0").encode())
             assert pose[:10] == bytes.fromhex("43 42 01 83 03 00 00 00 44 00")
@@ -381,7 +382,8 @@ async def flawed(tmp_path: Path, *flaws: tuple[str, str]) -> AsyncIterator[tuple
     async with talking(time_scale=1.0) as (healthy, _):
         arm = healthy.controller.arm
     folder = _with_flaws(tmp_path, flaws)
-    controller = RapidController(arm, 5, settings={"cell_address": "127.0.0.1", "cell_port": 0.0}, folder=folder)
+    settings = {"cell_address": "127.0.0.1", "cell_port": 0.0, "cell_flange": CAMERA_LOAD}
+    controller = RapidController(arm, 5, settings=settings, folder=folder)
     try:
         await asyncio.to_thread(controller.begin)
         await asyncio.to_thread(controller.await_link)

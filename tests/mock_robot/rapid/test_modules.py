@@ -23,6 +23,8 @@ MODULES = sorted(path for path in RAPID.iterdir() if path.suffix in (".mod", ".s
 
 HANDLER = re.compile(r"(\n +(?:FUNC|TRAP)\b.*?)\n  ERROR\n.*?(\n  END(?:FUNC|TRAP))", re.S)
 """rapidchecker 0.1.5 knows ERROR in a PROC alone; a controller knows it in every routine."""
+LISTED = re.compile(r"(?m)^( *ERROR) \(\w+\)$")
+"""Nor does it know the list of errors that a handler takes (RAPID kernel manual, error recovery with long jump)."""
 
 
 @pytest.mark.slow
@@ -30,7 +32,7 @@ def test_rapidchecker_finds_nothing(tmp_path: Path) -> None:
     pytest.importorskip("rapidchecker", reason="rapidchecker is not installed")
     for module in MODULES:
         text = module.read_text("ascii")
-        (tmp_path / module.name).write_text(HANDLER.sub(r"\1\2", text))
+        (tmp_path / module.name).write_text(LISTED.sub(r"\1", HANDLER.sub(r"\1\2", text)))
     command = [sys.executable, "-m", "rapidchecker", *(module.name for module in MODULES)]
     checked = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout
@@ -38,7 +40,7 @@ def test_rapidchecker_finds_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.name)
 def test_a_module_is_read_and_keeps_the_rules(path: Path) -> None:
-    assert len(MODULES) == 3
+    assert len(MODULES) == 5
     source = path.read_bytes()
     parse_module(source.decode("ascii"), path.name)
     assert offences(source) == []
