@@ -1,7 +1,7 @@
 MODULE CELL_egm
   ! Optional, with Externally Guided Motion (IRC5 689-1, RobotWare 6.07.01 and later; OmniCore 3124-1): position streams
   ! to the PC while cell_motion serves it. Call cell_motion_egm in place of cell_motion; in CELL_main write
-  ! cell_obey_egm TRUE in place of cell_obey TRUE. The device is that of SIO_egm.cfg.
+  ! cell_obey_egm TRUE in place of cell_obey TRUE. The device is that of egm/SIO.cfg.
   CONST string CELL_EGM_DEVICE := "handeyed";
   ! Milliseconds between two packets, a multiple of 4.
   CONST num CELL_EGM_RATE := 4;

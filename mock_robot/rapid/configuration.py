@@ -24,7 +24,7 @@ class Fragments:
     robotware: int
 
     def read(self, domain: str) -> dict[str, list[Instance]]:
-        """Instances of `domain`.cfg by type, or of a variant such as SIO_egm; {} without file.
+        """Instances of `domain`.cfg by type, or of a variant in its own folder, as egm/SIO; {} without file.
 
         Raises RapidProgramError for a header, type or attribute that no export of this RobotWare has.
         """
@@ -32,7 +32,7 @@ class Fragments:
         if not path.exists():
             return {}
         file = parse_cfg(path.read_text("ascii"))
-        domain = domain.partition("_")[0]
+        domain = domain.rpartition("/")[2]
         if file.header not in HEADERS.get((domain, self.robotware), ()):
             raise RapidProgramError(path.name, 1, f"{file.header} is no header of RobotWare {self.robotware}")
         found: dict[str, list[Instance]] = {}
@@ -115,8 +115,8 @@ def _bind(output: SystemOutput, argument: str) -> Callable[[], bool]:
 
 
 def egm_devices(fragments: Fragments) -> frozenset[str]:
-    """Names of the devices to which Externally Guided Motion can send, of SIO.cfg and SIO_egm.cfg."""
-    found = [*fragments.read("SIO_egm").items(), *fragments.read("SIO").items()]
+    """Names of the devices to which Externally Guided Motion can send, of SIO.cfg and egm/SIO.cfg."""
+    found = [*fragments.read("egm/SIO").items(), *fragments.read("SIO").items()]
     return frozenset(each["Name"] for kind, many in found for each in many if _is_egm(kind, each))
 
 

@@ -73,7 +73,7 @@ async def running(
     if production:
         names = ["production", *(["CELL_egm"] if egm else [])]
         modules = "".join(f'      -File "HOME:/{name}.mod" -ModName "{name}" -Task "T_ROB1"\n\n' for name in names)
-        called = (folder / "rw6" / "SYS_called.cfg").read_text("ascii")
+        called = (folder / "rw6" / "called" / "SYS.cfg").read_text("ascii")
         (folder / "rw6" / "SYS.cfg").write_text(called.replace("#\nCAB_TASKS:", f"{modules}#\nCAB_TASKS:"))
         (folder / "production.mod").write_text(production)
     eio = folder / "rw6" / "EIO.cfg"
