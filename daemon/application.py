@@ -22,6 +22,8 @@ from daemon.runtime.metrics import Metric, Metrics
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
+from daemon.sessions.look import Looks
+from daemon.sessions.pictures import LivePictures
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.sign_in import SignIn
@@ -93,6 +95,8 @@ class Application:
     sign_in: SignIn
     key_watch: KeyWatch
     device_watch: DeviceWatch
+    pictures: LivePictures
+    looks: Looks
     systemd: Systemd
     loop_monitor: EventLoopMonitor
     services: tuple[BackgroundService, ...] = ()

@@ -31,6 +31,8 @@ from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
 from daemon.server import Announce, Server, make_announcer
+from daemon.sessions.look import Looks
+from daemon.sessions.pictures import LivePictures
 from daemon.sessions.session_writer import png_of
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
@@ -62,6 +64,7 @@ def build(
     clock = clock or Clock()
     store = store or Store(Path(settings.storage.folder), at=at)
     events, metrics = EventBus(store.stored_events), Metrics()
+    store.publish = events.publish
     workers, service_workers, merge_workers = Workers(clock), Workers(clock), Workers(clock, threads=1)
     interlocks = settings.interlocks.open() if settings.interlocks else None
     cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks, at, events.publish)
@@ -82,6 +85,7 @@ def build(
     retention = Retention(store, service_workers, clock, settings.storage)
     monitor, loop_monitor = StoreMonitor(store, events), EventLoopMonitor()
     device_watch = DeviceWatch(cell, clock, events.publish)
+    pictures = LivePictures(cell.read_frame, service_workers, clock.monotonic_s)
     key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
     schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
     plc = _plc(settings, operations, drift, clock)
@@ -104,6 +108,8 @@ def build(
         sign_in=SignIn(store.access_keys, store.browser_sessions, clock, 60 * settings.server.idle_minutes),
         key_watch=key_watch,
         device_watch=device_watch,
+        pictures=pictures,
+        looks=Looks(pictures.frame.read, settings.target.target(), service_workers, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         loop_monitor=loop_monitor,
         services=(

@@ -164,9 +164,11 @@ class Operations:
         """
         found = await self.store.calibration(calibration_id)
         check_usable(found, request)
-        return await self.store.apply(
-            AppliedCalibration(found.id, self.clock.timestamp(), request.applied_by), expected
+        despite = request.despite_verdict and not found.accepted
+        applied = AppliedCalibration(
+            found.id, self.clock.timestamp(), request.applied_by, despite_verdict=despite, reason=request.reason
         )
+        return await self.store.apply(applied, expected)
 
     async def current_document(self) -> CalibrationDocument:
         """The calibration in force. Raises NoCalibration."""

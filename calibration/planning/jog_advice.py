@@ -54,12 +54,16 @@ class Advice:
     base_T_flange : (4, 4) the pose it leads to, None when only the turn is determined.
     now_mm, planned_mm : uncertainty of a mapped point from the views so far, and with that view; None before X is
         determined.
+    turns : what to turn the flange by, one after the other.
+    shift_mm : (3,) what to move it by in the base then; None when only the turn is determined.
     """
 
     instruction: str
     base_T_flange: Array | None
     now_mm: float | None
     planned_mm: float | None
+    turns: tuple[Turn, ...] = ()
+    shift_mm: Array | None = None
 
 
 def advise(
@@ -87,7 +91,8 @@ def advise(
         )
         return Advice(enough + words, None, now_mm, None)
     turns, pose, planned_mm = found
-    return Advice(enough + _instruction(turns, pose[:3, 3] - base_T_flange_now[:3, 3]), pose, now_mm, planned_mm)
+    shift_mm = pose[:3, 3] - base_T_flange_now[:3, 3]
+    return Advice(enough + _instruction(turns, shift_mm), pose, now_mm, planned_mm, turns, shift_mm)
 
 
 def _meets_goal(belief: SceneBelief, stop: StoppingRule) -> bool:
@@ -162,7 +167,7 @@ def _advise_without_x(problem: Problem) -> Advice:
     words = (
         f"turn the flange by about {angle_deg:g} deg about its {axis}, and bring the whole target back into the picture"
     )
-    return Advice(words, None, None, None)
+    return Advice(words, None, None, None, ((axis, angle_deg),))
 
 
 def _axes_by_variation(taken: Array) -> list[str]:

@@ -58,6 +58,7 @@ class NextView:
     now_mm : uncertainty of a mapped point from the views so far, None before X is determined.
     planned_mm : the same after `planned_views` more views.
     belief : the scene on which the plan is based.
+    planned : (planned_views, 4, 4) base_T_flange of the plan, this view first; None when the stopping rule is met.
     """
 
     base_T_flange: Array | None
@@ -65,6 +66,7 @@ class NextView:
     planned_mm: float | None
     planned_views: int
     belief: SceneBelief | None = None
+    planned: Array | None = None
 
 
 def next_view(
@@ -93,7 +95,7 @@ def next_view(
     if plan is None:
         plan = _plan(prior, problem, limits, stop, base_T_flange_now, reachable, caution, belief)
     planned_mm = float(plan.predicted.point_mm) if np.isfinite(plan.predicted.point_mm) else None
-    return NextView(plan.base_T_flange[0], now_mm, planned_mm, len(plan.base_T_flange), belief)
+    return NextView(plan.base_T_flange[0], now_mm, planned_mm, len(plan.base_T_flange), belief, plan.base_T_flange)
 
 
 def plan_ahead(

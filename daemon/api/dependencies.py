@@ -20,6 +20,7 @@ from calibration.documents.validation import (
 from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, InvalidRequest
 from daemon.application import Application
+from daemon.sessions.pictures import Width
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -66,6 +67,8 @@ def _require(pattern: re.Pattern[str], meaning: str) -> BeforeValidator:
 
 IN_DIGITS = _require(DECIMAL, "a number")
 IN_WHOLE_DIGITS = _require(WHOLE, "a whole number")
+AS_NUMBER = BeforeValidator(int)
+"""For numbers of a given list, which pydantic compares as they are; stands before IN_WHOLE_DIGITS, and runs after."""
 
 Wait = Annotated[
     float, Query(ge=0, le=3600, description="seconds to wait for the run's end before answering"), IN_DIGITS
@@ -73,6 +76,11 @@ Wait = Annotated[
 Limit = Annotated[int, Query(ge=1, le=500, description="how many at most"), IN_WHOLE_DIGITS]
 Before = Annotated[
     str | None, Query(min_length=1, max_length=64, description="cursor: the last id of the page before; see `next`")
+]
+
+
+WidthQuery = Annotated[
+    Width | None, Query(description="pixels; a smaller picture is not enlarged"), AS_NUMBER, IN_WHOLE_DIGITS
 ]
 
 

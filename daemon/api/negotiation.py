@@ -6,7 +6,16 @@ from typing import Any
 from fastapi import Request, Response
 from pydantic import BaseModel
 
+from daemon.api.http_errors import NotAcceptable
+from daemon.sessions.pictures import PictureType
+
 TEXT = "text/plain"
+
+PICTURE_TYPES: dict[str, PictureType] = {
+    "image/jpeg": "image/jpeg",
+    "image/webp": "image/webp",
+    "image/png": "image/png",
+}
 
 MAX_MEDIA_RANGES = 30
 """A browser sends about ten."""
@@ -28,6 +37,24 @@ def wants_text(request: Request) -> bool:
     if wide and "application/json" not in named:
         weights["application/json"] = 0.001 if TEXT in named else 1.0
     return weights[TEXT] > weights["application/json"]
+
+
+def choose_picture_type(request: Request) -> PictureType:
+    """The format of a picture that Accept prefers; PNG where it names none. Raises NotAcceptable."""
+    weights: dict[PictureType, float] = {}
+    wide = 0.0
+    for media, weight in media_ranges(request):
+        if media in PICTURE_TYPES:
+            weights[PICTURE_TYPES[media]] = weight
+        elif media in ("*/*", "image/*"):
+            wide = max(wide, weight)
+    if "accept" not in request.headers:
+        wide = 1.0
+    weights.setdefault("image/png", wide)
+    best = max(weights, key=lambda media: weights[media])
+    if weights[best] <= 0:
+        raise NotAcceptable("pictures are image/png, image/jpeg or image/webp", "set Accept to one of these")
+    return best
 
 
 def media_ranges(request: Request) -> list[tuple[str, float]]:

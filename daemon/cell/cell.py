@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from daemon.cell.camera_turns import CameraTurns
-from daemon.cell.safe_stop import Publish, SafeStop
+from daemon.cell.safe_stop import SafeStop
 from daemon.cell.settling import check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
 from daemon.cell.vibration import VibrationGate
 from daemon.config.settings import SettlingSettings
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.runtime.clock import Clock
+from daemon.runtime.event_bus import Publish
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from drivers.errors import DeviceError, errors_of
 from drivers.interfaces import Camera, CameraFrame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner

@@ -5,8 +5,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from daemon.cell.cell import Cell
-from daemon.cell.safe_stop import Publish
 from daemon.runtime.clock import Clock
+from daemon.runtime.event_bus import Publish
 from drivers.errors import DeviceError, DeviceUnreachable
 from drivers.interfaces import LinkHealth
 

@@ -1,6 +1,7 @@
 """Limits of commanded motion: box, reach, posture, joint travel and speed; and the move to a pose."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -159,6 +160,18 @@ class MotionRules:
     def _box_text(self) -> str:
         low, high = (", ".join(f"{x:g}" for x in corner) for corner in self.robot.box_mm)
         return f"from ({low}) to ({high})"
+
+    def joints_along(self, base_T_flange: Array, joints_now_rad: Array | None) -> list[Array | None]:
+        """Joints (6,) at each of the poses (n, 4, 4), each nearest to the one before; None where they are not known."""
+        found: list[Array | None] = []
+        near = joints_now_rad
+        for pose in base_T_flange:
+            joints = None
+            if self.arm is not None and near is not None:
+                with suppress(UnreachablePoseError):
+                    joints = near = self.arm.nearest(pose, near)
+            found.append(joints)
+        return found
 
     def reachable_from(self, joints_now_rad: Array | None) -> Reachable | None:
         """Test of which poses the arm can take without a long turn of a joint; None when the arm is not known."""

@@ -11,14 +11,16 @@ MAX_AGE_S = 0.1
 
 
 class RecentReading(Generic[Answer]):
-    """A reading of `source` that is in progress, or ended at most MAX_AGE_S ago, else a new one.
+    """A reading of `source` that is in progress, or ended at most `max_age_s` ago, else a new one.
 
     A reading goes on when all who wait have left, and is given to the next: one that is asked for and given up again
     and again would reach the device each time. Errors are given to those who wait, and not again.
     """
 
-    def __init__(self, source: Callable[[], Awaitable[Answer]], monotonic_s: Callable[[], float]) -> None:
-        self._source, self._monotonic_s = source, monotonic_s
+    def __init__(
+        self, source: Callable[[], Awaitable[Answer]], monotonic_s: Callable[[], float], max_age_s: float = MAX_AGE_S
+    ) -> None:
+        self._source, self._monotonic_s, self._max_age_s = source, monotonic_s, max_age_s
         self._reading: asyncio.Task[Answer] | None = None
         self._ended_s = 0.0
 
@@ -38,7 +40,7 @@ class RecentReading(Generic[Answer]):
         if not reading.done():
             return False
         failed = reading.cancelled() or reading.exception() is not None
-        return failed or self._monotonic_s() - self._ended_s > MAX_AGE_S
+        return failed or self._monotonic_s() - self._ended_s > self._max_age_s
 
 
 def _retrieve(reading: "asyncio.Task[Answer]") -> None:

@@ -5,9 +5,9 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 from daemon.runtime.clock import Clock
+from daemon.runtime.event_bus import Publish
 from daemon.runtime.metrics import Metric
 from drivers.errors import DeviceError
 from drivers.interfaces import Robot, Standstill
@@ -22,8 +22,6 @@ POLL_S, RETRY_S, WATCH_S = 0.02, 0.25, 1.0
 
 UNKNOWN = Standstill(standing=False, disarmed=False)
 UNANSWERED = f"the controller did not confirm it in {MAX_ATTEMPT_S:g} s"
-
-Publish = Callable[[str, dict[str, Any]], None]
 
 
 @dataclass(frozen=True)

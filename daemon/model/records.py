@@ -1,7 +1,7 @@
 """The records of the store: runs, calibrations, scans."""
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from calibration.documents.calibration import CalibrationDocument
@@ -27,7 +27,9 @@ class Planning:
 
     `now_mm`: one sigma of a mapped point with the views so far, None before they determine it; `planned_mm`: the same
     after the next `ahead` planned views. `pictures` includes the first look. `note`: what was assumed; `advice`: where
-    the operator should jog to, in words, and `next_pose` the same as base_T_flange.
+    the operator should jog to, in words, and `next_pose` the same as base_T_flange; `advice_steps` the same one by one.
+    `history`: `now_mm`, `planned_mm` after each station. `planned_poses`: the poses planned, the next one first.
+    `goal`: of the run.
     """
 
     now_mm: float | None = None
@@ -37,6 +39,17 @@ class Planning:
     note: str = ""
     advice: str = ""
     next_pose: dict[str, Any] | None = None
+    advice_steps: tuple[dict[str, Any], ...] = ()
+    history: tuple[dict[str, Any], ...] = ()
+    planned_poses: tuple[dict[str, Any], ...] = ()
+    goal: dict[str, Any] | None = None
+
+    def predicting(
+        self, station: int, at: str, now_mm: float | None, planned_mm: float | None, ahead: int
+    ) -> "Planning":
+        """The planning after a station, which its history then has, too."""
+        row = {"station": station, "at": at, "now_mm": now_mm, "planned_mm": planned_mm}
+        return replace(self, now_mm=now_mm, planned_mm=planned_mm, ahead=ahead, history=(*self.history, row))
 
 
 @dataclass(frozen=True)
@@ -103,13 +116,26 @@ class CalibrationRecord:
 
 @dataclass(frozen=True)
 class AppliedCalibration:
-    """An entry of the history: a calibration that was put in force."""
+    """An entry of the history: a calibration that was put in force.
+
+    `role`: of who applied it; `despite_verdict`: it was not accepted, and `reason` says why it was applied. `sequence`
+    is assigned by the store and counts from 1.
+    """
 
     calibration_id: str
     applied_at: str
     applied_by: str
     sequence: int = field(default=0, compare=False)
-    """Assigned by the store: counts from 1."""
+    role: str = field(default="", compare=False)
+    despite_verdict: bool = False
+    reason: str = ""
+
+    @classmethod
+    def of(cls, row: tuple[Any, ...]) -> "AppliedCalibration":
+        """The entry of a row of the table; a damaged store of an older version has fewer columns."""
+        sequence, calibration_id, applied_at, applied_by, *rest = row
+        role, despite_verdict, reason = rest or ("", 0, "")
+        return cls(calibration_id, applied_at, applied_by, sequence, role, bool(despite_verdict), reason)
 
 
 @dataclass(frozen=True)

@@ -120,14 +120,17 @@ class ScanRequest(Document):
 
 
 class ApplyRequest(Document):
-    """Who applies a calibration; a rejected one is applied only when `despite_verdict` says so."""
+    """Who applies a calibration, and why; a rejected one is applied only when `despite_verdict` says so."""
 
-    model_config = _examples({"applied_by": "Ann"}, {"applied_by": "Ann", "despite_verdict": True})
+    model_config = _examples(
+        {"applied_by": "Ann"}, {"applied_by": "Ann", "despite_verdict": True, "reason": "for a trial without a part"}
+    )
 
     applied_by: Annotated[
         str, Field(min_length=1, max_length=200, pattern=NAME_PATTERN), AfterValidator(_validate_applied_by)
     ] = "operator"
     despite_verdict: bool = False
+    reason: Annotated[str, Field(max_length=500, pattern=NAME_PATTERN), AfterValidator(_require_printable)] = ""
 
 
 class SetupRequest(Document):

@@ -2,7 +2,11 @@
 
 import asyncio
 from dataclasses import dataclass, field, replace
+from typing import Any
 
+import numpy as np
+
+from calibration.documents.pose import PoseDocument
 from calibration.errors import UndeterminedError
 from calibration.planning.exploration import Exploration, turn_flange
 from calibration.planning.next_view import NextView, StoppingRule, next_view, plan_ahead
@@ -15,6 +19,7 @@ from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.settling import check_arrival
+from daemon.cell.skeleton import skeleton_mm
 from daemon.config.settings import TaughtPose
 from daemon.errors import NoPoses, PoseRefused, TargetNotSeen
 from daemon.model.records import Planning
@@ -40,6 +45,11 @@ class AdaptiveParameters:
     wish: StoppingRule
     rules: MotionRules
     assumed: str = ""
+
+
+def goal_of(wish: StoppingRule) -> dict[str, Any]:
+    """What ends the run: a number of views, or what is known by then."""
+    return {"views": wish.views_left, "uncertainty_mm": wish.uncertainty_mm, "tolerance_mm": wish.tolerance_mm}
 
 
 @dataclass
@@ -68,7 +78,7 @@ class AdaptiveSequence:
     async def run(self, min_views: int) -> Problem:
         """As PoseSequence; raises NoPoses and PoseRefused too."""
         self._progress.wish, self._progress.stations = self.parameters.wish, self.parameters.wish.views_left
-        self._progress.planning = Planning(note=self.parameters.assumed)
+        self._progress.planning = Planning(note=self.parameters.assumed, goal=goal_of(self.parameters.wish))
         async with self.cell.motion_lease(f"run {self.log.id}") as robot:
             await self._capture_first_view()
             await self._explore(robot)
@@ -169,7 +179,7 @@ class AdaptiveSequence:
         if sent is not None:
             check_arrival(sent, reading, self.cell.robot.capabilities.pose_convention)
         await self.log.advance(E.SETTLED)
-        index = await self.session.add(await self.cell.capture_frame(reading), reading)
+        index = await self.session.add(await self.cell.capture_frame(reading), reading, self.log.timestamp())
         self._progress.planning = replace(self._progress.planning, pictures=index + 1)
         await self.log.advance(E.LOOKED, planning=self._progress.planning, captured=captured)
         view = await self.session.view(index)
@@ -177,10 +187,26 @@ class AdaptiveSequence:
         return view
 
     async def _log_plan(self, event: E, found: NextView) -> None:
-        self._progress.planning = replace(
-            self._progress.planning, now_mm=found.now_mm, planned_mm=found.planned_mm, ahead=found.planned_views
+        planning, run = self._progress.planning, self.log.run
+        planning = planning.predicting(
+            run.station, self.log.timestamp(), found.now_mm, found.planned_mm, found.planned_views
         )
+        self._progress.planning = replace(planning, planned_poses=await self._planned_poses(found))
         await self.log.advance(event, planning=self._progress.planning, stations=self._progress.stations)
+
+    async def _planned_poses(self, found: NextView) -> tuple[dict[str, Any], ...]:
+        """The planned poses with the joints at them, for drawing."""
+        rules = self.parameters.rules
+        if found.planned is None:
+            return ()
+        joints = await self.cell.robot.read_joints() if rules.arm else None
+        along = rules.joints_along(found.planned, joints)
+        return tuple(
+            {"base_T_flange": PoseDocument.of(pose).model_dump(),
+             "joints_deg": None if at is None else [round(float(angle), 4) for angle in np.degrees(at)],
+             "skeleton_mm": skeleton_mm(rules.arm, at)}
+            for pose, at in zip(found.planned, along, strict=True)
+        )  # fmt: skip
 
     def _count_miss(self) -> None:
         """Count a planned view without the target. Raises TargetNotSeen after MAX_MISSES."""

@@ -4,6 +4,7 @@ The robot is only read, never commanded or armed, so a driver that only reads is
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from calibration.closed_forms.observability import SAME_POSE_MM, SAME_POSE_RAD
 from calibration.documents.pose import PoseDocument
@@ -15,7 +16,7 @@ from daemon.errors import DaemonError, OperatorTimeout, SamePose, StorageError, 
 from daemon.model.records import Planning
 from daemon.model.run_states import RunEvent as E
 from daemon.model.run_states import RunState
-from daemon.runs.adaptive_sequence import AdaptiveParameters
+from daemon.runs.adaptive_sequence import AdaptiveParameters, goal_of
 from daemon.runs.operator_requests import OperatorRequest, OperatorRequestQueue
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
@@ -58,6 +59,7 @@ class ManualSequence:
 
     async def run(self, min_views: int) -> Problem:
         """As PoseSequence: takes a view for each request until the operator ends it. Raises OperatorTimeout too."""
+        self._progress.planning = Planning(goal=goal_of(self.parameters.adaptive.wish))
         try:
             async with self.cell.hold(f"run {self.log.id}"):
                 while not await self._serve(await self._next_request(), min_views):
@@ -106,19 +108,18 @@ class ManualSequence:
         reading = await self.cell.read_standing_pose()
         self._check_new_pose(reading)
         await self.log.advance(E.SETTLED)
-        index = await self.session.add(await self.cell.capture_frame(reading), reading)
+        index = await self.session.add(await self.cell.capture_frame(reading), reading, self.log.timestamp())
         self._progress.planning = replace(self._progress.planning, pictures=index + 1)
         await self.log.advance(E.LOOKED, planning=self._progress.planning)
         view = await self.session.view(index)
         self._progress.views.append(view)
         _check_target(view, self.log.id)
         advice = await self._advice(reading)
+        station, at, ahead = self.log.run.station + 1, self.log.timestamp(), int(advice.planned_mm is not None)
         self._progress.planning = replace(
-            self._progress.planning,
-            now_mm=advice.now_mm,
-            planned_mm=advice.planned_mm,
-            ahead=int(advice.planned_mm is not None),
+            self._progress.planning.predicting(station, at, advice.now_mm, advice.planned_mm, ahead),
             advice=advice.instruction,
+            advice_steps=_steps_of(advice),
             next_pose=None if advice.base_T_flange is None else PoseDocument.of(advice.base_T_flange).model_dump(),
         )
         stations = max(self.log.run.stations, self.log.run.station + 1)
@@ -143,6 +144,14 @@ class ManualSequence:
             advise, planning.guess, self.session.problem(self._progress.views), planning.limits, wish,
             base_T_flange_now=reading.base_T_flange, reachable=planning.rules.reachable_from(joints),
         )  # fmt: skip
+
+
+def _steps_of(advice: Advice) -> tuple[dict[str, Any], ...]:
+    """The advice as data: each turn of the flange, then its shift in the base."""
+    turns = tuple({"turn_axis": axis, "deg": angle_deg} for axis, angle_deg in advice.turns)
+    if advice.shift_mm is None:
+        return turns
+    return (*turns, {"shift_mm": [round(float(x), 3) for x in advice.shift_mm]})
 
 
 def _check_target(view: View, run_id: str) -> None:

@@ -45,7 +45,7 @@ class FixedSequence:
         searches: list[asyncio.Task[View]] = []
 
         async def at_station(reading: PoseReading) -> None:
-            index = await self.session.add(await self.cell.capture_frame(reading), reading)
+            index = await self.session.add(await self.cell.capture_frame(reading), reading, self.log.timestamp())
             searches.append(asyncio.create_task(self.session.view(index)))
 
         try:

@@ -32,10 +32,15 @@ class RunLog:
         self.since_s = clock.monotonic_s()
         self.at_each_step: Callable[[], None] = ignore_step
         self._save, self._events, self._clock = save, events, clock
+        self._began_s = clock.monotonic_s()
 
     @property
     def id(self) -> str:
         return self.run.id
+
+    def timestamp(self) -> str:
+        """The time now, as the run's record has it."""
+        return self._clock.timestamp()
 
     async def begin(self) -> None:
         """Save the first row. Raises StorageError, and then the run has not begun."""
@@ -95,7 +100,7 @@ class RunLog:
         run = self.run
         self.since_s = self._clock.monotonic_s()
         self.at_each_step()
-        self._events.publish("run", run_event(run))
+        self._events.publish("run", run_event(run, self._clock.monotonic_s() - self._began_s))
         ending = f": {run.cause.what}" if run.cause else ""
         if run.state is RunState.MOVING and (words := prediction_text(run.planning)):
             ending = f", {words}"
@@ -110,8 +115,9 @@ def prediction_text(planning: Planning | None) -> str | None:
     return f"predicted {now} mm" if planning.planned_mm is None else f"predicted {now} -> {planning.planned_mm:.2g} mm"
 
 
-def run_event(run: RunRecord) -> dict[str, Any]:
-    """The data of an event `run`."""
+def run_event(run: RunRecord, seconds: float | None = None) -> dict[str, Any]:
+    """The data of an event `run`. `seconds`: since the run began, None of one that another process began."""
+    planning = run.planning or Planning()
     return {
         "id": run.id,
         "kind": run.kind,
@@ -121,5 +127,12 @@ def run_event(run: RunRecord) -> dict[str, Any]:
         "cause": run.cause.what if run.cause else None,
         "at": run.updated_at,
         "predicted": prediction_text(run.planning),
-        "advice": run.planning.advice if run.planning else "",
+        "advice": planning.advice,
+        "now_mm": planning.now_mm,
+        "planned_mm": planning.planned_mm,
+        "ahead": planning.ahead,
+        "code": run.cause.code if run.cause else None,
+        "fix": run.cause.fix if run.cause else None,
+        "started_by": run.started_by,
+        "seconds": None if seconds is None else round(seconds, 3),
     }

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections import deque
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -12,6 +12,9 @@ from daemon.errors import StorageError
 log = logging.getLogger(__name__)
 
 MAX_EVENTS = 1000
+
+Publish = Callable[[str, dict[str, Any]], None]
+"""Publishes an event of a kind with its data."""
 
 RESTART_GAP = 1000
 """Numbers skipped after a restart, so that events sent but not stored before a crash are not numbered twice."""

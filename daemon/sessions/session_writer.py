@@ -12,6 +12,8 @@ from calibration.errors import DetectionError
 from calibration.problem import Problem, View
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
+from daemon.sessions.detections import DETECTIONS_FILE, DetectionDocument, DetectionsDocument, MissedDocument
+from daemon.sessions.look import measure_quality
 from daemon.sessions.session_files import SESSION_FILE, read_grey
 from daemon.store.store import Store
 from drivers.cameras.decoding import PNG_MAGIC
@@ -32,11 +34,13 @@ class SessionWriter:
         self._store, self._workers = store, workers
         self._image_size = camera.image_size if camera else None
         self._target_seen = False
+        self._detections = DetectionsDocument()
+        self._taken: dict[int, DetectionDocument] = {}
         self._document = SessionDocument(
             schema_version=1, source=source, setup="eye-in-hand", target=target, camera=camera, views=[]
         )
 
-    async def add(self, frame: CameraFrame, reading: PoseReading) -> int:
+    async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
         """Store a station's picture and pose; returns the view's index. Raises PictureUnusable, StorageError."""
         self._require_size(frame)
         index = len(self._document.views)
@@ -47,6 +51,7 @@ class SessionWriter:
         document = self._document.model_copy(update={"views": [*self._document.views, view]})
         await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
         self._document = document
+        self._taken[index] = DetectionDocument(index=index, at=at, configuration=reading.posture)
         return index
 
     async def view(self, index: int) -> View:
@@ -54,9 +59,21 @@ class SessionWriter:
 
         Until the target is found for the first time the reason may be that the pictures show another one.
         """
-        view = await self._workers.run(_detect_view, self.folder, self._document, index, self._target_seen)
+        view, sharpness = await self._workers.run(_detect_view, self.folder, self._document, index, self._target_seen)
         self._target_seen = self._target_seen or view.detection is not None
+        await self._keep_detection(view, sharpness)
         return view
+
+    async def _keep_detection(self, view: View, sharpness: float) -> None:
+        """Write detections.json with this view."""
+        seen, missing = view.detection, view.missing
+        corners = [] if seen is None else zip(seen.ids.tolist(), seen.corners_px.round(3).tolist(), strict=True)
+        self._detections = self._detections.with_view(self._taken[view.index].model_copy(update={
+            "corners": tuple((point, u, v) for point, (u, v) in corners),
+            "missing": None if missing is None else MissedDocument(code=missing[0], what=missing[1]),
+            "sharpness": round(sharpness, 4),
+        }))  # fmt: skip
+        await self._store.write_file(self.folder / DETECTIONS_FILE, [self._detections.model_dump_json().encode()])
 
     def problem(self, views: list[View]) -> Problem:
         """The solver's Problem, exactly as the folder describes it."""
@@ -96,7 +113,8 @@ def png_of(frame: CameraFrame) -> bytes:
     return bytes(np.asarray(content, np.uint8).data)
 
 
-def _detect_view(folder: Path, document: SessionDocument, index: int, target_seen: bool) -> View:
+def _detect_view(folder: Path, document: SessionDocument, index: int, target_seen: bool) -> tuple[View, float]:
+    """The view, and how sharp its picture is; see `look.measure_quality`."""
     from daemon.sessions.other_target import explain_missing
     from daemon.sessions.view_detection import detect_in_file  # by the first picture, not at the start
 
@@ -104,7 +122,11 @@ def _detect_view(folder: Path, document: SessionDocument, index: int, target_see
     name = view.image or ""
     pose, target = view.base_T_flange.transform(), document.described_target()
     found, _ = detect_in_file(folder / name, target)
+    seen = None if isinstance(found, DetectionError) else found.corners_px
+    sharpness = measure_quality(read_grey(folder / name), seen).sharpness
     if isinstance(found, DetectionError):
         missed = View(index, pose, None, name, missing=(found.code, str(found)))
-        return missed if target_seen else explain_missing([missed], target, lambda file: read_grey(folder / file))[0]
-    return View(index, pose, found, name)
+        if not target_seen:
+            missed = explain_missing([missed], target, lambda file: read_grey(folder / file))[0]
+        return missed, sharpness
+    return View(index, pose, found, name), sharpness

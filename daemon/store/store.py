@@ -17,7 +17,9 @@ from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord, ScanRecord, ScanViewRecord, Unit
 from daemon.model.run_states import FINAL_STATES
 from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
+from daemon.runtime.event_bus import Publish
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
+from daemon.store.acceptances import Acceptances
 from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
@@ -42,7 +44,10 @@ RUN_BYTES = 20e6
 
 
 class Store:
-    """SQLite, and large files beside it in the folders runs/ID/ and scans/ID/, which the command line reads too."""
+    """SQLite, and large files beside it in the folders runs/ID/ and scans/ID/, which the command line reads too.
+
+    `publish` is called after a calibration was stored or applied and after a view of a scan was stored.
+    """
 
     def __init__(self, folder: Path, write_file: WriteFile | None = None, at: Failpoints = NO_FAILPOINTS) -> None:
         """Open or create the store in `folder` and lock it. A store with a fault is opened for reading only.
@@ -55,6 +60,7 @@ class Store:
         self._opened = LockedStore(folder, at)
         self._database = self._opened.database
         self.run_bytes = RUN_BYTES
+        self.publish: Publish = lambda kind, data: None
         self.idempotency_keys = IdempotencyKeys(self._database)
         self.stored_events = StoredEvents(self._database)
         self.outbox = Outbox(self._database)
@@ -62,6 +68,7 @@ class Store:
         self.browser_sessions = BrowserSessions(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
         self.listings = Listings(self._opened.list_reader)
+        self.acceptances = Acceptances(self._database, self._opened.list_reader)
 
     async def close(self) -> None:
         await self._opened.list_reader.close()
@@ -153,6 +160,8 @@ class Store:
         row = (calibration.id, calibration.run_id, calibration.created_at, calibration.accepted,
                calibration.document.model_dump_json())  # fmt: skip
         await self._database.write(lambda db: db.execute("INSERT INTO calibrations VALUES (?, ?, ?, ?, ?)", row))
+        self.publish("calibration", {"calibration_id": calibration.id, "run_id": calibration.run_id,
+                                     "accepted": calibration.accepted, "at": calibration.created_at})  # fmt: skip
 
     async def calibration(self, calibration_id: str) -> CalibrationRecord:
         """The calibration with this id. Raises NotFound."""
@@ -174,28 +183,34 @@ class Store:
             (now,) = db.execute("SELECT coalesce(max(sequence), 0) FROM applied").fetchone()
             if expected is not None and now not in expected:
                 raise AppliedMeanwhile(now)
-            row = (applied.calibration_id, applied.applied_at, applied.applied_by)
-            db.execute("INSERT INTO applied (calibration_id, applied_at, applied_by) VALUES (?, ?, ?)", row)
+            row = (applied.calibration_id, applied.applied_at, applied.applied_by, context.role,
+                   applied.despite_verdict, applied.reason)  # fmt: skip
+            columns = "calibration_id, applied_at, applied_by, role, despite_verdict, reason"
+            db.execute(f"INSERT INTO applied ({columns}) VALUES (?, ?, ?, ?, ?, ?)", row)
             (sequence,) = db.execute("SELECT last_insert_rowid()").fetchone()
+            despite = {"despite_verdict": True, "reason": applied.reason} if applied.despite_verdict else {}
             record_change(db, context, applied.applied_at, "apply", str(sequence), calibration=applied.calibration_id,
-                 by=applied.applied_by)  # fmt: skip
+                 by=applied.applied_by, **despite)  # fmt: skip
             return int(sequence)
 
-        return replace(applied, sequence=await self._database.write(insert))
+        stored = replace(applied, sequence=await self._database.write(insert), role=context.role)
+        data = {"calibration_id": stored.calibration_id, "applied_by": stored.applied_by, "role": stored.role}
+        self.publish("applied", {**data, "sequence": stored.sequence, "at": stored.applied_at})
+        return stored
 
     async def history(self, limit: int = 1) -> list[AppliedCalibration]:
         """The applied calibrations, newest first: the first one is in force."""
-        query = "SELECT calibration_id, applied_at, applied_by, sequence FROM applied ORDER BY sequence DESC LIMIT ?"
+        query = "SELECT * FROM applied ORDER BY sequence DESC LIMIT ?"
         rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
-        return [AppliedCalibration(*row) for row in rows]
+        return [AppliedCalibration.of(row) for row in rows]
 
     async def history_entry(self, sequence: int) -> AppliedCalibration:
         """The entry of the history with this sequence number. Raises NotFound."""
-        query = "SELECT calibration_id, applied_at, applied_by, sequence FROM applied WHERE sequence = ?"
+        query = "SELECT * FROM applied WHERE sequence = ?"
         row = await self._database.read(lambda db: db.execute(query, (sequence,)).fetchone())
         if row is None:
             raise NotFound(f"nothing was applied as number {sequence}", "GET /calibrations lists what was")
-        return AppliedCalibration(*row)
+        return AppliedCalibration.of(row)
 
     async def current(self) -> tuple[AppliedCalibration, CalibrationRecord]:
         """The calibration in force and its entry in the history. Raises NoCalibration."""
@@ -246,7 +261,9 @@ class Store:
             record_change(db, context, created_at, "view", f"{scan_id} {view.view}")
             return view
 
-        return await self._database.write(insert)
+        view = await self._database.write(insert)
+        self.publish("scan", {"scan_id": scan_id, "view": view.view, "at": created_at})
+        return view
 
     async def latest_scans_with_views(self, limit: int) -> list[str]:
         """Ids of up to `limit` scans that have views, the most recently extended first."""

@@ -1,12 +1,18 @@
-"""GET /robot and /camera/frame.png."""
+"""GET /robot, /arm and the camera's pictures."""
 
 from fastapi import APIRouter, Request, Response
 
-from daemon.api.dependencies import App
-from daemon.api.negotiation import or_text, respond
+from daemon.api.dependencies import App, WidthQuery
+from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
 from daemon.api.plain_text import robot_text
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.cell import RobotDocument
+from daemon.api.schemas.cell import LookDocument, RobotDocument
+from daemon.application import Application
+from daemon.errors import CellBusy
+from daemon.model.records import RunRecord
+from daemon.model.run_states import RunState
+from daemon.sessions.pictures import PictureType, Width, encode_file
+from daemon.sessions.session_writer import image_name
 
 router = APIRouter(tags=["cell"])
 
@@ -31,3 +37,51 @@ async def camera_frame(app: App) -> Response:
     """A picture of at most the last 0.1 s, or one taken for those who asked meanwhile."""
     content = await app.readings.picture.read()
     return Response(content, media_type="image/png", headers={"Cache-Control": "no-store"})
+
+
+PICTURES = {"description": "A picture", "content": {media_type: {} for media_type in PICTURE_TYPES}}
+
+
+@router.get(
+    "/camera/frame",
+    response_class=Response,
+    responses={200: PICTURES, **problem_responses(404, 406, 409, 502, 503, 504)},
+)
+async def camera_picture(request: Request, app: App, width: WidthQuery = None) -> Response:
+    """What the camera sees, as Accept prefers: one grab for all who ask within 0.5 s.
+
+    While a run works, its last picture, and never one taken for this; 409 before its first.
+    """
+    media_type = choose_picture_type(request)
+    headers = {"Cache-Control": "no-store", "Vary": "Accept"}
+    run = working_run(app)
+    if run is None:
+        content = await app.pictures.read(media_type, width)
+        return Response(content, media_type=media_type, headers={**headers, "Handeyed-Source": "camera"})
+    if run.kind == "scan" or run.pictures == 0:
+        raise CellBusy(f"run {run.id}, which has taken no picture yet")
+    content = await stored_picture(app, run.id, run.pictures - 1, media_type, width)
+    source = f"/runs/{run.id}/frames/{run.pictures - 1}"
+    return Response(content, media_type=media_type, headers={**headers, "Handeyed-Source": source})
+
+
+@router.get("/camera/look", response_model=LookDocument, responses=problem_responses(409, 502, 503, 504))
+async def look(app: App) -> LookDocument:
+    """The target in a picture of at most the last 0.5 s, searched once for all who ask. 409 while a run works."""
+    if (run := working_run(app)) is not None:
+        raise CellBusy(f"run {run.id}")
+    return LookDocument.of_look(await app.looks.read())
+
+
+def working_run(app: Application) -> RunRecord | None:
+    """The run that uses the camera now: one in progress, unless it waits for its operator."""
+    run = app.supervisor.in_progress
+    return None if run is None or run.state is RunState.WAITING else run
+
+
+async def stored_picture(app: Application, run_id: str, k: int, media_type: PictureType, width: Width | None) -> bytes:
+    """View `k` of a run in that size and format. Raises NotFound, PictureUnusable."""
+    file = app.store.run_folder(run_id) / image_name(k)
+    if media_type == "image/png" and width is None:
+        return await app.store.read_file(file)
+    return await app.service_workers.run(encode_file, file, media_type, width)

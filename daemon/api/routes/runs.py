@@ -14,20 +14,25 @@ from daemon.api.dependencies import (
     Identifier,
     Limit,
     Wait,
+    WidthQuery,
     no_body,
     page_of,
     respond_page,
 )
 from daemon.api.middleware.abort_first import abort_of
 from daemon.api.middleware.disconnects import client_of
-from daemon.api.negotiation import or_text, respond
+from daemon.api.negotiation import choose_picture_type, or_text, respond
 from daemon.api.plain_text import run_text
 from daemon.api.problems import problem_responses
+from daemon.api.routes.cell import PICTURES, stored_picture
 from daemon.api.schemas.answer import page_json
+from daemon.api.schemas.run_views import RunViewsDocument
 from daemon.api.schemas.runs import RunDocument, RunList, listing_json
 from daemon.application import Application
+from daemon.errors import NotFound
 from daemon.model.records import RunRecord
-from daemon.sessions.session_writer import image_name
+from daemon.runs.run_views import run_views
+from daemon.sessions.session_files import SESSION_FILE
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -91,12 +96,38 @@ async def finish(request: Request, app: App, run_id: Identifier, wait: Wait = 0.
     return await answer_run_start(request, app, await app.operations.submit_request(run_id, "the end"), wait)
 
 
+@router.get("/{run_id}/views", response_model=RunViewsDocument, responses=problem_responses(404))
+async def views(app: App, run_id: Identifier) -> Response:
+    """The views of a calibration or verification run: the points found, and where its calibration predicts them."""
+    found = await app.supervisor.run(run_id)
+    calibration, arm = await _calibration_of(app, found), app.operations.rules.arm
+    folder, own = app.store.run_folder(found.id), found.kind == "calibration"
+    if found.kind == "scan" or not (folder / SESSION_FILE).is_file():
+        raise NotFound(
+            f"run {found.id} has no views", "look at a calibration or verification run; old ones are deleted"
+        )
+
+    def as_json() -> bytes:
+        known = run_views(folder, calibration, arm, own=own)
+        calibration_id = None if calibration is None else calibration.id
+        return RunViewsDocument.of(found.id, calibration_id, known, arm).model_dump_json().encode()
+
+    return await respond_page(app, as_json)
+
+
+async def _calibration_of(app: Application, run: RunRecord) -> CalibrationDocument | None:
+    """The calibration that a run has made, or has verified; None before its end."""
+    calibration_id = (run.result or {}).get("calibration_id")
+    return None if calibration_id is None else (await app.store.calibration(calibration_id)).document
+
+
 @router.get(
     "/{run_id}/frames/{k}",
     response_class=Response,
-    responses={200: {"description": "The picture", "content": {"image/png": {}}}, **problem_responses(404)},
+    responses={200: PICTURES, **problem_responses(404, 406, 502)},
 )
 async def frame(
+    request: Request,
     app: App,
     run_id: Identifier,
     k: Annotated[
@@ -104,11 +135,14 @@ async def frame(
         Path(ge=0, le=999, description="view, from 0: of station k + 1, or of station k after a first look"),
         IN_WHOLE_DIGITS,
     ],
+    width: WidthQuery = None,
 ) -> Response:
-    """A stored picture of the run."""
+    """A stored picture of the run, in the format that Accept prefers. It never changes."""
+    media_type = choose_picture_type(request)
     found = await app.supervisor.run(run_id)
-    content = await app.store.read_file(app.store.run_folder(found.id) / image_name(k))
-    return Response(content, media_type="image/png")
+    content = await stored_picture(app, found.id, k, media_type, width)
+    headers = {"Cache-Control": "private, max-age=31536000, immutable", "Vary": "Accept"}
+    return Response(content, media_type=media_type, headers=headers)
 
 
 async def wait_for_run(request: Request, app: Application, run_id: str, wait: float) -> RunRecord:

@@ -38,14 +38,23 @@ class CalibrationSummary(Answer):
 
 
 class AppliedDocument(Answer):
-    """An entry of the history of calibrations in force. `sequence` counts from 1."""
+    """An entry of the history of calibrations in force. `sequence` counts from 1.
 
-    model_config = example(calibration_id=EXAMPLE_ID, applied_at=EXAMPLE_AT, applied_by="Ann", sequence=7)
+    `role`: of who applied it; `despite_verdict`: it was not accepted, `reason`: why it was applied.
+    """
+
+    model_config = example(
+        calibration_id=EXAMPLE_ID, applied_at=EXAMPLE_AT, applied_by="Ann", sequence=7, role="operator",
+        despite_verdict=False, reason="",
+    )  # fmt: skip
 
     calibration_id: str
     applied_at: str
     applied_by: str
     sequence: int
+    role: str
+    despite_verdict: bool
+    reason: str
 
     @classmethod
     def of(cls, applied: AppliedCalibration) -> "AppliedDocument":

@@ -5,10 +5,11 @@ from typing import Literal
 
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.kinematics.arm import Arm
-from calibration.transforms import Array
 from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
 from daemon.cell.device_watch import DeviceState
 from daemon.cell.readings import RobotReading
+from daemon.cell.skeleton import skeleton_mm
+from daemon.sessions.look import Look
 from drivers.interfaces import LinkHealth
 
 
@@ -62,14 +63,39 @@ class RobotDocument(Answer):
         )
 
 
-def skeleton_mm(arm: Arm | None, joints_rad: Array) -> list[Vector] | None:
-    """Base, shoulder, elbow, wrist and flange in the base frame, to 1 um; None for an arm that is not known."""
-    if arm is None:
-        return None
-    points = [(0.0, 0.0, 0.0)]
-    for x, y, z in arm.skeleton(joints_rad):
-        points.append((round(float(x), 3), round(float(y), 3), round(float(z), 3)))
-    return points
+class MissingDocument(Answer):
+    """Why the target was not found: a stable code and a sentence."""
+
+    code: str
+    what: str
+
+
+class LookDocument(Answer):
+    """What the camera sees of the target: `corners` as [id, u, v] in px, of the `of` that it has.
+
+    `sharpness`: of the edges relative to the contrast; `saturated`: share of the pixels that are white; `fill`: share
+    of the picture that the target takes. All three where the target is, else of the whole picture, with `fill` 0.
+    """
+
+    taken_at: str
+    size: tuple[int, int]
+    corners: list[tuple[int, float, float]]
+    of: int
+    missing: MissingDocument | None
+    sharpness: float
+    saturated: float
+    fill: float
+
+    @classmethod
+    def of_look(cls, look: Look) -> "LookDocument":
+        seen, quality = look.detection, look.quality
+        rows = [] if seen is None else zip(seen.ids.tolist(), seen.corners_px.tolist(), strict=True)
+        return cls(
+            taken_at=look.taken_at, size=look.size, of=look.of,
+            corners=[(point, round(u, 2), round(v, 2)) for point, (u, v) in rows],
+            missing=None if look.missing is None else MissingDocument(code=look.missing[0], what=look.missing[1]),
+            sharpness=round(quality.sharpness, 4), saturated=round(quality.saturated, 4), fill=round(quality.fill, 4),
+        )  # fmt: skip
 
 
 class DeviceFaultDocument(Answer):

@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from calibration.documents.pose import PoseDocument
+from calibration.documents.pose import PoseDocument, Vector
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.model.records import Planning, RunRecord
 from daemon.model.run_states import RunState
@@ -18,11 +18,63 @@ class CauseDocument(Answer):
     fix: str
 
 
+class TurnDocument(Answer):
+    """A turn of the flange about one of its own axes."""
+
+    turn_axis: Literal["x", "y", "z"]
+    deg: float
+
+
+class ShiftDocument(Answer):
+    """A shift of the flange along the base's axes."""
+
+    shift_mm: Vector
+
+
+def step_document(step: dict[str, Any]) -> TurnDocument | ShiftDocument:
+    """One step of an advice."""
+    return ShiftDocument(**step) if "shift_mm" in step else TurnDocument(**step)
+
+
+class NearDocument(Answer):
+    """How near to the advised pose a view is as good: the target is still near the middle, the turn still tells."""
+
+    mm: float = 30.0
+    deg: float = 5.0
+
+
+class PredictionDocument(Answer):
+    """One sigma of a mapped point after a station, and with the views planned then."""
+
+    station: int
+    at: str
+    now_mm: float | None
+    planned_mm: float | None
+
+
+class PlannedPoseDocument(Answer):
+    """A planned pose; where the arm is known its axis angles, and base, shoulder, elbow, wrist and flange to draw."""
+
+    base_T_flange: PoseDocument
+    joints_deg: list[float] | None
+    skeleton_mm: list[Vector] | None
+
+
+class GoalDocument(Answer):
+    """What ends a planned run: so many views at the most, or one sigma or U of a mapped point."""
+
+    views: int
+    uncertainty_mm: float | None
+    tolerance_mm: float | None
+
+
 class PlanningDocument(Answer):
     """The predictions of an adaptive or manual run, as one sigma of a mapped point.
 
     `now_mm`: from the views so far, null before they determine X; `planned_mm`: with the `ahead` views planned next.
-    `advice`: what an operator should do before the next view of a manual run; `next_pose`: the pose after it, if known.
+    `advice`: what an operator should do before the next view of a manual run; `next_pose`: the pose after it, if known;
+    `advice_steps`: the same one by one; `near`: a view from this near to it is as good.
+    `history`: the predictions after each station; `planned_poses`: the next one first; `goal`: what ends the run.
     """
 
     now_mm: float | None
@@ -32,6 +84,11 @@ class PlanningDocument(Answer):
     note: str
     advice: str
     next_pose: PoseDocument | None
+    advice_steps: list[TurnDocument | ShiftDocument]
+    near: NearDocument
+    history: list[PredictionDocument]
+    planned_poses: list[PlannedPoseDocument]
+    goal: GoalDocument | None
 
     @classmethod
     def of(cls, planning: Planning) -> "PlanningDocument":
@@ -39,6 +96,10 @@ class PlanningDocument(Answer):
             now_mm=planning.now_mm, planned_mm=planning.planned_mm, ahead=planning.ahead,
             predicted=prediction_text(planning), note=planning.note, advice=planning.advice,
             next_pose=None if planning.next_pose is None else PoseDocument.model_validate(planning.next_pose),
+            advice_steps=[step_document(step) for step in planning.advice_steps], near=NearDocument(),
+            history=[PredictionDocument(**row) for row in planning.history],
+            planned_poses=[PlannedPoseDocument.model_validate(pose) for pose in planning.planned_poses],
+            goal=None if planning.goal is None else GoalDocument(**planning.goal),
         )  # fmt: skip
 
 

@@ -1,0 +1,44 @@
+"""Where a calibration predicts the target's points in the picture of a view, from the robot's pose."""
+
+import numpy as np
+
+from calibration.documents.calibration import TRANSFORM_NAMES, CalibrationDocument, CorrectionDocument
+from calibration.documents.pose import PoseDocument
+from calibration.observations.pose_model import predicted_camera_T_target
+from calibration.problem import anchor_T_mount_of
+from calibration.targets import Target
+from calibration.transforms import Array, map_points, transform_from_vector
+
+
+def predict_pixels(
+    document: CalibrationDocument,
+    target: Target,
+    base_T_flange: Array,
+    correction: CorrectionDocument | None = None,
+) -> Array | None:
+    """Pixels (n, 2) of the target's points in a view from `base_T_flange` (4, 4); NaN behind the camera.
+
+    `correction`: the error that the calibration estimates of this robot pose. None where the calibration has no
+    transform or no camera.
+    """
+    mount, anchor = (_transform(document, name) for name in TRANSFORM_NAMES[document.setup])
+    if mount is None or anchor is None or document.camera is None:
+        return None
+    if correction is not None:
+        turn = np.radians(correction.rotation_deg)
+        base_T_flange = base_T_flange @ transform_from_vector(np.concatenate([turn, correction.translation_mm]))
+    anchor_T_mount = anchor_T_mount_of(document.setup, base_T_flange)
+    camera_T_target = predicted_camera_T_target(anchor_T_mount[None], mount, anchor)[0]
+    return document.camera.camera().project(map_points(camera_T_target, target.points_mm))
+
+
+def _transform(document: CalibrationDocument, name: str) -> Array | None:
+    pose: PoseDocument | None = getattr(document, name)
+    return None if pose is None else pose.transform()
+
+
+def root_mean_square(residuals_px: Array) -> float | None:
+    """RMS length of residuals (n, 2); None without any that is finite."""
+    lengths = np.hypot(*residuals_px.T)
+    lengths = lengths[np.isfinite(lengths)]
+    return float(np.sqrt(np.mean(lengths**2))) if lengths.size else None

@@ -1,0 +1,50 @@
+"""detections.json beside a run's session.json: what was found in each picture, and when it was taken."""
+
+from pathlib import Path
+
+from calibration.documents.validation import Document, parse_document
+from calibration.errors import DocumentError
+from daemon.runtime.bounded_read import read_document
+
+DETECTIONS_FILE = "detections.json"
+
+
+class MissedDocument(Document):
+    """Why the target was not found: a stable code and a sentence."""
+
+    code: str
+    what: str
+
+
+class DetectionDocument(Document):
+    """One picture. `corners`: [id, u, v] in px; `configuration`: the arm's posture, as its controller gives it.
+
+    `sharpness`: as of GET /camera/look; null where it was not measured.
+    """
+
+    index: int
+    at: str
+    configuration: tuple[int, ...]
+    corners: tuple[tuple[int, float, float], ...] = ()
+    missing: MissedDocument | None = None
+    sharpness: float | None = None
+
+
+class DetectionsDocument(Document):
+    """The whole of detections.json."""
+
+    schema_version: int = 1
+    views: tuple[DetectionDocument, ...] = ()
+
+    def with_view(self, view: DetectionDocument) -> "DetectionsDocument":
+        """The document with this view in place of an earlier one of its index."""
+        others = [one for one in self.views if one.index != view.index]
+        return DetectionsDocument(views=tuple(sorted([*others, view], key=lambda one: one.index)))
+
+
+def read_detections(folder: Path) -> DetectionsDocument:
+    """The detections of a session's folder; none in one that was written before they were kept."""
+    try:
+        return parse_document(DetectionsDocument, read_document(folder / DETECTIONS_FILE), DETECTIONS_FILE)
+    except DocumentError:
+        return DetectionsDocument()

@@ -1,0 +1,102 @@
+"""What the camera sees of the target now, for an operator who jogs the arm."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.detection.detect import detect
+from calibration.detection.image import grey_image
+from calibration.errors import DetectionError
+from calibration.problem import Detection
+from calibration.targets import Target
+from calibration.transforms import Array
+from daemon.cell.recent_reading import RecentReading
+from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
+from drivers.interfaces import CameraFrame
+
+MAX_AGE_S = 0.5
+"""The target is searched twice a second at most, however many ask."""
+
+SATURATED_LEVEL = 254
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """Measures of one picture where the target is, or of all of it where it was not found.
+
+    sharpness : standard deviation of the Laplacian over that of the grey levels: 0 for a uniform picture.
+    saturated : share of pixels of SATURATED_LEVEL and more.
+    fill : share of the picture within the outline of the target's points; 0 where it was not found.
+    """
+
+    sharpness: float
+    saturated: float
+    fill: float
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The target in one picture; `missing`: a code and a sentence where it was not found. `of`: points it has."""
+
+    taken_at: str
+    size: tuple[int, int]
+    detection: Detection | None
+    missing: tuple[str, str] | None
+    of: int
+    quality: Quality
+
+
+def measure_quality(image: NDArray[np.uint8], corners_px: Array | None) -> Quality:
+    """The measures of a grey picture (h, w) around the points (n, 2)."""
+    height, width = image.shape
+    fill, part = 0.0, image
+    if corners_px is not None and len(corners_px) >= 3:
+        hull = cv2.convexHull(corners_px.astype(np.float32))
+        fill = float(cv2.contourArea(hull)) / (width * height)
+        (left, top), (right, bottom) = np.floor(corners_px.min(0)).astype(int), np.ceil(corners_px.max(0)).astype(int)
+        cut = image[max(top, 0) : bottom + 1, max(left, 0) : right + 1]
+        part = cut if cut.size else image
+    contrast = float(part.std())
+    edges = float(np.std(np.asarray(cv2.Laplacian(part, cv2.CV_32F))))
+    sharpness = edges / contrast if contrast > 0 else 0.0
+    return Quality(sharpness, float(np.count_nonzero(part >= SATURATED_LEVEL)) / part.size, fill)
+
+
+def look_at(frame: CameraFrame, target: Target, taken_at: str) -> Look:
+    """Search the target in a frame."""
+    image = _grey(frame.image)
+    detection, missing = None, None
+    try:
+        detection = detect(grey_image(frame.image), target)
+    except DetectionError as error:
+        missing = (error.code, str(error))
+    quality = measure_quality(image, None if detection is None else detection.corners_px)
+    size = (int(image.shape[1]), int(image.shape[0]))
+    return Look(taken_at, size, detection, missing, len(target.points_mm), quality)
+
+
+def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The grey levels (h, w) of a picture, also of one without contrast."""
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+class Looks:
+    """Looks shared by all who ask; a frame is that of `read_frame`."""
+
+    def __init__(
+        self, read_frame: Callable[[], Awaitable[CameraFrame]], target: Target, workers: Workers, clock: Clock
+    ) -> None:
+        self._read_frame, self._target, self._workers, self._clock = read_frame, target, workers, clock
+        self._recent = RecentReading(self._look, clock.monotonic_s, MAX_AGE_S)
+
+    async def read(self) -> Look:
+        """The target in a picture of at most the last MAX_AGE_S. Raises DeviceError."""
+        return await self._recent.read()
+
+    async def _look(self) -> Look:
+        frame = await self._read_frame()
+        return await self._workers.run(look_at, frame, self._target, self._clock.timestamp())
