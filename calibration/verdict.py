@@ -81,10 +81,11 @@ def judge(problem: Problem, solution: Solution, limits: VerdictLimits = DEFAULT_
 
 
 def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimits) -> Finding:
-    """The finding with its severity lowered to what its sizes and its effect on a mapped point deserve.
+    """The finding with its severity lowered to what its sizes and its effect at the worst of the points deserve.
 
-    The uncertainty contains the effects (see `calibration.diagnosis.explain`). An effect within the rest of it, or far
-    below the tolerance, is information; one well below the tolerance a warning.
+    The effect is known on average over the working volume; at the worst point it is larger by as much as the
+    uncertainty is there. The uncertainty contains the effects (see `calibration.diagnosis.explain`). An effect within
+    the rest of it, or far below the tolerance, is information; one well below the tolerance a warning.
     """
     if not exceeds_limit(finding, limits):
         fix = Sentence("none-needed") if finding.within == "info" else finding.fix
@@ -92,11 +93,13 @@ def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimi
     if finding.effect_mm is None or uncertainty is None:
         return finding
     expanded_mm = COVERAGE_FACTOR * uncertainty.point_mm
-    without_mm = float(np.sqrt(max(expanded_mm**2 - finding.effect_mm**2, 0.0)))
+    worst_mm = uncertainty.worst_point.expanded_mm
+    effect_mm = finding.effect_mm * (worst_mm / expanded_mm if expanded_mm > 0 else 1.0)
+    without_mm = float(np.sqrt(max(worst_mm**2 - effect_mm**2, 0.0)))
     deserved: Severity = "error"
-    if finding.effect_mm <= limits.warning_share * limits.tolerance_mm:
+    if effect_mm <= limits.warning_share * limits.tolerance_mm:
         deserved = "warning"
-    if finding.effect_mm <= max(without_mm, limits.negligible_share * limits.tolerance_mm):
+    if effect_mm <= max(without_mm, limits.negligible_share * limits.tolerance_mm):
         deserved = "info"
     return replace(finding, severity=less_severe(finding.severity, deserved))
 

@@ -7,13 +7,15 @@ Under the model the solution without group g differs from the solution by b_g, w
 where F = C^-1 is the information of all views, F_g that of the group and C_g = (F - F_g)^-1. Errors that neighbouring
 views share (a lens, light or a robot's geometry beyond the model) make the b_g larger than that. The ratio of the
 observed to the expected sum of squares of a mapped point is compared with its distribution under the model, chi-square
-with the degrees of freedom of the same expected variance (Satterthwaite).
+with the degrees of freedom of the same expected variance (Satterthwaite). A ratio from few groups scatters, so it
+counts only where it is significant.
 Source: H. Kuensch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17, 1989.
 """
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from calibration.likelihood.estimate import Estimate
@@ -30,6 +32,11 @@ MIN_VIEWS_MANY = 16
 
 PRIOR_BEYOND_MODEL = 0.1
 """Prior probability of errors beyond the model that neighbouring views share."""
+
+FALSE_ALARM_PROBABILITY = 0.01
+"""Probability of a share above 0 in a session that follows the model, over the three groupings."""
+
+GROUPINGS = 3
 
 Groups = Sequence[NDArray[np.intp]]
 
@@ -75,6 +82,7 @@ def _compare(best: Estimate, name: GroupedBy, groups: Groups, weights: Array) ->
     information, gradient = per_view_equations(best.model, best.variances, best.step)
     total, all_gradient = best.step.information, best.step.gradient
     covariance = covariance_of(total)
+    views = len(information)
     parts = np.array([information[rows].sum(axis=0) for rows in groups])
     without = covariance_of(total - parts)
     towards = all_gradient - np.array([gradient[rows].sum(axis=0) for rows in groups])
@@ -85,10 +93,15 @@ def _compare(best: Estimate, name: GroupedBy, groups: Groups, weights: Array) ->
     mean = float(np.einsum("ggkk->", rooted))
     redundancy = mean**2 / float(np.sum(rooted**2))
     ratio = float(np.einsum("gi,ij,gj->", steps, weights, steps)) / mean
-    model = float(np.sum(weights * best.step.covariance[:6, :6]))
-    return LeaveOut(
-        float(np.sqrt(ratio * model)), ratio, redundancy, _share_beyond(ratio, redundancy), name, len(groups)
-    )
+    share = _share_beyond(ratio, redundancy) if _is_significant(ratio, redundancy, views) else 0.0
+    point_mm = float(np.sqrt(ratio * np.sum(weights * covariance[:6, :6])))
+    return LeaveOut(point_mm, ratio, redundancy, share, name, len(groups))
+
+
+def _is_significant(ratio: float, redundancy: float, views: int) -> bool:
+    """Whether a ratio of this redundancy is rare under the model, whose noise is estimated from the same views."""
+    chance = float(scipy.special.fdtrc(redundancy, 3 * views - 6, ratio))
+    return GROUPINGS * chance < FALSE_ALARM_PROBABILITY
 
 
 def _expected(total: Array, parts: Array, without: Array, covariance: Array) -> Array:

@@ -35,7 +35,7 @@ MIN_EXPLORING_AXIS_ANGLE_RAD = np.radians(20.0)
 """Least angle between the axes of exploring turns, for which a closed form gives a first X."""
 
 MIN_VIEWS_FOR_NOISE = 8
-"""Fewer views estimate the noise no better than to a factor of two; the stated noise is kept then."""
+"""Fewer views estimate the noise no better than to a factor of two: the stated noise counts as this many views."""
 
 MIN_IMAGE_NOISE_PX = 0.01
 SIGMA_FACTOR = 2.0
@@ -173,16 +173,20 @@ def _belief_of_solution(
 
 
 def _noise(prior: ScenePrior, solution: Solution, views: int) -> ExpectedNoise:
-    found = solution.noise
-    if (
-        views < MIN_VIEWS_FOR_NOISE
-        or found.image_px is None
-        or found.robot_rotation_rad is None
-        or found.robot_translation_mm is None
-    ):
-        return prior.noise
-    image_px = max(found.image_px, MIN_IMAGE_NOISE_PX)
-    return ExpectedNoise(image_px, found.robot_rotation_rad, found.robot_translation_mm)
+    """The stated noise, and the estimated one by the share of the views beyond MIN_VIEWS_FOR_NOISE."""
+    found, stated = solution.noise, prior.noise
+    share = max(views - MIN_VIEWS_FOR_NOISE, 0) / max(views, 1)
+
+    def between(stated_sigma: float, found_sigma: float | None) -> float:
+        if found_sigma is None:
+            return stated_sigma
+        return float(np.sqrt((1 - share) * stated_sigma**2 + share * found_sigma**2))
+
+    return ExpectedNoise(
+        max(between(stated.image_px, found.image_px), MIN_IMAGE_NOISE_PX),
+        between(stated.robot_rotation_rad, found.robot_rotation_rad),
+        between(stated.robot_translation_mm, found.robot_translation_mm),
+    )
 
 
 def _rough_belief(

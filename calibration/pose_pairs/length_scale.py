@@ -94,14 +94,17 @@ def with_lengths(
 
 
 def _averaged(fitted: PoseFit, scaled: PoseFit, usual_error: float, freedom: int) -> PoseFit:
-    """The mean of the fit and of one with lengths off by `usual_error` (1 sigma), weighted by their probabilities."""
+    """The mean of the fit and of one with lengths off by `usual_error` (1 sigma), weighted by their probabilities.
+
+    The covariance is that of lengths that are off, so that it holds for such a camera too.
+    """
     share, variance = float(np.log(scaled.chain.scale)), float(scaled.covariance[12, 12])
     probability = _probability_of(share, variance, usual_error**2, freedom)
     kept = usual_error**2 / (usual_error**2 + variance)  # what the prior leaves of the estimate
     slope = scaled.covariance[:12, 12] / variance
     shift = slope * share * kept
-    covariance = fitted.covariance[:12, :12] + probability * variance * kept * np.outer(slope, slope)
-    covariance += probability * (1 - probability) * np.outer(shift, shift)
+    covariance = fitted.covariance[:12, :12] + variance * kept * np.outer(slope, slope)
+    covariance += (1 - probability) ** 2 * np.outer(shift, shift)
     moved = fitted.chain.apply_step(probability * shift)
     chain = replace(moved, scale=float(np.exp(probability * share * kept)))
     return replace(fitted, chain=chain, covariance=covariance)

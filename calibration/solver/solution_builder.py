@@ -12,6 +12,7 @@ from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.leave_groups_out import leave_groups_out
 from calibration.likelihood.predicted_uncertainty import point_weights, uncertainty_of, working_points_mm
+from calibration.linear_algebra import covariance_of
 from calibration.observations.observations import Observations, UnusableReason, observe, scale_target
 from calibration.observations.reprojection import pixel_residuals
 from calibration.observations.view_poses import refine_poses
@@ -46,7 +47,8 @@ def build_solution(
     covariance = best.step.covariance[:6, :6] if closed_form is None else closed_form.covariance
     left_out = _leave_groups_out(best, own_poses, centre[0], points_mm) if closed_form is None else None
     if left_out is not None:
-        covariance = left_out.inflation * covariance
+        # Of errors that all views share, for which the covariance is widened, nothing shows in views left out.
+        covariance = covariance + (left_out.inflation - 1) * covariance_of(best.step.information)[:6, :6]
     return Solution(
         setup=problem.setup,
         method=method,

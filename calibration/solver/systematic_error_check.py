@@ -10,16 +10,18 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.likelihood.augmented_model import AugmentedModel
+from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.mixed_model import MixedModel, Variances, solve, with_trend
-from calibration.likelihood.noise_marginalisation import marginalise, restricted_log_likelihood
+from calibration.likelihood.mixed_model import MixedModel, Step, Variances, solve, with_trend
+from calibration.likelihood.noise_marginalisation import Marginal, marginalise, restricted_log_likelihood
 from calibration.likelihood.systematic_errors import CENTRE_INDICES, NO_SYSTEMATIC_ERRORS, SystematicErrors, trend_basis
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, squared_distances
 from calibration.observations.reprojection import INTRINSICS
 from calibration.preprocessing.prepare import PreparedSession
+from calibration.solver.shared_corner_errors import shared_corner_sigma_px, variance_by_shared_corners
 from calibration.solver.view_outliers import Selection
-from calibration.transforms import Array
+from calibration.transforms import Array, adjoint, inverse
 
 MIN_VIEWS, MIN_TREND_VIEWS = 5, 12
 """Least views for the principal point and for the trend, which has 36 coefficients."""
@@ -45,6 +47,9 @@ Assumption = tuple[bool, bool]
 """(principal point unknown, trend of the robot's errors)."""
 
 Models = dict[Assumption, MixedModel]
+
+TREND_SQUARES = 2.0
+"""Mean sum of squares of the trend's regressors over the views: of places and of orientations, each of spread 1."""
 
 NEITHER, CENTRE_OFF, TREND, BOTH = (False, False), (True, False), (False, True), (True, True)
 
@@ -105,10 +110,10 @@ def widen_by_shared_errors(
 ) -> Selection:
     """The same X with its covariance widened by the errors that all views may share though none is significant.
 
-    For the given principal point and for the target's size, each by its posterior probability to be off, and for the
-    errors of both that are never zero. Probability and shift of X follow from the priors and the data, so that the
-    uncertainty also holds where the data do not decide. X itself is changed only by significant errors. `wider` is the
-    model behind `models`.
+    For the given principal point, for the target's size and for a trend of the robot's errors, each by its posterior
+    probability, and for the errors of the corners and the size that are never zero. Probability and shift of X follow
+    from the priors and the data, so that the uncertainty also holds where the data do not decide. X itself is changed
+    only by significant errors. `wider` is the model behind `models`.
     """
     best, errors = selection.best, prepared.systematic_errors
     errors = replace(errors, trend=errors.trend and TREND in models)  # rejected views may leave too few for a trend
@@ -121,6 +126,10 @@ def widen_by_shared_errors(
         centre_sigma_px = MIN_CORNER_SIGMA_PX if errors.given_camera is None and CENTRE_OFF in models else 0.0
         small = MIN_CORNER_SIGMA_PX / _corner_radius_px(prepared)
         more += _variance_of(_with_prior_errors(errors, wider, small, centre_sigma_px), exact, best.variances)
+    more += _variance_by_trend(exact, best, adopted=errors.trend)
+    rows = prepared.take(selection.used)
+    distance_mm = float(np.median(np.linalg.norm(rows.camera_T_target[:, :3, 3], axis=1)))
+    more[:6, :6] += variance_by_shared_corners(shared_corner_sigma_px(rows, best), best.camera, distance_mm)
     covariance = best.step.covariance.copy()
     covariance[:12, :12] += more
     return replace(selection, best=replace(best, step=replace(best.step, covariance=covariance)))
@@ -132,10 +141,51 @@ def _variance_if_off(exact_model: MixedModel, off_model: MixedModel, variances: 
     if at_first_sight < MIN_FIRST_LOG_RATIO:
         return np.zeros((12, 12))
     exact, off = (marginalise(model, estimate_variances(model, variances)) for model in (exact_model, off_model))
+    return _probability_of(off, exact) * _difference(off, exact)
+
+
+def _probability_of(off: Marginal, exact: Marginal) -> float:
     odds = np.log(PRIOR_OFF_PROBABILITY / (1 - PRIOR_OFF_PROBABILITY)) + off.log_evidence - exact.log_evidence
-    share = float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
+    return float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
+
+
+def _difference(off: Marginal | Step, exact: Marginal | Step) -> Array:
+    """What an error adds to the covariance (12, 12) of X and the target's pose where X is taken without it."""
     shift = off.b[:12] - exact.b[:12]
-    return np.asarray(share * (off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift)))
+    return np.asarray(off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift))
+
+
+def _variance_by_trend(exact_model: MixedModel, best: Estimate, *, adopted: bool) -> Array:
+    """What robot errors that follow the pose add to the covariance (12, 12), by their probability.
+
+    X takes up the part of them that is alike in all views. It shows in no residual and is taken to be as large as the
+    part that follows the pose. `adopted`: whether the trend is in the model already.
+    """
+    chain, more, share, levels = best.chain, np.zeros((12, 12)), 1.0, best.variances
+    if not adopted:
+        basis = trend_basis(chain.base_T_flange)
+        if len(basis) < MIN_TREND_VIEWS:
+            return more
+        trend = with_trend(exact_model, basis)
+        if not _trend_shows(trend, exact_model.unknowns, best):
+            return more
+        levels = _levels(trend, best)
+        exact, off = marginalise(exact_model, best.variances), marginalise(trend, levels)
+        share = _probability_of(off, exact)
+        more = share * _difference(off, exact)
+    alike = TREND_SQUARES * np.repeat([levels.trend_rotation, levels.trend_translation], 3)
+    by_camera = adjoint(inverse(_centre_T_camera(chain)))
+    more[:6, :6] += share * (by_camera * alike) @ by_camera.T
+    return more
+
+
+def _centre_T_camera(chain: Chain) -> Array:
+    """The camera (4, 4) in the frame of the mount whose origin is the flange's, in the base its mean place."""
+    if chain.setup == "eye-in-hand":
+        return chain.mount_T_camera
+    moved: Array = chain.mount_T_camera.copy()
+    moved[:3, 3] -= chain.base_T_flange[:, :3, 3].mean(axis=0)
+    return moved
 
 
 def _with_prior_errors(
@@ -159,9 +209,7 @@ def _with_prior_errors(
 
 def _variance_of(off_model: MixedModel, exact_model: MixedModel, variances: Variances) -> Array:
     """What a certain error adds to the covariance (12, 12) of X and the target's pose, at these noise levels."""
-    exact, off = solve(exact_model, variances), solve(off_model, variances)
-    shift = off.b[:12] - exact.b[:12]
-    return np.asarray(off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift))
+    return _difference(solve(off_model, variances), solve(exact_model, variances))
 
 
 def _corner_radius_px(prepared: PreparedSession) -> float:

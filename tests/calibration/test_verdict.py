@@ -115,8 +115,7 @@ def test_a_finding_weighs_its_effect_beside_tolerance_and_uncertainty(
     effect_mm: float | None, expanded_mm: float, given: Severity, severity: Severity
 ) -> None:
     """The tolerance is 4 mm; U contains the effect."""
-    uncertainty = Uncertainty(np.ones(3), np.ones(3), expanded_mm / 2, np.eye(6), uncertain(0.1).uncertainty.points)  # type: ignore[union-attr]
-    found = weigh(Finding("x", given, "what", "fix", effect_mm), uncertainty, VerdictLimits())
+    found = weigh(Finding("x", given, "what", "fix", effect_mm), of_points(expanded_mm, expanded_mm), VerdictLimits())
     assert found.severity == severity
 
 
@@ -144,6 +143,30 @@ def test_from_which_probability_parting_is_mentioned_is_a_limit() -> None:
     for probability, mentioned in ((0.5, True), (0.7, False)):
         findings = judge(GOOD.problem, solution, VerdictLimits(leave_out_probability=probability)).findings
         assert ("leave-out-larger" in {finding.code for finding in findings}) is mentioned
+
+
+@pytest.mark.parametrize(
+    ("effect_mm", "worst_mm", "severity"),
+    [
+        (0.3, 0.3, "warning"),
+        (0.3, 1.2, "error"),
+        (0.3, np.inf, "error"),
+        (0.3, np.nan, "error"),
+        (0.19, 0.6, "warning"),
+    ],
+)
+def test_an_effect_weighs_what_it_is_at_the_worst_of_the_points_that_matter(
+    effect_mm: float, worst_mm: float, severity: Severity
+) -> None:
+    """On average over the working volume U is the effect alone; at the worst point both are larger by one factor."""
+    found = weigh(Finding("x", "error", "what", "fix", effect_mm), of_points(effect_mm, worst_mm), VerdictLimits())
+    assert found.severity == severity
+
+
+def of_points(expanded_mm: float, worst_mm: float) -> Uncertainty:
+    """U on average, and at the worst point."""
+    worst = PointUncertainty("a", "camera", PLACE, PLACE, worst_mm / 2)
+    return Uncertainty(np.ones(3), np.ones(3), expanded_mm / 2, np.eye(6), (worst,))
 
 
 def test_the_verdict_says_when_leaving_views_out_parts_from_the_model() -> None:

@@ -31,7 +31,7 @@ def test_under_the_model_the_ratio_is_one_in_the_mean() -> None:
         weights.append(left_out.inflation)
     # the largest of three groupings each
     assert 0.7 < float(np.mean(ratios)) < 1.8
-    assert float(np.median(weights)) < 1.2
+    assert float(np.median(weights)) == 1.0  # a ratio counts only where it is significant
 
 
 @pytest.mark.slow
