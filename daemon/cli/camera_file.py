@@ -3,17 +3,25 @@
 import json
 from pathlib import Path
 
+from calibration.documents.imports.intrinsics import read_intrinsics
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentError, DocumentProblem
 from daemon.runtime.bounded_read import read_document
 
+OTHERS = frozenset((".yaml", ".yml", ".xml"))
+"""Suffixes of files that other programs have written."""
+
 
 def read_camera(file: Path) -> CameraDocument:
     """The camera in a JSON file: by itself, or under `camera` as in session.json and calibration.json.
 
+    YAML and XML are read as ROS, OpenCV, Kalibr and ViSP write them.
+
     Raises DocumentError.
     """
+    if file.suffix.lower() in OTHERS:
+        return read_intrinsics(str(file), read_document(file)).document(None)
     try:
         data = json.loads(read_document(file))
     except (ValueError, RecursionError) as error:

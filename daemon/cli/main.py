@@ -13,6 +13,7 @@ from daemon.cli.check import check
 from daemon.cli.compare import compare
 from daemon.cli.demo import demo
 from daemon.cli.export import export
+from daemon.cli.import_session import import_session
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
 from daemon.cli.output import CommandGroup
@@ -53,6 +54,7 @@ app.add_typer(keys, name="keys", rich_help_panel=CELL)
 app.add_typer(tls, name="tls", rich_help_panel=CELL)
 app.add_typer(audit, name="audit", rich_help_panel=CELL)
 app.command("support-bundle", rich_help_panel=CELL)(support_bundle)
+app.command("import", rich_help_panel=OFFLINE)(import_session)
 app.command(rich_help_panel=OFFLINE)(solve)
 app.command(rich_help_panel=OFFLINE)(compare)
 app.command(rich_help_panel=OFFLINE)(export)

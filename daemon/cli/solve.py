@@ -51,7 +51,7 @@ def solve(
         typer.Option(
             metavar="FILE",
             help="Intrinsics to use: JSON with matrix, distortion (4, 5, 8, 12 or 14), image_size and"
-            ' "lens": "fisheye" (4); or a session.json or calibration.json.',
+            ' "lens": "fisheye" (4); a session.json or calibration.json; YAML or XML of ROS, OpenCV, Kalibr.',
         ),
     ] = None,
     views: Annotated[bool, typer.Option("--views", help="Also print a table of the views, the worst first.")] = False,

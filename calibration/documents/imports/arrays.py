@@ -1,0 +1,76 @@
+"""Poses in numpy's files: NPY, and NPZ with one array of poses or with rotations and translations.
+
+Pickled objects are never read; the sizes that a file states are checked before anything is unpacked.
+"""
+
+import io
+import zipfile
+import zlib
+
+import numpy as np
+
+from calibration.documents.imports.conventions import CONVENTIONS
+from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.records import table_of_array
+from calibration.documents.imports.refusal import MAX_POSES, refusal
+from calibration.transforms import Array
+
+MAX_ARRAY_BYTES = 64_000_000
+"""Bytes of an array with poses."""
+
+POSE_SHAPES = ((4, 4), (3, 4), (16,), (12,), (7,), (6,))
+FIX = "save an array n x 4 x 4, n x 7 or n x 6 of floats"
+
+
+def read_npy(content: bytes, origin: str) -> PoseTable:
+    """The poses of a .npy file. Raises DocumentError."""
+    return table_of_array(_load(content, origin), origin)
+
+
+def _load(content: bytes, origin: str) -> Array:
+    """A numeric array of at most MAX_ARRAY_BYTES. Raises DocumentError."""
+    try:
+        stream = io.BytesIO(content)
+        version = np.lib.format.read_magic(stream)
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = header(stream)
+        size = int(np.prod([float(side) for side in shape])) * kind.itemsize if not kind.hasobject else 0
+        if kind.hasobject or kind.names or kind.kind not in "iuf":
+            raise refusal(origin, "array", f"its elements are no numbers ({kind})", FIX)
+        if size > MAX_ARRAY_BYTES or len(content) > MAX_ARRAY_BYTES:
+            raise refusal(origin, "array", "larger than 64 MB", FIX)
+        array = np.load(io.BytesIO(content), allow_pickle=False)
+    except (ValueError, EOFError, OSError, OverflowError, SyntaxError, KeyError, TypeError, MemoryError) as error:
+        raise refusal(origin, "file", f"no array of numpy ({str(error)[:80]})", FIX) from None
+    return np.asarray(array, float)
+
+
+def read_npz(content: bytes, origin: str) -> PoseTable:
+    """The poses of a .npz file. Raises DocumentError."""
+    arrays = unpack_npz(content, origin)
+    poses = {name: array for name, array in arrays.items() if array.shape[1:] in POSE_SHAPES and array.ndim > 1}
+    turns = [array for array in arrays.values() if array.ndim == 3 and array.shape[1:] == (3, 3)]
+    lengths = [a.reshape(len(a), 3) for a in arrays.values() if a.ndim > 1 and a.size == 3 * len(a) and len(a) > 0]
+    if len(poses) == 1:
+        return table_of_array(next(iter(poses.values())), origin)
+    if not poses and len(turns) == len(lengths) == 1 and len(turns[0]) == len(lengths[0]) <= MAX_POSES:
+        labels = tuple(str(at + 1) for at in range(len(turns[0])))
+        return PoseTable(
+            origin, labels, lengths[0], turns[0].reshape(-1, 9), "matrix", "arrays of rotations and translations",
+            CONVENTIONS["matrix"],
+        ).checked()  # fmt: skip
+    have = ", ".join(f"{name} {array.shape}" for name, array in list(arrays.items())[:8])
+    raise refusal(origin, "arrays", f"not one array of poses among {have or 'none'}", FIX)
+
+
+def unpack_npz(content: bytes, origin: str) -> dict[str, Array]:
+    """The numeric arrays of a .npz file, at most MAX_ARRAY_BYTES together. Raises DocumentError."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+            if sum(member.file_size for member in members) > MAX_ARRAY_BYTES or len(members) > 100:
+                raise refusal(origin, "file", "unpacks to more than 64 MB or 100 arrays", FIX)
+            packed = {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, OSError, EOFError, ValueError) as error:
+        raise refusal(origin, "file", f"no .npz file ({str(error)[:80]})", FIX) from None
+    return {name: _load(array, f"{origin}: {name}") for name, array in packed.items()}

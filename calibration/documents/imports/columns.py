@@ -1,0 +1,225 @@
+"""What named numbers mean: the headers of a table, or the keys of a JSON or YAML record.
+
+A name is split into words. Its last word says the axis or the position in a list; the others say whether it is a
+length, an orientation, a matrix, a picture, a time or a label. Units in a name count: `x_mm`, `rx [deg]`.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from calibration.documents.imports.conventions import CONVENTIONS, Convention, LengthUnit
+from calibration.documents.imports.refusal import refusal
+
+Family = Literal["length", "turn", "pose"]
+
+LENGTH_WORDS = frozenset((
+    "t", "p", "pos", "position", "trans", "translation", "translational", "tvec", "xyz", "location", "origin",
+    "coord",
+))  # fmt: skip
+TURN_WORDS = frozenset((
+    "q", "quat", "quaternion", "orientation", "rotation", "rot", "ori", "r", "e", "euler", "eul", "angle",
+    "ang", "theta", "rvec", "rotvec", "axisangle", "rodrigues", "rpy", "wxyz", "xyzw",
+))  # fmt: skip
+QUATERNION_WORDS = frozenset(("q", "quat", "quaternion"))
+VECTOR_WORDS = frozenset(("rvec", "rotvec", "axisangle", "rodrigues"))
+POSE_WORDS = frozenset((
+    "pose", "poses", "matrix", "transform", "transformation", "tf", "homogeneous", "mat", "values", "data",
+    "h",
+))  # fmt: skip
+IMAGE_WORDS = frozenset((
+    "image", "img", "picture", "photo", "file", "filename", "imagefile", "imagepath", "path", "images",
+    "cloud",
+))  # fmt: skip
+TIME_WORDS = frozenset((
+    "time", "timestamp", "stamp", "sec", "secs", "seconds", "timestamps",
+))  # fmt: skip
+LABEL_WORDS = frozenset((
+    "index", "idx", "id", "nr", "no", "num", "number", "view", "name", "label", "station", "target", "seq",
+    "i", "n", "count", "#",
+))  # fmt: skip
+NOISE = frozenset((
+    "robot", "tcp", "tool", "tool0", "flange", "base", "ee", "eef", "gripper", "end", "effector", "hand",
+    "actual", "current", "world", "wrt", "in", "of", "to", "the", "robtarget",
+))  # fmt: skip
+UNITS: dict[str, LengthUnit] = {
+    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetres": "mm",
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+}  # fmt: skip
+ANGLES = {"deg": True, "degree": True, "degrees": True, "°": True, "rad": False, "radian": False, "radians": False}
+AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
+SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
+"""Names of three angles in the order of their rotations."""
+
+_FRAMES = re.compile(r"[A-Za-z0-9]+_[Tt]_[A-Za-z0-9]+")
+_SHORT = re.compile(r"(q|quat|rot|rvec|r|e|euler|t|p|pos|trans|o)([xyzw]|\d)")
+_ELEMENT = re.compile(r"(?:[rmt]|mat|rot)([0-4])([0-4])")
+
+
+@dataclass
+class Columns:
+    """Where what stands among the named numbers: indices, and what the names say of unit and convention.
+
+    lengths : three; turn: the numbers of the orientation, in their order; by_axis: named after the axes x, y, z.
+    pose : a whole pose as a list of numbers, instead of the two.
+    """
+
+    lengths: list[int] = field(default_factory=list)
+    turn: list[int] = field(default_factory=list)
+    pose: list[int] = field(default_factory=list)
+    by_axis: bool = False
+    convention: Convention | None = None
+    unit: LengthUnit | None = None
+    degrees: bool | None = None
+    image: int | None = None
+    time: int | None = None
+    label: int | None = None
+    ignored: list[int] = field(default_factory=list)
+
+
+def _words(name: str) -> list[str]:
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", _FRAMES.sub("", name))
+    return [word for word in re.split(r"[^a-z0-9°#]+", spaced.lower()) if word]
+
+
+class _Named:
+    """The names sorted into families by their words."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = names
+        self.columns = Columns()
+        self.slots: dict[Family, dict[str, int]] = {"length": {}, "turn": {}, "pose": {}}
+        self.elements: dict[tuple[int, int], int] = {}
+        self.plain: dict[str, int] = {}
+        self.turn_words: set[str] = set()
+        self.unit: dict[Family, str] = {}
+        for index, name in enumerate(names):
+            self._take(index, _words(name))
+
+    def _take(self, index: int, words: list[str]) -> None:
+        units = [word for word in words if word in UNITS or word in ANGLES]
+        if len(units) < len(words):
+            words = [word for word in words if word not in units or word == words[0]]
+        words = [word for word in words if word not in NOISE] or words[-1:] or [""]
+        element = _ELEMENT.fullmatch("".join(words[-2:] if len(words) > 1 and words[-1].isdigit() else words[-1:]))
+        if element is not None:
+            self.elements[int(element[1]), int(element[2])] = index
+            return
+        if short := _SHORT.fullmatch(words[-1]):
+            words = [*words[:-1], short[1], short[2]]
+        slot = AXES.get(words[-1], words[-1])
+        before = set(words[:-1]) | ({"rpy"} if words[-1] in AXES else set())
+        family: Family | None = None
+        if slot in ("x", "y", "z", "w") or slot.isdigit():
+            family = self._family(before, slot)
+        if family is not None and slot not in self.slots[family]:
+            self.slots[family][slot] = index
+            if family == "turn":
+                self.turn_words |= before
+            for unit in units:
+                if (unit in ANGLES) == (family == "turn"):
+                    self.unit[family] = unit
+            return
+        self._take_plain(index, words, units)
+
+    def _family(self, before: set[str], slot: str) -> Family | None:
+        if before & TURN_WORDS or (before == {"o"} and slot in "xyzw"):
+            return "turn"
+        if before & LENGTH_WORDS or (before <= POSE_WORDS and slot in ("x", "y", "z")):
+            return "length"
+        return "pose" if before & POSE_WORDS or (not before and slot.isdigit()) else None
+
+    def _take_plain(self, index: int, words: list[str], units: list[str]) -> None:
+        word, columns = words[-1], self.columns
+        if word in IMAGE_WORDS or (words[0] in IMAGE_WORDS and word not in ("width", "height")):
+            columns.image = index if columns.image is None else columns.image
+        elif word in TIME_WORDS or words[0] in TIME_WORDS or (word in ("t", "ns") and "t" not in self.plain):
+            columns.time = index if columns.time is None else columns.time
+            self.plain.setdefault(word, index)
+        else:
+            if word in LABEL_WORDS and columns.label is None:
+                columns.label = index
+            self.plain.setdefault(word, index)
+            for unit in units:
+                if unit in ANGLES:
+                    self.unit.setdefault("turn", unit)
+
+
+def recognise_columns(names: Sequence[str], origin: str) -> Columns:
+    """The meaning of `names`. Raises DocumentError when they hold no pose."""
+    named = _Named(names)
+    columns = named.columns
+    pose = _in_order(named.slots["pose"])
+    if len(pose) in (6, 7, 12, 16):
+        columns.pose = pose
+    else:
+        columns.lengths = _lengths(named)
+        _set_turn(columns, named)
+    if not columns.pose and not (len(columns.lengths) == 3 and columns.turn):
+        what = f"no pose among the names {', '.join(names[:12])}" + (" ..." if len(names) > 12 else "")
+        fix = "name the numbers x, y, z and qw, qx, qy, qz, or rx, ry, rz, or A, B, C, or W, P, R"
+        raise refusal(origin, "header", what, fix)
+    if "length" in named.unit:
+        columns.unit = UNITS[named.unit["length"]]
+    if "turn" in named.unit:
+        columns.degrees = ANGLES[named.unit["turn"]]
+    used = {*columns.lengths, *columns.turn, *columns.pose, columns.image, columns.time, columns.label}
+    columns.time = None if columns.time in columns.turn else columns.time
+    columns.ignored = [index for index in range(len(names)) if index not in used]
+    return columns
+
+
+def _in_order(slots: dict[str, int]) -> list[int]:
+    """Indices of numbered slots that are consecutive from 0 or 1."""
+    numbers = sorted(int(slot) for slot in slots if slot.isdigit())
+    if not numbers or numbers[0] > 1 or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
+        return []
+    return [slots[str(number)] for number in numbers]
+
+
+def _lengths(named: _Named) -> list[int]:
+    slots = named.slots["length"]
+    if {"x", "y", "z"} <= set(slots):
+        return [slots[axis] for axis in "xyz"]
+    if len(listed := _in_order(slots)) == 3:
+        return listed
+    base = 1 if (4, 4) in named.elements or ((3, 3) in named.elements and (0, 0) not in named.elements) else 0
+    return [named.elements[row + base, 3 + base] for row in range(3) if (row + base, 3 + base) in named.elements]
+
+
+def _set_turn(columns: Columns, named: _Named) -> None:
+    slots, words = named.slots["turn"], named.turn_words
+    listed = _in_order(slots)
+    if set("xyz") <= set(slots) and words & QUATERNION_WORDS and "w" in named.plain:
+        slots = slots | {"w": named.plain["w"]}
+    if set("xyzw") <= set(slots):
+        columns.turn = [slots[axis] for axis in "wxyz"]
+        columns.convention = CONVENTIONS["quaternion-wxyz"]
+    elif set("xyz") <= set(slots) and not words & QUATERNION_WORDS:
+        columns.turn, columns.by_axis = [slots[axis] for axis in "xyz"], not words & VECTOR_WORDS
+        columns.convention = CONVENTIONS["rotation-vector"] if words & VECTOR_WORDS else None
+    elif len(listed) == 4:
+        columns.turn = listed
+        for order in ("wxyz", "xyzw"):
+            if order in words:
+                columns.convention = CONVENTIONS[f"quaternion-{order}"]
+    elif len(listed) in (3, 9):
+        columns.turn = listed
+        if len(listed) == 3 and words & VECTOR_WORDS:
+            columns.convention = CONVENTIONS["rotation-vector"]
+    elif elements := _elements(named.elements):
+        columns.turn, columns.convention = elements, CONVENTIONS["matrix"]
+    else:
+        for sequence in SEQUENCES:
+            if all(name in named.plain for name in sequence):
+                columns.turn = [named.plain[name] for name in sequence]
+                break
+
+
+def _elements(elements: dict[tuple[int, int], int]) -> list[int]:
+    for base in (0, 1):
+        wanted = [(row + base, column + base) for row in range(3) for column in range(3)]
+        if all(place in elements for place in wanted) and (base or (4, 4) not in elements):
+            return [elements[place] for place in wanted]
+    return []

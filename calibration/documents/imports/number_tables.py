@@ -1,0 +1,142 @@
+"""Rows of numbers, named or not, to a table of poses: what CSV, JSON, YAML and NPY have in common.
+
+Without names the number of columns says what stands there: 6, 7, 8 (with a time), 12 or 16.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calibration.documents.imports.columns import Columns, recognise_columns
+from calibration.documents.imports.conventions import CONVENTIONS, Convention
+from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
+from calibration.documents.imports.refusal import MAX_POSES, refusal
+from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
+
+Cell = float | str
+
+WIDTHS = "6 (x, y, z and three angles), 7 (x, y, z and a quaternion), 8 (with a time before), 12 or 16 (a matrix)"
+
+
+def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
+    """The table of rows with named columns. Raises DocumentError."""
+    columns = recognise_columns(names, origin)
+    _require_rows(origin, rows)
+    numbers = [*columns.lengths, *columns.turn, *columns.pose]
+    values = _numbers(origin, names, rows, numbers)
+    labels = _labels(columns, rows)
+    ignored = [names[index] for index in columns.ignored]
+    notes = (f"not used: {', '.join(ignored)}",) if ignored else ()
+    images = None
+    if columns.image is not None and all(isinstance(row[columns.image], str) for row in rows):
+        images = tuple(str(row[columns.image]).strip() for row in rows)
+    times = None
+    if columns.time is not None and all(isinstance(row[columns.time], float) for row in rows):
+        times = np.array([row[columns.time] for row in rows], float)
+    layout = "columns " + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
+    if columns.pose:
+        table = table_of_rows(origin, values, labels, layout)
+    else:
+        kind = {3: "angles", 4: "quaternion", 9: "matrix"}[len(columns.turn)]
+        table = PoseTable(
+            origin, labels, values[:, :3], values[:, 3:], kind, layout,  # type: ignore[arg-type]
+            _with_degrees(columns, values[:, 3:]), columns.by_axis,
+        )  # fmt: skip
+    return PoseTable(
+        origin, table.labels, table.lengths, table.numbers, table.kind, layout, table.convention, table.by_axis,
+        columns.unit, table.frame, images, times if times is not None else table.times_s, notes,
+    ).checked()  # fmt: skip
+
+
+def _with_degrees(columns: Columns, angles: Array) -> Convention | None:
+    """The convention that the header states; a rotation vector said to be in degrees is one."""
+    if columns.convention is not None and columns.convention.order == "vector" and columns.degrees:
+        return CONVENTIONS["rotation-vector-deg"]
+    return columns.convention
+
+
+def _require_rows(origin: str, rows: Sequence[Sequence[Cell]]) -> None:
+    if not rows:
+        raise refusal(origin, "rows", "no poses in it", "give one row for each view")
+    if len(rows) > MAX_POSES:
+        raise refusal(origin, "rows", f"{len(rows)} rows, where {MAX_POSES} are read", "give the rows of the views")
+
+
+def _numbers(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]], wanted: Sequence[int]) -> Array:
+    values = np.empty((len(rows), len(wanted)))
+    for at, row in enumerate(rows):
+        for place, index in enumerate(wanted):
+            cell = row[index]
+            if not isinstance(cell, float):
+                raise refusal(origin, f"row {at + 1}, {names[index]}", f"{cell[:40]!r} is no number", "correct it")
+            values[at, place] = cell
+    return values
+
+
+def _labels(columns: Columns, rows: Sequence[Sequence[Cell]]) -> tuple[str, ...]:
+    for index in (columns.label, columns.image):
+        if index is not None:
+            named = tuple(_text(row[index]) for row in rows)
+            if len(set(named)) == len(named):
+                return named
+    return tuple(str(at + 1) for at in range(len(rows)))
+
+
+def _text(cell: Cell) -> str:
+    return str(int(cell)) if isinstance(cell, float) and cell.is_integer() and abs(cell) < 1e15 else str(cell).strip()
+
+
+def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None, layout: str = "") -> PoseTable:
+    """The table of rows (n, k) without names. Raises DocumentError for a number of columns that is no pose."""
+    rows = np.asarray(rows, float)
+    width, names = rows.shape[1], tuple(labels or (str(at + 1) for at in range(len(rows))))
+    if width in (13, 17) and _counts(rows[:, 0]):
+        names, rows, width = tuple(str(int(number)) for number in rows[:, 0]), rows[:, 1:], width - 1
+    said = layout or f"{width} numbers a row"
+    if width == 16:
+        return table_of_matrices(origin, names, rows.reshape(-1, 4, 4), said)
+    if width == 12:
+        return _twelve(origin, names, rows, said)
+    times = None
+    if width == 8 and _unit_norms(rows[:, 4:]):
+        times, rows, width = rows[:, 0], rows[:, 1:], 7
+        names = names if labels else tuple(f"{time:.9g}" for time in times)
+    if width == 7 and not _unit_norms(rows[:, 3:]) and _counts(rows[:, 0]):
+        names, rows, width = tuple(str(int(number)) for number in rows[:, 0]), rows[:, 1:], 6
+    if width not in (6, 7):
+        raise refusal(origin, "rows", f"{width} numbers a row without names", f"give {WIDTHS}, or a header")
+    if width == 7 and not _unit_norms(rows[:, 3:]):
+        norm = float(np.linalg.norm(rows[0, 3:]))
+        what = f"seven numbers a row, of which the last four have norm {norm:.4g}, not 1"
+        raise refusal(origin, "pose 1", what, "give a quaternion of norm 1, or a header that says what stands there")
+    kind = "quaternion" if width == 7 else "angles"
+    return PoseTable(
+        origin, names, rows[:, :3], rows[:, 3:], kind, said, times_s=times,  # type: ignore[arg-type]
+    ).checked()  # fmt: skip
+
+
+def _twelve(origin: str, labels: Sequence[str], rows: Array, layout: str) -> PoseTable:
+    """3 x 4 row by row; or nine numbers of the rotation before or after the translation: what is a rotation decides."""
+    matrices = rows.reshape(-1, 3, 4)
+    if _are_rotations(matrices[:, :, :3]):
+        return table_of_matrices(origin, labels, matrices, layout)
+    for turn, length in ((rows[:, :9], rows[:, 9:]), (rows[:, 3:], rows[:, :3])):
+        if _are_rotations(turn.reshape(-1, 3, 3)):
+            return PoseTable(origin, tuple(labels), length, turn, "matrix", layout).checked()
+    raise refusal(origin, "pose 1", "twelve numbers without a rotation matrix among them", f"give {WIDTHS}")
+
+
+def _counts(column: Array) -> bool:
+    """Whether a column counts up in whole numbers."""
+    return bool(np.all(column == np.round(column)) and np.all(np.diff(column) > 0) and np.all(np.abs(column) < 1e9))
+
+
+def _unit_norms(numbers: Array) -> bool:
+    norms = np.linalg.norm(numbers, axis=1)
+    return bool(np.all(np.abs(norms - 1) <= 2 * QUATERNION_NORM_TOLERANCE))
+
+
+def _are_rotations(matrices: Array) -> bool:
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = matrices @ np.swapaxes(matrices, 1, 2)
+    return bool(np.all(np.abs(squares - np.eye(3)) < 0.02))

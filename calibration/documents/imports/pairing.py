@@ -1,0 +1,117 @@
+"""Which picture belongs to which pose: by names in the table, numbers in the names, time, or in natural order."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.refusal import refusal
+
+MAX_SHOWN = 4
+"""Names of a list in a message; of longer ones the first and the last are shown."""
+
+MAX_TIME_SHARE = 0.5
+"""Largest distance of a picture's time from a pose's, as a share of the pictures' usual distance from each other."""
+
+_DIGITS = re.compile(r"(\d+)")
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """rows (n,) of the table and images (n,), and how they were paired, in words."""
+
+    rows: tuple[int, ...]
+    images: tuple[str, ...]
+    words: str
+
+
+def natural(name: str) -> tuple[tuple[int, int | str], ...]:
+    """The key by which view_2 comes before view_10."""
+    parts = _DIGITS.split(name.lower())
+    return tuple((0, int(part)) if part.isdigit() else (1, part) for part in parts if part)
+
+
+def pair(images: Sequence[str], table: PoseTable) -> Pairing:
+    """The pairs, in the order of the poses. Raises DocumentError with both lists when the counts differ."""
+    images = sorted(images, key=natural)
+    if table.images is not None:
+        return _by_name(images, table, table.images)
+    if (numbers := _by_number(images, table)) is not None:
+        return numbers
+    if (times := _by_time(images, table)) is not None:
+        return times
+    if len(images) != len(table):
+        what = f"{len(images)} pictures ({shown(images)}) and {len(table)} poses ({shown(table.labels)})"
+        raise refusal(table.origin, "pairs", what, "give one picture for each pose: --images, --poses", "pairs")
+    return Pairing(tuple(range(len(table))), tuple(images), "in natural order")
+
+
+def _by_name(images: Sequence[str], table: PoseTable, wanted: Sequence[str]) -> Pairing:
+    known = {image: image for image in images} | {PurePosixPath(image).name: image for image in images}
+    stems = {PurePosixPath(image).stem: image for image in images}
+    found = [known.get(name) or known.get(_last(name)) or stems.get(PurePosixPath(_last(name)).stem) for name in wanted]
+    missing = [name for name, image in zip(wanted, found, strict=True) if image is None]
+    if missing:
+        what = f"no picture of the names {shown(missing)}; there are {len(images)} ({shown(list(images))})"
+        raise refusal(table.origin, "pairs", what, "name the pictures as they are called", "pairs")
+    return Pairing(tuple(range(len(table))), tuple(image for image in found if image), "by the names in the table")
+
+
+def _last(name: str) -> str:
+    return PurePosixPath(name.replace("\\", "/")).name
+
+
+def _by_number(images: Sequence[str], table: PoseTable) -> Pairing | None:
+    """By the last number in each name, where these are different and the same on both sides."""
+    seen, posed = ([_number(PurePosixPath(name).stem) for name in names] for names in (images, table.labels))
+    if None in seen or None in posed or len(set(seen)) < len(seen) or len(set(posed)) < len(posed):
+        return None
+    if set(seen) != set(posed):
+        return None
+    by_number = dict(zip(seen, images, strict=True))
+    return Pairing(
+        tuple(range(len(table))), tuple(by_number[number] for number in posed), "by the numbers in the names"
+    )
+
+
+def _number(name: str) -> int | None:
+    digits = _DIGITS.findall(name)
+    return int(digits[-1]) if digits else None
+
+
+def _by_time(images: Sequence[str], table: PoseTable) -> Pairing | None:
+    """By time, where the table has times and the pictures are named by theirs; poses without a picture are left out."""
+    stems = [re.sub(r"[^\d.]", "", PurePosixPath(image).stem) for image in images]
+    if table.times_s is None or not all(re.fullmatch(r"\d{6,}(\.\d+)?|\d+\.\d+", stem) for stem in stems):
+        return None
+    scale = next((s for s in (1.0, 1e-3, 1e-6, 1e-9) if _near(float(stems[0]) * s, table)), None)
+    if scale is None or len(images) < 2:
+        return None
+    seconds = np.array([float(stem) * scale for stem in stems])
+    rows = np.abs(seconds[:, None] - table.times_s).argmin(axis=1)
+    apart = np.abs(seconds - table.times_s[rows])
+    usual = float(np.median(np.diff(np.sort(seconds))))
+    worst = int(apart.argmax())
+    if apart[worst] > MAX_TIME_SHARE * usual or len(set(rows.tolist())) < len(rows):
+        what = f"{images[worst]} is {apart[worst]:.3g} s from the nearest pose, where pictures are {usual:.3g} s apart"
+        raise refusal(table.origin, "pairs", what, "give poses at the times of the pictures", "pairs")
+    words = (
+        f"by time, at most {apart[worst]:.2g} s apart; {len(table) - len(rows)} poses without a picture are left out"
+    )
+    return Pairing(tuple(rows.tolist()), tuple(images), words)
+
+
+def _near(seconds: float, table: PoseTable) -> bool:
+    assert table.times_s is not None
+    low, high = float(table.times_s.min()), float(table.times_s.max())
+    return low - 60 <= seconds <= high + 60
+
+
+def shown(names: Sequence[str]) -> str:
+    """A list of names, shortened."""
+    if len(names) <= MAX_SHOWN:
+        return ", ".join(names)
+    return ", ".join([*names[: MAX_SHOWN - 1], "...", names[-1]])

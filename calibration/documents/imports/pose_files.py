@@ -1,0 +1,86 @@
+"""The table of file families: which reader takes a file, by its suffix and, for text, by what stands in it."""
+
+import re
+from collections.abc import Callable
+from pathlib import PurePath
+
+from calibration.documents.imports.arrays import read_npy, read_npz
+from calibration.documents.imports.halcon_pose import read_halcon_pose
+from calibration.documents.imports.keyed_text import read_keyed_text
+from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.rapid_poses import read_rapid
+from calibration.documents.imports.records import table_of_data
+from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.text_tables import read_text_table
+from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
+from calibration.errors import DocumentError
+
+Reader = Callable[[bytes, str], PoseTable]
+
+
+def _json(content: bytes, origin: str) -> PoseTable:
+    return table_of_data(read_json(content, origin), origin)
+
+
+def _json_lines(content: bytes, origin: str) -> PoseTable:
+    return table_of_data(read_json_lines(content, origin), origin)
+
+
+def _yaml(content: bytes, origin: str) -> PoseTable:
+    return table_of_data(read_yaml(content, origin), origin)
+
+
+_RAPID = re.compile(r"\b(robtarget|jointtarget)\b|\bMODULE\s|\[\s*\[[^][]*\]\s*,\s*\[[^][]*\]", re.IGNORECASE)
+_KEYED = re.compile(r"\bp\s*\[|\b[xX]\s*[=:]?\s*[-+.\d]+[^;\n]*\b[yY]\s*[=:]?\s*[-+.\d]+|^\s*[xX]\s*[=:]", re.MULTILINE)
+_HALCON = re.compile(r"^\s*[rt]\s+[-+.\d]|ParGroup", re.MULTILINE)
+
+
+def read_any_text(content: bytes, origin: str) -> PoseTable:
+    """The poses of a text of any family: a table, RAPID, named numbers, HALCON, JSON. Raises DocumentError."""
+    text = decode(content, origin)
+    if text.lstrip()[:1] in ("{", "["):
+        for reader in (_json, _json_lines):
+            try:
+                return reader(content, origin)
+            except DocumentError:
+                continue
+    if _RAPID.search(text):
+        return read_rapid(content, origin)
+    if _HALCON.search(text):
+        return read_halcon_pose(content, origin)
+    if _KEYED.search(text):
+        return read_keyed_text(content, origin)
+    return read_text_table(content, origin)
+
+
+FAMILIES: dict[str, Reader] = {
+    ".csv": read_text_table,
+    ".tsv": read_text_table,
+    ".txt": read_any_text,
+    ".json": _json,
+    ".jsonl": _json_lines,
+    ".ndjson": _json_lines,
+    ".yaml": _yaml,
+    ".yml": _yaml,
+    ".npy": read_npy,
+    ".npz": read_npz,
+    ".mod": read_any_text,
+    ".modx": read_any_text,
+    ".prg": read_any_text,
+    ".sys": read_any_text,
+    ".dat": read_any_text,
+    ".src": read_keyed_text,
+    ".ls": read_keyed_text,
+    ".script": read_keyed_text,
+    ".tum": read_text_table,
+    ".pose": read_any_text,
+}
+"""Readers by suffix."""
+
+
+def read_poses(name: str, content: bytes) -> PoseTable:
+    """The poses of a file. Raises DocumentError, with one problem, also for a suffix that no reader takes."""
+    suffix = PurePath(name).suffix.lower()
+    if suffix not in FAMILIES:
+        raise refusal(name, "file", f"no poses are read from {suffix or 'a name without suffix'}", "give a CSV or JSON")
+    return FAMILIES[suffix](content, name)

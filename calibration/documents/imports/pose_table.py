@@ -1,0 +1,165 @@
+"""Robot poses as a file has them: numbers, with what the file says of their meaning and what it leaves open."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from calibration.documents.imports.conventions import (
+    CONVENTIONS,
+    NUMBERS,
+    Convention,
+    Kind,
+    LengthUnit,
+    allowed_conventions,
+    rotations_of,
+)
+from calibration.documents.imports.refusal import MAX_POSES, refusal
+from calibration.errors import GeometryError
+from calibration.transforms import Array, inverse, transform
+
+Frame = Literal["base_T_flange", "flange_T_base"]
+
+MM: dict[LengthUnit, float] = {"m": 1000.0, "mm": 1.0}
+
+MAX_ARM_MM = 20_000.0
+"""Longest distance of a flange from its base, on tracks too."""
+
+MIN_ARM_MM = 50.0
+"""A flange is further from its base than this in the median of the views."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTable:
+    """n poses of one source.
+
+    labels : (n,) what the source calls each pose: a number, a name, the name of a file.
+    lengths : (n, 3) translation in `unit`, None where the source does not say it.
+    numbers : (n, k) of the orientation: 4, 3, or 9 row by row.
+    convention : of the numbers, None where the source does not say it; by_axis: see `conventions`.
+    images : (n,) names of the pictures, where the source names them; times_s: (n,) likewise.
+    layout : what was understood, in words.
+    """
+
+    origin: str
+    labels: tuple[str, ...]
+    lengths: Array
+    numbers: Array
+    kind: Kind
+    layout: str
+    convention: Convention | None = None
+    by_axis: bool = False
+    unit: LengthUnit | None = None
+    frame: Frame | None = None
+    images: tuple[str, ...] | None = None
+    times_s: Array | None = None
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def checked(self) -> "PoseTable":
+        """The table itself. Raises DocumentError when there are no poses, too many, or numbers that are not finite."""
+        if not 0 < len(self) <= MAX_POSES:
+            what = "no poses in it" if not len(self) else f"{len(self)} poses, where {MAX_POSES} are read"
+            raise refusal(self.origin, "poses", what, "give one pose for each view")
+        assert self.numbers.shape == (len(self), NUMBERS[self.kind])
+        finite = np.isfinite(self.lengths).all(axis=1) & np.isfinite(self.numbers).all(axis=1)
+        if not finite.all():
+            row = int(np.flatnonzero(~finite)[0])
+            raise refusal(self.origin, f"pose {self.labels[row]}", "a number is missing or not finite", "correct it")
+        return self
+
+    def conventions(self) -> tuple[Convention, ...]:
+        """The one that the source states, or all that its numbers allow."""
+        if self.convention is not None:
+            return (self.convention,)
+        found = allowed_conventions(self.kind, self.numbers, by_axis=self.by_axis)
+        return tuple(one for one in found if self._is_possible(one))
+
+    def _is_possible(self, convention: Convention) -> bool:
+        try:
+            self.poses(convention, "mm", "base_T_flange")
+        except GeometryError:
+            return False
+        return True
+
+    def units(self) -> tuple[LengthUnit, ...]:
+        """The one that the source states, or those for which the lengths are those of an arm."""
+        if self.unit is not None:
+            return (self.unit,)
+        reach = float(np.median(np.linalg.norm(self.lengths, axis=1)))
+        fitting = [unit for unit, mm in MM.items() if MIN_ARM_MM <= reach * mm <= MAX_ARM_MM]
+        return tuple(fitting) or ("mm",)
+
+    def frames(self) -> tuple[Frame, ...]:
+        """The one that the source states, or both."""
+        return ("base_T_flange", "flange_T_base") if self.frame is None else (self.frame,)
+
+    def poses(self, convention: Convention, unit: LengthUnit, frame: Frame) -> Array:
+        """base_T_flange (n, 4, 4) in mm. Raises GeometryError that names the pose."""
+        rotations = rotations_of(convention, self.numbers, by_axis=self.by_axis)
+        poses = transform(rotations, self.lengths * MM[unit])
+        return poses if frame == "base_T_flange" else inverse(poses)
+
+    def take(self, rows: Sequence[int]) -> "PoseTable":
+        """Only some poses, in another order."""
+        chosen = list(rows)
+        return replace(
+            self,
+            labels=tuple(self.labels[row] for row in chosen),
+            lengths=self.lengths[chosen],
+            numbers=self.numbers[chosen],
+            images=None if self.images is None else tuple(self.images[row] for row in chosen),
+            times_s=None if self.times_s is None else self.times_s[chosen],
+        )
+
+
+def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str) -> PoseTable:
+    """One table of several files with a pose each. Raises DocumentError that names the first file of another layout."""
+    first = tables[0]
+    for table, label in zip(tables, labels, strict=True):
+        if len(table) != 1:
+            raise refusal(origin, label, f"{len(table)} poses, where the other files have one", "give one pose a file")
+        if (table.kind, table.convention, table.by_axis, table.unit) != (
+            first.kind, first.convention, first.by_axis, first.unit,
+        ):  # fmt: skip
+            what = f"another layout ({table.layout}) than {labels[0]} ({first.layout})"
+            raise refusal(origin, label, what, "write all poses alike")
+    return replace(
+        first,
+        origin=origin,
+        labels=tuple(labels),
+        lengths=np.concatenate([table.lengths for table in tables]),
+        numbers=np.concatenate([table.numbers for table in tables]),
+        layout=f"{len(tables)} files with one pose each: {first.layout}",
+        images=None,
+        times_s=None,
+    ).checked()
+
+
+def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layout: str) -> PoseTable:
+    """The table of matrices (n, 3 or 4, 4), row by row; a last row that holds the translation is transposed first.
+
+    Raises DocumentError for a last row that is neither.
+    """
+    order = "matrix"
+    if matrices.shape[1] == 4:
+        last = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1)
+        column = np.abs(matrices[:, :, 3] - [0, 0, 0, 1]).max(axis=1)
+        if np.all(column < MAX_LAST_ROW) and not np.all(last < MAX_LAST_ROW):
+            order, matrices = "matrix-columns", np.swapaxes(matrices, 1, 2)
+        elif not np.all(last < MAX_LAST_ROW):
+            row = int(np.argmax(~(last < MAX_LAST_ROW)))
+            what = "the last row of the 4 x 4 matrix is not 0, 0, 0, 1"
+            raise refusal(origin, f"pose {labels[row]}", what, "write rigid transforms")
+    words = layout if order == "matrix" else f"{layout}, column by column"
+    return PoseTable(
+        origin, tuple(labels), matrices[:, :3, 3].astype(float), matrices[:, :3, :3].reshape(-1, 9).astype(float),
+        "matrix", words, CONVENTIONS["matrix"],
+    ).checked()  # fmt: skip
+
+
+MAX_LAST_ROW = 1e-6
+"""Largest deviation of a matrix' last row from 0, 0, 0, 1."""

@@ -1,0 +1,166 @@
+"""Which convention robot poses are in, by the evidence of the images: every one is tried, the fits are compared.
+
+A reading is one way to take the numbers: convention, unit, frame, and where the camera is. Two readings that give the
+same equations cannot be told apart by any data: poses of the flange in the base with the camera on the flange are the
+inverted poses with the camera beside the robot.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from calibration.closed_forms.observability import require_observable
+from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, MIN_VIEWS, evenly_spaced
+from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.fit import Fit, fits
+from calibration.diagnosis.hypothesis import few_views_factor
+from calibration.documents.imports.conventions import Convention, LengthUnit
+from calibration.documents.imports.pose_table import Frame, PoseTable
+from calibration.errors import GeometryError, UndeterminedError
+from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
+from calibration.problem import Setup, anchor_T_mount_of
+from calibration.transforms import Array
+
+MAX_COMPARED_VIEWS = 40
+"""Views by which the readings are compared."""
+
+SAME_POSE = 1e-6
+"""Largest difference of the elements of poses that are the same under two readings; of lengths per mm of arm."""
+
+BATCH = 40
+"""Readings fitted together."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to take the numbers of a table."""
+
+    setup: Setup
+    convention: Convention
+    unit: LengthUnit
+    frame: Frame
+
+    @property
+    def words(self) -> str:
+        return f"{self.convention.name}, {self.unit}, {self.frame}, {self.setup}"
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Readings with the same equations, and the fit of the images to them; None without images to compare."""
+
+    readings: tuple[Reading, ...]
+    fit: Fit | None
+
+    @property
+    def possible(self) -> bool:
+        """Whether robot and images agree as well as a robot and a camera can."""
+        most = MAX_POSSIBLE_NOISE
+        return self.fit is not None and (
+            self.fit.robot_translation_mm <= most.translation_mm and self.fit.robot_rotation_rad <= most.rotation_rad
+        )
+
+
+@dataclass(frozen=True)
+class Decision:
+    """`reading`: the one to use, None where the data do not decide; `words` says why; `choices`: what is left."""
+
+    reading: Reading | None
+    words: str
+    choices: tuple[Reading, ...] = ()
+
+
+def readings_of(
+    table: PoseTable,
+    setups: Sequence[Setup],
+    conventions: Sequence[Convention] | None = None,
+    unit: LengthUnit | None = None,
+    frame: Frame | None = None,
+) -> list[Reading]:
+    """The readings that a table leaves open; what is given is not questioned."""
+    return [
+        Reading(*one)
+        for one in product(
+            setups,
+            table.conventions() if conventions is None else conventions,
+            table.units() if unit is None else (unit,),
+            table.frames() if frame is None else (frame,),
+        )
+    ]
+
+
+def compare(table: PoseTable, readings: Sequence[Reading], evidence: Evidence | None) -> list[Compared]:
+    """The readings, those with the same equations together, the likeliest first."""
+    groups: list[tuple[Array, list[Reading]]] = []
+    for reading in readings:
+        try:
+            poses = table.poses(reading.convention, reading.unit, reading.frame)
+        except GeometryError:
+            continue
+        moved = anchor_T_mount_of(reading.setup, poses)
+        reach = max(float(np.abs(moved[:, :3, 3]).max()), 1.0)
+        same = (one for motions, one in groups if np.abs(motions - moved).max() < SAME_POSE * reach)
+        if (group := next(same, None)) is not None:
+            group.append(reading)
+        else:
+            groups.append((moved, [reading]))
+    if evidence is None or len(evidence) < MIN_VIEWS:
+        return [Compared(tuple(group), None) for _, group in groups]
+    few = evidence.take(evenly_spaced(len(evidence), MAX_COMPARED_VIEWS))
+    fitted: list[Fit] = []
+    with np.errstate(all="ignore"):  # wrong readings may overflow; their likelihood is then the lowest
+        for start in range(0, len(groups), BATCH):
+            batch = groups[start : start + BATCH]
+            fitted += fits([replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices]) for moved, _ in batch])
+    compared = [Compared(tuple(group), fit) for (_, group), fit in zip(groups, fitted, strict=True)]
+    return sorted(compared, key=lambda one: -(one.fit.log_likelihood if one.fit else 0.0))
+
+
+def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | None) -> Decision:
+    """The reading that fits, or why none can be chosen."""
+    if not compared:
+        return Decision(None, "no convention makes these numbers rotations")
+    best, others = compared[0], compared[1:]
+    if best.fit is None or evidence is None:
+        if len(compared) == 1 and len(_named_apart(best.readings)) == 1:
+            return Decision(best.readings[0], "")
+        seen = 0 if evidence is None else len(evidence)
+        left = tuple(one.readings[0] for one in compared)
+        return Decision(None, f"{len(compared)} readings, and {seen} views to compare them by (of {MIN_VIEWS})", left)
+    if others and not _observable(table, best.readings[0]):
+        return Decision(None, "the motions do not decide between readings", tuple(one.readings[0] for one in compared))
+    agreement = f"robot and images agree to {_noise(best.fit)}"
+    if not best.possible and others:
+        words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
+        return Decision(None, words, (best.readings[0],))
+    if others:
+        assert others[0].fit is not None
+        n = min(len(evidence), MAX_COMPARED_VIEWS)
+        gain = best.fit.log_likelihood - others[0].fit.log_likelihood
+        times = float(np.exp(min(gain / (6 * n), 700.0)))
+        if few_views_factor(n, 0) * gain < MIN_LOG_LIKELIHOOD_GAIN:
+            words = f"{best.readings[0].words} and {others[0].readings[0].words} fit alike"
+            return Decision(None, words, (best.readings[0], others[0].readings[0]))
+        agreement += f"; next best {others[0].readings[0].words}: {times:.3g} times worse"
+    if len(named := _named_apart(best.readings)) > 1:
+        return Decision(None, f"fits: {agreement}; but these are the same equations", named)
+    return Decision(best.readings[0], f"fits: {best.readings[0].words}: {agreement}")
+
+
+def _named_apart(readings: Sequence[Reading]) -> tuple[Reading, ...]:
+    """One reading for each set-up and frame; conventions with the same rotations are one."""
+    return tuple({(one.setup, one.frame): one for one in reversed(readings)}.values())
+
+
+def _observable(table: PoseTable, reading: Reading) -> bool:
+    try:
+        require_observable(table.poses(reading.convention, reading.unit, reading.frame))
+    except UndeterminedError:
+        return False
+    return True
+
+
+def _noise(fit: Fit) -> str:
+    return f"{fit.robot_translation_mm:.2g} mm and {np.degrees(fit.robot_rotation_rad):.2g} deg"

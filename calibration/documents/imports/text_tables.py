@@ -1,0 +1,115 @@
+"""CSV, TSV and TXT with poses: any separator, with or without a header, decimal commas, comments, 4 x 4 blocks."""
+
+import re
+
+import numpy as np
+
+from calibration.documents.imports.number_tables import Cell, table_of_columns, table_of_rows
+from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
+from calibration.documents.imports.refusal import decode, refusal
+from calibration.transforms import Array
+
+_COMMENT = re.compile(r"^\s*(#|%|//|;\s*#)")
+_NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eEdD][-+]?\d+)?")
+_SEPARATORS = (";", "\t", ",")
+
+
+def read_text_table(content: bytes, origin: str) -> PoseTable:
+    """The poses of a text of rows. Raises DocumentError."""
+    lines = decode(content, origin).splitlines()
+    comments = [line.lstrip("#%/ \t") for line in lines if _COMMENT.match(line)]
+    rows = [line for line in lines if line.strip() and not _COMMENT.match(line)]
+    if not rows:
+        raise refusal(origin, "rows", "no poses in it", "give one row for each view")
+    cells, names = _cells(rows, comments)
+    if names is not None:
+        wrong = next((at for at, row in enumerate(cells) if len(row) != len(names)), None)
+        if wrong is not None:
+            what = f"{len(cells[wrong])} cells, where the header has {len(names)}"
+            raise refusal(origin, f"row {wrong + 1}", what, "give every row the cells of the header")
+        return table_of_columns(origin, names, cells)
+    return _without_names(origin, cells)
+
+
+def read_named_columns(content: bytes, origin: str, wanted: list[str]) -> Array:
+    """The numbers (n, k) of the columns with the wanted names. Raises DocumentError."""
+    lines = [line for line in decode(content, origin).splitlines() if line.strip() and not _COMMENT.match(line)]
+    cells, names = _cells(lines, []) if lines else ([], None)
+    missing = [name for name in wanted if name not in (names or [])]
+    if names is None or missing or not cells:
+        raise refusal(
+            origin, "header", f"no columns {', '.join(missing or wanted)}", "correct the names", "dataset_spec"
+        )
+    places = [names.index(name) for name in wanted]
+    if any(len(row) < len(names) or isinstance(row[place], str) for row in cells for place in places):
+        raise refusal(origin, "rows", "a cell is missing or no number", "correct the file", "dataset_spec")
+    return np.array([[row[place] for place in places] for row in cells], float)
+
+
+def _cells(lines: list[str], comments: list[str]) -> tuple[list[list[Cell]], list[str] | None]:
+    """The cells of all rows, and the names of the columns where a row of them stands first or in the last comment."""
+    separator = next((one for one in _SEPARATORS if all(one in line for line in lines[:20])), None)
+    decimal_comma = separator in (";", "\t") and any(re.search(r"\d,\d", line) for line in lines)
+    parts = [[cell.strip().strip("\"'[]()") for cell in _split(line, separator)] for line in lines]
+    parts = [row[:-1] if len(row) > 1 and row[-1] == "" else row for row in parts]
+    header = None
+    if parts and not any(_is_number(cell, decimal_comma) for cell in parts[0]) and len(parts[0]) > 1:
+        header, parts = parts[0], parts[1:]
+    elif comments and parts:
+        said = [cell.strip() for cell in _split(comments[-1], separator)]
+        header = said if len(said) == len(parts[0]) and not any(_is_number(cell, False) for cell in said) else None
+    return [[_value(cell, decimal_comma) for cell in row] for row in parts], header
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    return line.split() if separator is None else line.strip().split(separator)
+
+
+def _is_number(cell: str, decimal_comma: bool) -> bool:
+    return bool(_NUMBER.fullmatch(cell.replace(",", ".") if decimal_comma else cell)) or cell.lower() in ("nan", "inf")
+
+
+def _value(cell: str, decimal_comma: bool) -> Cell:
+    plain = cell.replace(",", ".") if decimal_comma else cell
+    if _NUMBER.fullmatch(plain):
+        return float(plain.replace("d", "e").replace("D", "e"))
+    return float("nan") if cell.lower() in ("nan", "inf", "-inf", "+inf") else cell
+
+
+def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
+    labels: list[str] | None = None
+    if all(isinstance(row[0], str) and len(row) > 1 for row in cells):
+        labels, cells = [str(row[0]) for row in cells], [row[1:] for row in cells]
+    wrong = next(((at, cell) for at, row in enumerate(cells) for cell in row if isinstance(cell, str)), None)
+    if wrong is not None:
+        what = f"{wrong[1][:40]!r} is no number"
+        raise refusal(origin, f"row {wrong[0] + 1}", what, "correct it, or give a header that names the columns")
+    numbers = [[float(cell) for cell in row] for row in cells]
+    count = int(numbers[0][0]) if len(numbers[0]) == 1 and len(numbers) > 1 and len(numbers[1]) > 1 else None
+    widths = {len(row) for row in (numbers[1:] if count is not None else numbers)}
+    if count is not None:
+        numbers = numbers[1:]
+    if widths == {4} and len(numbers) % 4 == 0 and not labels:
+        table = _blocks(origin, np.array(numbers).reshape(-1, 4, 4))
+        if count is not None and count != len(table):
+            what = f"the first line says {count} poses, and {len(table)} follow"
+            raise refusal(origin, "row 1", what, "complete the file")
+        return table
+    if widths == {1} and len(numbers) in (6, 7, 12, 16):
+        return table_of_rows(origin, np.array(numbers).reshape(1, -1), layout=f"{len(numbers)} numbers, one a line")
+    if len(widths) > 1:
+        first = next(at for at, row in enumerate(numbers) if len(row) != len(numbers[0]))
+        what = f"{len(numbers[first])} numbers, where row 1 has {len(numbers[0])}"
+        raise refusal(origin, f"row {first + 1}", what, "give every row as many")
+    table = table_of_rows(origin, np.array(numbers), labels)
+    if labels is None or not all("." in label for label in labels):
+        return table
+    return PoseTable(
+        origin, table.labels, table.lengths, table.numbers, table.kind, table.layout, table.convention,
+        images=tuple(labels),
+    )  # fmt: skip
+
+
+def _blocks(origin: str, matrices: Array) -> PoseTable:
+    labels = [str(at + 1) for at in range(len(matrices))]
+    return table_of_matrices(origin, labels, matrices, "4 x 4 matrices in rows of four")

@@ -1,0 +1,61 @@
+"""JSON, JSON lines and YAML as plain data. YAML by PyYAML's safe loader, without aliases, tags or large files.
+
+An alias may repeat a list within a list without end; a tag may name a class. OpenCV's `!!opencv-matrix` is a mapping.
+"""
+
+import json
+from typing import Any
+
+import yaml
+
+from calibration.documents.imports.refusal import decode, refusal
+
+MAX_YAML_BYTES = 4_000_000
+"""PyYAML reads about 1 MB in a second."""
+
+OPENCV_MATRIX = "tag:yaml.org,2002:opencv-matrix"
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """The safe loader, which knows OpenCV's matrices as well."""
+
+
+_Loader.add_constructor(OPENCV_MATRIX, lambda loader, node: loader.construct_mapping(node, deep=True))
+
+
+def read_json(content: bytes, origin: str) -> Any:
+    """The data of a JSON text. Raises DocumentError."""
+    try:
+        return json.loads(decode(content, origin))
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise refusal(origin, place, f"not JSON ({error.msg})", "write the file again") from None
+    except (ValueError, RecursionError) as error:
+        raise refusal(origin, "file", f"beyond what is read ({error})", "write the file again") from None
+
+
+def read_json_lines(content: bytes, origin: str) -> list[Any]:
+    """The data of every line that is not empty. Raises DocumentError that names the line."""
+    lines = [(at, line) for at, line in enumerate(decode(content, origin).splitlines(), 1) if line.strip()]
+    return [read_json(line.encode(), f"{origin}: line {at}") for at, line in lines]
+
+
+def read_yaml(content: bytes, origin: str) -> Any:
+    """The data of a YAML text, also one that OpenCV has written. Raises DocumentError."""
+    if len(content) > MAX_YAML_BYTES:
+        what = f"{len(content) / 1e6:.0f} MB of YAML, where {MAX_YAML_BYTES // 1_000_000} MB are read"
+        raise refusal(origin, "file", what, "give the poses of the views only, or write JSON")
+    text = decode(content, origin)
+    if text.startswith("%YAML"):
+        text = text.split("\n", 1)[1] if "\n" in text else ""
+    text = "\n".join(line for line in text.splitlines() if line.strip() != "---" or not line.startswith("---"))
+    try:
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=_Loader)):
+            raise refusal(origin, "file", "aliases (&name, *name) are not read", "write the values out")
+        return yaml.load(text, Loader=_Loader)  # noqa: S506  (a subclass of the safe loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = "file" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}"
+        raise refusal(origin, place, f"not YAML ({error.problem})", "write the file again") from None
+    except (yaml.YAMLError, ValueError, RecursionError, TypeError) as error:
+        raise refusal(origin, "file", f"not YAML ({str(error)[:80]})", "write the file again") from None

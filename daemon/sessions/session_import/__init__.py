@@ -1,0 +1,1 @@
+"""Makes session and scan folders from folders of other programs: `handeyed import`."""

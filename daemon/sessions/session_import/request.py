@@ -1,0 +1,59 @@
+"""What `handeyed import` is asked for one folder, and what it understood."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from calibration.documents.imports.conventions import Convention, LengthUnit
+from calibration.documents.imports.intrinsics import Intrinsics
+from calibration.documents.imports.pose_table import Frame
+from calibration.documents.imports.readings import Reading
+from calibration.documents.imports.sets.folder import Chosen
+from calibration.documents.imports.sets.imported import ImportedSet
+from calibration.documents.session import CameraDocument
+from calibration.documents.target import TargetDocument
+from calibration.problem import Setup
+from calibration.transforms import Array
+
+
+@dataclass(frozen=True)
+class ImportRequest:
+    """The folder and what the user states; None is left to the files and to the evidence.
+
+    conventions : allowed ones, several of a brand; part : a camera or scene of a set that has several.
+    """
+
+    folder: Path
+    chosen: Chosen = field(default_factory=Chosen)
+    part: str | None = None
+    conventions: tuple[Convention, ...] | None = None
+    unit: LengthUnit | None = None
+    frame: Frame | None = None
+    setup: Setup | None = None
+    target: TargetDocument | None = None
+    camera: Intrinsics | None = None
+    cloud_unit: LengthUnit | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Understood:
+    """What a folder holds, as it was understood.
+
+    base_T_flange : (n, 4, 4) by `reading`; camera_T_target likewise, where the set has it instead of images.
+    images : (n,) absolute paths; `words` says why that reading.
+    """
+
+    request: ImportRequest
+    imported: ImportedSet
+    reading: Reading
+    words: str
+    base_T_flange: Array
+    camera_T_target: Array | None
+    images: tuple[Path, ...]
+    target: TargetDocument | None
+    camera: CameraDocument | None
+    notes: tuple[str, ...]
+
+    @property
+    def is_scan(self) -> bool:
+        """Whether the clouds are those of a part, without a target."""
+        return bool(self.images) and self.target is None

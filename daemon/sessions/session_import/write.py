@@ -1,0 +1,86 @@
+"""Writes session.json or scan.json beside its pictures or clouds, which are linked, or copied where that fails."""
+
+import json
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from calibration.documents.imports.conventions import LengthUnit
+from calibration.documents.imports.refusal import refusal
+from calibration.documents.pose import PoseDocument
+from calibration.documents.session import SessionDocument
+from calibration.documents.validation import validate_document
+from daemon.sessions.session_files import SESSION_FILE
+from daemon.sessions.session_import.request import Understood
+from registration.documents import ScanDocument
+
+SCAN_FILE = "scan.json"
+
+
+def write_session(understood: Understood, folder: Path) -> Path:
+    """session.json or scan.json in a new or empty folder. Raises DocumentError."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise refusal(str(folder), "--out", "not an empty folder", "name a new one", "import")
+    scan = understood.is_scan
+    clouds = scan or all(image.suffix.lower() in (".ply", ".pcd", ".npz") for image in understood.images)
+    unit = _cloud_unit(understood) if clouds and understood.images else None
+    names = _names(understood.images)
+    document = _document(understood, names, unit)
+    validate_document(ScanDocument if scan else SessionDocument, document, str(folder))
+    file = folder / (SCAN_FILE if scan else SESSION_FILE)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for image, name in zip(understood.images, names, strict=True):
+            _place(image, folder / name)
+        file.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise refusal(str(folder), "--out", f"cannot be written ({reason})", "choose another", "import") from None
+    return file
+
+
+def _place(image: Path, place: Path) -> None:
+    try:
+        os.link(image, place, follow_symlinks=False)
+    except OSError:
+        shutil.copyfile(image, place, follow_symlinks=False)
+
+
+def _names(images: Sequence[Path]) -> list[str]:
+    """The pictures' own names; numbered ones where two are called alike."""
+    own = [image.name for image in images]
+    if len({name.lower() for name in own}) == len(own):
+        return own
+    return [f"view_{at:03}{image.suffix.lower()}" for at, image in enumerate(images)]
+
+
+def _cloud_unit(understood: Understood) -> LengthUnit:
+    if understood.request.cloud_unit is None:
+        where = understood.request.folder.name
+        raise refusal(where, "clouds", "their unit is not stated", "give --cloud-unit m or mm", "clouds")
+    return understood.request.cloud_unit
+
+
+def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | None) -> dict[str, Any]:
+    views: list[dict[str, Any]] = []
+    for at, pose in enumerate(understood.base_T_flange):
+        view: dict[str, Any] = {"base_T_flange": PoseDocument.of(pose).model_dump(mode="json")}
+        if understood.camera_T_target is not None:
+            view["camera_T_target"] = PoseDocument.of(understood.camera_T_target[at]).model_dump(mode="json")
+        elif unit is not None:
+            view |= {"cloud": names[at], "unit": unit}
+        else:
+            view["image"] = names[at]
+        views.append(view)
+    document: dict[str, Any] = {
+        "schema_version": 1,
+        "source": f"{understood.imported.kind}: {understood.request.folder.resolve().name}",
+        "setup": understood.reading.setup,
+    }
+    if understood.target is not None:
+        document["target"] = understood.target.model_dump(mode="json", exclude_none=True)
+    if unit is None and understood.camera_T_target is None:
+        document["camera"] = None if understood.camera is None else understood.camera.model_dump(mode="json")
+    return document | {"views": views}

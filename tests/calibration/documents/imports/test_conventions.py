@@ -1,0 +1,52 @@
+"""Every convention against scipy, and the brands."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calibration.documents.imports.conventions import BRANDS, CONVENTIONS, find_conventions, rotations_of
+from calibration.errors import GeometryError
+from calibration.transforms import rotation_from_vector
+
+ANGLES = np.array([[10.0, 20.0, 30.0], [-170.0, 40.0, 95.0]])
+
+
+@pytest.mark.parametrize("name", [name for name in CONVENTIONS if name.startswith("euler") and "rad" not in name])
+def test_euler_angles_are_scipy_s(name: str) -> None:
+    expected = Rotation.from_euler(name.removeprefix("euler-"), ANGLES, degrees=True).as_matrix()
+    np.testing.assert_allclose(rotations_of(CONVENTIONS[name], ANGLES), expected, atol=1e-12)
+    np.testing.assert_allclose(rotations_of(CONVENTIONS[f"{name}-rad"], np.radians(ANGLES)), expected, atol=1e-12)
+
+
+def test_angles_named_by_axis_are_those_of_the_axes() -> None:
+    given = rotations_of(CONVENTIONS["euler-ZYX"], ANGLES, by_axis=True)
+    np.testing.assert_allclose(given, rotations_of(CONVENTIONS["euler-xyz"], ANGLES), atol=1e-12)
+
+
+def test_the_other_kinds() -> None:
+    rotation = rotation_from_vector([[0.1, -0.2, 0.3]])
+    xyzw = Rotation.from_matrix(rotation).as_quat()
+    for name, numbers in {
+        "quaternion-xyzw": xyzw, "quaternion-wxyz": np.roll(xyzw, 1, axis=1), "matrix": rotation.reshape(1, 9),
+        "matrix-columns": np.swapaxes(rotation, 1, 2).reshape(1, 9), "rotation-vector": np.array([[0.1, -0.2, 0.3]]),
+        "rotation-vector-deg": np.degrees([[0.1, -0.2, 0.3]]),
+    }.items():  # fmt: skip
+        np.testing.assert_allclose(rotations_of(CONVENTIONS[name], numbers), rotation, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("brand", BRANDS)
+def test_a_brand_names_conventions_and_a_unit(brand: str) -> None:
+    conventions, unit = find_conventions(brand)
+    assert conventions
+    assert unit in ("m", "mm")
+
+
+def test_an_unknown_name_is_answered_with_the_nearest() -> None:
+    with pytest.raises(GeometryError, match="did you mean 'euler-ZYX'"):
+        find_conventions("eulerZYX")
+
+
+@pytest.mark.parametrize("numbers", [[[1.0, 0.1, 0, 0]], [[0.0, 0, 0, 0]]])
+def test_what_is_no_rotation_is_refused(numbers: list[list[float]]) -> None:
+    with pytest.raises(GeometryError, match="pose 1"):
+        rotations_of(CONVENTIONS["quaternion-wxyz"], np.array(numbers))

@@ -1,0 +1,89 @@
+"""Three poses in every way of writing them are read as the same three poses."""
+
+import json
+
+import numpy as np
+import pytest
+
+from calibration.documents.imports.conventions import find_conventions
+from calibration.documents.imports.pose_files import read_poses
+from calibration.errors import DocumentError
+from tests.calibration.documents.imports.written import FILES, MM, POSES, WXYZ, euler, lines, matrices, rows
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_the_poses_are_read(case: str) -> None:
+    name, content, given = FILES[case]
+    table = read_poses(name, content)
+    conventions = table.conventions()
+    if given:
+        conventions = tuple(one for one in find_conventions(given)[0] if one.kind == table.kind)
+    (unit,) = table.units()
+    assert len(conventions) == 1
+    np.testing.assert_allclose(table.poses(conventions[0], unit, "base_T_flange"), POSES, atol=2e-5)
+
+
+def test_what_a_file_leaves_open_stays_open() -> None:
+    table = read_poses("a.csv", lines(*rows(MM, euler("ZYX"))))
+    assert {one.name for one in table.conventions()} >= {"euler-ZYX", "euler-xyz", "euler-XYZ", "rotation-vector-deg"}
+    assert {one.name for one in read_poses("a.csv", lines(*rows(MM, WXYZ))).conventions()} == {
+        "quaternion-wxyz", "quaternion-xyzw",
+    }  # fmt: skip
+    assert table.frames() == ("base_T_flange", "flange_T_base")
+
+
+def test_metres_are_known_by_their_size() -> None:
+    assert read_poses("a.json", json.dumps(matrices(metres=True).tolist()).encode()).units() == ("m",)
+    assert read_poses("a.json", json.dumps(matrices().tolist()).encode()).units() == ("mm",)
+
+
+def test_names_and_pictures_of_the_rows_are_kept() -> None:
+    named = [f"img_{at}.png,{row},0.1" for at, row in enumerate(rows(MM, WXYZ))]
+    table = read_poses("a.csv", lines("image,x,y,z,qw,qx,qy,qz,joint 1", *named))
+    assert table.images == ("img_0.png", "img_1.png", "img_2.png")
+    assert table.notes == ("not used: joint 1",)
+
+
+def test_a_module_that_moves_another_tool_says_so() -> None:
+    content = lines("MoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]], v100, fine, tGrip\\WObj:=wFix;")
+    (note,) = read_poses("a.mod", content).notes
+    assert "tGrip, wFix" in note
+
+
+def test_halcon_s_representations() -> None:
+    said = "# 3D POSE PARAMETERS\n{}\nr {} {} {}\nt {} {} {}\n"
+    for code, angles in ((0, euler("XYZ")), (2, euler("xyz"))):
+        table = read_poses("a.dat", said.format(f"f {code}", *angles[0], *(MM[0] / 1000)).encode())
+        (convention,) = table.conventions()
+        np.testing.assert_allclose(table.poses(convention, "m", "base_T_flange")[0], POSES[0], atol=1e-6)
+
+
+REFUSED = {
+    "wrong format": ("a.csv", lines("x,y,z,a1,a2,a3", *rows(MM, WXYZ[:, 1:])), "no pose among the names"),
+    "five numbers": ("a.csv", lines(*["1,2,3,4,5"] * 48), "5 numbers a row without names"),
+    "ragged": ("a.csv", lines("1,2,3,4,5,6", "1,2,3,4,5"), "row 2: 5 numbers, where row 1 has 6"),
+    "text in a cell": ("a.csv", lines("x,y,z,qw,qx,qy,qz", "1,2,three,1,0,0,0"), "row 1, z: 'three' is no number"),
+    "NaN": ("a.csv", lines("x,y,z,qw,qx,qy,qz", "1,2,nan,1,0,0,0"), "pose 1: a number is missing or not finite"),
+    "no rotation": ("a.txt", lines(*["1 0 0 5 0 1 0 6 0 0 1 7 0 0 1 1"] * 3), "the last row"),
+    "joint targets": ("a.mod", lines("CONST jointtarget j:=[[1,2,3,4,5,6],[9E9,9E9]];"), "joint targets"),
+    "empty": ("a.csv", b"", "no poses in it"),
+    "binary": ("a.txt", bytes(range(256)), "not text"),
+    "JSON cut off": ("a.json", b'[{"x": 1,', "not JSON"),
+    "YAML tag": ("a.yaml", b"!!python/object/apply:os.system [ls]", "not YAML"),
+    "YAML alias": ("a.yaml", b"a: &a [1, 2]\nb: [*a, *a, *a]", "aliases"),
+    "pickle": ("a.npy", b"\x93NUMPY\x01\x00" + b"v\x00" + b"{'descr': '|O', 'fortran_order': False, 'shape': (1,), }"
+               .ljust(118), "no numbers"),
+    "no zip": ("a.npz", b"PK\x03\x04" + b"0" * 50, "no .npz file"),
+    "camera of HALCON": ("a.dat", b"ParGroup: Cam: Par;\n 'Focus': 0.008;\n", "intrinsics, no pose"),
+    "suffix": ("a.doc", b"1,2,3", "no poses are read from .doc"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_read_is_one_error(case: str) -> None:
+    name, content, what = REFUSED[case]
+    with pytest.raises(DocumentError) as raised:
+        read_poses(name, content)
+    (problem,) = raised.value.problems
+    assert what in f"{problem.place}: {problem.what}"
+    assert "docs/formats.md#" in problem.fix

@@ -1,0 +1,119 @@
+"""The convention that is not given is found by the evidence of the images, or asked for."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calibration.diagnosis.evidence import Evidence
+from calibration.documents.imports.conventions import CONVENTIONS, Kind
+from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.readings import compare, decide, readings_of
+from calibration.problem import Setup, anchor_T_mount_of
+from calibration.transforms import (
+    Array,
+    inverse,
+    quaternion_from_rotation,
+    rotation_from_vector,
+    transform,
+    transform_from_vector,
+    vector_from_rotation,
+)
+
+SETUPS: tuple[Setup, Setup] = ("eye-in-hand", "eye-to-hand")
+X = transform(rotation_from_vector([0.1, -0.2, 1.4]), [35.0, -20.0, 90.0])
+Y = transform(rotation_from_vector([3.1, 0.1, 0.0]), [900.0, 50.0, 100.0])
+
+
+def _session(views: int, setup: Setup = "eye-in-hand") -> tuple[Array, Evidence]:
+    """Robot poses (n, 4, 4) and what the camera sees of the target, both with a little noise."""
+    rng = np.random.default_rng(3)
+    turns = rotation_from_vector(rng.uniform(-0.7, 0.7, (views, 3)))
+    poses = transform(
+        rotation_from_vector([2.8, 0.3, 0.2]) @ turns, rng.uniform([550, -150, 450], [850, 150, 750], (views, 3))
+    )
+    seen = inverse(anchor_T_mount_of(setup, poses) @ X) @ Y
+    seen = transform_from_vector(rng.normal(0, 1, (views, 6)) * np.repeat([2e-4, 0.2], 3)) @ seen
+    covariance = np.tile(np.diag(np.repeat([2e-4, 0.2], 3) ** 2), (views, 1, 1))
+    unknown = np.tile(np.eye(4), (views, 1, 1))
+    return poses, Evidence("eye-in-hand", np.arange(views), unknown, seen, covariance, np.full(views, 40.0))
+
+
+def _table(poses: Array, numbers: Array, kind: Kind) -> PoseTable:
+    labels = tuple(str(at) for at in range(len(poses)))
+    return PoseTable("poses.csv", labels, poses[:, :3, 3], numbers, kind, "numbers")
+
+
+def _numbers(name: str, poses: Array) -> tuple[Array, Kind]:
+    rotations = poses[:, :3, :3]
+    match CONVENTIONS[name].kind:
+        case "quaternion":
+            wxyz = quaternion_from_rotation(rotations)
+            return (wxyz if name.endswith("wxyz") else np.roll(wxyz, -1, axis=1)), "quaternion"
+        case "matrix":
+            return rotations.reshape(-1, 9), "matrix"
+    if name == "rotation-vector":
+        return vector_from_rotation(rotations), "angles"
+    order = name.removeprefix("euler-").removesuffix("-rad")
+    return Rotation.from_matrix(rotations).as_euler(order, degrees=not name.endswith("-rad")), "angles"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["euler-ZYX", "euler-xyz", "euler-XYZ", "euler-ZYZ", "euler-zxz", "euler-xyz-rad", "rotation-vector",
+     "quaternion-xyzw", "quaternion-wxyz", "matrix"],
+)  # fmt: skip
+def test_the_convention_is_found(name: str) -> None:
+    poses, evidence = _session(10)
+    table = _table(poses, *_numbers(name, poses))
+    readings = readings_of(table, ("eye-in-hand",))
+    compared = compare(table, readings, evidence)
+    decision = decide(table, compared, evidence)
+    assert decision.reading is not None, decision.words
+    assert (decision.reading.convention.name, decision.reading.frame) == (name, "base_T_flange")
+    assert "next best" in decision.words
+    assert "times worse" in decision.words
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+def test_the_place_of_the_camera_is_found_when_the_frame_is_stated(setup: Setup) -> None:
+    poses, evidence = _session(8, setup)
+    table = _table(poses, *_numbers("matrix", poses))
+    readings = readings_of(table, SETUPS, (CONVENTIONS["matrix"],), frame="base_T_flange")
+    decision = decide(table, compare(table, readings, evidence), evidence)
+    assert decision.reading is not None
+    assert decision.reading.setup == setup
+
+
+def test_what_no_data_can_decide_is_asked() -> None:
+    poses, evidence = _session(8)
+    table = _table(poses, *_numbers("matrix", poses))
+    readings = readings_of(table, SETUPS, (CONVENTIONS["matrix"],))
+    decision = decide(table, compare(table, readings, evidence), evidence)
+    assert decision.reading is None
+    assert {(one.setup, one.frame) for one in decision.choices} == {
+        ("eye-in-hand", "base_T_flange"),
+        ("eye-to-hand", "flange_T_base"),
+    }
+
+
+def test_too_few_views_decide_nothing() -> None:
+    poses, evidence = _session(4)
+    table = _table(poses, *_numbers("euler-ZYX", poses))
+    decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
+    assert decision.reading is None
+    assert "4 views to compare them by" in decision.words
+
+
+def test_poses_of_other_pictures_fit_in_no_convention() -> None:
+    poses, evidence = _session(12)
+    table = _table(poses, *_numbers("euler-ZYX", poses)).take([5, 3, 8, 0, 11, 2, 9, 1, 7, 10, 4, 6])
+    decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
+    assert decision.reading is None
+    assert "none fits" in decision.words or "fit alike" in decision.words
+
+
+def test_one_stated_reading_needs_no_images() -> None:
+    poses, _ = _session(5)
+    table = _table(poses, *_numbers("matrix", poses))
+    readings = readings_of(table, ("eye-in-hand",), (CONVENTIONS["matrix"],), "mm", "base_T_flange")
+    assert decide(table, compare(table, readings, None), None).reading == readings[0]

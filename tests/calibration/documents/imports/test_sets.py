@@ -1,0 +1,294 @@
+"""Whole sets of other programs, from small files of our own making."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from calibration.documents.imports.intrinsics import read_intrinsics
+from calibration.documents.imports.sets.folder import Chosen
+from calibration.documents.imports.sets.imported import ImportedSet
+from calibration.documents.imports.sets.kinds import KINDS, read_set
+from calibration.documents.imports.target_text import target_of_data, target_of_text
+from calibration.errors import DocumentError
+from calibration.transforms import inverse
+from tests.calibration.documents.imports.written import (
+    MM,
+    POSES,
+    VECTORS,
+    WXYZ,
+    lines,
+    matrices,
+    ros_poses,
+    rows,
+)
+
+
+@dataclass(frozen=True)
+class Held:
+    """Files in memory."""
+
+    files: Mapping[str, bytes]
+    origin: str = "set"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(sorted(self.files))
+
+    def read(self, name: str) -> bytes:
+        return self.files[name]
+
+
+def _pictures(pattern: str, first: int = 0) -> dict[str, bytes]:
+    return {pattern.format(at + first): b"" for at in range(3)}
+
+
+def _flat(poses: np.ndarray) -> list[list[float]]:  # type: ignore[type-arg]
+    listed: list[list[float]] = poses.reshape(len(poses), 16).tolist()
+    return listed
+
+
+POSE_YAML = [f"x: {x}\ny: {y}\nz: {z}\nqw: {q[0]}\nqx: {q[1]}\nqy: {q[2]}\nqz: {q[3]}\n".encode()
+             for (x, y, z), q in zip(MM / 1000, WXYZ, strict=True)]  # fmt: skip
+
+TRANSFORMS = [{"translation": pose["position"], "rotation": pose["orientation"]} for pose in ros_poses()]
+
+SETS: dict[str, tuple[dict[str, bytes], str | None]] = {
+    "industrial_calibration": (
+        {
+            "cal_data.yaml": json.dumps({
+                "data": [{"pose": f"poses/{at}.yaml", "image": f"images/{at}.png"} for at in range(3)],
+                "target_finder": {"type": "CharucoGridTargetFinder", "rows": 7, "cols": 5, "chessboard_dim": 0.036195,
+                                  "aruco_marker_dim": 0.018256, "dictionary": 10},
+                "intrinsics": {"fx": 1352.0, "fy": 1356.1, "cx": 789.7, "cy": 627.3}, "static_camera": False,
+            }).encode(),
+            **_pictures("images/{}.png"), **{f"poses/{at}.yaml": text for at, text in enumerate(POSE_YAML)},
+        },
+        None,
+    ),
+    "dataset_spec": (
+        {
+            "dataset_spec.json": json.dumps({
+                "cameras": [{"id": "cam0", "images": {"kind": "glob", "pattern": "cam0/*.png"}}],
+                "target": {"kind": "chessboard", "cols": 9, "rows": 6, "square_size_m": 0.0236},
+                "robot_poses": {"path": "poses.csv", "format": "csv", "columns": {
+                    "tx": "a", "ty": "b", "tz": "c", "rotation": ["d", "e", "f", "g"]}},
+                "pose_convention": {"transform": "t_base_tcp", "rotation_format": "quat_wxyz",
+                                    "translation_units": "mm"},
+                "pose_pairing": {"kind": "by_index"}, "topology": "single_cam_handeye",
+            }).encode(),
+            "poses.csv": lines("a,b,c,d,e,f,g", *rows(MM, WXYZ)), **_pictures("cam0/{}.png"),
+        },
+        None,
+    ),
+    "METRIC": (
+        {
+            "CalibrationInfo.yaml": b"number_of_rows: 4\nnumber_of_columns: 3\nsize: 0.05\npattern_type: checkerboard\n"
+                                    b"calibration_setup: 0\n",
+            **{f"camera{c}/pose/000{at}.csv": lines(*(" ".join(map(str, row)) for row in pose))
+               for c in (1, 2) for at, pose in enumerate(matrices(metres=True))},
+            **_pictures("camera1/image/000{}.png"), **_pictures("camera2/image/000{}.png"),
+            "camera2/intrinsic_pars_file.yaml": b"fx: 1371.0\nfy: 1371.0\ncx: 960.5\ncy: 540.5\nhas_dist_coeff: 1\n"
+                                                b"dist_k0: 1e-08\nimg_width: 1920\nimg_height: 1080\n",
+        },
+        "camera2",
+    ),
+    "BOP": (
+        {
+            "000001/scene_camera.json": json.dumps({
+                str(at): {"cam_K": [600, 0, 320, 0, 600, 240, 0, 0, 1], "cam_R_w2c": pose[:3, :3].ravel().tolist(),
+                          "cam_t_w2c": pose[:3, 3].tolist(), "depth_scale": 1.0}
+                for at, pose in enumerate(inverse(POSES))}).encode(),
+            **_pictures("000001/rgb/00000{}.png"), **_pictures("000001/depth/00000{}.png"),
+        },
+        None,
+    ),
+    "RWHE": (
+        {
+            "robot_cali.txt": lines("3", *("\n".join(" ".join(map(str, row)) for row in pose) + "\n"
+                                           for pose in inverse(POSES))),
+            "calibration_object.txt": b"chess_mm_height 28.5\nchess_mm_width 28.5\nchess_height 6\nchess_width 8\n",
+            **_pictures("images/camera0/image{}.png"), "internal_images/camera0/i.png": b"",
+        },
+        None,
+    ),
+    "ViSP": (
+        {
+            **{f"franka_pose_rPe_{at}.yaml": lines("rows: 6", "cols: 1", "data: ", *(f"  - [{number:.9f}]" for number in
+               (*mm, *vector))) for at, (mm, vector) in enumerate(zip(MM / 1000, VECTORS, strict=True), 1)},
+            **_pictures("franka_image-{}.png", 1),
+            "franka_camera.xml": b"<?xml version='1.0'?><root><!--c--><camera><image_width>640</image_width>"
+                b"<image_height>480</image_height><model><px>607.5</px><py>607.6</py><u0>323</u0><v0>243</v0>"
+                b"<kud>0.1</kud></model></camera></root>",
+        },
+        None,
+    ),
+    "Zivid": (
+        {
+            **{f"pos{at + 1:02}.yaml": ("__version__:\n  serializer: 1\n  data: 1\nFloatMatrix:\n  Data:\n    "
+               + json.dumps(pose.tolist())).encode() for at, pose in enumerate(POSES)},
+            **_pictures("img0{}.png", 1), **_pictures("img0{}.ply", 1),
+        },
+        None,
+    ),
+    "samples of pose pairs": (
+        {"cell.samples": json.dumps({
+            "parameters": {"calibration_type": "eye_in_hand"},
+            "samples": [{"robot": one, "tracking": one} for one in TRANSFORMS]}).encode()},
+        None,
+    ),
+}  # fmt: skip
+
+
+def read(case: str) -> ImportedSet:
+    files, part = SETS[case]
+    return read_set(Held(files), part, Chosen())
+
+
+def poses_of(imported: ImportedSet) -> np.ndarray:  # type: ignore[type-arg]
+    (convention,), (unit,), (frame,) = (
+        imported.poses.conventions(),
+        imported.poses.units(),
+        imported.poses.frames(),
+    )
+    return imported.poses.poses(convention, unit, frame)
+
+
+@pytest.mark.parametrize("case", SETS)
+def test_a_set_is_recognised_and_its_poses_need_no_guess(case: str) -> None:
+    imported = read(case)
+    assert imported.kind == case
+    np.testing.assert_allclose(poses_of(imported), POSES, atol=1e-5)
+    if imported.camera_poses is None:
+        assert len(imported.images) == 3
+        assert len(set(imported.images)) == 3
+
+
+def test_every_kind_has_a_sample() -> None:
+    assert {kind.name for kind in KINDS} == set(SETS)
+
+
+def test_targets_of_the_sets() -> None:
+    described = {case: target_of_data(found, case) for case in SETS if (found := read(case).target) is not None}
+    assert described == {
+        "industrial_calibration": target_of_text("charuco:5x7:36.195:18.256:DICT_6X6_250"),
+        "dataset_spec": target_of_text("chessboard:9x6:23.6"),
+        "METRIC": target_of_text("chessboard:3x4:50"),
+        "RWHE": target_of_text("chessboard:8x6:28.5"),
+    }
+
+
+def test_set_ups_of_the_sets() -> None:
+    files, _ = SETS["METRIC"]
+    beside = files | {"CalibrationInfo.yaml": b"calibration_setup: 1\nsize: 0.05\n"}
+    assert read("METRIC").setup == "eye-in-hand"
+    assert read_set(Held(beside), "camera1", Chosen()).setup == "eye-to-hand"
+
+
+def test_easy_handeye_writes_the_base_in_the_effector_when_the_camera_stands() -> None:
+    samples = {
+        "parameters": {"calibration_type": "eye_on_base"},
+        "samples": [{"robot": one, "tracking": one} for one in TRANSFORMS],
+    }
+    imported = read_set(Held({"a.samples": json.dumps(samples).encode()}), None, Chosen())
+    np.testing.assert_allclose(poses_of(imported), inverse(POSES), atol=1e-5)
+    assert imported.setup == "eye-to-hand"
+
+
+def test_moveit_s_samples_of_both_kinds() -> None:
+    flat = _flat(matrices(metres=True))
+    by_name = [{"effector_wrt_world": one, "object_wrt_sensor": one} for one in flat]
+    pairs = [[one, one] for one in matrices(metres=True).tolist()]
+    for name, data in (("s.yaml", by_name), ("s.json", pairs)):
+        imported = read_set(Held({name: json.dumps(data).encode()}), None, Chosen())
+        np.testing.assert_allclose(poses_of(imported), POSES, atol=1e-6)
+        assert imported.camera_poses is not None
+
+
+def test_a_set_of_several_cameras_asks_for_one() -> None:
+    with pytest.raises(DocumentError, match="2 cameras"):
+        read_set(Held(SETS["METRIC"][0]), None, Chosen())
+
+
+def test_a_picture_too_many_is_refused_with_both_lists() -> None:
+    files = {"poses.csv": lines("x,y,z,qw,qx,qy,qz", *rows(MM, WXYZ)), **_pictures("a{}.png"), "a3.png": b""}
+    with pytest.raises(DocumentError, match=r"4 pictures \(a0.png, a1.png, a2.png, a3.png\) and 3 poses \(1, 2, 3\)"):
+        read_set(Held(files), None, Chosen())
+
+
+def test_natural_order_and_numbers_pair_pictures_with_poses() -> None:
+    names = ("view_2.png", "view_10.png", "view_9.png")
+    table = lines("x,y,z,qw,qx,qy,qz", *rows(MM, WXYZ))
+    files = {"poses.csv": table, **dict.fromkeys(names, b"")}
+    assert read_set(Held(files), None, Chosen()).images == ("view_2.png", "view_9.png", "view_10.png")
+    numbered = lines("nr,x,y,z,qw,qx,qy,qz", *(f"{n},{row}" for n, row in zip((9, 10, 2), rows(MM, WXYZ), strict=True)))
+    imported = read_set(Held({**files, "poses.csv": numbered}), None, Chosen())
+    assert imported.images == ("view_9.png", "view_10.png", "view_2.png")
+    assert imported.pairing == "by the numbers in the names"
+
+
+def test_times_pair_pictures_with_a_trajectory() -> None:
+    times = np.array([[100.0 + 0.01 * at] for at in range(300)])
+    pose = np.repeat(np.concatenate([MM[:1], np.roll(WXYZ[:1], -1, axis=1)], axis=1), 300, axis=0)
+    files = {"hand.tum": lines(*rows(times, pose, separator=" "))}
+    files |= {f"{time:.6f}.png": b"" for time in (100.501, 101.499, 102.25)}
+    imported = read_set(Held(files), None, Chosen())
+    assert imported.poses.times_s is not None
+    np.testing.assert_allclose(imported.poses.times_s, [100.5, 101.5, 102.25], atol=1e-6)
+
+
+INTRINSICS = {
+    "ROS": ("a.yaml", "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+            "  data: [600, 0, 320, 0, 601, 240, 0, 0, 1]\ndistortion_model: plumb_bob\n"
+            "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, -0.2, 0.001, 0.002, 0.0]\n"),
+    "ROS message": ("a.json", json.dumps({"width": 640, "height": 480, "distortion_model": "plumb_bob",
+                    "k": [600, 0, 320, 0, 601, 240, 0, 0, 1], "d": [0.1, -0.2, 0.001, 0.002, 0.0]})),
+    "OpenCV": ("a.yml", "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n"
+               "   rows: 3\n   cols: 3\n   dt: d\n   data: [ 600., 0., 320., 0., 601., 240., 0., 0., 1. ]\n"
+               "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
+               "   data: [ 1.0e-01, -2.0e-01, 1.0e-03, 2.0e-03, 0. ]\n"),
+    "Kalibr": ("a.yaml", "cam0:\n  camera_model: pinhole\n  intrinsics: [600, 601, 320, 240]\n"
+               "  distortion_model: radtan\n  distortion_coeffs: [0.1, -0.2, 0.001, 0.002]\n"
+               "  resolution: [640, 480]\n"),
+    "handeyed": ("a.json", json.dumps({"camera": {"matrix": [[600, 0, 320], [0, 601, 240], [0, 0, 1]],
+                 "distortion": [0.1, -0.2, 0.001, 0.002, 0], "image_size": [640, 480]}})),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", INTRINSICS)
+def test_intrinsics(case: str) -> None:
+    name, text = INTRINSICS[case]
+    camera = read_intrinsics(name, text.encode()).document(None).camera()
+    np.testing.assert_allclose(camera.matrix, [[600, 0, 320], [0, 601, 240], [0, 0, 1]])
+    np.testing.assert_allclose(camera.distortion, [0.1, -0.2, 0.001, 0.002, 0])
+    assert camera.image_size == (640, 480)
+
+
+def test_a_fisheye_and_a_model_that_is_not_read() -> None:
+    kalibr = INTRINSICS["Kalibr"][1]
+    assert read_intrinsics("a.yaml", kalibr.replace("radtan", "equidistant").encode()).lens == "fisheye"
+    with pytest.raises(DocumentError, match="'omni' is not read"):
+        read_intrinsics("a.yaml", kalibr.replace("pinhole", "omni").encode())
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("chess:9x6:23", "no such kind"),
+        ("chessboard:9x6", "write chessboard:COLUMNSxROWS:pitch_mm"),
+        ("chessboard:9by6:23", "columns"),
+        ("charuco:5x7:18:36:DICT_6X6_250", "smaller"),
+    ],
+)
+def test_a_target_that_is_none_is_refused(text: str, what: str) -> None:
+    with pytest.raises(DocumentError, match=what):
+        target_of_text(text)
+
+
+def test_circles() -> None:
+    target = target_of_text("circles-asymmetric:7x11:20:white")
+    assert target.model_dump(exclude_none=True) == {
+        "kind": "circles", "layout": "asymmetric", "columns": 7, "rows": 11, "pitch_mm": 20.0, "dots": "white",
+    }  # fmt: skip

@@ -1,0 +1,129 @@
+"""Three poses of a flange, written as robots and programs write them: files of our own making."""
+
+import io
+import json
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calibration.transforms import (
+    Array,
+    quaternion_from_rotation,
+    rotation_from_vector,
+    transform,
+    vector_from_rotation,
+)
+
+POSES: Array = np.array(
+    [
+        transform(rotation_from_vector([2.9, 0.2, 0.4]), [812.4, -35.1, 640.0]),
+        transform(rotation_from_vector([2.7, -0.3, 0.8]), [700.25, 120.5, 611.75]),
+        transform(rotation_from_vector([3.0, 0.5, -0.6]), [903.0, 44.0, 580.5]),
+    ]
+)
+"""base_T_flange (3, 4, 4) in mm."""
+
+MM: Array = POSES[:, :3, 3]
+ROTATIONS: Array = POSES[:, :3, :3]
+WXYZ: Array = quaternion_from_rotation(ROTATIONS)
+VECTORS: Array = vector_from_rotation(ROTATIONS)
+
+
+def euler(order: str) -> Array:
+    """(3, 3) degrees by scipy: upper case intrinsic, lower case extrinsic."""
+    angles: Array = Rotation.from_matrix(ROTATIONS).as_euler(order, degrees=True)
+    return angles
+
+
+def rows(*columns: Array, separator: str = ",", decimal: str = ".") -> list[str]:
+    """One line for each pose."""
+    return [separator.join(f"{v:.9f}".replace(".", decimal) for v in row) for row in np.concatenate(columns, axis=1)]
+
+
+def lines(*texts: str) -> bytes:
+    return ("\n".join(texts) + "\n").encode()
+
+
+def npy(array: Array) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def npz(**arrays: Array) -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def matrices(metres: bool = False) -> Array:
+    scaled = POSES.copy()
+    scaled[:, :3, 3] *= 0.001 if metres else 1.0
+    return scaled
+
+
+def ros_poses() -> list[dict[str, dict[str, float]]]:
+    """geometry_msgs/Pose as plain data."""
+    return [
+        {
+            "position": dict(zip("xyz", (mm / 1000).tolist(), strict=True)),
+            "orientation": dict(zip("wxyz", wxyz.tolist(), strict=True)),
+        }
+        for mm, wxyz in zip(MM, WXYZ, strict=True)
+    ]
+
+
+def rapid() -> bytes:
+    targets = [
+        f"  CONST robtarget p{at}:=[[{mm}],[{turn}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"
+        for at, (mm, turn) in enumerate(zip(rows(MM), rows(WXYZ), strict=True), 1)
+    ]
+    tool = "  PERS tooldata tCam:=[TRUE,[[1,2,3],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];"
+    return lines("MODULE Poses", tool, "  ! [[9,9,9],[1,0,0,0]]", *targets, "ENDMODULE")
+
+
+def keyed(form: str, angles: Array) -> bytes:
+    """Each pose in a form such as "{{X {}, Y {}, Z {}, A {}, B {}, C {}}}"."""
+    return lines(*(form.format(*mm, *turn) for mm, turn in zip(MM, angles, strict=True)))
+
+
+FILES: dict[str, tuple[str, bytes, str]] = {
+    "header, quaternion": ("a.csv", lines("x,y,z,qw,qx,qy,qz", *rows(MM, WXYZ)), ""),
+    "ABB's names": ("a.csv", lines("Name;X mm;Y mm;Z mm;q1;q2;q3;q4",
+                    *(f"p{at};{row}" for at, row in enumerate(rows(MM, WXYZ, separator=";")))), "abb"),
+    "decimal commas": ("a.csv", lines("X;Y;Z;QW;QX;QY;QZ", *rows(MM, WXYZ, separator=";", decimal=",")), ""),
+    "tabs, axes named": ("a.tsv", lines("x [mm]\ty [mm]\tz [mm]\trx [deg]\try [deg]\trz [deg]",
+                         *rows(MM, euler("xyz"), separator="\t")), "abb"),
+    "blanks, no header": ("a.txt", lines("# x y z qx qy qz w",
+                          *rows(MM, np.roll(WXYZ, -1, axis=1), separator=" ")), ""),
+    "six numbers": ("a.txt", lines(*rows(MM, euler("ZYX"), separator=" ")), "kuka"),
+    "named KUKA angles": ("a.csv", lines("X,Y,Z,A,B,C", *rows(MM, euler("ZYX"))), "kuka"),
+    "roll, pitch, yaw": ("a.csv", lines("x,y,z,roll,pitch,yaw", *rows(MM, np.radians(euler("xyz")))), "ros"),
+    "rotation vector": ("a.csv", lines("tx,ty,tz,rvec_x,rvec_y,rvec_z", *rows(MM, VECTORS)), ""),
+    "sixteen numbers": ("a.txt", lines(*rows(POSES.reshape(3, 16), separator=" ")), ""),
+    "twelve numbers": ("a.txt", lines(*rows(POSES[:, :3].reshape(3, 12), separator=" ")), ""),
+    "matrix in names": ("a.csv", lines(",".join(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)) + ",x,y,z",
+                        *rows(ROTATIONS.reshape(3, 9), MM)), ""),
+    "4 x 4 blocks": ("a.txt", lines(*("\n".join(" ".join(map(str, row)) for row in pose) for pose in POSES)), ""),
+    "counted blocks": ("a.txt", lines("3", *("\n".join(" ".join(map(str, r)) for r in pose) for pose in POSES)), ""),
+    "Franka's columns": ("a.txt", lines(*rows(np.swapaxes(POSES, 1, 2).reshape(3, 16), separator=" ")), ""),
+    "JSON of ROS": ("a.json", json.dumps(ros_poses()).encode(), ""),
+    "JSON by name": ("a.json", json.dumps({f"v{at}": pose for at, pose in enumerate(ros_poses())}).encode(), ""),
+    "JSON matrices": ("a.json", json.dumps({"poses": POSES.tolist()}).encode(), ""),
+    "JSON matrix a record": ("a.json", json.dumps([{"id": at, "T": pose.tolist()} for at, pose in enumerate(POSES)])
+                             .encode(), ""),
+    "JSON lists": ("a.json", json.dumps([{"translation_mm": mm.tolist(), "quaternion_wxyz": turn.tolist()}
+                   for mm, turn in zip(MM, WXYZ, strict=True)]).encode(), ""),
+    "JSON lines": ("a.jsonl", lines(*(json.dumps(pose) for pose in ros_poses())), ""),
+    "YAML": ("a.yaml", lines(*(f"- {json.dumps(pose)}" for pose in ros_poses())), ""),
+    "NPY": ("a.npy", npy(POSES), ""),
+    "NPZ": ("a.npz", npz(R=ROTATIONS, t=MM), ""),
+    "RAPID": ("a.mod", rapid(), ""),
+    "KUKA": ("a.src", keyed("DECL E6POS P={{X {}, Y {}, Z {}, A {}, B {}, C {}, S 2, T 35}}", euler("ZYX")), "kuka"),
+    "Fanuc": ("a.ls", keyed("P[1]{{\n X = {:.4f} mm, Y = {:.4f} mm, Z = {:.4f} mm,\n W = {:.6f} deg,"
+                            " P = {:.6f} deg, R = {:.6f} deg\n}};", euler("xyz")), "fanuc"),
+    "UR": ("a.script", lines(*(f"p{at} = p[{row}]" for at, row in enumerate(rows(MM / 1000, VECTORS)))), ""),
+    "TUM": ("a.txt", lines(*rows(np.array([[1e9], [1e9 + 1], [1e9 + 2]]), MM / 1000, np.roll(WXYZ, -1, axis=1),
+            separator=" ")), "quaternion-xyzw"),
+}  # fmt: skip
+"""Name of the case: name of the file, its content, and the convention to give where the file leaves it open."""

@@ -1,0 +1,196 @@
+"""`handeyed import`: from pictures and poses that somebody has written to a session that `handeyed solve` accepts."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calibration.transforms import Array
+from tests.daemon.cli.running import handeyed
+from tests.daemon.cli.sessions import CAMERA, FLANGE_T_CAMERA, TILTS_RAD, base_T_flange, picture, with_images
+
+TARGET = "charuco:7x5:30:22:DICT_5X5_100"
+POSES: Array = np.array([base_T_flange(tilt) for tilt in TILTS_RAD])
+
+
+def _folder(folder: Path, rows: list[str], name: str = "poses.csv") -> Path:
+    folder.mkdir()
+    for number, tilt in enumerate(TILTS_RAD, 7):  # view_7 ... view_12: natural order is not that of the alphabet
+        (folder / f"view_{number}.png").write_bytes(picture(tilt))
+    (folder / name).write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def _rows(order: str, metres: bool = False) -> list[str]:
+    angles = Rotation.from_matrix(POSES[:, :3, :3]).as_euler(order, degrees=True)
+    places = POSES[:, :3, 3] / (1000 if metres else 1)
+    return [",".join(map(repr, row)) for row in np.concatenate([places, angles], axis=1).tolist()]
+
+
+@pytest.fixture(scope="module")
+def euler(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Pictures and poses in metres with Euler angles ZYX, without a header."""
+    return _folder(tmp_path_factory.mktemp("own") / "cell", _rows("ZYX", metres=True))
+
+
+def test_a_csv_without_a_header_becomes_a_session(euler: Path, tmp_path: Path) -> None:
+    ran = handeyed("import", euler, "--out", tmp_path / "s", "--target", TARGET, "--setup", "eye-in-hand")
+    assert ran.status == 0, ran.err
+    assert "fits: euler-ZYX, m, base_T_flange, eye-in-hand" in ran.out
+    assert "times worse" in ran.out
+    assert "view_7.png - 1, view_8.png - 2" in ran.out
+    assert "first pose   the flange is at x " in ran.out
+    document = json.loads((tmp_path / "s" / "session.json").read_text())
+    assert [view["image"] for view in document["views"]] == [f"view_{at}.png" for at in range(7, 13)]
+    seen = np.array([view["base_T_flange"]["translation_mm"] for view in document["views"]])
+    np.testing.assert_allclose(seen, POSES[:, :3, 3], atol=1e-6)
+
+
+def test_what_was_imported_is_solved(euler: Path, tmp_path: Path) -> None:
+    camera = _camera(tmp_path)
+    given = ("--target", TARGET, "--setup", "eye-in-hand", "--camera", camera)
+    assert handeyed("import", euler, "--out", tmp_path / "s", *given).status == 0
+    solved = handeyed("solve", tmp_path / "s", "--json")
+    found = json.loads(solved.out)["flange_T_camera"]["translation_mm"]
+    np.testing.assert_allclose(found, FLANGE_T_CAMERA[:3, 3], atol=0.5)
+    again = handeyed("solve", tmp_path / "s", "--json", "--camera", camera)
+    assert json.loads(again.out)["flange_T_camera"]["translation_mm"] == pytest.approx(found, abs=1e-6)
+
+
+def _camera(folder: Path) -> Path:
+    file = folder / "camera.yaml"
+    (fx, _, cx), (_, fy, cy), _ = CAMERA.matrix.tolist()
+    file.write_text(
+        f"image_width: 640\nimage_height: 480\ncamera_matrix:\n  data: [{fx}, 0, {cx}, 0, {fy}, {cy}, 0, 0, 1]\n"
+        "distortion_model: plumb_bob\ndistortion_coefficients:\n  data: [0, 0, 0, 0, 0]\n"
+    )
+    return file
+
+
+def test_where_the_camera_is_is_asked_when_nothing_says_it(euler: Path, tmp_path: Path) -> None:
+    ran = handeyed("import", euler, "--out", tmp_path / "s", "--target", TARGET)
+    assert ran.status == 2
+    assert "but these are the same equations: give --setup eye-in-hand" in ran.err
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_frame_that_is_stated_decides_where_the_camera_is(euler: Path, tmp_path: Path) -> None:
+    ran = handeyed(
+        "import", euler, "--out", tmp_path / "s", "--target", TARGET, "--frame", "base_T_flange",
+        "--convention", "kuka", "--unit", "m", "--json",
+    )  # fmt: skip
+    assert ran.status == 0, ran.err
+    assert json.loads(ran.out)["setup"] == "eye-in-hand"
+
+
+def test_a_wrong_convention_is_not_hidden(euler: Path, tmp_path: Path) -> None:
+    ran = handeyed(
+        "import",
+        euler,
+        "--out",
+        tmp_path / "s",
+        "--target",
+        TARGET,
+        "--convention",
+        "staubli",
+        "--setup",
+        "eye-in-hand",
+    )
+    assert ran.status == 2
+    assert "none fits: euler-XYZ" in ran.err
+
+
+def test_the_target_is_asked(euler: Path, tmp_path: Path) -> None:
+    ran = handeyed("import", euler, "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert "target: not stated by the folder: give --target: chessboard:COLUMNSxROWS:pitch_mm" in ran.err
+
+
+def test_one_wrong_format_is_one_line(tmp_path: Path) -> None:
+    folder = _folder(tmp_path / "cell", ["x,y,z,aa,bb,cc", *_rows("ZYX")])
+    ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET)
+    assert ran.status == 2
+    assert len(ran.errors) == 1
+    assert "poses.csv: header: no pose among the names x, y, z, aa, bb, cc: name the numbers" in ran.err
+
+
+def test_a_missing_pose_is_refused_with_both_lists(tmp_path: Path) -> None:
+    folder = _folder(tmp_path / "cell", _rows("ZYX")[:-1])
+    ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET)
+    assert ran.status == 2
+    assert "6 pictures (view_7.png, view_8.png, view_9.png, ..., view_12.png) and 5 poses (1, 2, 3, ..., 5)" in ran.err
+
+
+def test_links_and_devices_are_not_followed(tmp_path: Path) -> None:
+    folder = _folder(tmp_path / "cell", _rows("ZYX"))
+    secret = tmp_path / "secret.csv"
+    secret.write_text("x,y,z,qw,qx,qy,qz\n1,2,3,1,0,0,0\n")
+    (folder / "link.csv").symlink_to(secret)
+    os.mkfifo(folder / "pipe.csv")
+    ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET, "--setup", "eye-in-hand")
+    assert ran.status == 0, ran.err
+    assert "1 links are not followed" in ran.out
+    ran = handeyed("import", folder, "--out", tmp_path / "t", "--target", TARGET, "--poses", "link.csv")
+    assert ran.status == 2
+
+
+def test_an_own_session_is_imported_unchanged(tmp_path: Path) -> None:
+    own = with_images(tmp_path / "own")
+    ran = handeyed("import", own, "--out", tmp_path / "s", "--target", TARGET, "--setup", "eye-in-hand")
+    assert ran.status == 0, ran.err
+    before, after = (json.loads((folder / "session.json").read_text())["views"] for folder in (own, tmp_path / "s"))
+    assert [view["image"] for view in before] == [view["image"] for view in after]
+    for one, other in zip(before, after, strict=True):
+        for key in ("translation_mm", "quaternion_wxyz"):
+            np.testing.assert_allclose(one["base_T_flange"][key], other["base_T_flange"][key], atol=1e-9)
+
+
+def test_the_folder_to_write_must_be_new(euler: Path, tmp_path: Path) -> None:
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "mine.txt").write_text("keep")
+    ran = handeyed("import", euler, "--out", tmp_path / "s", "--target", TARGET, "--setup", "eye-in-hand")
+    assert ran.status == 2
+    assert "--out: not an empty folder: name a new one" in ran.err
+
+
+def test_samples_of_easy_handeye_need_no_option(tmp_path: Path) -> None:
+    folder = tmp_path / "samples"
+    folder.mkdir()
+    rng = np.random.default_rng(1)
+    samples = []
+    for pose in POSES:
+        turn = Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+        robot = {"translation": dict(zip("xyz", (pose[:3, 3] / 1000).tolist(), strict=True)),
+                 "rotation": dict(zip("xyzw", turn, strict=True))}  # fmt: skip
+        seen = {
+            "translation": dict(zip("xyz", rng.uniform(0.1, 0.5, 3).tolist(), strict=True)),
+            "rotation": robot["rotation"],
+        }
+        samples.append({"robot": robot, "tracking": seen})
+    (folder / "cell.samples").write_text(
+        json.dumps({"parameters": {"calibration_type": "eye_in_hand"}, "samples": samples})
+    )
+    ran = handeyed("import", folder, "--out", tmp_path / "s")
+    assert ran.status == 0, ran.err
+    document = json.loads((tmp_path / "s" / "session.json").read_text())
+    assert document["setup"] == "eye-in-hand"
+    assert set(document["views"][0]) == {"base_T_flange", "camera_T_target"}
+
+
+def test_clouds_without_a_target_become_a_scan(tmp_path: Path) -> None:
+    folder = tmp_path / "scan"
+    folder.mkdir()
+    for at in range(3):
+        (folder / f"cloud_{at}.pcd").write_bytes(b"# .PCD v0.7\n")
+    turns = Rotation.from_matrix(POSES[:3, :3, :3]).as_quat()
+    rows = np.concatenate([POSES[:3, :3, 3], np.roll(turns, 1, axis=1)], axis=1).tolist()
+    (folder / "poses.csv").write_text("x,y,z,qw,qx,qy,qz\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    ran = handeyed("import", folder, "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert "clouds: their unit is not stated: give --cloud-unit m or mm" in ran.err
+    ran = handeyed("import", folder, "--out", tmp_path / "s", "--cloud-unit", "m")
+    assert ran.status == 0, ran.err
+    assert [view["unit"] for view in json.loads((tmp_path / "s" / "scan.json").read_text())["views"]] == ["m"] * 3
