@@ -85,6 +85,15 @@ def open_vibration_monitor(host: str, port: int, robot: str | None, timing: Timi
     return monitor
 
 
+def cb_transport(address: str) -> Transport:
+    """The line of a CB link: tcp: or a serial one. Raises AddressNotUnderstood; opens nothing."""
+    parse, make = _look_up(ROBOTS, "robot", address)
+    if make is not CbRobot:
+        raise AddressNotUnderstood(address, "this is not the CB link", "write tcp://host:port or serial:///dev/...")
+    transport: Transport = parse(address)
+    return transport
+
+
 def check_robot_address(address: str) -> None:
     """Raises AddressNotUnderstood; opens nothing."""
     _look_up(ROBOTS, "robot", address)[0](address)

@@ -7,6 +7,7 @@ import typer
 
 from daemon.cli.errors import CommandError
 from daemon.cli.output import CommandGroup
+from daemon.cli.robot_acceptance import acceptance
 from daemon.cli.robot_files import module_files
 from daemon.cli.robot_setup import remove, setup
 
@@ -25,6 +26,7 @@ def robot() -> None:
 
 
 app.command()(setup)
+app.command()(acceptance)
 app.command()(remove)
 
 

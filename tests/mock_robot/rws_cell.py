@@ -22,13 +22,15 @@ FORM_2 = {"Content-Type": "application/x-www-form-urlencoded;v=2.0", **ACCEPT_2}
 
 @dataclass
 class RwsCell:
-    """A cell that serves RWS at two URLs; `robot` is the CB link's host and port."""
+    """A cell that serves RWS at two URLs; `robot`, `serial`: the CB link; `control`: the control port's URL."""
 
     cell: MockCell
     first: str
     second: str
     robot: tuple[str, int]
     loop: asyncio.AbstractEventLoop
+    control: str = ""
+    serial: str = ""
 
     @property
     def world(self) -> World:
@@ -70,7 +72,8 @@ async def _started(**options: Any) -> RwsCell:
     announced = await cell.start(Ports(devices=None, rws=(0, 0), **options))
     assert announced.rws is not None
     robot = (announced.robot_host, announced.robot_port)
-    return RwsCell(cell, announced.rws.first, announced.rws.second, robot, asyncio.get_running_loop())
+    loop, control, serial = asyncio.get_running_loop(), announced.control_url, announced.serial_path or ""
+    return RwsCell(cell, announced.rws.first, announced.rws.second, robot, loop, control, serial)
 
 
 @asynccontextmanager

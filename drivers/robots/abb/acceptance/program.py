@@ -1,0 +1,100 @@
+"""The rows in order, and the run: one result a row, whatever happens in it."""
+
+from collections.abc import Awaitable, Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from calibration.errors import CalibrationError
+from drivers.errors import DeviceError
+from drivers.robots.abb.acceptance import rows_link, rows_motion
+from drivers.robots.abb.acceptance.bench import Bench, RowFailed, RowSkipped
+from drivers.robots.abb.acceptance.rows_link import Measured
+
+Verdict = Literal["passed", "failed", "skipped"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One assumption and its check. `person`: somebody has to be at the controller."""
+
+    code: str
+    run: Callable[[Bench], Awaitable[Measured]]
+    person: bool = False
+
+    @property
+    def assumption(self) -> str:
+        """What is assumed."""
+        return (self.run.__doc__ or "").strip()
+
+
+@dataclass(frozen=True)
+class RowResult:
+    """Result of a row: what was seen when it failed or why it was skipped, and what was measured."""
+
+    code: str
+    assumption: str
+    verdict: Verdict
+    what: str
+    measured: Measured
+    seconds: float
+
+    def line(self) -> str:
+        """passed  code  what"""
+        shown = self.what or ", ".join(f"{name} {value}" for name, value in self.measured.items())
+        return f"{self.verdict:<8}{self.code:<18}{shown}"
+
+
+ROWS: tuple[Row, ...] = (
+    Row("ready", rows_link.see_ready),
+    Row("equipment", rows_link.see_equipment),
+    Row("services", rows_link.see_services),
+    Row("mastership", rows_link.see_mastership),
+    Row("selection", rows_link.see_selection),
+    Row("clean-line", rows_link.see_clean_line),
+    Row("timings", rows_link.time_commands),
+    Row("pose", rows_link.see_pose),
+    Row("posture", rows_link.see_posture),
+    Row("frames", rows_link.see_frames, person=True),
+    Row("second-client", rows_link.second_client),
+    Row("egm", rows_link.see_egm),
+    Row("refusals", rows_motion.refuse, person=True),
+    Row("round-trip", rows_link.round_trip, person=True),
+    Row("clock", rows_motion.keep_time, person=True),
+    Row("stop", rows_motion.stop, person=True),
+    Row("camera-speed", rows_motion.camera_speed, person=True),
+    Row("borders", rows_motion.borders, person=True),
+    Row("silence", rows_motion.fall_silent, person=True),
+    Row("killed", rows_motion.kill_client, person=True),
+    Row("plug", rows_motion.pull_plug, person=True),
+    Row("estop", rows_motion.press_estop, person=True),
+    Row("key", rows_motion.turn_key, person=True),
+    Row("enabling-device", rows_motion.release_enabling_device, person=True),
+    Row("program-stop", rows_motion.stop_program, person=True),
+    Row("power-cut", rows_motion.cut_power, person=True),
+    Row("power-cut-main", rows_motion.cut_power_to_main, person=True),
+    Row("restart", rows_motion.restart, person=True),
+    Row("events", rows_link.see_events, person=True),
+    Row("event-log", rows_link.watch_log),
+    Row("reads", rows_link.read_often),
+)
+"""In the order of an hour at the controller. Those with `person` move the arm, or ask for something."""
+
+
+async def run_rows(bench: Bench, rows: Iterable[Row], note: Callable[[RowResult], None]) -> list[RowResult]:
+    """Run the rows one after the other; `note` gets each result as it is there."""
+    results = []
+    for row in rows:
+        began_s, what, measured, verdict = bench.timing.clock(), "", {}, "passed"
+        try:
+            measured = await row.run(bench)
+        except RowSkipped as skipped:
+            verdict, what = "skipped", str(skipped)
+        except RowFailed as failed:
+            verdict, what = "failed", str(failed)
+        except (DeviceError, CalibrationError) as error:
+            verdict, what = "failed", str(error)
+        seconds = round(bench.timing.clock() - began_s, 2)
+        result = RowResult(row.code, row.assumption, verdict, what, measured, seconds)  # type: ignore[arg-type]
+        results.append(result)
+        note(result)
+    return results

@@ -1,0 +1,353 @@
+"""Rows with motion: how the arm moves, stops and keeps still, with and without a person."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.transforms import Array, difference, transform
+from drivers.errors import DeviceError
+from drivers.interfaces import MoveGoal, PoseReading
+from drivers.robots.abb import cb_wire
+from drivers.robots.abb.acceptance.bench import BEAT_S, Bench, RowFailed, RowSkipped, goal_of
+from drivers.robots.abb.acceptance.person import (
+    DISABLE,
+    ENABLE,
+    ESTOP,
+    ESTOP_RELEASE,
+    PLUG,
+    POWER_CUT,
+    POWER_ON,
+    POWER_ON_MAIN,
+    PROGRAM_START,
+    PROGRAM_STOP,
+    PULL,
+    RESTART,
+    TO_AUTO,
+    TO_MANUAL,
+    Step,
+)
+from drivers.robots.abb.acceptance.rows_link import Measured
+from drivers.robots.abb.acceptance.wire import Wire
+from protocols.cb.codes import Flag
+from protocols.cb.messages import GetPose, Pose, Refused, Stop
+
+CAMERA_SLACK = 1.15
+WINDOW_MS = 200
+WRAP_MS = 8_000_000
+
+
+async def refuse(bench: Bench) -> Measured:
+    """A move is refused by name when it is not armed, outside the box, too fast, or out of reach; nothing moves."""
+    async with bench.wire() as wire:
+        home = await bench.go_home(wire)
+        near = cb_wire.move_of(wire.device, bench.away(home, bench.limits.slow_mm_s))
+        above = (near.position_mm[0], near.position_mm[1], near.position_mm[2] + 20_000.0)
+        cf1, cf4, cf6, cfx = near.configuration
+        rows = {
+            "NOT_ARMED": near,
+            "OUTSIDE_BOX": replace(near, position_mm=above),
+            "SPEED": replace(near, speed_mm_s=9e4),
+            "UNREACHABLE": replace(near, configuration=(cf1 + 2, cf4, cf6, cfx)),
+        }
+        for expected, move in rows.items():
+            if expected == "OUTSIDE_BOX":
+                await bench.arm(wire)
+            seen = await bench.refusal(wire, move)
+            if seen != expected:
+                raise RowFailed(f"{expected} was expected, and {seen or 'the move was accepted'}")
+        if not bench.same(await bench.pose(wire), home):
+            raise RowFailed("the arm moved for a refused move")
+    return {}
+
+
+async def stop(bench: Bench) -> Measured:
+    """STOP ends a move within the limit; the move ends ABORTED."""
+    async with bench.wire() as wire:
+        home = await bench.go_home(wire)
+        await bench.arm(wire)
+        seq, on_the_way = await bench.under_way(wire, bench.away(home, bench.limits.fast_mm_s))
+        await wire.ask(Stop())
+        stood, seconds = await bench.standing(wire, bench.limits.stop_s + bench.limits.margin_s)
+        ended = await bench.end_of(wire, seq, 2.0)
+        distance_mm, _ = difference(on_the_way.base_T_flange, stood.base_T_flange)
+        if ended != "ABORTED":
+            raise RowFailed(f"the stopped move ended {ended or 'never'}")
+        if seconds > bench.limits.stop_s:
+            raise RowFailed(f"the arm stood after {seconds:.2f} s")
+        await bench.stays(wire, min(1.0, bench.limits.stand_s))
+        await bench.go_home(wire)
+    return {"seconds": round(seconds, 3), "mm": round(distance_mm, 2)}
+
+
+async def camera_speed(bench: Bench) -> Measured:
+    """While the flange turns, no point within the reach is faster than the speed asked for."""
+    async with bench.wire() as wire:
+        home = await bench.go_home(wire)
+        await bench.arm(wire)
+        goal = goal_of(home, bench.limits.fast_mm_s)
+        samples = await _sample_turn(bench, wire, goal)
+        await bench.travel(wire, goal)
+    fastest = _fastest_mm_s(samples, bench.limits.reach_mm)
+    if fastest > CAMERA_SLACK * bench.limits.fast_mm_s:
+        what = f"a point {bench.limits.reach_mm:g} mm from the flange moves at {fastest:.0f} mm/s"
+        raise RowFailed(f"{what}, {bench.limits.fast_mm_s:g} was asked for: set cell_reach")
+    return {"fastest mm/s": round(fastest, 1), "asked mm/s": bench.limits.fast_mm_s}
+
+
+async def _sample_turn(bench: Bench, wire: Wire, home: MoveGoal) -> list[tuple[int, Array]]:
+    """Controller's milliseconds and poses during a turn about the first of the flange's axes that allows one."""
+    for axis_and_sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1)):
+        rotation = _turn(axis_and_sign[0], axis_and_sign[1] * float(np.radians(bench.limits.turn_deg)))
+        goal = replace(home, base_T_flange=home.base_T_flange @ transform(rotation, [0.0, 0.0, 0.0]))
+        exchange = await wire.ask(cb_wire.move_of(wire.device, goal))
+        if not isinstance(exchange.reply, Refused):
+            return await _sample(bench, wire, exchange.seq)
+        if exchange.reply.name != "UNREACHABLE":
+            raise RowFailed(f"a turn was refused: {exchange.reply.name}")
+    raise RowSkipped(f"no turn of {bench.limits.turn_deg:g}° keeps the posture here: jog the arm elsewhere")
+
+
+async def _sample(bench: Bench, wire: Wire, seq: int) -> list[tuple[int, Array]]:
+    samples = []
+    while not await bench.end_of(wire, seq, 0.001):
+        raw = (await wire.ask(GetPose())).reply
+        if isinstance(raw, Pose):
+            samples.append((raw.t_ms, cb_wire.pose_reading(wire.device, raw, 0.0).base_T_flange))
+    await bench.arrive(wire, seq)
+    return samples
+
+
+def _fastest_mm_s(samples: list[tuple[int, Array]], reach_mm: float) -> float:
+    """Fastest point on a sphere of `reach_mm` around the flange, over windows of WINDOW_MS."""
+    around = reach_mm * np.vstack([np.eye(3), -np.eye(3), np.zeros((1, 3))])
+    points = [(at, pose[:3, :3] @ around.T + pose[:3, 3:]) for at, pose in samples]
+    fastest, first = 0.0, 0
+    for at, now in points:
+        while (at - points[first + 1][0]) % WRAP_MS >= WINDOW_MS if first + 1 < len(points) else False:
+            first += 1
+        began, then = points[first]
+        elapsed = (at - began) % WRAP_MS
+        if WINDOW_MS <= elapsed < 2 * WINDOW_MS:
+            fastest = max(fastest, float(np.linalg.norm(now - then, axis=0).max()) / elapsed * 1000)
+    return fastest
+
+
+async def borders(bench: Bench) -> Measured:
+    """Goals on both sides of a quarter turn of axis 6 are reached, or refused as UNREACHABLE; none ends in an error."""
+    outcomes: Measured = {}
+    async with bench.wire() as wire:
+        home = await bench.go_home(wire)
+        await bench.arm(wire)
+        axis_deg = float((await bench.joints_deg(wire))[5])
+        border_deg = 90.0 * round(axis_deg / 90.0)
+        for beside_deg in (-0.5, -0.005, 0.0, 0.005, 0.5):
+            goal = _turned_home(home, border_deg + beside_deg, axis_deg, bench.limits.fast_mm_s)
+            name = f"{border_deg + beside_deg:g}°"
+            refused = await bench.refusal(wire, cb_wire.move_of(wire.device, goal))
+            if refused not in ("", "UNREACHABLE"):
+                raise RowFailed(f"axis 6 at {name}: {refused}")
+            outcomes[name] = refused or await _end_of_last(bench, wire)
+            if outcomes[name] not in ("OK", "UNREACHABLE"):
+                raise RowFailed(f"axis 6 at {name}: the move ended {outcomes[name] or 'never'}")
+        await bench.go_home(wire)
+    return outcomes
+
+
+async def _end_of_last(bench: Bench, wire: Wire) -> str:
+    return await bench.end_of(wire, wire.last_seq, 30.0)
+
+
+def _turned_home(home: PoseReading, wanted_deg: float, axis_deg: float, speed_mm_s: float) -> MoveGoal:
+    """Home with axis 6 at `wanted_deg`: a turn about the flange's z, with the quarter that axis 6 is in then."""
+    flange = _turn(2, float(np.radians(wanted_deg - axis_deg)))
+    cf1, cf4, _, cfx = home.posture
+    goal = goal_of(home, speed_mm_s)
+    posture = (cf1, cf4, int(np.floor(wanted_deg / 90.0)), cfx)
+    return replace(goal, base_T_flange=home.base_T_flange @ transform(flange, [0.0, 0.0, 0.0]), posture=posture)
+
+
+def _turn(axis: int, angle_rad: float) -> Array:
+    """Rotation about x, y or z."""
+    rotation: Array = np.eye(3)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    rotation[first, first] = rotation[second, second] = np.cos(angle_rad)
+    rotation[second, first], rotation[first, second] = np.sin(angle_rad), -np.sin(angle_rad)
+    return rotation
+
+
+async def keep_time(bench: Bench) -> Measured:
+    """The controller's milliseconds go on evenly over a move."""
+    async with bench.wire() as wire:
+        home = await bench.go_home(wire)
+        began_s, began_ms = bench.timing.clock(), (await bench.report(wire)).t_ms
+        await bench.arm(wire)
+        await bench.travel(wire, replace(bench.away(home, bench.limits.fast_mm_s)))
+        await bench.travel(wire, goal_of(home, bench.limits.fast_mm_s))
+        elapsed_s = bench.timing.clock() - began_s
+        there_s = ((await bench.report(wire)).t_ms - began_ms) % WRAP_MS / 1000
+    if abs(there_s - elapsed_s) > 0.1 + 0.02 * elapsed_s:
+        raise RowFailed(f"{there_s:.2f} s passed at the controller, {elapsed_s:.2f} s here")
+    return {"here s": round(elapsed_s, 2), "there s": round(there_s, 2)}
+
+
+async def fall_silent(bench: Bench) -> Measured:
+    """When the PC falls silent, the arm stands within the link's limit, and is disarmed."""
+    return await _lose(bench, "silent")
+
+
+async def kill_client(bench: Bench) -> Measured:
+    """When the PC's program is killed, the arm stands within the link's limit, and is disarmed."""
+    return await _lose(bench, "killed")
+
+
+async def pull_plug(bench: Bench) -> Measured:
+    """When the plug is pulled, the arm stands within the link's limit, and is disarmed."""
+    return await _lose(bench, "pulled")
+
+
+async def _lose(bench: Bench, how: str) -> Measured:
+    limits = bench.limits
+    wire = await bench.reconnect()
+    try:
+        home = await bench.go_home(wire)
+        await bench.arm(wire)
+        goal = bench.away(home, limits.slow_mm_s)
+        if how == "pulled":
+            await bench.ask_person(PLUG)
+        _, left = await bench.under_way(wire, goal)
+        if how == "pulled":
+            await bench.ask_person(PULL)
+            await _until_lost(bench, wire)
+        if how == "silent":
+            await bench.timing.sleep(limits.silence_s + limits.margin_s)
+    finally:
+        await bench.close(wire, politely=False)
+    if how != "silent":
+        await bench.timing.sleep(limits.silence_s + limits.margin_s)
+    if how == "pulled":
+        await bench.ask_person(PLUG)
+    wire = await bench.reconnect()
+    try:
+        stood = await bench.pose(wire)
+        armed = (await bench.report(wire)).flags & Flag.ARMED
+        await bench.stays(wire, min(1.0, limits.stand_s))
+        travelled_mm, _ = difference(left.base_T_flange, stood.base_T_flange)
+        allowed_mm = limits.slow_mm_s * (limits.silence_s + limits.margin_s) + 2.0
+        if armed:
+            raise RowFailed("still armed after the reconnection")
+        if how != "pulled" and travelled_mm > allowed_mm:
+            raise RowFailed(f"the arm went on for {travelled_mm:.1f} mm, {allowed_mm:.1f} is what the limit allows")
+        await bench.go_home(wire)
+    finally:
+        await bench.close(wire)
+    return {"mm": round(travelled_mm, 1)}
+
+
+async def _until_lost(bench: Bench, wire: Wire) -> None:
+    try:
+        for _ in range(100):
+            await bench.pose(wire)
+            await bench.timing.sleep(BEAT_S / 2)
+    except DeviceError:
+        return
+    raise RowFailed("the link still answers: was the plug pulled?")
+
+
+async def _interrupt(
+    bench: Bench, act: Step, ends: tuple[str, ...], then: Step, *, reconnects: bool = False
+) -> Measured:
+    """A move is interrupted by a person; the arm stands, and stays so when the program is started again."""
+    limits = bench.limits
+    wire = await bench.reconnect()
+    try:
+        home = await bench.go_home(wire)
+        await bench.arm(wire)
+        seq, _ = await bench.under_way(wire, bench.away(home, limits.slow_mm_s))
+        session = wire.welcome.session if wire.welcome else 0
+        await bench.ask_person(act)
+        ended = "LOST"
+        try:
+            ended = await bench.end_of(wire, seq, limits.travel_mm / limits.slow_mm_s + 10.0)
+        except DeviceError:
+            if not reconnects:
+                raise
+        if reconnects:
+            await bench.close(wire, politely=False)
+            await bench.ask_person(then)
+            wire = await bench.reconnect()
+            if wire.welcome and wire.welcome.session == session:
+                raise RowFailed("the session number is that of before: the controller did not restart")
+        else:
+            if ended not in ends:
+                raise RowFailed(f"the move ended {ended or 'never'}, expected {' or '.join(ends)}")
+            await bench.standing(wire, 5.0)
+            await bench.ask_person(then)
+        if (await bench.report(wire)).flags & Flag.ARMED:
+            raise RowFailed("still armed")
+        await bench.stays(wire, limits.stand_s)
+        await _home_when_ready(bench, wire)
+    finally:
+        await bench.close(wire)
+    return {"ended": ended}
+
+
+async def _home_when_ready(bench: Bench, wire: Wire) -> None:
+    """Back to the start; the program may need a moment to answer after it was started."""
+    for attempt in range(20):
+        try:
+            await bench.go_home(wire)
+            return
+        except RowFailed:
+            if attempt == 19:
+                raise
+            await bench.timing.sleep(0.25)
+
+
+async def press_estop(bench: Bench) -> Measured:
+    """Emergency stop in a slow move; after release and start without PP to main the arm stays where it is."""
+    return await _interrupt(bench, ESTOP, ("ESTOP", "MOTORS_OFF", "ABORTED"), ESTOP_RELEASE)
+
+
+async def turn_key(bench: Bench) -> Measured:
+    """Turning the key in a slow move stops it and disarms."""
+    return await _interrupt(bench, TO_MANUAL, ("WRONG_MODE", "ABORTED", "MOTORS_OFF"), TO_AUTO)
+
+
+async def release_enabling_device(bench: Bench) -> Measured:
+    """In manual mode, releasing the enabling device stops a slow move."""
+    await bench.ask_person(ENABLE)
+    return await _interrupt(bench, DISABLE, ("MOTORS_OFF", "ABORTED", "WRONG_MODE"), TO_AUTO)
+
+
+async def stop_program(bench: Bench) -> Measured:
+    """Stop at the pendant in a slow move; after Start the old move does not go on."""
+    return await _interrupt(bench, PROGRAM_STOP, ("WRONG_MODE", "ABORTED"), PROGRAM_START)
+
+
+async def cut_power(bench: Bench) -> Measured:
+    """A power cut in a slow move; started without PP to main, nothing old moves."""
+    return await _interrupt(bench, POWER_CUT, (), POWER_ON, reconnects=True)
+
+
+async def cut_power_to_main(bench: Bench) -> Measured:
+    """A power cut in a slow move; after PP to main nothing old moves."""
+    return await _interrupt(bench, POWER_CUT, (), POWER_ON_MAIN, reconnects=True)
+
+
+async def restart(bench: Bench) -> Measured:
+    """A restart begins a new session, disarmed; the link answers again by itself."""
+    async with bench.wire() as wire:
+        before = wire.welcome.session if wire.welcome else 0
+    began_s = bench.timing.clock()
+    await bench.ask_person(RESTART)
+    wire = await bench.reconnect()
+    try:
+        after = wire.welcome.session if wire.welcome else 0
+        flags = (await bench.report(wire)).flags
+    finally:
+        await bench.close(wire)
+    if after == before:
+        raise RowFailed(f"the session number is still {before}")
+    if flags & Flag.ARMED:
+        raise RowFailed("armed after the restart")
+    return {"session": float(after), "seconds": round(bench.timing.clock() - began_s, 1)}
