@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from drivers.robots.abb.setup.survey import ControllerSurvey
 
 RECORD = "setup.json"
+EGM_HOST = b"192.168.125.99"
+"""Address of the PC in the shipped fragment."""
 Address = Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")]
 
@@ -31,7 +34,11 @@ def setup(
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A setting of CELL_shared.sys; repeatable.")
     ] = None,
     task: Annotated[str, typer.Option(help="The motion task.")] = "T_ROB1",
-    egm: Annotated[bool, typer.Option("--egm", help="EGM is wanted, too: its option is required.")] = False,
+    link_task: Annotated[str, typer.Option(help="The task of the link.")] = "T_COMM",
+    port: Annotated[int, typer.Option(min=1025, max=4999, help="TCP port of the link.")] = 4242,
+    prefix: Annotated[str, typer.Option(help="What all names begin with: another one for a second arm.")] = "cell",
+    called: Annotated[bool, typer.Option("--called", help="Your own main calls the motion part.")] = False,
+    egm: Annotated[str | None, typer.Option(metavar="HOST", help="EGM is wanted, sent to this PC's address.")] = None,
     backup: Annotated[Path | None, typer.Option(help="Folder of the backup; default: a new one here.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show findings and plan; change nothing.")] = False,
     yes: Yes = False,
@@ -51,7 +58,7 @@ def setup(
         _setup(
             _rws(address),
             module_folder(modules),
-            _Wish(to, values, task, egm, backup, dry_run=dry_run, yes=yes, json=json),
+            _Wish(to, values, _Choice(task, link_task, port, prefix, called, egm), backup, dry_run, yes, json),
         )
     )
 
@@ -81,23 +88,29 @@ def remove(
     raise typer.Exit(ExitStatus.OK if all(each.ok for each in outcomes) else ExitStatus.FAILED)
 
 
+@dataclass(frozen=True)
+class _Choice:
+    """Which program is installed: names, who has the main, and where EGM is sent."""
+
+    task: str
+    link_task: str
+    port: int
+    prefix: str
+    called: bool
+    egm: str | None
+
+
+@dataclass(frozen=True)
 class _Wish:
     """What the command line asks for."""
 
-    def __init__(
-        self,
-        folder: str,
-        values: dict[str, str],
-        task: str,
-        egm: bool,
-        backup: Path | None,
-        *,
-        dry_run: bool,
-        yes: bool,
-        json: bool,
-    ) -> None:
-        self.folder, self.values, self.task, self.egm, self.backup = folder, values, task, egm, backup
-        self.dry_run, self.yes, self.json = dry_run, yes, json
+    folder: str
+    settings: dict[str, str]
+    choice: _Choice
+    backup: Path | None
+    dry_run: bool
+    yes: bool
+    json: bool
 
 
 async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
@@ -109,20 +122,21 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
     from drivers.robots.abb.setup.survey import read_survey
 
     async with RwsAdministration(where) as controller:
-        package = _package(modules, wish.folder, {1: 6, 2: 7}[controller.version])
-        package.with_settings(wish.values)  # a setting that cannot be is refused before anything is read
-        names = [f"{module_name(package.shared)}/{name}" for name in wish.values]
-        survey = await read_survey(controller, package.fragments.values(), package.paths, names, wish.task)
-        wanted = package.with_settings(wish.values)
+        task = wish.choice.task
+        package = _package(modules, wish.folder, {1: 6, 2: 7}[controller.version], wish.choice, where.mechunit)
+        values = {package.names.rename(name): value for name, value in wish.settings.items()}
+        wanted = package.with_settings(values)  # a setting that cannot be is refused before anything is read
+        names = [f"{module_name(package.shared)}/{name}" for name in values]
+        survey = await read_survey(controller, package.fragments.values(), package.paths, names, task)
         found = findings(
             survey,
-            task=wish.task,
+            task=task,
             unit=where.mechunit,
             serial=wanted.setting("cell_use_serial").upper() == "TRUE",
-            egm=wish.egm,
+            egm=wish.choice.egm is not None,
             load_is_default=wanted.load_is_default,
         )
-        plan = plan_setup(survey, package, wish.values, found, wish.task)
+        plan = plan_setup(survey, package, values, found, task)
         _show(where.address, survey, found, plan, wish)
         if any(finding.missing for finding in found):
             raise CommandError(where.address, "nothing was changed", "see what is MISSING above")
@@ -239,10 +253,23 @@ def _setting(text: str) -> tuple[str, str]:
     return name.strip(), value
 
 
-def _package(modules: Path, folder: str, robotware: int) -> "Package":
+def _package(modules: Path, folder: str, robotware: int, choice: _Choice, unit: str) -> "Package":
+    from drivers.robots.abb.rapid_names import RapidNames
     from drivers.robots.abb.setup.plan import Package
 
-    return Package(folder, module_files(modules) | module_files(modules / f"rw{robotware}", modules=False))
+    fragments = modules / f"rw{robotware}"
+    files = module_files(modules) | module_files(fragments, modules=False)
+    if choice.called:
+        files |= module_files(fragments / "called", modules=False)
+    left_out = {"CELL_main.mod"} if choice.called else set()
+    if choice.egm is None:
+        left_out.add("CELL_egm.mod")
+    for name, content in (module_files(fragments / "egm", modules=False) if choice.egm else {}).items():
+        files[name.replace(".cfg", "_egm.cfg")] = content.replace(
+            EGM_HOST, (choice.egm or "").encode("ascii", "replace")
+        )
+    names = RapidNames(choice.task, choice.link_task, unit, choice.port, choice.prefix)
+    return Package.of(folder, {name: content for name, content in files.items() if name not in left_out}, names)
 
 
 def _backup_folder(name: str) -> Path:

@@ -24,7 +24,7 @@ def test_the_shipped_modules_are_written_when_somebody_consents(version: int) ->
         assert done.exit_code == 0, done.stderr
         assert "motoron, AUTO" in done.stdout
         fragments = MODULES / ("rw6" if version == 1 else "rw7")
-        sent = [*MODULES.glob("CELL_*"), *fragments.iterdir()]
+        sent = [*MODULES.glob("CELL_*"), *fragments.glob("*.cfg")]
         assert written(cell) == {f"HOME/handeyed/{path.name}": path.read_bytes() for path in sent}
 
 
@@ -33,7 +33,7 @@ def test_files_are_written_while_the_pendant_has_the_controller() -> None:
         cell.does(lambda: cell.cell.inject_fault("rws-mastership-held"))
         cell.does(lambda: cell.controller.switch_mode(Mode.MANR, cell.cell.clock()))
         assert handeyed("robot", "upload", cell.rws(2), MODULES, "--yes").status == 0
-        assert len(written(cell)) == 5
+        assert {Path(name).name for name in written(cell)} > {"CELL_shared.sys", "CELL_comm.mod", "EIO.cfg"}
 
 
 def test_what_cannot_be_uploaded_is_reported_before_anybody_is_asked(tmp_path: Path) -> None:

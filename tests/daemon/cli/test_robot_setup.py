@@ -96,7 +96,7 @@ def test_egm_is_asked_for_only_when_it_is_wanted(shared_cell: RwsCell) -> None:
     without("689-1")(shared_cell)
     try:
         assert run(shared_cell, 1, "--dry-run").status == 0
-        assert "689-1 Externally Guided Motion" in run(shared_cell, 1, "--dry-run", "--egm").out
+        assert "689-1 Externally Guided Motion" in run(shared_cell, 1, "--dry-run", "--egm", "10.0.0.9").out
     finally:
         without()(shared_cell)
 
@@ -123,6 +123,24 @@ def test_a_bare_controller_is_set_up_read_back_and_undone(version: int, tmp_path
         assert not any(instances for kinds in world.equipment.configuration.values() for instances in kinds.values())
 
 
+@pytest.mark.parametrize(
+    ("options", "words", "absent"),
+    [
+        (("--called",), "write cell_motion; into your program", "CELL_main.mod"),
+        (("--egm", "10.0.0.9"), "HOME:/handeyed/SIO_egm.cfg", "CELL_none"),
+        (("--prefix", "left", "--port", "4243", "--link-task", "T_LINK"), "LEFT_shared.sys", "CELL_"),
+        (("--to", "cal"), "HOME:/cal/CELL_main.mod", "HOME:/handeyed"),
+    ],
+)
+def test_the_program_is_the_one_that_was_chosen(
+    shared_cell: RwsCell, options: tuple[str, ...], words: str, absent: str
+) -> None:
+    ran = run(shared_cell, 1, "--dry-run", *options)
+    assert ran.status == 0, ran.out + ran.err
+    assert words in ran.out
+    assert absent not in ran.out
+
+
 def test_what_may_not_be_loaded_becomes_a_step_by_hand(tmp_path: Path) -> None:
     with rws_cell_apart() as cell:
         cell.does(lambda: (bare(cell), manual(cell), held(cell)))
@@ -131,7 +149,7 @@ def test_what_may_not_be_loaded_becomes_a_step_by_hand(tmp_path: Path) -> None:
         assert done.status == 0, done.err
         assert document["plan"]["load"] == []
         assert [step for step in document["by_hand"] if "HOME:/handeyed/SYS.cfg" in step]
-        assert len(cell.world.volumes.files) == 5
+        assert cell.world.volumes.files.keys() == {f"HOME/handeyed/{name}" for name in document["plan"]["write"]}
         assert not cell.world.equipment.configuration
 
 

@@ -1,20 +1,22 @@
 """The steps of an installation, from what the controller is and what is to be installed. Pure."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
+from drivers.robots.abb.rapid_names import RapidNames
 from drivers.robots.abb.setup import settings
 from drivers.robots.abb.setup.requirements import WRITE_CONFIGURATION, WRITE_DATA, Finding
 from drivers.robots.abb.setup.survey import ControllerSurvey
 from protocols.cfg_file import CfgFile, parse_cfg
 
-SHARED_MODULE = "CELL_shared.sys"
 LOAD_MENU = "RobotStudio: Configuration, Load Parameters, 'Load parameters if no duplicates'"
 RESET_RAPID = {
     6: "restart with Reset RAPID (pendant: ABB menu, Restart, Advanced, Reset RAPID), which takes modules and settings",
     7: "restart with Reset RAPID (pendant: Settings, Advanced restart, Reset RAPID), which takes modules and settings",
 }
 POINTER = "run mode continuous; PP to main; motors on; start; then AUTO"
+CALLED = "{task}: write cell_motion; into your program where the arm may leave its work; " + POINTER
+EGM = "EGM: load CELL_egm.mod into the motion task, and call cell_motion_egm, or in CELL_main cell_obey_egm TRUE"
 FIREWALL = (
     "let the link through: pendant, Settings, Network, Firewall Manager: RobotWebServices and RAPID sockets, for the "
     "port the PC is at"
@@ -23,10 +25,21 @@ FIREWALL = (
 
 @dataclass(frozen=True)
 class Package:
-    """What is installed: files by name in one folder of HOME, among them the configuration fragments."""
+    """What is installed: files by name in one folder of HOME, among them the configuration fragments.
+
+    `names`: those of the arm that the program is for.
+    """
 
     folder: str
     files: Mapping[str, bytes]
+    names: RapidNames = field(default_factory=RapidNames)
+
+    @classmethod
+    def of(cls, folder: str, files: Mapping[str, bytes], names: RapidNames) -> "Package":
+        """The shipped files for an arm of those names, in that folder."""
+        renamed = names.rename_all({name: content.decode("ascii") for name, content in files.items()})
+        there = {name: text.replace("HOME:/handeyed/", f"HOME:/{folder}/") for name, text in renamed.items()}
+        return cls(folder, {name: text.encode("ascii") for name, text in there.items()}, names)
 
     @property
     def fragments(self) -> dict[str, CfgFile]:
@@ -40,7 +53,11 @@ class Package:
     @property
     def shared(self) -> str:
         """Text of the module with the settings; "" without one."""
-        return self.files.get(SHARED_MODULE, b"").decode("ascii", "replace")
+        return self.files.get(self._shared_name, b"").decode("ascii", "replace")
+
+    @property
+    def _shared_name(self) -> str:
+        return self.names.rename("CELL_shared.sys")
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -52,11 +69,16 @@ class Package:
         if not values:
             return self
         written = settings.replace_settings(self.shared, values).encode("ascii")
-        return Package(self.folder, {**self.files, SHARED_MODULE: written})
+        return replace(self, files={**self.files, self._shared_name: written})
 
     def setting(self, name: str) -> str:
-        """Value of a setting in the text; "" without one."""
-        return settings.value_in(self.shared, name) or ""
+        """Value of a setting, named as shipped, in the text; "" without one."""
+        return settings.value_in(self.shared, self.names.rename(name)) or ""
+
+    @property
+    def is_called(self) -> bool:
+        """Whether a program of the customer calls the motion part, which then has no main of its own."""
+        return self.names.rename("CELL_main.mod") not in self.files
 
     @property
     def load_is_default(self) -> bool:
@@ -116,7 +138,8 @@ def plan_setup(
         *(() if may_load else (f"{LOAD_MENU}: HOME:/{package.folder}/{name}" for name in absent)),
         *((RESET_RAPID.get(survey.family, RESET_RAPID[7]),) if changed else ()),
         *((FIREWALL,) if survey.family >= 7 and not survey.virtual else ()),
-        f"{task}: no other module may have a main; {POINTER}",
+        *((EGM,) if package.names.rename("CELL_egm.mod") in package.files else ()),
+        (CALLED if package.is_called else "{task}: no other module may have a main; " + POINTER).format(task=task),
         "run this command again: it reads back the settings in use" if not survey.symbols else "handeyed check",
     )
     replaced = tuple(name for name in package.files if name in current and name not in unchanged)
@@ -128,9 +151,12 @@ def wants(survey: ControllerSurvey, name: str, fragment: CfgFile, package: Packa
 
     The serial port is wanted only for a link over a serial line.
     """
-    if fragment.domain == "SIO" and package.setting("cell_use_serial").upper() != "TRUE":
-        return False
-    named = [each for each in fragment.instances if "Name" in each.attributes and each.kind != "SYSSIG_OUT"]
+    serial = package.setting("cell_use_serial").upper() == "TRUE"
+    named = [
+        each
+        for each in fragment.instances
+        if "Name" in each.attributes and each.kind != "SYSSIG_OUT" and (serial or each.kind != "COM_PHY_CHANNEL")
+    ]
     return any(each.name not in survey.instances.get(f"{fragment.domain}/{each.kind}", frozenset()) for each in named)
 
 

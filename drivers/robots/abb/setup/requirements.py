@@ -169,6 +169,6 @@ def _frames(survey: ControllerSurvey, *, load_is_default: bool) -> Iterable[Find
         fix = "poses of the link are in world; leave [robot] model out unless the daemon knows the base frame"
         yield Finding("base-frame", False, what, fix)
     if load_is_default:
-        what = "the load of cell_flange is the 1 gram of tool0"
+        what = "the load of cell_flange is the 1 gram of tool0: arming is refused with NO_LOAD"
         fix = "pendant: Program Editor, Debug, Call Routine, LoadIdentify; then --set cell_flange=... before it moves"
         yield Finding("tool-load", False, what, fix)
