@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install test test-all test-busy test-opencv4 test-deployed check bench torture lock sbom deb format clean
+.PHONY: help demo cell install test test-all test-busy test-opencv4 test-deployed check bench torture lock sbom deb format clean page-vendor
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -22,6 +22,7 @@ help:
 	@echo "make deb      build the Debian package into dist/; deploy/deb/try.sh installs and removes it in a chroot"
 	@echo "make torture  kill -9 at random and at every failpoint, 1000 times (ROUNDS=200 for fewer)"
 	@echo "make sbom     what the daemon is made of: CycloneDX, in build/sbom.cdx.json"
+	@echo "make page-vendor  build the libraries of the operator's page anew (npm); they are committed"
 	@echo "make lock     pin the dependencies for deployment (deploy/*.lock)"
 
 demo: install
@@ -111,6 +112,9 @@ $(VENV)/measuring: $(VENV)/developing
 	@echo "Installing the peers to measure against ..."
 	@$(PIP) install --group bench
 	@touch $@
+
+page-vendor:
+	node deploy/page-vendor.mjs
 
 lock: $(VENV)/developing
 	@$(PIP) install "uv>=0.9"

@@ -11,6 +11,7 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
     ("GET", "/session", Role.NOBODY),  # who is signed in, and what is asked for
     ("DELETE", "/session", Role.NOBODY),  # ends the caller's own
     ("POST", "/session/touch", Role.VIEWER),
+    ("GET", "/page/*", Role.NOBODY),  # static files; the page asks for a key itself
     ("GET", "/audit", Role.ADMIN),
     ("GET", ANY, Role.VIEWER),
     ("HEAD", ANY, Role.VIEWER),
@@ -22,4 +23,9 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
 
 def role_for(method: str, path: str) -> Role:
     """The lowest role that may make this request."""
-    return next(role for verb, place, role in POLICY if verb in (method, ANY) and place in (path, ANY))
+    return next(role for verb, place, role in POLICY if verb in (method, ANY) and _matches(place, path))
+
+
+def _matches(place: str, path: str) -> bool:
+    """True when a row's place is this path, a folder that holds it (`/page/*`), or any."""
+    return place in (path, ANY) or (place.endswith("/*") and path.startswith(place[:-1]))

@@ -22,6 +22,7 @@ from daemon.api.middleware.request_checks import RequestChecks
 from daemon.api.route_table import ROUTERS
 from daemon.application import Application
 from daemon.errors import DaemonError
+from daemon.page import PageFiles
 from daemon.runtime.version import VERSION
 from drivers.errors import DeviceError
 from registration.errors import RegistrationError
@@ -65,6 +66,7 @@ def routes(application: Application | None) -> FastAPI:
     app.state.application = application
     if application is not None:
         app.state.live = LiveFeed(application)
+    app.state.page_files = PageFiles()
     for router in ROUTERS:
         app.include_router(router)
     for kind in (DaemonError, CalibrationError, DeviceError, RegistrationError, Exception):

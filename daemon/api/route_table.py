@@ -1,6 +1,6 @@
 """Every router of the REST interface, the nouns its routes are listed under, and the links of GET /."""
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request, Response
 
 from daemon.api.routes import (
     admin,
@@ -12,6 +12,7 @@ from daemon.api.routes import (
     exports,
     health,
     live,
+    page,
     register,
     runs,
     scans,
@@ -53,8 +54,10 @@ root = APIRouter(tags=["health"])
 
 
 @root.get("/", response_model=Welcome)
-async def welcome() -> Welcome:
-    """Links to all resources."""
+async def welcome(request: Request) -> Response | Welcome:
+    """Links to all resources; a browser is sent to the page."""
+    if "text/html" in request.headers.get("accept", ""):
+        return Response(status_code=303, headers={"Location": "/page/", "Vary": "Accept"})
     return Welcome(software=SOFTWARE, links=LINKS)
 
 
@@ -73,4 +76,5 @@ ROUTERS: tuple[APIRouter, ...] = (
     scans.router,
     admin.router,
     session.router,
+    page.router,
 )

@@ -65,7 +65,11 @@ def curl_lines(url: str, view: Path) -> str:
 
 def next_steps(kept_url: str | None, view: Path) -> str:
     """The demo's last lines: how to keep the cell, and three commands to try."""
-    first = "The cell keeps running until Ctrl-C." if kept_url else "`handeyed demo --keep` keeps the cell running."
+    first = (
+        f"The cell keeps running until Ctrl-C. Its page: {kept_url}/page/\n"
+        if kept_url
+        else "`handeyed demo --keep` keeps the cell running."
+    )
     return f"\n{first} In another terminal, in this folder:\n\n{curl_lines(kept_url or DEFAULT_URL, view)}\n"
 
 

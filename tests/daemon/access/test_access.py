@@ -111,7 +111,7 @@ def test_every_operation_of_openapi_says_its_role_and_what_is_unknown_needs_an_o
 
 def test_every_path_of_the_policy_is_a_route() -> None:
     routes = {(method, path) for method, path, _ in OPERATIONS}
-    assert {(method, path) for method, path, _ in POLICY if path != ANY} <= routes
+    assert {(method, path) for method, path, _ in POLICY if not path.endswith(ANY)} <= routes
 
 
 @pytest.mark.parametrize("path", ["//audit", "/audit/", "/AUDIT", "/./audit", "/%61udit", "/x/../audit"])

@@ -1,0 +1,59 @@
+"""The operator's page: static files of this folder, served by daemon/api/routes/page.py under a hash of them all."""
+
+import gzip
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+
+MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+    ".json": "application/json",
+}
+VERSION_MARK = "{version}"
+"""Replaced in index.html by the hash, so that the files it names may be kept for ever."""
+
+
+@dataclass(frozen=True)
+class PageFile:
+    """One file: its bytes as they are and by gzip, and its media type."""
+
+    content: bytes
+    packed: bytes
+    media_type: str
+
+
+class PageFiles:
+    """The files by path below FOLDER, read when first asked for; about 0.1 s."""
+
+    @cached_property
+    def _contents(self) -> dict[str, bytes]:
+        paths = sorted(path for path in FOLDER.rglob("*") if path.suffix in MEDIA_TYPES)
+        return {path.relative_to(FOLDER).as_posix(): path.read_bytes() for path in paths}
+
+    @cached_property
+    def version(self) -> str:
+        """Hash of all names and contents: 16 hexadecimal digits."""
+        together = hashlib.sha256()
+        for name, content in self._contents.items():
+            together.update(f"{name}\0{len(content)}\0".encode() + content)
+        return together.hexdigest()[:16]
+
+    @cached_property
+    def _files(self) -> dict[str, PageFile]:
+        contents = dict(self._contents)
+        contents["index.html"] = contents["index.html"].replace(VERSION_MARK.encode(), self.version.encode())
+        return {
+            name: PageFile(content, gzip.compress(content, mtime=0), MEDIA_TYPES[Path(name).suffix])
+            for name, content in contents.items()
+        }
+
+    def find(self, name: str) -> PageFile | None:
+        """The file of this path; None when there is none."""
+        return self._files.get(name)

@@ -1,0 +1,100 @@
+// The page: header, banners, and the screen of the place in the address.
+import { Component, html, render, useEffect, useState } from './vendor/preact.js';
+import { Banners } from './parts/banners.js';
+import { Header } from './parts/header.js';
+import { start } from './state/live.js';
+import { refused, session } from './state/now.js';
+import { place } from './state/place.js';
+import { loadSession } from './state/session.js';
+import { useTouch } from './state/touch.js';
+import { t } from './state/words.js';
+
+const SCREENS = {
+  cell: () => import('./screens/cell.js').then(({ Cell }) => Cell),
+  calibrate: () => import('./screens/calibrate.js').then(({ Calibrate }) => Calibrate),
+  run: () => import('./screens/run.js').then(({ Run }) => Run),
+  result: () => import('./screens/result.js').then(({ Result }) => Result),
+  verify: () => import('./screens/verify.js').then(({ Verify }) => Verify),
+  scans: () => import('./screens/scans.js').then(({ Scans }) => Scans),
+  devices: () => import('./screens/devices.js').then(({ Devices }) => Devices),
+  history: () => import('./screens/history.js').then(({ History }) => History),
+  audit: () => import('./screens/audit.js').then(({ Audit }) => Audit),
+  settings: () => import('./screens/settings.js').then(({ Settings }) => Settings),
+  help: () => import('./screens/help.js').then(({ Help }) => Help),
+  'sign-in': () => import('./screens/sign_in.js').then(({ SignIn }) => SignIn),
+};
+const fetched = {};
+
+/** The component of a screen, fetched when first shown; null until it is there. */
+function useScreen(name) {
+  const [, setTurn] = useState(0);
+  useEffect(() => {
+    if (!fetched[name]) fetchScreen(name).then(() => setTurn((turn) => turn + 1));
+  }, [name]);
+  return fetched[name] ?? null;
+}
+
+async function fetchScreen(name) {
+  fetched[name] ??= await SCREENS[name]();
+}
+
+/** All other screens, once the first is shown: a daemon that is replaced serves those of its own version only. */
+async function fetchRest() {
+  for (const name of Object.keys(SCREENS)) await fetchScreen(name);
+}
+
+/** A fault of one screen leaves header and "End run" as they are. */
+class Guard extends Component {
+  state = { error: null };
+
+  componentDidCatch(error) {
+    console.error(error);
+    this.setState({ error });
+  }
+
+  render({ children }, { error }) {
+    return error ? html`<p class="note warn" role="alert">${t('problem.page')} <span class="mono">${String(error.message)}</span></p>` : children;
+  }
+}
+
+function Page() {
+  const { screen, argument } = place.value;
+  const known = screen in SCREENS ? screen : 'cell';
+  const outside = session.value && session.value.role === 'nobody' && known !== 'help';
+  const Screen = useScreen(outside ? 'sign-in' : known);
+  useTouch();
+  useEffect(() => {
+    document.title = `${t(`place.${outside ? 'sign-in' : known}`)} · ${session.value?.cell || 'handeyed'}`;
+    document.querySelector('h1')?.focus({ preventScroll: true });
+    scrollTo(0, 0);
+  }, [known, argument, outside]);
+  return html`
+    <a class="skip" href="#content" onClick=${toContent}>${t('skip')}</a>
+    <${Header} screen=${known} />
+    <main id="content" tabindex="-1">
+      <h1 class="sr-only" tabindex="-1">${t(`place.${outside ? 'sign-in' : known}`)}</h1>
+      <${Banners} />
+      ${session.value === null || !Screen ? html`<p class="quiet">${t('missing.wait')}</p>` : html`<${Guard} key=${`${known}/${argument}`}><${Screen} argument=${argument} /></${Guard}>`}
+    </main>`;
+}
+
+function toContent(event) {
+  event.preventDefault();
+  document.querySelector('#content').focus();
+}
+
+async function begin() {
+  for (;;) {
+    try {
+      await loadSession();
+      return;
+    } catch (problem) {
+      refused.value = { code: problem.code, detail: problem.message, ...problem.problem };
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+    }
+  }
+}
+
+render(html`<${Page} />`, document.body);
+start();
+begin().then(() => setTimeout(fetchRest, 2000));

@@ -1,0 +1,11 @@
+// The frame of everything: a titled section.
+import { html } from '../vendor/preact.js';
+
+export const Card = ({ title, children, wide, tall, id, aside }) =>
+  html`<section class="card ${wide ? `wide-${wide}` : ''} ${tall ? 'tall' : ''}" aria-labelledby=${id}>
+    <header><h2 id=${id}>${title}</h2>${aside}</header>
+    ${children}
+  </section>`;
+
+export const Facts = ({ rows }) =>
+  html`<dl class="facts">${rows.filter(Boolean).map(([name, value]) => html`<div><dt>${name}</dt><dd>${value}</dd></div>`)}</dl>`;

@@ -1,0 +1,51 @@
+// What the camera sees, with the corners found, asked anew every two seconds while it is looked at and nothing runs.
+import { html, useEffect, useState } from '../vendor/preact.js';
+import { ask } from '../state/ask.js';
+import { lost, look, run, running } from '../state/now.js';
+import { count } from '../state/numbers.js';
+import { t } from '../state/words.js';
+import { Picture } from './picture.js';
+
+const EVERY_MS = 2000;
+
+export function LivePicture() {
+  const [shown, setShown] = useState({ src: null, look: null, turn: 0 });
+  const manual = run.value?.request?.manual && running.value;
+  useEffect(() => {
+    let wanted = true;
+    let timer = 0;
+    let held = null;
+    const next = async () => {
+      if (!document.hidden && !lost.value) {
+        try {
+          const seen = manual ? null : (await ask('/camera/look')).data;
+          const { data } = await ask('/camera/frame?width=960', { kind: 'blob', headers: { Accept: 'image/jpeg' } });
+          const url = URL.createObjectURL(data);
+          if (!wanted) return void URL.revokeObjectURL(url);
+          if (held) URL.revokeObjectURL(held);
+          held = url;
+          setShown({ src: url, look: seen });
+        } catch (error) {
+          if (wanted) setShown((before) => ({ ...before, error }));
+        }
+      }
+      if (wanted) timer = setTimeout(next, EVERY_MS);
+    };
+    next();
+    return () => {
+      wanted = false;
+      clearTimeout(timer);
+      if (held) URL.revokeObjectURL(held);
+    };
+  }, [manual]);
+  const seen = manual ? look.value : shown.look;
+  const words = seenWords(seen);
+  return html`<${Picture} src=${shown.src} size=${seen?.size ?? undefined} corners=${seen?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} dim=${lost.value} />
+    <p role="status">${words}</p>`;
+}
+
+export function seenWords(seen) {
+  if (!seen) return '';
+  if (!seen.corners?.length) return `✕ ${t('look.none')}`;
+  return `✓ ${t('look.corners', { count: count(seen.corners.length), of: count(seen.of) })}`;
+}

@@ -1,0 +1,37 @@
+// Rotations and poses as the documents hold them: quaternions w first, lengths mm (pure).
+
+export const conjugate = ([w, x, y, z]) => [w, -x, -y, -z];
+
+export function multiply([a, b, c, d], [e, f, g, h]) {
+  return [a * e - b * f - c * g - d * h, a * f + b * e + c * h - d * g, a * g - b * h + c * e + d * f, a * h + b * g - c * f + d * e];
+}
+
+/** The vector turned by a quaternion. */
+export function turn(q, [x, y, z]) {
+  const [, a, b, c] = multiply(multiply(q, [0, x, y, z]), conjugate(q));
+  return [a, b, c];
+}
+
+export function compose(a, b) {
+  const moved = turn(a.quaternion_wxyz, b.translation_mm);
+  return {
+    translation_mm: a.translation_mm.map((value, axis) => value + moved[axis]),
+    quaternion_wxyz: multiply(a.quaternion_wxyz, b.quaternion_wxyz),
+  };
+}
+
+/** A rotation vector in degrees. */
+export function rotationVector_deg([w, x, y, z]) {
+  const [sign, length] = [w < 0 ? -1 : 1, Math.hypot(x, y, z)];
+  if (length < 1e-12) return [0, 0, 0];
+  const angle = 2 * Math.atan2(length, sign * w) * (180 / Math.PI);
+  return [x, y, z].map((value) => (sign * value * angle) / length);
+}
+
+/** The way from `here` to `there`: turns about the flange's axes in degrees, shifts in the base in mm. */
+export function wayToGo(here, there) {
+  return {
+    turns_deg: rotationVector_deg(multiply(conjugate(here.quaternion_wxyz), there.quaternion_wxyz)),
+    shifts_mm: there.translation_mm.map((value, axis) => value - here.translation_mm[axis]),
+  };
+}

@@ -1,0 +1,59 @@
+// The cell in three dimensions: arm, box, target, views taken (solid), planned (dashed), the next (filled).
+import { Group } from '../vendor/three.js';
+import { arm, box, discard, floor, frustum, outline, plate } from './bodies.js';
+import { createView } from './view.js';
+
+const COLOURS = {
+  light: { grid: 0x8a949e, arm: 0xa9b1b9, seen: 0x2b3137, next: 0x0a5299, target: 0xffffff, edge: 0x1b1f23, box: 0x5a6570 },
+  dark: { grid: 0x6a747e, arm: 0x8f99a3, seen: 0xdfe5ea, next: 0x8ec2ff, target: 0xf4f6f8, edge: 0xc3ccd4, box: 0x98a3ad },
+};
+
+/** A scene on `canvas`, or null without WebGL 2. `show(parts, dark)` replaces what has changed. */
+export function createCellScene(canvas) {
+  const view = createView(canvas);
+  if (!view) return null;
+  const shown = new Map();
+  let framed = '';
+  const put = (name, key, make) => {
+    const before = shown.get(name);
+    if (before?.key === key) return;
+    if (before) discard(before.group);
+    const group = new Group();
+    for (const part of make()) group.add(part);
+    view.scene.add(group);
+    shown.set(name, { key, group });
+    view.draw();
+  };
+  return {
+    show({ skeleton_mm, box_mm, target, outline_mm, views = [], planned = [], next, here, ghost_mm }, dark) {
+      const colour = dark ? COLOURS.dark : COLOURS.light;
+      const of = (value) => `${dark}${JSON.stringify(value ?? null)}`;
+      put('floor', of(0), () => [floor(colour.grid)]);
+      put('arm', of(skeleton_mm), () => (skeleton_mm ? [arm(skeleton_mm, colour.arm)] : []));
+      put('ghost', of(ghost_mm), () => (ghost_mm ? [outline([...ghost_mm, ...ghost_mm.slice(1, -1).reverse()], colour.next)] : []));
+      put('box', of(box_mm), () => (box_mm ? [box(...box_mm, colour.box)] : []));
+      put('target', of([target, outline_mm]), () => (target ? [targetOf(target, outline_mm, colour)] : []));
+      put('views', of(views), () => views.map((pose) => frustum(pose, { colour: colour.seen })));
+      put('planned', of(planned), () => planned.map((pose) => frustum(pose, { colour: colour.next, dashed: true })));
+      put('next', of(next), () => (next ? [frustum(next, { colour: colour.next, filled: true, length: 160 })] : []));
+      put('here', of(here), () => (here ? [frustum(here, { colour: colour.seen, filled: true })] : []));
+      const around = of([box_mm, Boolean(skeleton_mm)]);
+      if (box_mm && around !== framed) {
+        framed = around;
+        const low = box_mm[0].map((value, axis) => Math.min(value, [-250, -250, 0][axis]));
+        const high = box_mm[1].map((value, axis) => Math.max(value, [250, 250, 900][axis]));
+        view.frame(low, high);
+      }
+    },
+    dispose() {
+      for (const { group } of shown.values()) discard(group);
+      view.dispose();
+    },
+  };
+}
+
+function targetOf(pose, outline_mm, colour) {
+  const xs = outline_mm?.map(([x]) => x) ?? [0, 300];
+  const ys = outline_mm?.map(([, y]) => y) ?? [0, 200];
+  return plate(pose, [Math.max(...xs), Math.max(...ys)], colour.target, colour.edge);
+}

@@ -1,0 +1,99 @@
+// A cloud in three dimensions: points coloured by source view or height, clipped by height, picked by mouse, finger or key.
+import { BufferAttribute, BufferGeometry, GLSL3, Points, Raycaster, ShaderMaterial, SphereGeometry, Mesh, MeshBasicMaterial, Vector2 } from '../vendor/three.js';
+import { boundsOf, pickPoint } from './cloud_data.js';
+import { createView } from './view.js';
+
+const VERTEX = `
+  in float view;
+  uniform int colouring; uniform float low; uniform float high; uniform float cut; uniform float size;
+  out vec3 shade;
+  vec3 hue(float h) { vec3 k = abs(fract(h + vec3(0.0, 0.6667, 0.3333)) * 6.0 - 3.0) - 1.0; return mix(vec3(0.62), clamp(k, 0.0, 1.0), 0.62) * 0.92; }
+  vec3 ramp(float s) { return vec3(0.16 + 0.79 * smoothstep(0.3, 1.0, s), 0.22 + 0.62 * s, 0.48 + 0.2 * sin(3.1416 * s) - 0.28 * smoothstep(0.6, 1.0, s)); }
+  void main() {
+    shade = colouring == 0 ? hue(view * 0.381966) : ramp(clamp((position.z - low) / max(1e-3, high - low), 0.0, 1.0));
+    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+    if (position.z > cut) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+    gl_PointSize = size;
+  }`;
+const FRAGMENT = `in vec3 shade; out vec4 colour; void main() { colour = vec4(shade, 1.0); }`;
+
+/** Null without WebGL 2. `onPick({ point, view })` for a chosen point. */
+export function createCloudScene(canvas, { onPick }) {
+  const view = createView(canvas);
+  if (!view) return null;
+  const material = new ShaderMaterial({
+    vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3,
+    uniforms: { colouring: { value: 0 }, low: { value: 0 }, high: { value: 1 }, cut: { value: 1e9 }, size: { value: 2 } },
+  });
+  let points = null;
+  let data = null;
+  const marks = [];
+  const mark = (place, size) => {
+    const ball = new Mesh(new SphereGeometry(size, 16, 12), new MeshBasicMaterial({ color: 0xffffff }));
+    ball.position.set(...place);
+    view.scene.add(ball);
+    marks.push(ball);
+    if (marks.length > 2) view.scene.remove(marks.shift());
+    view.draw();
+  };
+  const ray = new Raycaster();
+  const pickAt = (x, y) => {
+    if (!data) return;
+    ray.setFromCamera(new Vector2(x, y), view.camera);
+    const index = pickPoint(data.xyz, ray.ray.origin.toArray(), ray.ray.direction.toArray(), 0.006);
+    if (index < 0) return;
+    const point = Array.from(data.xyz.subarray(3 * index, 3 * index + 3));
+    mark(point, view.camera.position.distanceTo(view.controls.target) * 0.005);
+    onPick({ point, view: data.view[index] });
+  };
+  let pressed = null;
+  const onDown = (event) => (pressed = [event.clientX, event.clientY]);
+  const onUp = (event) => {
+    if (!pressed || Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > 6) return;
+    const box = canvas.getBoundingClientRect();
+    pickAt((2 * (event.clientX - box.left)) / box.width - 1, 1 - (2 * (event.clientY - box.top)) / box.height);
+  };
+  const onKey = ({ key }) => key === 'Enter' && pickAt(0, 0);
+  canvas.addEventListener('pointerdown', onDown);
+  canvas.addEventListener('pointerup', onUp);
+  canvas.addEventListener('keydown', onKey);
+  return {
+    /** { xyz, view } of `joinParts`; `keep`: the camera stays where it is. Returns the bounds. */
+    show(cloud, keep) {
+      data = cloud;
+      if (points) {
+        view.scene.remove(points);
+        points.geometry.dispose();
+      }
+      const geometry = new BufferGeometry();
+      geometry.setAttribute('position', new BufferAttribute(cloud.xyz, 3));
+      geometry.setAttribute('view', new BufferAttribute(cloud.view, 1));
+      points = new Points(geometry, material);
+      points.frustumCulled = false;
+      view.scene.add(points);
+      const [low, high] = boundsOf(cloud.xyz);
+      material.uniforms.low.value = low[2];
+      material.uniforms.high.value = high[2];
+      material.uniforms.size.value = cloud.points > 250_000 ? 1.6 : 3;
+      if (!keep) view.frame(low, high, [0.35, -1, 0.45]);
+      view.draw();
+      return [low, high];
+    },
+    set(name, value) {
+      material.uniforms[name].value = value;
+      view.draw();
+    },
+    clear() {
+      for (const ball of marks.splice(0)) view.scene.remove(ball);
+      view.draw();
+    },
+    dispose() {
+      canvas.removeEventListener('pointerdown', onDown);
+      canvas.removeEventListener('pointerup', onUp);
+      canvas.removeEventListener('keydown', onKey);
+      points?.geometry.dispose();
+      material.dispose();
+      view.dispose();
+    },
+  };
+}

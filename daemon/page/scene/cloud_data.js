@@ -1,0 +1,56 @@
+// Points of a merged cloud, view by view, first coarse and then finer within a budget (pure but for `fetchPart`).
+
+export const FIRST_VOXEL_MM = 8;
+export const MAX_POINTS = 700_000; // 8.4 MB at 12 bytes a point
+
+/** One array of coordinates and one of view indices from the parts' float32 x, y, z. */
+export function joinParts(parts) {
+  const total = parts.reduce((sum, { xyz }) => sum + xyz.length / 3, 0);
+  const xyz = new Float32Array(3 * total);
+  const view = new Float32Array(total);
+  let at = 0;
+  for (const part of parts) {
+    xyz.set(part.xyz, 3 * at);
+    view.fill(part.view, at, at + part.xyz.length / 3);
+    at += part.xyz.length / 3;
+  }
+  return { xyz, view, points: total };
+}
+
+/** The edge of the cubes with which `points` at `voxel_mm` become about `budget`: the number goes with the edge squared. */
+export function finerVoxel(voxel_mm, points, budget = MAX_POINTS) {
+  return Math.max(0.3, Number((voxel_mm * Math.sqrt(points / budget)).toPrecision(2)));
+}
+
+/** [low, high], each [x, y, z], of finite points. */
+export function boundsOf(xyz) {
+  const low = [Infinity, Infinity, Infinity];
+  const high = [-Infinity, -Infinity, -Infinity];
+  for (let at = 0; at < xyz.length; at += 3) {
+    for (let axis = 0; axis < 3; axis += 1) {
+      const value = xyz[at + axis];
+      if (value < low[axis]) low[axis] = value;
+      if (value > high[axis]) high[axis] = value;
+    }
+  }
+  return low[0] <= high[0] ? [low, high] : [[0, 0, 0], [1, 1, 1]];
+}
+
+/** Index of the point nearest to the ray within `limit` of it per length, the nearest of them to the eye; −1 for none. */
+export function pickPoint(xyz, [ox, oy, oz], [dx, dy, dz], limit) {
+  let best = -1;
+  let bestScore = Infinity;
+  for (let at = 0, index = 0; at < xyz.length; at += 3, index += 1) {
+    const [x, y, z] = [xyz[at] - ox, xyz[at + 1] - oy, xyz[at + 2] - oz];
+    const along = x * dx + y * dy + z * dz;
+    if (along <= 0) continue;
+    const off = Math.sqrt(Math.max(0, x * x + y * y + z * z - along * along)) / along;
+    if (off > limit) continue;
+    const score = along * (1 + 30 * (off / limit) * limit);
+    if (score < bestScore) {
+      bestScore = score;
+      best = index;
+    }
+  }
+  return best;
+}

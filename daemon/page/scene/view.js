@@ -1,0 +1,93 @@
+// A canvas with three.js: camera, light, drawing on demand, keys. Everything is in the robot's base, mm, z up.
+import { DirectionalLight, HemisphereLight, OrbitControls, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from '../vendor/three.js';
+
+const STEP_RAD = 0.12;
+
+/** Draws `scene` on `canvas` whenever `draw` is called; arrows turn, + and − come nearer, Home goes back. Null without WebGL 2. */
+export function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 500], onDraw } = {}) {
+  let renderer;
+  try {
+    renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+  } catch {
+    return null;
+  }
+  renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+  const scene = new Scene();
+  const camera = new PerspectiveCamera(38, 1.6, 5, 60000);
+  camera.up.set(0, 0, 1);
+  const controls = new OrbitControls(camera, canvas);
+  controls.enableDamping = false;
+  controls.zoomSpeed = 1.4;
+  scene.add(new HemisphereLight(0xffffff, 0x8a9299, 3.2));
+  const sun = new DirectionalLight(0xffffff, 2.2);
+  sun.position.set(1500, -2500, 4000);
+  scene.add(sun);
+
+  let wanted = 0;
+  const draw = () => {
+    wanted ||= requestAnimationFrame(() => {
+      wanted = 0;
+      renderer.render(scene, camera);
+      onDraw?.();
+    });
+  };
+  const home = { from: new Vector3(...from), at: new Vector3(...at) };
+  const goHome = () => {
+    camera.position.copy(home.from);
+    controls.target.copy(home.at);
+    controls.update();
+    draw();
+  };
+  controls.addEventListener('change', draw);
+
+  const turn = (azimuth, height) => {
+    const way = camera.position.clone().sub(controls.target);
+    way.applyAxisAngle(camera.up, azimuth);
+    const side = new Vector3().crossVectors(camera.up, way).normalize();
+    const raised = way.clone().applyAxisAngle(side, height);
+    if (Math.abs(raised.clone().normalize().z) < 0.995) way.copy(raised);
+    camera.position.copy(controls.target).add(way);
+    controls.update();
+  };
+  const zoom = (factor) => {
+    camera.position.sub(controls.target).multiplyScalar(factor).add(controls.target);
+    controls.update();
+  };
+  const acts = {
+    ArrowLeft: () => turn(-STEP_RAD, 0), ArrowRight: () => turn(STEP_RAD, 0), ArrowUp: () => turn(0, -STEP_RAD),
+    ArrowDown: () => turn(0, STEP_RAD), '+': () => zoom(0.85), '-': () => zoom(1 / 0.85), Home: goHome,
+  };
+  const onKey = (event) => {
+    if (!(event.key in acts)) return;
+    event.preventDefault();
+    acts[event.key]();
+  };
+  canvas.addEventListener('keydown', onKey);
+  const sizes = new ResizeObserver(() => {
+    const { clientWidth: width, clientHeight: height } = canvas;
+    if (!width || !height) return;
+    renderer.setSize(width, height, false);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    draw();
+  });
+  sizes.observe(canvas);
+  goHome();
+  return {
+    scene, camera, controls, renderer, draw,
+    /** Look at the box of these corners from the front, above. */
+    frame(low, high, direction = [0.75, -1, 0.6]) {
+      home.at.set(...low.map((value, axis) => (value + high[axis]) / 2));
+      const radius = Math.hypot(...low.map((value, axis) => high[axis] - value)) / 2;
+      const far = (radius * 1.15) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, Math.max(0.6, camera.aspect));
+      home.from.set(...direction).normalize().multiplyScalar(far).add(home.at);
+      goHome();
+    },
+    dispose() {
+      sizes.disconnect();
+      canvas.removeEventListener('keydown', onKey);
+      controls.dispose();
+      renderer.dispose();
+    },
+  };
+}

@@ -1,0 +1,47 @@
+// Help: the page's rules in a few sentences, and every code with what it means and what to do.
+import { html, useState } from '../vendor/preact.js';
+import { Act } from '../parts/act.js';
+import { Card } from '../parts/card.js';
+import { Missing, useAsked } from '../parts/loaded.js';
+import { ask } from '../state/ask.js';
+import { may } from '../state/now.js';
+import { linkTo } from '../state/place.js';
+import { t } from '../state/words.js';
+
+const RULES = ['hold', 'end', 'age', 'U', 'keys'];
+
+export function Help({ argument }) {
+  return html`<div class="grid">
+    ${argument && html`<${Code} code=${argument} />`}
+    <${Card} title=${t('help.title')} id="rules" wide="2"><dl class="rules">${RULES.map((name) => html`<div><dt>${t(`help.${name}`)}</dt><dd>${t(`help.${name}.about`)}</dd></div>`)}</dl></${Card}>
+    <${Codes} />
+    ${may('admin') && html`<${Card} title=${t('help.bundle')} id="bundle"><p>${t('help.bundle.about')}</p><${Act} label=${t('download')} act=${bundle} /></${Card}>`}
+  </div>`;
+}
+
+async function bundle() {
+  const { data } = await ask('/support-bundle', { method: 'POST', kind: 'blob', limit_s: 120 });
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(data);
+  link.download = 'handeyed-support.zip';
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+function Code({ code }) {
+  const found = useAsked(`/help/${encodeURIComponent(code)}`);
+  return html`<${Card} title=${code} id="code" wide="2"><${Missing} asked=${found} none=${t('help.unknown')} />
+    ${found.data && html`<${Entry} entry=${found.data} />`}</${Card}>`;
+}
+
+const Entry = ({ entry }) => html`<p lang="en">${entry.what ?? entry.title ?? entry.meaning}</p>${entry.fix && html`<p class="quiet" lang="en">→ ${entry.fix}</p>`}`;
+
+function Codes() {
+  const [wanted, setWanted] = useState('');
+  const help = useAsked('/help');
+  const list = (help.data?.codes ?? help.data?.entries ?? []).filter(({ code, what = '' }) => `${code} ${what}`.toLowerCase().includes(wanted.toLowerCase()));
+  return html`<${Card} title=${t('help.codes')} id="codes" wide="2"><${Missing} asked=${help} none=${t('missing.none')} />
+    ${help.data && html`<label for="find-code">${t('help.find')}</label><input id="find-code" type="search" value=${wanted} onInput=${(event) => setWanted(event.target.value)} />
+      <ul class="plain codes">${list.map((entry) => html`<li><a href=${linkTo('help', entry.code)}>${entry.code}</a> <span lang="en">${entry.what ?? entry.title}</span></li>`)}</ul>`}
+  </${Card}>`;
+}

@@ -1,0 +1,129 @@
+// A result: verdict and U on its scale, what was found, beside what is in force, the views and their pictures.
+import { html, useState } from '../vendor/preact.js';
+import { Card, Facts } from '../parts/card.js';
+import { Findings } from '../parts/findings.js';
+import { HoldButton } from '../parts/hold_button.js';
+import { Uncertainty } from '../parts/in_force.js';
+import { Missing, useAsked } from '../parts/loaded.js';
+import { Picture } from '../parts/picture.js';
+import { ViewTable } from '../parts/view_table.js';
+import { ask } from '../state/ask.js';
+import { deg, fixed, mm, moment } from '../state/numbers.js';
+import { may, note, session } from '../state/now.js';
+import { linkTo } from '../state/place.js';
+import { sentence, t } from '../state/words.js';
+
+export function Result({ argument }) {
+  const list = useAsked(argument ? null : '/calibrations?limit=1', ['calibration', 'run']);
+  const id = argument || list.data?.calibrations[0]?.id;
+  const found = useAsked(id ? `/calibrations/${encodeURIComponent(id)}` : null);
+  const current = useAsked('/calibrations/current', ['applied', 'calibration']);
+  if (list.data && !id) {
+    return html`<${Card} title=${t('place.result')} id="none"><p>${t('result.never')}</p><p><a class="button primary" href=${linkTo('calibrate')}>${t('place.calibrate')}</a></p></${Card}>`;
+  }
+  if (!found.data) return html`<${Missing} asked=${argument ? found : list} none=${t('result.unknown')} />`;
+  return html`<${Shown} document=${found.data} current=${current} />`;
+}
+
+function Shown({ document, current }) {
+  const inForce = current.data?.applied.calibration_id === document.id;
+  return html`<div class="grid">
+    <${Card} title=${inForce ? t('result.in-force') : t('place.result')} id="verdict"><${Verdict} document=${document} current=${current} inForce=${inForce} /></${Card}>
+    <${Card} title=${t('result.found')} id="found"><${Findings} findings=${document.verdict.findings} /></${Card}>
+    <${Card} title=${t('compare.title')} id="compare"><${Compare} document=${document} current=${current} inForce=${inForce} /></${Card}>
+    <${Views} document=${document} />
+    <${Card} title=${t('pose.title')} id="pose" wide="3"><${PoseFacts} document=${document} /></${Card}>
+  </div>`;
+}
+
+function Verdict({ document, current, inForce }) {
+  const { accepted, rule } = document.verdict;
+  const path = `/calibrations/${encodeURIComponent(document.id)}`;
+  const apply = (extra) => async (key) => {
+    const headers = current.etag ? { 'If-Match': current.etag } : {};
+    await ask(`${path}/apply`, { method: 'POST', key, headers, body: { applied_by: session.value.name, ...extra } });
+    note('applied');
+    current.again();
+  };
+  const said = rule && sentence(rule);
+  return html`
+    <p class="sentence">${accepted ? `✓ ${t('verdict.accepted')}` : `✕ ${t('verdict.refused')}`}</p>
+    <${Uncertainty} document=${document} />
+    ${inForce ? html`<p><b>● ${t('result.since', { at: moment(current.data.applied.applied_at), by: current.data.applied.applied_by })}</b></p>`
+      : accepted && may('operator') && html`<${HoldButton} id="hold-apply" moves=${false} label=${t('result.apply')} act=${apply({})} />`}
+    <div class="row">
+      <a class="button" href=${`${path}/report`} target="_blank" rel="noreferrer">${t('result.report')}</a>
+      <a class="button" href=${path} download=${`${document.id}.json`}>${t('result.json')}</a>
+    </div>
+    ${!accepted && !inForce && document.flange_T_camera && may('admin') && html`<${Despite} document=${document} apply=${apply} />`}
+    ${said && html`<p class="small quiet" lang=${said.lang}>${said.text}</p>`}`;
+}
+
+function Despite({ document, apply }) {
+  const [reason, setReason] = useState('');
+  return html`<details><summary>${t('despite.title')}</summary>
+    <ul class="plain">${document.verdict.findings.filter(({ severity }) => severity === 'error').map((finding) => {
+      const said = sentence({ id: finding.id, params: finding.params, message: finding.message });
+      return html`<li lang=${said.lang}>✕ ${said.text}</li>`;
+    })}</ul>
+    <label for="despite">${t('despite.reason')}</label>
+    <input id="despite" value=${reason} maxlength="200" onInput=${(event) => setReason(event.target.value)} />
+    <${HoldButton} id="hold-despite" moves=${false} label=${t('despite.apply')} disabled=${reason.trim().length < 5} why=${t('despite.why')} act=${apply({ despite_verdict: true, reason: reason.trim() })} />
+  </details>`;
+}
+
+function Compare({ document, current, inForce }) {
+  const path = current.data && !inForce ? `/calibrations/${encodeURIComponent(document.id)}/compare?with=current` : null;
+  const compared = useAsked(path);
+  if (current.error?.status === 404) return html`<p class="quiet">${t('cell.no-force')}</p>`;
+  if (inForce) return html`<p class="quiet">${t('compare.same')}</p>`;
+  if (!compared.data) return html`<${Missing} asked=${compared} none=${t('compare.none')} />`;
+  const { translation_mm, rotation_deg, points, agree, summary } = compared.data;
+  const worst = points?.reduce((a, b) => (b.difference_mm > a.difference_mm ? b : a), points[0]);
+  const said = sentence(summary);
+  return html`<p class="sentence">${agree === null ? '○' : agree ? '=' : '≠'} ${t(agree === null ? 'compare.unknown' : agree ? 'compare.agree' : 'compare.differ')}</p>
+    <table><thead><tr><th scope="col">${t('compare.what')}</th><th scope="col" class="num">${t('compare.by')}</th><th scope="col" class="num">${t('compare.known')}</th></tr></thead>
+    <tbody>
+      ${worst && html`<tr><th scope="row">${t('compare.point')} <span lang="en">${worst.name}</span></th><td class="num">${mm(worst.difference_mm)}</td><td class="num">${worst.expanded_mm === null ? '—' : `± ${mm(worst.expanded_mm)}`}</td></tr>`}
+      <tr><th scope="row">${t('compare.translation')}</th><td class="num">${mm(translation_mm)}</td><td class="num">—</td></tr>
+      <tr><th scope="row">${t('compare.rotation')}</th><td class="num">${deg(rotation_deg)}</td><td class="num">—</td></tr>
+    </tbody></table>
+    <p class="quiet" lang=${said.lang}>${said.text}</p>`;
+}
+
+function Views({ document }) {
+  const [chosen, setChosen] = useState(null);
+  const [free, setFree] = useState(false);
+  const list = useAsked(`/calibrations?limit=100`);
+  const run = list.data?.calibrations.find(({ id }) => id === document.id)?.run_id ?? null;
+  const seen = useAsked(run ? `/runs/${encodeURIComponent(run)}/views` : null);
+  const rows = document.views.map((view) => ({
+    ...view, rms_px: view.reprojection_px, robot_mm: view.robot_correction ? Math.hypot(...view.robot_correction.translation_mm) : null,
+  }));
+  const worst = rows.reduce((a, b) => ((b.base_error_mm ?? 0) > (a?.base_error_mm ?? -1) ? b : a), null);
+  const index = chosen ?? worst?.index;
+  const view = seen.data?.views.find((one) => one.index === index);
+  const corners = (view?.corners ?? []).map(([id, u, v, du, dv, duFree, dvFree]) => (free ? [id, u, v, duFree, dvFree] : [id, u, v, du, dv]));
+  return html`
+    <${Card} title=${t('views.title')} id="views" wide="half"><${ViewTable} rows=${rows} chosen=${index} choose=${setChosen} result /></${Card}>
+    <${Card} title=${t('view.title', { view: index ?? '—' })} id="view" wide="half">
+      <${Picture} src=${run && index !== undefined ? `/runs/${encodeURIComponent(run)}/frames/${index}?width=960` : null} size=${view?.size ?? document.camera?.image_size} corners=${corners} arrows
+        alt=${t('view.alt', { view: index ?? '—', count: corners.length })} />
+      ${corners.length > 0 && html`<label class="check"><input type="checkbox" checked=${free} onChange=${() => setFree(!free)} /><span>${t('view.free')}</span></label>
+        <p class="small quiet">${t(free ? 'view.free-about' : 'view.reported-about')}</p>`}
+    </${Card}>`;
+}
+
+function PoseFacts({ document }) {
+  const pose = document.flange_T_camera ?? document.base_T_camera;
+  if (!pose) return html`<p>${t('pose.none')}</p>`;
+  const { uncertainty } = document;
+  const U = (values) => values && html` <span class="quiet">± ${values.map((value) => fixed(2 * value, 3)).join(', ')}</span>`;
+  return html`<${Facts} rows=${[
+    [t('pose.translation'), html`<span class="mono">(${pose.translation_mm.map((value) => fixed(value, 3)).join(', ')}) mm</span>${U(uncertainty?.translation_mm)}`],
+    [t('pose.quaternion'), html`<span class="mono">(${pose.quaternion_wxyz.map((value) => fixed(value, 7)).join(', ')})</span>`],
+    uncertainty && [t('pose.rotation'), html`<span class="quiet">± ${uncertainty.rotation_deg.map((value) => fixed(2 * value, 4)).join(', ')}°</span>`],
+    [t('pose.views'), `${document.observability.views_used} / ${document.views.length}`],
+    [t('pose.method'), `${document.setup} · ${document.method}`], [t('pose.made'), moment(document.created_at)], [t('pose.id'), document.id],
+  ]} />`;
+}

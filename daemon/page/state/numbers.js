@@ -1,0 +1,49 @@
+// Numbers as people read them: two significant digits of an uncertainty, a unit always, U+2212 for minus.
+import { locale } from './words.js';
+
+const plain = (value, options) => new Intl.NumberFormat(locale(), options).format(value).replace('-', '−');
+
+/** A length with `digits` significant ones: "0.13 mm". "—" for none. */
+export function mm(value, digits = 2) {
+  return value === null || value === undefined ? '—' : `${significant(value, digits)} mm`;
+}
+
+export function deg(value, digits = 2) {
+  return value === null || value === undefined ? '—' : `${significant(value, digits)}°`;
+}
+
+export function significant(value, digits = 2) {
+  if (!Number.isFinite(value)) return '—';
+  const places = value === 0 ? 0 : Math.max(0, digits - 1 - Math.floor(Math.log10(Math.abs(value))));
+  return fixed(value, Math.min(places, 6));
+}
+
+export function fixed(value, places) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '—';
+  return plain(value, { minimumFractionDigits: places, maximumFractionDigits: places });
+}
+
+/** A number with its sign: "+60", "−501". */
+export const signed = (value, places = 0) => plain(value, { maximumFractionDigits: places, signDisplay: 'exceptZero' });
+
+export const count = (value) => plain(value, {});
+
+export function bytes(value) {
+  if (value === null || value === undefined) return '—';
+  return value < 1e6 ? `${significant(value / 1e3, 2)} kB` : `${significant(value / 1e6, 2)} MB`;
+}
+
+const asDate = (text) => (text ? new Date(text) : null);
+
+/** Day and time of an ISO text. */
+export function moment(text) {
+  const date = asDate(text);
+  if (!date || Number.isNaN(date.getTime())) return '—';
+  return new Intl.DateTimeFormat(locale(), { dateStyle: 'medium', timeStyle: 'short' }).format(date);
+}
+
+export function timeOfDay(text) {
+  const date = asDate(text);
+  if (!date || Number.isNaN(date.getTime())) return '—';
+  return new Intl.DateTimeFormat(locale(), { timeStyle: 'short' }).format(date);
+}

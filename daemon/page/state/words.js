@@ -1,0 +1,57 @@
+// Texts by id and parameters in the chosen language; what is missing there is shown in English.
+import { effect, signal } from '../vendor/preact.js';
+import en from '../words/en.js';
+import { fill, pseudo } from '../words/fill.js';
+import { language } from './choices.js';
+
+const dictionary = signal({ tag: 'en', page: en, daemon: {} });
+
+effect(() => {
+  load(language.value);
+});
+
+async function load(tag) {
+  if (tag === 'pseudo') {
+    show({ tag, page: Object.fromEntries(Object.entries(en).map(([id, text]) => [id, pseudo(text)])), daemon: {} });
+  } else if (tag === 'en') {
+    show({ tag, page: en, daemon: {} });
+  } else if (['de', 'zh', 'es'].includes(tag)) {
+    const [page, daemon] = await Promise.all([import(`../words/${tag}.js`), import(`../words/daemon.${tag}.js`)]);
+    if (language.value === tag) show({ tag, page: page.default, daemon: daemon.default });
+  }
+}
+
+function show(loaded) {
+  dictionary.value = loaded;
+  document.documentElement.lang = { zh: 'zh-Hans', pseudo: 'en-x-pseudo' }[loaded.tag] ?? loaded.tag;
+}
+
+/** The page's text `id`, with {name} filled from `params`. */
+export function t(id, params = {}) {
+  return fill(dictionary.value.page[id] ?? en[id] ?? id, params);
+}
+
+export const has = (id) => id in en;
+
+/** The locale of numbers and dates. */
+export function locale() {
+  const { tag } = dictionary.value;
+  return { en: 'en-GB', zh: 'zh-CN', pseudo: 'en-GB' }[tag] ?? tag;
+}
+
+/** A sentence of the daemon, { id, params, message }, as { text, lang }: lang is set when it had to stay English. */
+export function sentence({ id, params = {}, message }) {
+  const { tag, daemon } = dictionary.value;
+  if (tag === 'pseudo') return { text: pseudo(message ?? ''), lang: undefined };
+  const template = daemon[id];
+  const text = template && translated(daemon, id, params);
+  return text ? { text, lang: undefined } : { text: message ?? '', lang: tag === 'en' ? undefined : 'en' };
+}
+
+function translated(table, id, params) {
+  try {
+    return fill(table[id], params, table);
+  } catch {
+    return null; // a part of it has no translation yet
+  }
+}

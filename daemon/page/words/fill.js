@@ -1,0 +1,39 @@
+// Templates: {name} and {name:form}, with the forms of calibration/sentences: .2g, .1f, +.2f, .0%, views, and lists.
+
+/** `template` with its places filled by `params`; parts that are sentences are looked up in `table`. Throws when one is missing. */
+export function fill(template, params, table = {}) {
+  return template.replace(/\{(\w+)(?::([^}]*))?\}/g, (whole, name, form = '') => {
+    if (!(name in params)) return whole;
+    return formed(params[name], form, table);
+  });
+}
+
+function formed(value, form, table) {
+  if (form === 'views' && Array.isArray(value)) return value.slice(0, 12).join(', ') + (value.length > 12 ? ' …' : '');
+  if (form === 'step') return `${value > 0 ? '+' : '−'} ${Math.abs(value)}`;
+  if (Array.isArray(value)) return value.map((one) => formed(one, '', table)).join(form || ', ');
+  if (value !== null && typeof value === 'object') {
+    if (!(value.id in table)) throw new Error(`no text for ${value.id}`);
+    return fill(table[value.id], value.params ?? {}, table);
+  }
+  return typeof value === 'number' ? number(value, form) : String(value);
+}
+
+function number(value, form) {
+  const [, sign, digits, kind] = /^(\+?)(?:\.(\d+))?([gf%]?)$/.exec(form) ?? [];
+  let text;
+  if (kind === 'f') text = value.toFixed(Number(digits));
+  else if (kind === '%') text = `${(100 * value).toFixed(Number(digits ?? 0))} %`;
+  else if (kind === 'g') text = String(Number(value.toPrecision(Number(digits ?? 6))));
+  else text = String(value);
+  return (sign && value >= 0 ? '+' : '') + text.replace('-', '−');
+}
+
+const ACCENTED = { a: 'å', e: 'é', i: 'î', o: 'ö', u: 'û', A: 'Å', E: 'É', I: 'Î', O: 'Ö', U: 'Û', n: 'ñ', c: 'ç', s: 'š' };
+
+/** The text 40 % longer, with accents, in brackets: what is not marked is not translated, what overflows is seen. */
+export function pseudo(text) {
+  const longer = text.replace(/\{[^}]*\}|./gs, (part) => (part.length > 1 ? part : (ACCENTED[part] ?? part)));
+  const more = Math.ceil(0.4 * text.replace(/\{[^}]*\}/g, '').length);
+  return `⟦${longer}${' ~~~~~'.repeat(Math.ceil(more / 6)).slice(0, more)}⟧`;
+}

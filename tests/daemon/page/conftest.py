@@ -1,0 +1,112 @@
+"""A browser, a daemon with keys and the fake cell, and a page that fails the test on any console error."""
+
+import os
+import shutil
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import pytest_asyncio
+
+from tests.daemon.access_keys import with_keys
+from tests.daemon.cell_under_test import Bench
+
+CHROMIUM = "/usr/bin/chromium"
+ARGUMENTS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+HARMLESS = (
+    "GL Driver Message",
+    "GPU stall",
+    "the server responded with a status of 4",
+    "the server responded with a status of 503",
+    "net::ERR_FAILED",
+)
+"""Of the software renderer; and what Chromium writes of every refused request, which the page shows in words."""
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    if not Path(CHROMIUM).exists():
+        pytest.skip(f"the page is tried with {CHROMIUM}: apt-get install chromium")
+    return CHROMIUM
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def browser(chromium: str) -> AsyncIterator[Any]:
+    """Debian's Chromium under Playwright; the tests are skipped where one of them is missing."""
+    api = pytest.importorskip(
+        "playwright.async_api", reason="the page is tried with Playwright: pip install playwright"
+    )
+    sandbox = [] if os.geteuid() else ["--no-sandbox"]
+    async with api.async_playwright() as started:
+        launched = await started.chromium.launch(executable_path=chromium, args=[*ARGUMENTS, *sandbox])
+        yield launched
+        await launched.close()
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def cell(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[tuple[Bench, dict[str, str]]]:
+    """A daemon with a key of each role, and the fake cell's devices."""
+    async with with_keys(tmp_path_factory.mktemp("page")) as running:
+        yield running
+
+
+Opened = Callable[..., Any]
+
+
+@pytest.fixture
+def open_page(browser: Any, cell: tuple[Bench, dict[str, str]]) -> Opened:
+    """`async with open_page(role="operator", place="cell", **context) as page`: signed in, without a console error."""
+    bench, keys = cell
+
+    @asynccontextmanager
+    async def opened(
+        role: str | None = None, place: str = "cell", query: str = "lang=en", **context: Any
+    ) -> AsyncIterator[Any]:
+        window = await browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **context})
+        wrong: list[str] = []
+        try:
+            if role:
+                answer = await window.request.post(
+                    f"{bench.url}/session", data={"key": keys[role]}, headers={"Origin": bench.url}
+                )
+                assert answer.ok, await answer.text()
+            page = await window.new_page()
+            page.set_default_timeout(60_000)
+            watch(page, wrong)
+            await page.goto(f"{bench.url}/page/?{query}#/{place}")
+            yield page
+        finally:
+            await window.close()
+        assert wrong == []
+
+    return opened
+
+
+def watch(page: Any, wrong: list[str]) -> None:
+    """Collect what must not happen: errors in the console, faults of scripts, violations of the policy."""
+
+    def on_console(message: Any) -> None:
+        if message.type in ("error", "warning") and not any(text in message.text for text in HARMLESS):
+            wrong.append(message.text)
+
+    page.on("console", on_console)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+
+
+@pytest.fixture(scope="session")
+def axe() -> str:
+    """The source of axe-core; skipped where npm did not install it."""
+    file = Path(os.environ.get("HANDEYED_NODE_MODULES", "")) / "axe-core" / "axe.min.js"
+    if not file.is_file():
+        pytest.skip("npm's axe-core is not here: npm install axe-core, and set HANDEYED_NODE_MODULES")
+    return file.read_text()
+
+
+@pytest.fixture(scope="session")
+def node() -> str:
+    found = shutil.which("node")
+    if found is None:
+        pytest.skip("the pure modules are tried with Node: apt-get install nodejs")
+    return found

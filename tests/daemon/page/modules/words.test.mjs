@@ -1,0 +1,47 @@
+// Every language has every text with the same places; templates are filled as the daemon fills its own.
+import assert from 'node:assert/strict';
+import { readFileSync, readdirSync } from 'node:fs';
+import { join } from 'node:path';
+import test from 'node:test';
+
+const page = join(import.meta.dirname, '..', '..', '..', '..', 'daemon', 'page');
+const load = async (name) => (await import(join(page, 'words', name))).default;
+const { fill, pseudo } = await import(join(page, 'words', 'fill.js'));
+const english = await load('en.js');
+const places = (text) => [...text.matchAll(/\{(\w+)[^}]*\}/g)].map(([, name]) => name).sort().join();
+
+for (const language of ['de', 'zh', 'es']) {
+  test(`${language} has every text, with the places of the English one`, async () => {
+    const words = await load(`${language}.js`);
+    assert.deepEqual(Object.keys(words).sort(), Object.keys(english).sort());
+    for (const [id, text] of Object.entries(words)) assert.equal(places(text), places(english[id]), id);
+  });
+}
+
+test('every text that a module asks for by a whole id is there', () => {
+  for (const folder of ['.', 'parts', 'screens', 'state']) {
+    for (const file of readdirSync(join(page, folder)).filter((name) => name.endsWith('.js'))) {
+      const source = readFileSync(join(page, folder, file), 'utf8');
+      for (const [, id] of source.matchAll(/\bt\('([^']+)'/g)) assert.ok(id in english, `${file}: ${id}`);
+    }
+  }
+});
+
+test('forms are those of the daemon', () => {
+  const rows = [
+    ['{a:.2g} mm', { a: 0.12345 }, '0.12 mm'], ['{a:.1f}', { a: 2 }, '2.0'], ['{a:+.2f}', { a: -1.5 }, '−1.50'], ['{a:.0%}', { a: 0.25 }, '25 %'],
+    ['{a:views}', { a: [1, 2] }, '1, 2'], ['{a: and }', { a: ['x', 'y'] }, 'x and y'], ['{a:g}', { a: 4 }, '4'], ['{b}', {}, '{b}'],
+  ];
+  for (const [template, params, expected] of rows) assert.equal(fill(template, params), expected);
+});
+
+test('a part without a text is noticed', () => {
+  assert.equal(fill('{a}', { a: { id: 'x', params: { n: 1 } } }, { x: '<{n}>' }), '<1>');
+  assert.throws(() => fill('{a}', { a: { id: 'y', params: {} } }, {}));
+});
+
+test('the pseudo-language is 40 % longer and keeps its places', () => {
+  const text = pseudo('Flange at {x}, in the base.');
+  assert.ok(text.length >= 1.4 * 24);
+  assert.equal(places(text), 'x');
+});

@@ -1,0 +1,76 @@
+"""The page's files: served with a hash in their path, packed, and the libraries among them as they were built."""
+
+import gzip
+import hashlib
+import json
+import re
+from pathlib import Path
+
+import httpx
+import pytest
+
+from daemon.page import FOLDER, PageFiles
+from tests.daemon.cell_under_test import Bench
+
+
+async def test_a_browser_is_sent_to_the_page(bench: Bench) -> None:
+    sent = await bench.client.get("/", headers={"Accept": "text/html,*/*"})
+    assert (sent.status_code, sent.headers["Location"]) == (303, "/page/")
+    assert (await bench.client.get("/")).json()["software"]
+
+
+async def test_the_index_is_asked_anew_and_the_files_are_kept(bench: Bench) -> None:
+    index = await bench.client.get("/page/")
+    assert index.headers["Cache-Control"] == "no-cache"
+    assert "unsafe" not in index.headers["Content-Security-Policy"]
+    named = re.findall(r'(?:href|src)="([^"]+)"', index.text)
+    assert len(named) >= 4
+    for name in named:
+        file = await bench.client.get(f"/page/{name}")
+        assert file.status_code == 200, name
+        assert "immutable" in file.headers["Cache-Control"]
+
+
+@pytest.mark.parametrize(
+    "path", ["/page/0000000000000000/app.js", "/page/{version}/nothing.js", "/page/{version}/../__init__.py"]
+)
+async def test_no_other_file_is_served(bench: Bench, path: str) -> None:
+    url = str(bench.client.base_url) + path.format(version=PageFiles().version)
+    answer = await bench.client.send(httpx.Request("GET", httpx.URL(url)))
+    assert answer.status_code == 404
+
+
+async def test_files_are_packed_for_those_who_unpack(bench: Bench) -> None:
+    path = f"/page/{PageFiles().version}/app.js"
+    packed = await bench.client.get(path, headers={"Accept-Encoding": "gzip"})
+    plain = await bench.client.get(path, headers={"Accept-Encoding": "identity"})
+    assert packed.headers["Content-Encoding"] == "gzip"
+    assert "Content-Encoding" not in plain.headers
+    assert packed.content == plain.content == (FOLDER / "app.js").read_bytes()
+
+
+def test_the_shell_is_small() -> None:
+    """At most 60 kB packed: what is fetched before the first screen, without the screens."""
+    shell = {FOLDER / "index.html", FOLDER / "page.css", *_imported_by(FOLDER / "app.js")}
+    assert FOLDER / "vendor" / "preact.js" in shell
+    assert FOLDER / "vendor" / "three.js" not in shell
+    assert sum(len(gzip.compress(path.read_bytes())) for path in shell) <= 60_000
+
+
+def _imported_by(module: Path) -> set[Path]:
+    found, waiting = set[Path](), [module]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            names = re.findall(r"^(?:import|export) [^;]*? from '([^']+)';", path.read_text(), re.MULTILINE)
+            waiting += [(path.parent / name).resolve() for name in names]
+    return found
+
+
+def test_libraries_are_as_they_were_built() -> None:
+    vendored = json.loads((FOLDER / "vendor" / "vendored.json").read_text())
+    for name, expected in vendored["sha256"].items():
+        assert hashlib.sha256((FOLDER / "vendor" / name).read_bytes()).hexdigest() == expected, name
+    licences = (FOLDER / "vendor" / "LICENSES.txt").read_text()
+    assert all(f"{package['name']} {package['version']}" in licences for package in vendored["packages"])

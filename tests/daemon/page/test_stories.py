@@ -1,0 +1,209 @@
+"""The page as people use it: from signing in to a calibration in force, by mouse, finger and keyboard; roles; links."""
+
+from typing import Any
+
+import pytest
+
+from tests.daemon.cell_under_test import Bench
+from tests.daemon.page.conftest import Opened
+
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
+
+HOLD_MS = 1400
+
+AXE_FINDINGS = """async () => (await axe.run()).violations.map(
+    ({ id, nodes }) => [id, nodes.map((one) => one.html.slice(0, 160))])"""
+
+
+async def hold_by_mouse(page: Any, name: str) -> None:
+    button = page.get_by_role("button", name=name)
+    await button.scroll_into_view_if_needed()
+    box = await button.bounding_box()
+    await page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    await page.mouse.down()
+    await page.wait_for_timeout(HOLD_MS)
+    await page.mouse.up()
+
+
+async def hold_by_finger(page: Any, name: str) -> None:
+    button = page.get_by_role("button", name=name)
+    await button.scroll_into_view_if_needed()
+    box = await button.bounding_box()
+    point = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    link = await page.context.new_cdp_session(page)
+    await link.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [point]})
+    await page.wait_for_timeout(HOLD_MS)
+    await link.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+
+async def hold_by_key(page: Any, name: str) -> None:
+    button = page.get_by_role("button", name=name)
+    for _ in range(80):
+        if await button.evaluate("one => one === document.activeElement"):
+            break
+        await page.keyboard.press("Tab")
+    await page.keyboard.down("Enter")
+    await page.wait_for_timeout(HOLD_MS)
+    await page.keyboard.up("Enter")
+
+
+@pytest.mark.parametrize(
+    ("hold", "context"),
+    [
+        pytest.param(hold_by_mouse, {}, id="mouse"),
+        pytest.param(hold_by_finger, {"has_touch": True, "viewport": {"width": 360, "height": 780}}, id="finger"),
+        pytest.param(hold_by_key, {}, id="keyboard"),
+    ],
+)
+async def test_from_signing_in_to_a_calibration_in_force(
+    open_page: Opened, cell: tuple[Bench, dict[str, str]], hold: Any, context: dict[str, Any]
+) -> None:
+    bench, keys = cell
+    async with open_page(place="calibrate", **context) as page:
+        await page.get_by_label("Key or code").fill(keys["operator"])
+        await page.keyboard.press("Enter")
+        await page.get_by_text("Ready.").wait_for()
+        await hold(page, "Calibrate (arm moves)")
+        result = page.get_by_role("link", name="Result", exact=True).and_(page.locator(".button"))
+        await result.wait_for()
+        newest = (await bench.client.get("/runs", headers={"Authorization": f"Bearer {keys['viewer']}"})).json()[
+            "runs"
+        ][0]
+        assert newest["started_by"] == "operator"
+        await result.press("Enter")
+        await page.get_by_text("✓ Accepted").wait_for()
+        await hold(page, "Put in force")
+        await page.get_by_text("In force since").wait_for()
+    now = await bench.client.get("/calibrations/current", headers={"Authorization": f"Bearer {keys['viewer']}"})
+    assert now.json()["applied"]["calibration_id"] == newest["result"]["calibration_id"]
+
+
+async def test_what_moves_the_arm_is_held(open_page: Opened, cell: tuple[Bench, dict[str, str]]) -> None:
+    async with open_page("operator", "calibrate") as page:
+        asked: list[str] = []
+        page.on(
+            "request",
+            lambda request: (
+                asked.append(request.url) if request.method == "POST" and "touch" not in request.url else None
+            ),
+        )
+        await page.get_by_text("Ready.").wait_for()
+        button = page.get_by_role("button", name="Calibrate (arm moves)")
+        await button.click()
+        await button.dblclick()
+        await button.click(delay=600)
+        await button.press("Enter")
+        assert asked == []
+
+
+async def test_a_viewer_sees_everything_and_starts_nothing(open_page: Opened) -> None:
+    async with open_page("viewer", "calibrate") as page:
+        button = page.get_by_role("button", name="Calibrate (arm moves)")
+        await button.wait_for()
+        assert await button.get_attribute("aria-disabled") == "true"
+        assert await page.get_by_role("button", name="End run").get_attribute("aria-disabled") == "true"
+        assert await page.get_by_role("link", name="Audit").count() == 0
+        await page.goto(page.url.replace("calibrate", "audit"))
+        await page.get_by_text("Your role does not allow this").first.wait_for()
+
+
+async def test_without_the_stream_nothing_can_be_started(open_page: Opened) -> None:
+    async with open_page("operator", "help") as page:
+        await page.get_by_text("● live").wait_for()
+        await page.context.route("**/live", lambda route: route.abort())
+        await page.goto("about:blank")
+        await page.go_back()
+        await page.get_by_text("No connection to the daemon").wait_for()
+        await page.evaluate("location.hash = '#/calibrate'")
+        button = page.get_by_role("button", name="Calibrate (arm moves)")
+        await button.wait_for()
+        assert await button.get_attribute("aria-disabled") == "true"
+        await page.context.unroute("**/live")
+        await page.get_by_text("● live").wait_for()
+        await page.get_by_text("Hold for one second").wait_for()
+
+
+async def test_ten_tabs_share_one_stream(open_page: Opened) -> None:
+    async with open_page("viewer", "devices") as first:
+        await first.get_by_text("● live").wait_for()
+        streams: list[str] = []
+        first.context.on(
+            "request", lambda request: streams.append(request.url) if request.url.endswith("/live") else None
+        )
+        tabs = [await first.context.new_page() for _ in range(9)]
+        for tab in tabs:
+            await tab.goto(first.url)
+            await tab.get_by_text("● live").wait_for()
+        assert streams == []
+        await first.close()
+        await tabs[-1].get_by_text("● live").wait_for()
+        await tabs[-1].wait_for_timeout(4000)
+        await tabs[-1].get_by_text("● live").wait_for()
+        assert len(streams) >= 1
+
+
+async def test_two_people_see_each_others_acts(open_page: Opened) -> None:
+    async with open_page("operator", "calibrate") as ann, open_page("admin", "cell") as ben:
+        await ben.get_by_text("● live").wait_for()
+        await ann.get_by_text("Ready.").wait_for()
+        await hold_by_mouse(ann, "Calibrate (arm moves)")
+        await ben.get_by_text("operator, since").first.wait_for()
+        await ben.get_by_role("button", name="End run").click()
+        await ann.get_by_text("ended before its end").or_(ann.get_by_text("finished")).first.wait_for()
+
+
+@pytest.mark.parametrize("width", [360, 800, 1280, 1920])
+async def test_end_run_is_in_view_and_nothing_overflows(open_page: Opened, width: int) -> None:
+    for query in ("lang=pseudo", "lang=de&scale=1.5"):
+        async with open_page("admin", "cell", query, viewport={"width": width, "height": 780}) as page:
+            await page.locator(".figure, .sentence, .card p").first.wait_for()
+            for place in ("cell", "calibrate", "result", "verify", "scans", "history", "settings", "help"):
+                await page.evaluate("place => { location.hash = '#/' + place }", place)
+                await page.locator(".card").first.wait_for()
+                await page.wait_for_timeout(150)
+                assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (query, place)
+                box = await page.locator(".end-run").bounding_box()
+                assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["y"] + box["height"] <= 780
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("language", ["en", "de", "zh", "es"])
+async def test_axe_finds_nothing(open_page: Opened, axe: str, theme: str, language: str) -> None:
+    places = (
+        "sign-in",
+        "cell",
+        "calibrate",
+        "run",
+        "result",
+        "verify",
+        "scans",
+        "devices",
+        "history",
+        "audit",
+        "settings",
+        "help",
+    )
+    async with open_page("admin", "cell", f"lang={language}&theme={theme}") as page:
+        await page.locator("dl.line").wait_for()
+        await page.evaluate(axe)
+        for place in places:
+            await page.evaluate("place => { location.hash = '#/' + place }", place)
+            await page.locator("main .card").first.wait_for()
+            await page.wait_for_timeout(150)
+            found = await page.evaluate(AXE_FINDINGS)
+            assert found == [], place
+
+
+async def test_hostile_names_stay_text(open_page: Opened, cell: tuple[Bench, dict[str, str]]) -> None:
+    bench, keys = cell
+    name = "<img src=x onerror=alert(1)><script>alert(2)</script>"
+    made = await bench.client.post(
+        "/scans", json={"name": name}, headers={"Authorization": f"Bearer {keys['operator']}"}
+    )
+    assert made.status_code == 201
+    async with open_page("viewer", "scans") as page:
+        await page.get_by_text(name).first.wait_for()
+        for place in ("history", f"scans/{made.json()['id']}", "help/%3Cimg%20src=x%3E", "run/%3Cscript%3E"):
+            await page.evaluate("place => { location.hash = '#/' + place }", place)
+            await page.locator("main .card, main .quiet").first.wait_for()
+            assert await page.locator("main img, main script").count() == 0
