@@ -31,12 +31,13 @@ def compare(
     from calibration.monitoring.comparison import compare as compare_documents
     from calibration.monitoring.comparison import comparison_text
 
-    found = compare_documents(_read(a), _read(b), false_alarm)
+    found = compare_documents(read_calibration(a), read_calibration(b), false_alarm)
     typer.echo(found.model_dump_json() if json else comparison_text(found))
     raise typer.Exit(ExitStatus.OK if found.agree else ExitStatus.NOT_ACCEPTED)
 
 
-def _read(file: Path) -> "CalibrationDocument":
+def read_calibration(file: Path) -> "CalibrationDocument":
+    """Read calibration.json. Raises DocumentError."""
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from daemon.runtime.bounded_read import read_document

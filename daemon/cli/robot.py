@@ -9,6 +9,7 @@ from daemon.cli.errors import CommandError
 from daemon.cli.output import CommandGroup
 from daemon.cli.robot_acceptance import acceptance
 from daemon.cli.robot_files import module_files
+from daemon.cli.robot_frame import write_frame
 from daemon.cli.robot_setup import remove, setup
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def robot() -> None:
 app.command()(setup)
 app.command()(acceptance)
 app.command()(remove)
+app.command("write-frame")(write_frame)
 
 
 @app.command()
