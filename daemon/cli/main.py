@@ -20,6 +20,7 @@ from daemon.cli.output import CommandGroup
 from daemon.cli.plan import plan
 from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
+from daemon.cli.report import report
 from daemon.cli.robot import app as robot
 from daemon.cli.serve import serve
 from daemon.cli.solve import solve
@@ -58,6 +59,7 @@ app.command("import", rich_help_panel=OFFLINE)(import_session)
 app.command(rich_help_panel=OFFLINE)(solve)
 app.command(rich_help_panel=OFFLINE)(compare)
 app.command(rich_help_panel=OFFLINE)(export)
+app.command(rich_help_panel=OFFLINE)(report)
 app.command(rich_help_panel=OFFLINE)(register)
 app.command(rich_help_panel=OFFLINE)(register_archive)
 app.command(rich_help_panel=OFFLINE)(plan)

@@ -94,12 +94,12 @@ def solve(
         if artefact is not None and given is not None:
             raise CommandError(name, "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
     intrinsics = None if camera is None else read_camera(camera)
-    required = _requirement(tolerance, at)
+    required = requirement_of(tolerance, at)
     status = ExitStatus.OK
     for folder in folders:
         try:
             if artefact is None:
-                document, shown = _solve(folder, method, required, intrinsics)
+                document, shown = solve_session(folder, method, required, intrinsics)
             else:
                 document, shown = solve_scan(folder, radius_mm, rough, required), None
         except (DocumentError, RegistrationError) as error:
@@ -119,7 +119,7 @@ def solve(
     raise typer.Exit(status)
 
 
-def _requirement(tolerance_mm: float | None, at: Path | None) -> "Requirement":
+def requirement_of(tolerance_mm: float | None, at: Path | None) -> "Requirement":
     """The limits and the points of --tolerance and --at. Raises CommandError, DocumentError."""
     from calibration.documents.requirement import MAX_TOLERANCE_MM, PointsFile, VerdictSettings
     from calibration.documents.validation import parse_document
@@ -131,7 +131,7 @@ def _requirement(tolerance_mm: float | None, at: Path | None) -> "Requirement":
     return VerdictSettings().limits(tolerance_mm), points
 
 
-def _solve(
+def solve_session(
     folder: Path, method: str, required: "Requirement", camera: "CameraDocument | None"
 ) -> "tuple[CalibrationDocument, tuple[SessionFolder, Problem, Solution]]":
     from dataclasses import replace

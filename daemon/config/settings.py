@@ -19,6 +19,7 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array
 from calibration.verdict import VerdictLimits
 from daemon.config.plc_settings import InterlockSettings, PlcSettings
+from daemon.config.report_settings import ReportSettings
 from daemon.config.server_settings import ServerSettings, WebhookSettings
 from daemon.runtime.bounded_read import read_bounded
 from drivers.errors import AddressNotUnderstood
@@ -193,6 +194,7 @@ class Settings(Document):
     plc: PlcSettings | None = None
     interlocks: InterlockSettings | None = None
     drift: DriftSettings = DriftSettings()
+    report: ReportSettings = ReportSettings()
 
 
 def load_settings(path: Path) -> Settings:

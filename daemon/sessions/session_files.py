@@ -29,6 +29,14 @@ def read_grey(file: Path) -> NDArray[np.uint8]:
     return to_8_bit(read_levels(file))
 
 
+def find_grey(file: Path) -> NDArray[np.uint8] | None:
+    """The picture as `read_grey` reads it; None when it is gone or cannot be read."""
+    try:
+        return read_grey(file)
+    except (ImageError, OSError):
+        return None
+
+
 def read_levels(file: Path) -> NDArray[Any]:
     """The grey levels (h, w) in `file`: uint16 when it holds more than 8 bits, else uint8. Raises ImageError."""
     try:

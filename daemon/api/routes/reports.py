@@ -1,0 +1,212 @@
+"""Reports as self-contained HTML or as PDF: of a calibration, a verification, the control chart, a scan."""
+
+import asyncio
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from fastapi import APIRouter, Query, Request, Response
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.reports.blocks import policy_of
+from calibration.documents.reports.calibration_report import calibration_report
+from calibration.documents.reports.context import Drift, DriftedPoint, Picture, ReportContext
+from calibration.documents.reports.scan_report import Scan, ScannedView, scan_report
+from calibration.documents.reports.verification_report import drift_report, verification_report
+from daemon.api.dependencies import App, Identifier
+from daemon.api.negotiation import media_ranges
+from daemon.api.problems import problem_responses
+from daemon.application import Application
+from daemon.drift.chart import DriftChart
+from daemon.errors import NotFound
+from daemon.sessions.session_files import find_grey
+from daemon.tools.reports.context import context_of, session_sha256, verified_points
+from daemon.tools.reports.pdf import Attached, write_pdf
+from registration.documents import RegistrationReportDocument
+from registration.fusion.merging import Merge
+
+router = APIRouter()
+
+HTML, PDF = "text/html", "application/pdf"
+MAX_PDF_S = 20.0
+MAX_PICTURED_POINTS = 400_000
+PICTURE_VOXEL_MM = 2.0
+OCTETS = ".bin"
+MAX_HISTORY = 500
+
+Form = Annotated[
+    Literal["html", "pdf"] | None, Query(alias="format", description="html or pdf; without it, as Accept prefers")
+]
+REPORT: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The report, one file without a script", "content": {HTML: {}, PDF: {}}}
+}
+
+
+@router.get(
+    "/calibrations/{calibration_id}/report",
+    tags=["calibrations"],
+    response_class=Response,
+    responses={**REPORT, **problem_responses(404, 406, 409, 429)},
+)
+async def report_calibration(request: Request, app: App, calibration_id: Identifier, form: Form = None) -> Response:
+    """The calibration report: identification, result with U (k = 2), views, budget, verification, traceability.
+
+    As PDF (extra `report`) it is PDF/A-3 with calibration.json attached.
+    """
+    if calibration_id == "current":
+        document = await app.operations.calibration("current")
+        record = await app.store.calibration(document.id)
+    else:
+        record = await app.store.calibration(calibration_id)
+        document = record.document
+    content = document.model_dump_json().encode()
+    context = replace(
+        context_of(app.settings),
+        run_id=record.run_id,
+        issued_at=app.clock.timestamp(),
+        document_sha256=sha256(content).hexdigest(),
+    )
+    context = await _with_history(app, context, document.id)
+    if record.run_id is not None:
+        folder = app.store.run_folder(record.run_id)
+        pictures, digest = await app.service_workers.run(_session, app, folder, document)
+        context = replace(context, pictures=pictures, session_sha256=digest)
+    html = calibration_report(document, context)
+    return await _answer(request, app, html, form, Attached("calibration.json", content, "the calibration"))
+
+
+async def _with_history(app: Application, context: ReportContext, calibration_id: str) -> ReportContext:
+    """The context with when and by whom it was applied, its chart and the last verification when it is in force."""
+    history = await app.store.history(MAX_HISTORY)
+    applied = next((entry for entry in history if entry.calibration_id == calibration_id), None)
+    if applied is None:
+        return context
+    context = replace(context, applied_at=applied.applied_at, applied_by=applied.applied_by)
+    if history[0].calibration_id != calibration_id:
+        return context
+    chart = _drift_of(await app.drift.refresh())
+    if chart.points:
+        last = await app.store.run(chart.points[-1].run_id)
+        context = replace(context, drift=chart, verification=verified_points(last))
+    return context
+
+
+def _drift_of(chart: DriftChart) -> Drift:
+    """The control chart."""
+    points = tuple(
+        DriftedPoint(point.run_id, point.at, point.standing.value, point.drift_mm, point.limit_mm, point.scatter_mm)
+        for point in chart.points
+    )
+    standing = chart.report.standing.value if chart.report.standing else "off"
+    return Drift(chart.report.calibration_id, standing, points, chart.report.alarm)
+
+
+def _session(app: Application, folder: Path, document: CalibrationDocument) -> tuple[tuple[Picture, ...], str | None]:
+    from daemon.tools.reports.pictures import view_pictures  # loads detection, which the daemon needs for runs only
+
+    target = app.settings.target.target()
+    pictures = view_pictures(document.views, target, lambda name: find_grey(folder / name))
+    return pictures, session_sha256(folder)
+
+
+@router.get(
+    "/runs/{run_id}/report",
+    tags=["runs"],
+    response_class=Response,
+    responses={**REPORT, **problem_responses(404, 406, 429)},
+)
+async def report_verification(request: Request, app: App, run_id: Identifier, form: Form = None) -> Response:
+    """The report of a finished verification. That of a calibration run is GET /calibrations/{id}/report."""
+    run = await app.supervisor.run(run_id)
+    if run.kind != "verify" or run.result is None or "verification" not in run.result:
+        found = run.result.get("calibration_id") if run.result else None
+        fix = f"GET /calibrations/{found}/report" if found else "wait for its end, or ask for a verification"
+        raise NotFound(f"run {run_id} has no result of a verification", fix)
+    verified = verified_points(run)
+    context = replace(context_of(app.settings), run_id=run.id, issued_at=app.clock.timestamp())
+    context = replace(await _with_history(app, context, verified.calibration_id), verification=None)
+    return await _answer(request, app, verification_report(verified, context), form)
+
+
+@router.get(
+    "/drift/report",
+    tags=["calibrate"],
+    response_class=Response,
+    responses={**REPORT, **problem_responses(404, 406, 429, 507)},
+)
+async def report_drift(request: Request, app: App, form: Form = None) -> Response:
+    """The control chart of the calibration in force, as a report."""
+    chart = _drift_of(await app.drift.refresh())
+    if not chart.calibration_id:
+        raise NotFound("no calibration is in force", "apply one, and verify it")
+    return await _answer(request, app, drift_report(chart, context_of(app.settings)), form)
+
+
+@router.get(
+    "/scans/{scan_id}/report.html",
+    tags=["scans"],
+    response_class=Response,
+    responses={**REPORT, **problem_responses(404, 406, 409, 413, 429, 500, 507)},
+)
+async def report_scan(request: Request, app: App, scan_id: Identifier, form: Form = None) -> Response:
+    """The report of a scan: its merged cloud from three sides, and how its views agree."""
+    document = await app.operations.calibration("current")
+    found = await (await app.scans.start_registration(scan_id, document, refine=False))
+    clouds = await app.scans.clouds(scan_id, document, None)
+    merged = await app.scans.merge_views(scan_id, clouds, document.id, OCTETS, Merge(PICTURE_VOXEL_MM))
+    try:
+        pictures = await app.service_workers.run(_cloud_pictures, merged)
+    finally:
+        await app.service_workers.run(merged.unlink, missing_ok=True)
+    record = await app.store.scan(scan_id)
+    shown = _scan_of(found, pictures, scan_id, record.name, record.created_at)
+    return await _answer(request, app, scan_report(shown, context_of(app.settings)), form)
+
+
+def _scan_of(
+    found: RegistrationReportDocument, pictures: tuple[Picture, ...], scan_id: str, name: str, at: str
+) -> Scan:
+    views = tuple(
+        ScannedView(
+            view.index,
+            view.points,
+            view.overlap,
+            view.rms_mm,
+            float(np.linalg.norm(view.correction.translation_mm)) if view.correction else None,
+        )
+        for view in found.views
+    )
+    return Scan(
+        scan_id, name, at, found.calibration_id, found.points, views, found.rms_mm.before, found.rms_mm.after,
+        found.verdict.accepted, found.verdict.findings, pictures,
+    )  # fmt: skip
+
+
+def _cloud_pictures(file: Path) -> tuple[Picture, ...]:
+    """Of a file of float32 x, y, z; an even choice of its points."""
+    from daemon.tools.reports.pictures import cloud_pictures
+
+    if file.stat().st_size < 12:
+        return ()
+    points = np.memmap(file, np.float32, "r").reshape(-1, 3)
+    return cloud_pictures(np.array(points[:: max(1, len(points) // MAX_PICTURED_POINTS)]))
+
+
+async def _answer(
+    request: Request, app: Application, html: str, form: str | None, attached: Attached | None = None
+) -> Response:
+    """HTML, or PDF where it is asked for. The PDF is written in a worker, one at a time a thread."""
+    if (form or _preferred(request)) == "html":
+        headers = {"Content-Security-Policy": policy_of(html), "Vary": "Accept"}
+        return Response(html, media_type=f"{HTML}; charset=utf-8", headers=headers)
+    async with asyncio.timeout(MAX_PDF_S):
+        content = await app.service_workers.run_if_free(write_pdf, html, attached)
+    return Response(content, media_type=PDF, headers={"Vary": "Accept"})
+
+
+def _preferred(request: Request) -> str:
+    """pdf when Accept gives it a higher weight than HTML."""
+    weights = dict(media_ranges(request))
+    return "pdf" if weights.get(PDF, 0.0) > weights.get(HTML, 0.0) else "html"

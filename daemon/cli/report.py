@@ -1,0 +1,114 @@
+"""`handeyed report FOLDER|FILE|ID`: the calibration report as HTML or PDF."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from daemon.cli.errors import CommandError
+
+if TYPE_CHECKING:
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.reports.context import ReportContext
+
+MAX_REPORT_S = 60.0
+WHAT = 'A session folder, a calibration.json, or an id of the daemon ("current": the one in force).'
+
+
+def report(
+    what: Annotated[str, typer.Argument(metavar="FOLDER|FILE|ID", help=WHAT)],
+    out: Annotated[Path, typer.Option(help="Write here: .html, or .pdf with the extra `report`.")] = Path(
+        "report.html"
+    ),
+    settings: Annotated[Path | None, typer.Option(help="Settings with names and serials, in its table report.")] = None,
+    url: Annotated[str, typer.Option(help="The daemon's address, for an id.")] = "http://127.0.0.1:8372",
+) -> None:
+    """Write the calibration report: result with U (k = 2), views with pictures, budget, verification, traceability.
+
+    A session folder is solved, unless its calibration.json lies in it. What is not known is a blank.
+
+    Exit status: 0 written, 1 failed, 2 unreadable input.
+    """
+    path = Path(what)
+    if path.is_dir() or path.is_file() or path.suffix == ".json":
+        content = _from_files(path, out.suffix == ".pdf", settings)
+    else:
+        content = _from_daemon(url, what, out.suffix == ".pdf")
+    try:
+        out.write_bytes(content)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CommandError(str(out), f"cannot be written ({reason})", "choose another --out") from None
+    typer.echo(str(out))
+
+
+def _from_files(path: Path, pdf: bool, settings: Path | None) -> bytes:
+    from dataclasses import replace
+    from hashlib import sha256
+
+    from calibration.documents.reports.calibration_report import calibration_report
+    from daemon.tools.reports.pdf import Attached, write_pdf
+
+    document, context = _session(path) if path.is_dir() else _calibration(path)
+    content = document.model_dump_json().encode()
+    context = replace(context, document_sha256=sha256(content).hexdigest())
+    if settings is not None:
+        context = _with_names(context, settings)
+    html = calibration_report(document, context)
+    return write_pdf(html, Attached("calibration.json", content, "the calibration")) if pdf else html.encode()
+
+
+def _calibration(file: Path) -> "tuple[CalibrationDocument, ReportContext]":
+    from calibration.documents.reports.context import ReportContext
+    from daemon.cli.compare import read_calibration
+
+    return read_calibration(file), ReportContext()
+
+
+def _session(folder: Path) -> "tuple[CalibrationDocument, ReportContext]":
+    """The calibration of a session, solved unless it is there, with its worst views."""
+    from calibration.documents.reports.context import ReportContext
+    from calibration.targets import TrackedFrame
+    from daemon.cli.compare import read_calibration
+    from daemon.cli.solve import RESULT_FILE, requirement_of, solve_session
+    from daemon.sessions.session_files import find_grey
+    from daemon.sessions.session_reader import open_session
+    from daemon.tools.reports.context import session_sha256
+    from daemon.tools.reports.pictures import view_pictures
+
+    session = open_session(folder)
+    target = session.document.described_target()
+    known = session.path / RESULT_FILE
+    solution = None
+    if known.is_file():
+        document = read_calibration(known)
+    else:
+        document, (_, _, solution) = solve_session(folder, "auto", requirement_of(None, None), None)
+    pictures = (
+        ()
+        if isinstance(target, TrackedFrame)
+        else view_pictures(document.views, target, lambda name: find_grey(session.path / name), solution)
+    )
+    return document, ReportContext(
+        target=session.document.target, session_sha256=session_sha256(session.path), pictures=pictures
+    )
+
+
+def _with_names(context: "ReportContext", settings: Path) -> "ReportContext":
+    from dataclasses import replace
+
+    from daemon.config.settings import load_settings
+
+    loaded = load_settings(settings)
+    names = loaded.report.model_dump()
+    return replace(context, robot_model=loaded.robot.model, target=context.target or loaded.target, **names)
+
+
+def _from_daemon(url: str, calibration_id: str, pdf: bool) -> bytes:
+    from urllib.parse import quote
+
+    from daemon.cli.rest_client import DaemonClient
+
+    with DaemonClient(url, MAX_REPORT_S) as daemon:
+        form = "pdf" if pdf else "html"
+        return daemon.read(f"/calibrations/{quote(calibration_id, safe='')}/report?format={form}")

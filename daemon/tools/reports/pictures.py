@@ -1,0 +1,105 @@
+"""Pictures of a report: the worst views with the found points, and a cloud from three sides."""
+
+import base64
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.detection.detect import detect
+from calibration.documents.calibration import ViewResultDocument
+from calibration.documents.reports.context import Picture
+from calibration.errors import DetectionError
+from calibration.problem import View
+from calibration.solution import Solution, ViewResult
+from calibration.targets import Target
+from daemon.tools.session_pictures.overlay import draw_view
+from daemon.tools.session_pictures.write import arrow_magnification, reason_sentence
+
+Levels = NDArray[np.uint8]
+
+WIDTH_PX = 1000
+MAX_PICTURES = 2
+JPEG = (cv2.IMWRITE_JPEG_QUALITY, 82)
+CLOUD_PX = 420
+SIDES = (("from above (x, y)", 0, 1, 2), ("from the front (x, z)", 0, 2, 1), ("from the side (y, z)", 1, 2, 0))
+"""Caption, axes across and up, and the axis of depth."""
+
+LOW, HIGH = np.array([107, 79, 47.0]), np.array([214, 224, 236.0])
+"""Colours of the farthest and the nearest point: blue, green, red."""
+
+
+def worst_views(views: Sequence[ViewResultDocument]) -> list[ViewResultDocument]:
+    """The view in use with the largest error, then the rejected one with the largest, as far as they have pictures."""
+    seen = [view for view in views if view.image is not None and view.base_error_mm is not None]
+    chosen = [[view for view in seen if (view.status == "rejected") is rejected] for rejected in (False, True)]
+    return [max(group, key=lambda view: view.base_error_mm or 0.0) for group in chosen if group][:MAX_PICTURES]
+
+
+def view_pictures(
+    views: Sequence[ViewResultDocument],
+    target: Target,
+    read: Callable[[str], Levels | None],
+    solution: Solution | None = None,
+) -> tuple[Picture, ...]:
+    """The worst of `views` with the found points; with a solution, its residuals as arrows.
+
+    `read` gives the image (h, w) by its name, None for one that cannot be read.
+    """
+    solved = {result.index: result for result in solution.views} if solution else {}
+    pictures = []
+    for document in worst_views(views):
+        assert document.image is not None
+        image = read(document.image)
+        if image is None:
+            continue
+        try:
+            detection = detect(image, target)
+        except DetectionError:
+            detection = None
+        result = solved.get(document.index) or ViewResult(
+            document.index, document.image, document.status, document.reason, document.reprojection_px,
+            document.base_error_mm, None,
+        )  # fmt: skip
+        view = View(document.index, np.eye(4), detection, document.image)
+        scale = arrow_magnification([result], image.shape[1])
+        drawn = draw_view(image, view, result, scale, reason_sentence(view, result))
+        word = "rejected" if document.status == "rejected" else "in use"
+        pictures.append(_picture(drawn, f"View {document.index}, the largest error of those {word}."))
+    return tuple(pictures)
+
+
+def _picture(drawn: NDArray[np.uint8], caption: str) -> Picture:
+    height = round(drawn.shape[0] * WIDTH_PX / drawn.shape[1])
+    small = cv2.resize(drawn, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+    _, content = cv2.imencode(".jpg", small, JPEG)
+    return Picture(_data("jpeg", content.tobytes()), WIDTH_PX, height, caption)
+
+
+def _data(kind: str, content: bytes) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def cloud_pictures(points_mm: NDArray[np.float32]) -> tuple[Picture, ...]:
+    """Points (n, 3) in the base from three sides, the nearer the lighter, the same scale in each."""
+    if len(points_mm) == 0:
+        return ()
+    low, high = np.percentile(points_mm, 0.1, axis=0), np.percentile(points_mm, 99.9, axis=0)
+    span = max(float((high - low).max()), 1e-6)
+    return tuple(_side(points_mm, (low + high) / 2, span, *side) for side in SIDES)
+
+
+def _side(points: NDArray[np.float32], centre: NDArray[np.floating], span: float, caption: str, across: int, up: int,
+          depth: int) -> Picture:  # fmt: skip
+    scale = 0.94 * CLOUD_PX / span
+    x = np.round((points[:, across] - centre[across]) * scale + CLOUD_PX / 2).astype(int)
+    y = np.round(CLOUD_PX / 2 - (points[:, up] - centre[up]) * scale).astype(int)
+    inside = (x >= 0) & (x < CLOUD_PX) & (y >= 0) & (y < CLOUD_PX)
+    nearness = points[inside, depth] if depth == 2 else -points[inside, depth]
+    order = np.argsort(nearness)
+    shade = (nearness - nearness.min()) / max(float(np.ptp(nearness)), 1e-9) if len(order) else nearness
+    image = np.full((CLOUD_PX, CLOUD_PX, 3), 255, np.uint8)
+    image[y[inside][order], x[inside][order]] = (LOW + shade[order, None] * (HIGH - LOW)).astype(np.uint8)
+    _, content = cv2.imencode(".png", image)
+    return Picture(_data("png", content.tobytes()), CLOUD_PX, CLOUD_PX, f"{caption}, width {span / 0.94:.0f} mm")

@@ -1,0 +1,87 @@
+"""GET /calibrations/{id}/report, /runs/{id}/report, /drift/report, /scans/{id}/report.html."""
+
+from pathlib import Path
+
+import pytest
+
+from calibration.documents.reports.numbers import number
+from daemon.tools.reports import pdf
+from daemon.tools.reports.errors import ReportExtraMissing
+from tests.daemon.calibrations import apply_calibration
+from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.clouds import PLY, POSES, cloud
+from tests.daemon.fakes import ply_of
+from tests.daemon.scans.scan_folders import a_scan
+
+NAMED = {"plant": "Plant <b>3</b>", "robot_serial": "R-17", "target_certificate": "DKD-1"}
+
+
+async def test_the_report_of_the_one_in_force(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path, report=NAMED)) as bench:
+        await apply_calibration(bench)
+        for which in ("current", "cal-1"):
+            answer = await bench.client.get(f"/calibrations/{which}/report", headers={"accept": "text/html"})
+            assert answer.headers["content-type"] == "text/html; charset=utf-8"
+            policy = answer.headers["content-security-policy"]
+            assert "unsafe" not in policy
+            assert "default-src 'none'" in policy
+            for word in ("Plant &lt;b&gt;3&lt;/b&gt;", "R-17", "DKD-1", "in force since"):
+                assert word in answer.text
+        document = (await bench.client.get("/calibrations/cal-1")).json()
+        assert all(number(q, 7) in answer.text for q in document["flange_T_camera"]["quaternion_wxyz"])
+
+
+async def test_a_run_s_calibration_is_reported_with_its_pictures_and_then_verified(bench: Bench) -> None:
+    run = await bench.client.post("/calibrate", json={"count": 4}, params={"wait": 60})
+    calibration_id = run.json()["result"]["calibration_id"]
+    before = (await bench.client.get(f"/calibrations/{calibration_id}/report")).text
+    assert "data:image/jpeg;base64," in before
+    assert "not been verified yet" in before
+    assert "not at hand" not in before, "the session has a hash"
+    applied = await bench.client.post(f"/calibrations/{calibration_id}/apply", json={"applied_by": "Ann"})
+    assert applied.status_code == 200, applied.text
+    await bench.verify()
+    verified = (await bench.client.get("/drift")).json()["points"][-1]["run_id"]
+    report = await bench.client.get(f"/runs/{verified}/report")
+    assert report.status_code == 200, report.text
+    for word in (verified, calibration_id, "Verified.", "standard deviation over", "Drift"):
+        assert word in report.text
+    chart = await bench.client.get("/drift/report")
+    assert verified in chart.text
+    assert "Verification" in (await bench.client.get(f"/calibrations/{calibration_id}/report")).text
+    other = await bench.client.get(f"/runs/{run.json()['id']}/report")
+    assert (other.status_code, f"/calibrations/{calibration_id}/report" in other.json()["fix"]) == (404, True)
+
+
+async def test_a_scan_is_shown_from_three_sides(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan = await a_scan(bench)
+    for pose in POSES[:2]:
+        sent = await bench.client.post(
+            scan["links"]["views"], params={"pose": pose, "unit": "mm"}, content=ply_of(cloud(3000)), headers=PLY
+        )
+        assert sent.status_code == 201, sent.text
+    report = await bench.client.get(f"/scans/{scan['id']}/report.html")
+    assert report.status_code == 200, report.text
+    assert report.text.count("data:image/png;base64,") == 3
+
+
+async def test_without_the_extra_a_pdf_is_refused_with_the_way_out(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(*_: object) -> bytes:
+        raise ReportExtraMissing
+
+    await apply_calibration(bench)
+    monkeypatch.setattr("daemon.api.routes.reports.write_pdf", missing)
+    refused = await bench.client.get("/calibrations/cal-1/report", headers={"accept": "application/pdf"})
+    assert (refused.status_code, refused.json()["code"]) == (406, "report-extra-missing")
+    assert "handeyed[report]" in refused.json()["fix"]
+    assert pdf.RESOURCES == ("data",)
+
+
+async def test_what_has_no_report_is_refused(bench: Bench) -> None:
+    for path, status in (("/calibrations/nothing/report", 404), ("/runs/nothing/report", 404),
+                         ("/drift/report", 404), ("/scans/nothing/report.html", 409)):  # fmt: skip
+        assert (await bench.client.get(path)).status_code == status, path
+    assert (await bench.client.get("/calibrations/current/report?format=doc")).status_code == 422
