@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -79,6 +79,7 @@ class Application:
 
     settings: Settings
     clock: Clock
+    new_id: Callable[[], str]
     cell: Cell
     readings: CellReadings
     store: Store

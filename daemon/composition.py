@@ -79,7 +79,9 @@ def build(
         RegistrationJobs(store, merge_workers, clock, events),
     )
     rules = MotionRules.of(settings.robot)
-    operations = Operations(settings, cell, store, supervisor, workers, scans, rules, clock)
+    operations = Operations(
+        settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers
+    )
     drift = DriftMonitor(settings, store, events, service_workers, clock)
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, service_workers, clock, settings.storage)
@@ -92,6 +94,7 @@ def build(
     return Application(
         settings=settings,
         clock=clock,
+        new_id=lambda: new_id(clock),
         cell=cell,
         readings=CellReadings(cell, clock, lambda frame: service_workers.run(png_of, frame)),
         store=store,

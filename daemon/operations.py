@@ -3,7 +3,10 @@
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
@@ -11,15 +14,17 @@ from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.what_if import PlanComparison
+from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import Settings, TaughtPose
-from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses, ToleranceLoosened
+from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses, NotFound, ToleranceLoosened
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanViewRecord
-from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, VerifyRequest
+from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, SolveRequest, VerifyRequest
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
 from daemon.runs.calibration_run import CalibrationRun
+from daemon.runs.foresight import Foresight, foresee
 from daemon.runs.manual_sequence import ManualParameters, ManualSequence
 from daemon.runs.operator_requests import OperatorAction, OperatorRequestQueue
 from daemon.runs.pose_selection import (
@@ -37,8 +42,10 @@ from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
+from daemon.sessions.session_reader import load_problem, open_session
 from daemon.sessions.session_writer import SessionWriter
 from daemon.store.store import Store
+from drivers.interfaces import PoseReading
 
 VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
@@ -59,6 +66,8 @@ class Operations:
     scans: ScanService
     rules: MotionRules
     clock: Clock
+    service_workers: Workers
+    merge_workers: Workers
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
@@ -91,6 +100,43 @@ class Operations:
             return _run_plan(count, sequence, session, self._calibration_run(request, compared=False).drive)
 
         return await self._start("calibration", request, prepare)
+
+    async def foresee(self, request: CalibrateRequest, here: PoseReading, joints_rad: Array | None) -> Foresight:
+        """What a calibration run would do from `here`, without moving anything.
+
+        Raises RunInProgress, WorkersBusy, NoPoses, PoseRefused.
+        """
+        self.supervisor.require_free()
+        settings, target = self.settings.calibration, request.target or self.settings.target
+        joints = joints_rad if self.rules.arm else None
+        poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
+        if poses:
+            await self.service_workers.run_if_free(self.rules.check_poses, poses, joints)
+            taught = np.array([pose.transform() for pose in poses])
+            return Foresight(taught, self.rules.joints_along(taught, joints), (None,) * len(poses), "")
+        wish = StoppingRule(request.count or settings.count)
+        points = self.settings.part.named_points()
+        route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points)
+        return await self.service_workers.run_if_free(foresee, route, here.base_T_flange, joints)
+
+    async def solve_again(self, calibration_id: str, request: SolveRequest, new_id: str) -> CalibrationRecord:
+        """Solve a calibration's session again, and store the result; nothing is applied.
+
+        Raises NotFound, RunInProgress, WorkersBusy, DocumentError, StorageError.
+        """
+        self.supervisor.require_free()
+        found = await self.store.calibration(calibration_id)
+        if found.run_id is None:
+            raise NotFound(f"calibration {calibration_id} comes from no run", "choose one with a run_id")
+        run = await self.store.run(found.run_id)
+        again = CalibrateRequest.model_validate(run.request)
+        calibration = replace(self._calibration_run(again, compared=False), apply_when_accepted=False)
+        document = await self.merge_workers.run_if_free(
+            _solve_without, self.store.run_folder(run.id), request, calibration, new_id, self.clock.timestamp()
+        )
+        record = CalibrationRecord(new_id, run.id, document.created_at, document.verdict.accepted, document)
+        await self.store.save_calibration(record)
+        return record
 
     async def submit_request(self, run_id: str, action: OperatorAction) -> RunRecord:
         """Take a view in a manual run, or end it; returns the run afterwards.
@@ -249,6 +295,15 @@ def _run_plan(
         return await drive(sequence(session(log), log), log)
 
     return RunPlan(stations, drive_sequence)
+
+
+def _solve_without(
+    folder: Path, request: SolveRequest, run: CalibrationRun, calibration_id: str, created_at: str
+) -> CalibrationDocument:
+    """Solve the session in `folder` without some of its views. Raises DocumentError."""
+    problem = load_problem(open_session(folder))
+    views = tuple(view for view in problem.views if view.index not in request.without)
+    return run.solve(replace(problem, views=views), calibration_id, created_at, request.method)
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

@@ -12,9 +12,13 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
+from calibration.documents.pose import PoseDocument
+from calibration.errors import GeometryError
+from calibration.kinematics.arm import UnreachablePoseError
+from calibration.transforms import Array
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.panel import Mode
-from mock_robot.errors import MockError, NoSuchState, UnknownFault
+from mock_robot.errors import JogRefused, MockError, NoSuchState, UnknownFault
 from mock_robot.faults.boards import FaultBoards
 from protocols.cb.codes import Command, Flag
 
@@ -23,6 +27,8 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 Fields = Mapping[str, Any]
 MAX_BODY_BYTES = 65536
+JOG_S = (0.02, 60.0)
+"""Shortest and longest time of a jog."""
 TRUE, FALSE = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 
 
@@ -135,6 +141,36 @@ class ControlPort:
         self.controller.run_program(_switch(fields, "running"), self.clock())
         return self._state(fields)
 
+    def _jog(self, fields: Fields) -> Any:
+        """Move the arm as an operator does with the joystick: to `joints_deg`, or to `base_T_flange`, `in_s` (1 s)."""
+        controller, now_s = self.controller, self.clock()
+        controller.tick(now_s)
+        if controller.armed or controller.panel.emergency_stop or not controller.panel.motors_on:
+            raise JogRefused("the arm is armed, its emergency stop is pressed or its motors are off")
+        robot_s = controller.robot_s(now_s)
+        in_s = _number(fields.get("in_s", 1.0), "in_s", *JOG_S)
+        try:
+            controller.arm.jog(self._jog_goal(fields, robot_s), in_s * controller.time_scale, robot_s)
+        except UnreachablePoseError as error:
+            raise JogRefused(f"{error.what}: {error.fix}") from None
+        return self._state(fields)
+
+    def _jog_goal(self, fields: Fields, robot_s: float) -> Array:
+        """The joints (6,) rad to jog to. Raises JogRefused, UnreachablePoseError."""
+        arm = self.controller.arm
+        try:
+            if "joints_deg" in fields:
+                joints: Array = np.radians(
+                    [_number(angle, "joints_deg", -1000, 1000) for angle in fields["joints_deg"]]
+                )
+                if joints.shape != (6,):
+                    raise ValueError(joints.shape)
+                return joints
+            pose = PoseDocument.model_validate(fields.get("base_T_flange"))
+            return arm.arm.nearest(pose.transform(), arm.joints_at(robot_s))
+        except (TypeError, ValueError, GeometryError):
+            raise JogRefused("give joints_deg, six angles, or base_T_flange, a pose in mm") from None
+
     def _restart(self, fields: Fields) -> Any:
         self.controller.restart(self.clock())
         return self._state(fields)
@@ -153,6 +189,7 @@ _ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]]
         ("POST", "/mode", ControlPort._mode),
         ("POST", "/emergency-stop", ControlPort._emergency_stop),
         ("POST", "/program", ControlPort._program),
+        ("POST", "/jog", ControlPort._jog),
         ("POST", "/restart", ControlPort._restart),
     )
 )
@@ -186,6 +223,13 @@ def _switch(fields: Fields, name: str) -> bool:
     if value not in TRUE + FALSE:
         raise NoSuchState(name, fields.get(name), ("true", "false"))
     return value in TRUE
+
+
+def _number(value: Any, name: str, low: float, high: float) -> float:
+    number = float(value)
+    if not low <= number <= high:
+        raise JogRefused(f"{name} is {number:g}, which is not within {low:g} and {high:g}")
+    return number
 
 
 def _count(fields: Fields, name: str) -> int | None:

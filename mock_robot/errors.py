@@ -2,7 +2,8 @@
 
 MockError
 ├── UnknownFault        no fault has this name; the message lists the known ones
-└── NoSuchState         a mode or switch position that controllers do not have
+├── NoSuchState         a mode or switch position that controllers do not have
+└── JogRefused          the arm cannot be jogged there, or not now
 """
 
 
@@ -24,3 +25,7 @@ class NoSuchState(MockError):
     def __init__(self, what: str, value: object, known: tuple[str, ...]) -> None:
         self.what, self.value, self.known = what, value, known
         super().__init__(f"{what} {value!r} does not exist: choose one of {', '.join(known)}")
+
+
+class JogRefused(MockError):
+    """The arm cannot be jogged there, or not now."""

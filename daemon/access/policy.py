@@ -13,12 +13,17 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
     ("POST", "/session/touch", Role.VIEWER),
     ("GET", "/page/*", Role.NOBODY),  # static files; the page asks for a key itself
     ("GET", "/audit", Role.ADMIN),
+    ("GET", "/audit/verified", Role.ADMIN),
+    ("GET", "/keys", Role.ADMIN),
+    ("POST", "/keys", Role.ADMIN),
+    ("POST", "/keys/*", Role.ADMIN),
+    ("GET", "/settings", Role.ADMIN),
     ("GET", ANY, Role.VIEWER),
     ("HEAD", ANY, Role.VIEWER),
     ("OPTIONS", ANY, Role.VIEWER),
     (ANY, ANY, Role.OPERATOR),
 )
-"""Method, path, role. Keys are made and revoked by `handeyed keys` on the daemon's machine, by no route."""
+"""Method, path, role."""
 
 
 def role_for(method: str, path: str) -> Role:

@@ -21,6 +21,7 @@ from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, InvalidRequest
 from daemon.application import Application
 from daemon.sessions.pictures import Width
+from daemon.store.page_filters import NO_FILTERS, PageFilters
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -79,15 +80,24 @@ Before = Annotated[
 ]
 
 
+Moment = Annotated[
+    str | None,
+    Query(
+        min_length=4, max_length=40, pattern=r"^[0-9]{4}(-[0-9]{2}(-[0-9]{2}(T[0-9:.]{1,15}Z?)?)?)?$",
+        description="UTC, such as 2026-11-21 or 2026-11-21T09:00:00Z",
+    ),
+]  # fmt: skip
 WidthQuery = Annotated[
     Width | None, Query(description="pixels; a smaller picture is not enlarged"), AS_NUMBER, IN_WHOLE_DIGITS
 ]
 
 
-def page_of(found: list[Record], limit: int, path: str) -> tuple[list[Record], str | None]:
+def page_of(
+    found: list[Record], limit: int, path: str, filters: PageFilters = NO_FILTERS
+) -> tuple[list[Record], str | None]:
     """The page and the link to the next one, or None, from up to `limit` + 1 records."""
     page = found[:limit]
-    return page, f"{path}?limit={limit}&before={page[-1].id}" if len(found) > limit else None
+    return page, f"{path}?limit={limit}{filters.query}&before={page[-1].id}" if len(found) > limit else None
 
 
 async def respond_page(app: Application, as_json: Callable[[], bytes]) -> Response:

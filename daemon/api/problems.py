@@ -110,7 +110,12 @@ def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 def status_of(error: Exception) -> int:
     """The status of an error; 500 when it is not in the table."""
-    return next((STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), 500)
+    return status_of_kind(type(error))
+
+
+def status_of_kind(error: type[Exception]) -> int:
+    """The status of a class of errors; 500 when neither it nor a base class is in the table."""
+    return next((STATUS[kind] for kind in error.__mro__ if kind in STATUS), 500)
 
 
 def problem_of(error: Exception) -> Problem:

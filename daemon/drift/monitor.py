@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from daemon.config.settings import Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
 from daemon.drift.samples import VerificationHistory
-from daemon.errors import DaemonError, NoCalibration
+from daemon.errors import DaemonError, NoCalibration, NotFound
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
@@ -19,6 +19,9 @@ from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
+
+MAX_HISTORY = 10_000
+"""Entries of the history of applied calibrations that are looked through for an earlier one."""
 
 
 @dataclass(eq=False)
@@ -84,6 +87,16 @@ class DriftMonitor:
         """The chart with every finished run; those who ask at once share it. Raises StorageError."""
         await self._refreshed.read()
         return self.chart
+
+    async def chart_of_earlier(self, calibration_id: str) -> DriftChart:
+        """The chart of one that was in force, from when it was first applied. Raises NotFound, StorageError."""
+        document = (await self.store.calibration(calibration_id)).document
+        applied = [row for row in await self.store.history(MAX_HISTORY) if row.calibration_id == calibration_id]
+        if not applied or document.flange_T_camera is None:
+            raise NotFound(f"calibration {calibration_id} was never in force", "GET /calibrations lists what was")
+        verifications = VerificationHistory(self.store, self.workers, self.settings.target.target().points_mm)
+        entries = await verifications.of(applied[-1])
+        return await self.workers.run(chart_of, entries, document, self.settings)
 
     async def report_after(self, run: RunRecord) -> DriftReport:
         """The evaluation including this finished run; the previous one if the store fails."""

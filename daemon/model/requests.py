@@ -165,3 +165,31 @@ class PairingRequest(Document):
     model_config = _examples({}, {"role": "viewer"})
 
     role: Literal["viewer", "operator", "admin"] | None = None
+
+
+class SolveRequest(Document):
+    """Solve a calibration's session again: without some of its views (from 0), or with another method."""
+
+    model_config = _examples({"without": [2]}, {"method": "park"})
+
+    without: Annotated[tuple[Annotated[int, Field(ge=0, le=999)], ...], Field(max_length=1000)] = ()
+    method: Literal["auto", "three-pose", "tsai", "park", "horaud", "daniilidis", "shah", "kronecker"] = "auto"
+
+
+class NewKeyRequest(Document):
+    """A key for a person or a program. `days` null: it never expires."""
+
+    model_config = _examples({"name": "MES", "role": "operator"})
+
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME_PATTERN), AfterValidator(validate_key_name)]
+    role: Literal["viewer", "operator", "admin"]
+    days: Annotated[float, Field(gt=0, le=36_500)] | None = 365.0
+
+
+class RotateKeyRequest(Document):
+    """A new key of the same name and role; the old one ends after `overlap_h`."""
+
+    model_config = _examples({}, {"overlap_h": 0})
+
+    days: Annotated[float, Field(gt=0, le=36_500)] | None = 365.0
+    overlap_h: Annotated[float, Field(ge=0, le=8760)] = 24.0

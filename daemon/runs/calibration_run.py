@@ -45,7 +45,7 @@ class CalibrationRun:
         """Run the sequence, solve, and store the calibration under the run's id."""
         await self.workers.run(load_run_modules)
         problem = await sequence.run(MIN_VIEWS)
-        document = await self.workers.run(self._solve, problem, log.id, self.clock.timestamp())
+        document = await self.workers.run(self.solve, problem, log.id, self.clock.timestamp())
         log.conclude()
         applied = await self._keep(document, log.id)
         return E.SOLVED, {
@@ -62,11 +62,13 @@ class CalibrationRun:
         await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), AUTO_POLICY))
         return True
 
-    def _solve(self, problem: Problem, calibration_id: str, created_at: str) -> CalibrationDocument:
+    def solve(
+        self, problem: Problem, calibration_id: str, created_at: str, method: str = "auto"
+    ) -> CalibrationDocument:
         """Solve, judge and document, as `handeyed solve` does."""
         from calibration.solve import solve_hand_eye  # see run_modules
 
-        solution = at_points(problem, solve_hand_eye(problem), self.points)
+        solution = at_points(problem, solve_hand_eye(problem, method), self.points)
         verdict = judge(problem, solution, self.limits)
         findings = verdict.findings
         if self.expected is not None and solution.mount_T_camera is not None:

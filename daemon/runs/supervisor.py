@@ -30,6 +30,7 @@ from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
 from daemon.store.actor import current_audit_context
 from daemon.store.listings import RunListing
+from daemon.store.page_filters import NO_FILTERS, PageFilters
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -220,10 +221,10 @@ class Supervisor:
             return current.log.run
         return self._unsaved.get(run_id) or await self._store.run(run_id)
 
-    async def listings(self, limit: int, before: str | None) -> list[RunListing]:
+    async def listings(self, limit: int, before: str | None, filters: PageFilters = NO_FILTERS) -> list[RunListing]:
         """A page of runs, newest first; see Listings.runs."""
         unsaved = {run_id: RunListing.of(run) for run_id, run in self._unsaved.items()}
-        return [unsaved.get(found.id, found) for found in await self._store.listings.runs(limit, before)]
+        return [unsaved.get(found.id, found) for found in await self._store.listings.runs(limit, before, filters)]
 
     async def wait(self, run_id: str, seconds: float) -> RunRecord:
         """Wait for the end of the run up to `seconds`; returns its record then."""

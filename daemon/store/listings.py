@@ -11,6 +11,7 @@ from typing import Any
 from daemon.errors import CursorUnknown
 from daemon.model.records import RunRecord, ScanRecord
 from daemon.store.database import Database
+from daemon.store.page_filters import NO_FILTERS, PageFilters
 
 _RUNS = (
     "SELECT *, json_object('manual', json_extract(request, '$.manual')),"
@@ -77,36 +78,48 @@ class Listings:
     def __init__(self, reader: Database) -> None:
         self._reader = reader
 
-    async def runs(self, limit: int, before: str | None = None) -> list[RunListing]:
+    async def runs(self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS) -> list[RunListing]:
         """Up to `limit` runs older than `before`."""
         return await self._reader.read(
-            lambda db: [RunListing.of_row(row) for row in read_page(db, _RUNS, "runs", limit, before)]
+            lambda db: [RunListing.of_row(row) for row in read_page(db, _RUNS, "runs", limit, before, filters)]
         )
 
-    async def calibrations(self, limit: int, before: str | None = None) -> list[CalibrationListing]:
+    async def calibrations(
+        self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS
+    ) -> list[CalibrationListing]:
         """Up to `limit` calibrations older than `before`."""
-        rows = await self._reader.read(lambda db: read_page(db, _CALIBRATIONS, "calibrations", limit, before))
+        rows = await self._reader.read(lambda db: read_page(db, _CALIBRATIONS, "calibrations", limit, before, filters))
         return [CalibrationListing(i, run_id, at, bool(accepted), mm) for i, run_id, at, accepted, mm in rows]
 
-    async def scans(self, limit: int, before: str | None = None) -> list[ScanListing]:
+    async def scans(
+        self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS
+    ) -> list[ScanListing]:
         """Up to `limit` scans older than `before`, with their views."""
 
         def read(db: sqlite3.Connection) -> list[ScanListing]:
             query = "SELECT view, file, unit, base_T_flange, created_at FROM scan_views WHERE scan_id = ? ORDER BY view"
             return [
                 ScanListing(ScanRecord(i, at, name, bool(refine)), tuple(db.execute(query, (i,)).fetchall()))
-                for i, at, name, refine in read_page(db, _SCANS, "scans", limit, before)
+                for i, at, name, refine in read_page(db, _SCANS, "scans", limit, before, filters)
             ]
 
         return await self._reader.read(read)
 
 
-def read_page(db: sqlite3.Connection, query: str, table: str, limit: int, before: str | None) -> list[Any]:
+def read_page(
+    db: sqlite3.Connection,
+    query: str,
+    table: str,
+    limit: int,
+    before: str | None,
+    filters: PageFilters = NO_FILTERS,
+) -> list[Any]:
     """One page, latest insertion first: ordered by rowid and not by time, since the clock may jump back."""
-    end = None
+    conditions, values = list(filters.conditions), list(filters.values)
     if before is not None:
         end = db.execute(f"SELECT rowid FROM {table} WHERE id = ?", (before,)).fetchone()
         if end is None:
             raise CursorUnknown(table, before)
-    where = "" if end is None else f"WHERE rowid < {end[0]}"
-    return db.execute(f"{query} {where} ORDER BY rowid DESC LIMIT ?", (limit,)).fetchall()
+        conditions, values = [*conditions, "rowid < ?"], [*values, end[0]]
+    where = f"WHERE {' AND '.join(conditions)}" if conditions else ""
+    return db.execute(f"{query} {where} ORDER BY rowid DESC LIMIT ?", (*values, limit)).fetchall()

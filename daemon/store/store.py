@@ -81,6 +81,11 @@ class Store:
         """Why nothing is written and no run is started; None while the store is sound."""
         return self._opened.guard.find_fault()
 
+    @property
+    def database_path(self) -> Path:
+        """The file of the database, for readers that open it by themselves."""
+        return self._database.path
+
     async def check(self, *, whole: bool = False) -> StoreFault | None:
         """Look for faults: at the end of the audit log, or with `whole` at every page and row.
 

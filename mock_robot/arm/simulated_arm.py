@@ -122,6 +122,16 @@ class SimulatedArm:
         self._departures += 1
         return self._motion.path.reachable_fraction
 
+    def jog(self, joints: Array, in_s: float, now_s: float) -> None:
+        """Move to `joints` (6,) within `in_s`, as a person does with the joystick, whatever the axes' speeds.
+
+        Raises UnreachablePoseError outside the joint limits.
+        """
+        self.arm.require_within_limits(joints)
+        profile = Trapezoid(1.0, 1.25 / in_s, 6.25 / in_s**2)  # a tenth of the time each to speed up and to brake
+        self._motion = ArmMotion(JointPath(self.joints_at(now_s), joints), profile, now_s)
+        self._departures += 1
+
     def stop(self, now_s: float) -> None:
         """Brake to standstill on the path; no effect at standstill."""
         self._motion = self._motion.with_braking(now_s)

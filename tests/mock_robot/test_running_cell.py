@@ -160,9 +160,39 @@ async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None
         assert any("restarted" in entry["text"] for entry in (await client.get("/log")).json())
 
 
+@PROGRAMS
+async def test_the_arm_is_jogged_at_the_control_port_while_it_is_not_armed(program: RobotProgram) -> None:
+    async with (
+        robot_only(program=program) as cell,
+        over_tcp(cell.announcement.robot_port) as client,
+        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False, timeout=LIMIT_S) as control,
+    ):
+        goal = np.degrees(HOME) + np.array([5.0, 0, 0, 0, 0, 10.0])
+        jogged = await control.post("/jog", json={"joints_deg": goal.tolist(), "in_s": 0.1})
+        assert (jogged.status_code, jogged.json()["moving"]) == (200, True)
+
+        async def joints() -> Array:
+            return np.array((await control.get("/state")).json()["joints_deg"])
+
+        async with asyncio.timeout(LIMIT_S):
+            while np.abs(await joints() - goal).max() > 1e-3:
+                pass
+        pose = PoseDocument.of(find_arm("IRB 1600-6/1.45").forward(HOME)).model_dump()
+        assert (await control.post("/jog", json={"base_T_flange": pose, "in_s": 0.02})).status_code == 200
+        async with asyncio.timeout(LIMIT_S):
+            while np.abs(await joints() - np.degrees(HOME)).max() > 1e-2:
+                pass
+        await client.is_armed()
+        refused = await control.post("/jog", json={"joints_deg": goal.tolist()})
+        assert (refused.status_code, "armed" in refused.text) == (422, True)
+
+
 @pytest.mark.parametrize(
     ("method", "path", "status", "says"),
     [
+        ("POST", "/jog", 422, "joints_deg"),
+        ("POST", "/jog?joints_deg=12", 422, "give joints_deg"),
+        ("POST", "/jog?in_s=0", 422, "in_s"),
         ("POST", "/faults/no-such", 404, "choose one of link-delay"),
         ("POST", "/motors", 422, "true, false"),
         ("POST", "/mode?mode=TURBO", 422, "AUTO, MANR, MANF"),

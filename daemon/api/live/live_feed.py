@@ -9,13 +9,15 @@ from dataclasses import dataclass, field
 from daemon.api.http_errors import TooManyListeners
 from daemon.api.live.snapshot import Snapshot, json_of, message_of
 from daemon.api.readiness import readiness
-from daemon.api.schemas.cell import LiveDevice, RobotDocument
+from daemon.api.schemas.cell import LiveDevice, LookDocument, RobotDocument
 from daemon.api.schemas.runs import RunDocument
 from daemon.application import Application
 from daemon.cell.readings import RobotReading
 from daemon.errors import DaemonError
+from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.version import SOFTWARE
+from daemon.sessions.look import Look
 from drivers.errors import DeviceError
 
 log = logging.getLogger(__name__)
@@ -54,7 +56,8 @@ class LiveFeed:
         self._reading: asyncio.Task[RobotReading] | None = None
         self._robot: RobotReading | None = None
         self._robot_at_s = self._asked_at_s = self._readiness_at_s = self._beat_at_s = float("-inf")
-        self._ready = "null"
+        self._ready = self._look_text = "null"
+        self._looking: asyncio.Task[Look] | None = None
 
     def admit(self) -> Listener:
         """A place for one listener, until `release`. Raises TooManyListeners."""
@@ -110,6 +113,7 @@ class LiveFeed:
         await self._read_robot(now_s, FAST_S if fast else BEAT_S)
         if now_s - self._readiness_at_s >= 0.99 * BEAT_S:
             self._readiness_at_s, self._ready = now_s, await self._read_readiness()
+        await self._look_at_target(run)
         snapshot = self._take(self._robot_document())
         changed = {**snapshot, "at": ""} != {**self._snapshot, "at": ""}
         if changed or now_s - self._beat_at_s >= 0.99 * BEAT_S:
@@ -135,6 +139,22 @@ class LiveFeed:
         if now_s - self._robot_at_s > MAX_READING_AGE_S:
             self._robot = None
 
+    async def _look_at_target(self, run: RunRecord | None) -> None:
+        """Where the target is in the picture, while a run waits for its operator; at most twice a second."""
+        if run is None or run.state is not RunState.WAITING:
+            self._look_text = "null"
+            return
+        if self._looking is None:
+            self._looking = asyncio.create_task(self._app.looks.read())
+        await asyncio.wait([self._looking], timeout=0)
+        if self._looking.done():
+            looking, self._looking = self._looking, None
+            try:
+                self._look_text = json_of(LookDocument.of_look(looking.result()))
+            except DeviceError as error:
+                self._look_text = "null"
+                self._app.device_watch.note("camera", error)
+
     async def _read_readiness(self) -> str:
         with suppress(DaemonError, DeviceError):
             return json_of(await readiness(self._app))
@@ -157,4 +177,5 @@ class LiveFeed:
             "devices": json_of([LiveDevice.of(state) for state in app.device_watch.states()]),
             "ready": self._ready,
             "holder": json_of(app.cell.holder),
+            "look": self._look_text,
         }

@@ -44,9 +44,16 @@ async def _apply(app: Application, sequence: str) -> Answer:
     return _json(200, AppliedDocument.of(applied), "/calibrations/current")
 
 
+async def _acceptance(app: Application, acceptance_id: str) -> Answer:
+    stored = await app.store.acceptances.get(acceptance_id)
+    headers = {"content-type": "application/json", "location": f"/acceptances/{acceptance_id}"}
+    return 200, headers, stored.document.encode()
+
+
 _REBUILDERS: dict[str, Callable[[Application, str], Awaitable[Answer]]] = {
     "run": _run,
     "scan": _scan,
     "view": _view,
     "apply": _apply,
+    "acceptance": _acceptance,
 }

@@ -1,4 +1,4 @@
-"""POST /setup and GET /audit."""
+"""POST /setup, GET /audit and whether it is whole, GET /settings and /about."""
 
 import json
 from collections.abc import Iterator
@@ -8,9 +8,19 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 
 from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit, respond_page
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.access import AuditDocument, AuditList, NewKeyDocument
+from daemon.api.schemas.about import AboutDocument, SettingsDocument
+from daemon.api.schemas.access import (
+    AuditAnchorDocument,
+    AuditDocument,
+    AuditList,
+    AuditVerifiedDocument,
+    NewKeyDocument,
+)
 from daemon.api.schemas.answer import page_json
 from daemon.model.requests import SetupRequest
+from daemon.store.audit_log import check_audit_log
+from daemon.tools.support_bundle.redaction import redact_values
+from daemon.tools.support_bundle.versions import about_software
 
 router = APIRouter(tags=["access"])
 
@@ -46,3 +56,37 @@ async def audit(app: App, limit: Limit = 50, before: Sequence = None) -> Respons
         return page_json("rows", (AuditDocument(**row).model_dump_json() for row in rows), following)
 
     return await respond_page(app, as_json)
+
+
+@router.get("/audit/verified", response_model=AuditVerifiedDocument, responses=problem_responses(429, 500))
+async def audit_verified(app: App) -> Response:
+    """Whether the audit log is whole, by a look at each of its rows, as `handeyed audit verify` takes."""
+    rows = await app.store.audit.rows(1, None)
+    checked_at = app.clock.timestamp()
+    count, flaws = await app.service_workers.run_if_free(check_audit_log, app.store.database_path, [])
+    return Response(
+        AuditVerifiedDocument(
+            whole=not flaws,
+            rows=count,
+            last=AuditAnchorDocument(sequence=rows[0].sequence, hash=rows[0].hash) if rows else None,
+            flaws=flaws[:20],
+            checked_at=checked_at,
+        ).model_dump_json(),
+        media_type="application/json",
+    )
+
+
+@router.get("/settings", response_model=SettingsDocument, tags=["access"])
+async def settings(app: App) -> SettingsDocument:
+    """The settings as the daemon has loaded them, without passwords, keys and tokens; `given`: those of the file."""
+    loaded = app.settings
+    return SettingsDocument(
+        settings=redact_values(loaded.model_dump(mode="json")),
+        given=redact_values(loaded.model_dump(mode="json", exclude_unset=True)),
+    )
+
+
+@router.get("/about", response_model=AboutDocument, tags=["health"])
+async def about(app: App) -> Response:
+    """The version of the daemon and of the packages it uses, with their licences."""
+    return await respond_page(app, lambda: AboutDocument.model_validate(about_software()).model_dump_json().encode())

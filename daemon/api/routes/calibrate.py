@@ -1,23 +1,30 @@
 """GET and POST /calibrate, POST /verify."""
 
+import math
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from daemon.api.dependencies import App, JsonBody, Wait
+from calibration.documents.pose import PoseDocument
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import status_text
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.runs import STARTED, answer_run_start
+from daemon.api.schemas.acceptances import AcceptanceList, StoredAcceptance
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
-from daemon.api.schemas.runs import RunDocument
+from daemon.api.schemas.cell import ForesightDocument
+from daemon.api.schemas.runs import PlannedPoseDocument, RunDocument
 from daemon.application import Application
+from daemon.cell.skeleton import skeleton_mm
 from daemon.config.settings import CalibrationSettings
 from daemon.errors import NoCalibration
 from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.scans.scanner_acceptance import AcceptanceDocument
+from daemon.store.acceptances import AcceptanceRecord
+from daemon.store.actor import current_audit_context
 
 router = APIRouter(tags=["calibrate"])
 
@@ -43,6 +50,42 @@ async def calibrate(
 
 
 @router.post(
+    "/plan",
+    response_model=ForesightDocument,
+    responses=problem_responses(400, 404, 409, 413, 422, 429, 500, 502, 503, 504),
+)
+async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(CalibrateRequest))]) -> Response:
+    """What POST /calibrate would do from where the arm stands. Never moves anything; 409 while a run is in progress."""
+    reading = await app.readings.robot.read()
+    found = await app.operations.foresee(body, reading.pose, reading.joints)
+    arm = app.operations.rules.arm
+    poses = [
+        PlannedPoseDocument(
+            base_T_flange=PoseDocument.of(pose),
+            joints_deg=None if joints is None else [round(math.degrees(angle), 4) for angle in joints],
+            skeleton_mm=skeleton_mm(arm, joints),
+        )
+        for pose, joints in zip(found.base_T_flange, found.joints_rad, strict=True)
+    ]
+    document = ForesightDocument(poses=poses, predicted_mm=list(found.predicted_mm), note=found.note)
+    return Response(document.model_dump_json(), media_type="application/json")
+
+
+@router.get("/acceptances", response_model=AcceptanceList)
+async def acceptances(app: App, limit: Limit = 50, before: Before = None) -> Response:
+    """The scanner's verifications, newest first."""
+    page, following = page_of(await app.store.acceptances.page(limit + 1, before), limit, "/acceptances")
+    found = [StoredAcceptance.of_record(record) for record in page]
+    return Response(AcceptanceList(acceptances=found, next=following).model_dump_json(), media_type="application/json")
+
+
+@router.get("/acceptances/{acceptance_id}", response_model=StoredAcceptance, responses=problem_responses(404))
+async def acceptance(app: App, acceptance_id: Identifier) -> StoredAcceptance:
+    """One verification of the scanner."""
+    return StoredAcceptance.of_record(await app.store.acceptances.get(acceptance_id))
+
+
+@router.post(
     "/verify",
     response_model=RunDocument | AcceptanceDocument,
     responses={**STARTED, **problem_responses(404, 429)},
@@ -52,12 +95,16 @@ async def verify(
 ) -> Response:
     """Look at the target again from three positions: each point in base coordinates, and how far they scatter.
 
-    With `artefact` and `scan_id`: the scanner's probing and sphere-spacing errors, from a scan of spheres or ball bars.
+    With `artefact` and `scan_id`: the scanner's probing and sphere-spacing errors, from a scan of spheres or ball bars;
+    stored, Location says where.
     """
     if body.artefact is not None and body.scan_id is not None:
         async with client_of(request).until_disconnected():
             found = await app.scans.assess_scanner(body.scan_id, body.artefact)
-        return Response(found.model_dump_json(), media_type="application/json")
+        content, stored_id = found.model_dump_json(), app.new_id()
+        at, actor = app.clock.timestamp(), current_audit_context().actor
+        await app.store.acceptances.save(AcceptanceRecord(stored_id, body.scan_id, at, actor, content))
+        return Response(content, headers={"Location": f"/acceptances/{stored_id}"}, media_type="application/json")
     return await answer_run_start(request, app, await app.operations.verify(body), wait)
 
 

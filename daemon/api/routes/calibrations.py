@@ -35,7 +35,8 @@ from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.errors import NoCalibration, NotFound
-from daemon.model.requests import ApplyRequest
+from daemon.model.requests import ApplyRequest, SolveRequest
+from daemon.store.page_filters import PageFilters
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
@@ -48,9 +49,11 @@ FalseAlarm = Annotated[
 
 
 @router.get("", response_model=CalibrationList)
-async def calibrations(app: App, limit: Limit = 50, before: Before = None) -> Response:
-    """The calibrations, newest first, and the latest applied ones."""
-    page, following = page_of(await app.store.listings.calibrations(limit + 1, before), limit, "/calibrations")
+async def calibrations(app: App, limit: Limit = 50, before: Before = None, accepted: bool | None = None) -> Response:
+    """The calibrations, newest first, and the latest applied ones; with `accepted` those of that verdict only."""
+    filters = PageFilters.of({"accepted": accepted})
+    found = await app.store.listings.calibrations(limit + 1, before, filters)
+    page, following = page_of(found, limit, "/calibrations", filters)
     history = await app.store.history(limit)
     current = history[0].calibration_id if history else None
 
@@ -104,6 +107,24 @@ async def compare_with(
     a, b = await app.operations.calibration(calibration_id), await app.operations.calibration(other)
     found = compare(a, b, false_alarm_probability)
     return respond(request, found, lambda: comparison_text(found))
+
+
+@router.post(
+    "/{calibration_id}/solve",
+    response_model=CalibrationDocument,
+    status_code=201,
+    responses=problem_responses(400, 404, 409, 413, 422, 429, 500, 507),
+)
+async def solve_again(
+    app: App,
+    calibration_id: Identifier,
+    body: Annotated[SolveRequest, Depends(JsonBody(SolveRequest))],
+) -> Response:
+    """Solve the same pictures again, `without` some of the views or with another method: a calibration of its own,
+    not applied. 409 while a run is in progress."""
+    made = await app.operations.solve_again(calibration_id, body, app.new_id())
+    headers = {"Location": f"/calibrations/{made.id}"}
+    return Response(made.document.model_dump_json(), 201, headers, media_type="application/json")
 
 
 @router.post(

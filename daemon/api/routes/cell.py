@@ -1,18 +1,20 @@
-"""GET /robot, /arm and the camera's pictures."""
+"""The cell's devices: /robot, /arm, /devices, /check and the camera's pictures."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 
-from daemon.api.dependencies import App, WidthQuery
+from daemon.api.dependencies import App, WidthQuery, no_body
+from daemon.api.device_checks import check_devices
 from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
 from daemon.api.plain_text import robot_text
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.cell import LookDocument, RobotDocument
+from daemon.api.schemas.cell import ArmDocument, CheckList, DeviceDocument, LiveDevice, LookDocument, RobotDocument
 from daemon.application import Application
 from daemon.errors import CellBusy
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
 from daemon.sessions.pictures import PictureType, Width, encode_file
 from daemon.sessions.session_writer import image_name
+from daemon.tools.support_bundle.redaction import redact
 
 router = APIRouter(tags=["cell"])
 
@@ -37,6 +39,35 @@ async def camera_frame(app: App) -> Response:
     """A picture of at most the last 0.1 s, or one taken for those who asked meanwhile."""
     content = await app.readings.picture.read()
     return Response(content, media_type="image/png", headers={"Cache-Control": "no-store"})
+
+
+@router.get("/arm", response_model=ArmDocument)
+async def arm(app: App) -> ArmDocument:
+    """The arm, its limits, the target and the poses of the settings: the same until the daemon starts again."""
+    return ArmDocument.of_settings(app.settings, app.operations.rules.arm, app.cell.robot.capabilities.moves)
+
+
+@router.get("/devices", response_model=list[DeviceDocument])
+async def devices(app: App) -> list[DeviceDocument]:
+    """Each device: its address, whether its link is up, since when, and its last error. Nothing is sent to it."""
+    settings = app.settings
+    addresses = {"robot": settings.robot.address, "camera": settings.camera.address}
+    if settings.scanner is not None:
+        addresses["scanner"] = settings.scanner.address
+    return [_device(LiveDevice.of(state), addresses.get(state.name, "")) for state in app.device_watch.states()]
+
+
+def _device(device: LiveDevice, address: str) -> DeviceDocument:
+    return DeviceDocument(**dict(device), kind=address.partition(":")[0], address=redact(address))
+
+
+@router.post("/check", response_model=CheckList, dependencies=[Depends(no_body)], responses=problem_responses(400, 500))
+async def check(app: App) -> CheckList:
+    """Ask robot, camera and interlocks, and look at the store: what is well, and what to do about the rest.
+
+    Nothing moves and no scan is taken. 409 while a run works.
+    """
+    return CheckList(results=await check_devices(app))
 
 
 PICTURES = {"description": "A picture", "content": {media_type: {} for media_type in PICTURE_TYPES}}

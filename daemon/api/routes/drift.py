@@ -14,14 +14,20 @@ from daemon.drift.samples import MAX_VERIFICATIONS
 router = APIRouter(tags=["calibrate"])
 
 
-@router.get("/drift", response_model=DriftDocument, responses={200: or_text("The chart"), **problem_responses(507)})
+@router.get(
+    "/drift", response_model=DriftDocument, responses={200: or_text("The chart"), **problem_responses(404, 507)}
+)
 async def drift(
     request: Request,
     app: App,
     limit: Annotated[
         int, Query(ge=1, le=MAX_VERIFICATIONS, description="how many points at most, the last ones"), IN_WHOLE_DIGITS
     ] = 100,
+    calibration: Annotated[
+        str | None, Query(min_length=1, max_length=64, description="id of one that was in force; else the one that is")
+    ] = None,
 ) -> Response:
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""
-    document = DriftDocument.of(await app.drift.refresh(), app.settings.drift, limit)
+    chart = await (app.drift.refresh() if calibration is None else app.drift.chart_of_earlier(calibration))
+    document = DriftDocument.of(chart, app.settings.drift, limit)
     return respond(request, document, lambda: drift_text(document))

@@ -13,6 +13,7 @@ from daemon.api.dependencies import (
     Before,
     Identifier,
     Limit,
+    Moment,
     Wait,
     WidthQuery,
     no_body,
@@ -30,9 +31,11 @@ from daemon.api.schemas.run_views import RunViewsDocument
 from daemon.api.schemas.runs import RunDocument, RunList, listing_json
 from daemon.application import Application
 from daemon.errors import NotFound
-from daemon.model.records import RunRecord
+from daemon.model.records import RunKind, RunRecord
+from daemon.model.run_states import RunState
 from daemon.runs.run_views import run_views
 from daemon.sessions.session_files import SESSION_FILE
+from daemon.store.page_filters import PageFilters
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -49,9 +52,18 @@ FINISHING = {status: answer for status, answer in STARTED.items() if status not 
 
 
 @router.get("", response_model=RunList)
-async def runs(app: App, limit: Limit = 50, before: Before = None) -> Response:
-    """The newest first."""
-    page, following = page_of(await app.supervisor.listings(limit + 1, before), limit, "/runs")
+async def runs(
+    app: App,
+    limit: Limit = 50,
+    before: Before = None,
+    kind: RunKind | None = None,
+    state: RunState | None = None,
+    since: Moment = None,
+    until: Moment = None,
+) -> Response:
+    """The newest first; with filters those that match all of them. `since` is included, `until` is not."""
+    filters = PageFilters.of({"kind": kind, "state": state, "since": since, "until": until})
+    page, following = page_of(await app.supervisor.listings(limit + 1, before, filters), limit, "/runs", filters)
     return await respond_page(app, lambda: page_json("runs", map(listing_json, page), following))
 
 

@@ -50,9 +50,12 @@ from daemon.errors import NotFound
 from daemon.model.records import RunRecord, ScanViewRecord
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import ReportTask
+from daemon.store.page_filters import PageFilters
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud
 from registration.fusion.merging import Merge, Outliers
+
+NamePart = Annotated[str | None, Query(min_length=1, max_length=200, description="a part of the name")]
 
 router = APIRouter(prefix="/scans", tags=["scans"])
 
@@ -63,9 +66,10 @@ BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
 
 
 @router.get("", response_model=ScanList)
-async def scans(app: App, limit: Limit = 50, before: Before = None) -> Response:
-    """The newest first."""
-    page, following = page_of(await app.store.listings.scans(limit + 1, before), limit, "/scans")
+async def scans(app: App, limit: Limit = 50, before: Before = None, name: NamePart = None) -> Response:
+    """The newest first; with `name` those whose name has that in it, in either case."""
+    filters = PageFilters.of({"name": name})
+    page, following = page_of(await app.store.listings.scans(limit + 1, before, filters), limit, "/scans", filters)
     return await respond_page(app, lambda: page_json("scans", map(listing_json, page), following))
 
 

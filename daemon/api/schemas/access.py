@@ -17,6 +17,47 @@ class NewKeyDocument(Answer):
     expires_at: str | None
 
 
+class KeyDocument(Answer):
+    """A key, without itself. `state`: "valid", "expired" or "revoked"."""
+
+    id: str
+    name: str
+    role: RoleWord
+    state: Literal["valid", "expired", "revoked"]
+    created_at: str
+    expires_at: str | None
+    revoked_at: str | None
+
+
+class KeyList(Answer):
+    """All keys, oldest first."""
+
+    keys: list[KeyDocument]
+
+
+class RevokedKeys(Answer):
+    """The ids of the keys that have ended."""
+
+    revoked: list[str]
+
+
+class AuditAnchorDocument(Answer):
+    """The last row of the audit log: written down elsewhere, it proves later that the log was not rewritten."""
+
+    sequence: int
+    hash: str
+
+
+class AuditVerifiedDocument(Answer):
+    """Whether the log is whole: every row follows from the one before, and none is missing. `flaws`: the first 20."""
+
+    whole: bool
+    rows: int
+    last: AuditAnchorDocument | None
+    flaws: list[str]
+    checked_at: str
+
+
 class SignedInDocument(Answer):
     """The name of the key, the session's role, and when the session ends."""
 

@@ -4,11 +4,15 @@ import math
 from typing import Literal
 
 from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.session import CameraDocument
+from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
 from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
+from daemon.api.schemas.runs import PlannedPoseDocument
 from daemon.cell.device_watch import DeviceState
 from daemon.cell.readings import RobotReading
 from daemon.cell.skeleton import skeleton_mm
+from daemon.config.settings import Settings, TaughtPose
 from daemon.sessions.look import Look
 from drivers.interfaces import LinkHealth
 
@@ -129,3 +133,75 @@ class LiveDevice(Answer):
             name=state.name, connected=state.connected, detail=state.detail, since=state.since,
             last_error=None if fault is None else DeviceFaultDocument(**vars(fault)),
         )  # fmt: skip
+
+
+class DeviceDocument(LiveDevice):
+    """A device of the settings. `kind`: of its driver, by the address, which is shown without passwords."""
+
+    kind: str
+    address: str
+
+
+class CheckDocument(Answer):
+    """One thing that was checked: `what` was found, and what to do when it is not well."""
+
+    name: str
+    ok: bool
+    what: str
+    fix: str
+
+
+class CheckList(Answer):
+    """What `handeyed check` looks at, by the running daemon."""
+
+    results: list[CheckDocument]
+
+
+class ArmDocument(Answer):
+    """What does not change while the daemon runs: the arm, its limits, the target, the poses of the settings.
+
+    `model` and `limits_deg` (lowest and highest of each axis) are null when the settings do not name the arm.
+    """
+
+    model: str | None
+    limits_deg: list[tuple[float, float]] | None
+    reach_mm: float | None
+    box_mm: tuple[Vector, Vector]
+    speed_mm_s: float
+    joint_travel_deg: float
+    moves: bool
+    target: TargetDocument
+    target_points_mm: list[Vector]
+    camera: CameraDocument | None
+    taught_poses: list[TaughtPose]
+    scan_poses: list[TaughtPose]
+
+    @classmethod
+    def of_settings(cls, settings: Settings, arm: Arm | None, moves: bool) -> "ArmDocument":
+        robot, points = settings.robot, settings.target.target().points_mm
+        bounds = None if arm is None else zip(arm.lower_rad, arm.upper_rad, strict=True)
+        return cls(
+            model=arm.name if arm else None,
+            limits_deg=None if bounds is None else [(math.degrees(low), math.degrees(high)) for low, high in bounds],
+            reach_mm=round(arm.reach_mm, 3) if arm else None,
+            box_mm=robot.box_mm,
+            speed_mm_s=robot.speed_mm_s,
+            joint_travel_deg=robot.joint_travel_deg,
+            moves=moves,
+            target=settings.target,
+            target_points_mm=[(float(x), float(y), float(z)) for x, y, z in points],
+            camera=settings.camera.intrinsics,
+            taught_poses=list(settings.calibration.poses),
+            scan_poses=list(settings.scanner.poses) if settings.scanner else [],
+        )
+
+
+class ForesightDocument(Answer):
+    """The poses that a run would take from where the arm stands, and one sigma of a mapped point after each.
+
+    `note`: what was assumed, or why nothing can be planned before the first views.
+    """
+
+    poses: list[PlannedPoseDocument]
+    predicted_mm: list[float | None]
+    note: str

@@ -14,7 +14,7 @@ from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.fakes import Gate
 from tests.support.waiting import LIMIT_S, eventually
 
-KEYS = {"at", "software", "robot", "run", "devices", "ready", "holder"}
+KEYS = {"at", "software", "robot", "run", "devices", "ready", "holder", "look"}
 
 
 class Listening:

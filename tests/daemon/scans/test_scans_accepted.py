@@ -32,6 +32,9 @@ async def test_a_ball_bar_in_three_positions_gives_probing_and_spacing_errors(be
     assert found["sphere_spacing_mm"] == pytest.approx(0.15, abs=0.005)
     assert found["probing_form_mm"] < 0.005
     assert [len(position["balls"]) for position in found["positions"]] == [2, 2, 2]
+    stored = (await bench.client.get(answer.headers["location"])).json()
+    assert (stored["acceptance"], stored["created_by"]) == (found, "local")
+    assert (await bench.client.get("/acceptances")).json() == {"acceptances": [stored], "next": None}
 
 
 async def test_a_position_without_the_artefact_is_named(bench: Bench) -> None:

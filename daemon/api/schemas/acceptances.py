@@ -1,0 +1,28 @@
+"""Schemas of the scanner's stored verifications."""
+
+from daemon.api.schemas.answer import Answer
+from daemon.scans.scanner_acceptance import AcceptanceDocument
+from daemon.store.acceptances import AcceptanceRecord
+
+
+class StoredAcceptance(Answer):
+    """A verification of the scanner, as POST /verify answered it."""
+
+    id: str
+    created_at: str
+    created_by: str
+    acceptance: AcceptanceDocument
+
+    @classmethod
+    def of_record(cls, record: AcceptanceRecord) -> "StoredAcceptance":
+        return cls(
+            id=record.id, created_at=record.created_at, created_by=record.created_by,
+            acceptance=AcceptanceDocument.model_validate_json(record.document),
+        )  # fmt: skip
+
+
+class AcceptanceList(Answer):
+    """The newest first; `next` asks for those before them."""
+
+    acceptances: list[StoredAcceptance]
+    next: str | None

@@ -1,0 +1,56 @@
+"""The poses that a run would take, and what they would tell: computed without moving anything."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.errors import UndeterminedError
+from calibration.likelihood.predicted_uncertainty import Scene, predict
+from calibration.planning.next_view import next_view
+from calibration.planning.plan import PlanningError
+from calibration.problem import Problem
+from calibration.transforms import Array
+from daemon.errors import NoPoses
+from daemon.runs.adaptive_sequence import AdaptiveParameters
+
+UNKNOWN_SCENE = "the first views of the run are small turns from where the arm stands: they find the camera's place"
+
+
+@dataclass(frozen=True, eq=False)
+class Foresight:
+    """The poses base_T_flange (n, 4, 4), joints (6,) at each where known, and one sigma of a mapped point after each.
+
+    `note`: what was assumed, or why nothing is planned yet.
+    """
+
+    base_T_flange: Array
+    joints_rad: list[Array | None]
+    predicted_mm: tuple[float | None, ...]
+    note: str
+
+
+def foresee(parameters: AdaptiveParameters, base_T_flange_now: Array, joints_now_rad: Array | None) -> Foresight:
+    """Plan the next poses of an adaptive run before its first view, as the run would after it. Raises NoPoses."""
+    prior, rules = parameters.guess, parameters.rules
+    size = prior.camera.image_size if prior.camera else (0, 0)
+    try:
+        nothing_seen = Problem(prior.setup, prior.target, prior.camera, size, ())
+        found = next_view(
+            prior, nothing_seen, parameters.limits, parameters.wish, base_T_flange_now=base_T_flange_now,
+            reachable=rules.reachable_from(joints_now_rad),
+        )  # fmt: skip
+    except UndeterminedError:
+        return Foresight(np.empty((0, 4, 4)), [], (), UNKNOWN_SCENE)
+    except PlanningError as error:
+        raise NoPoses(error.what, error.fix) from None
+    poses, belief = found.planned, found.belief
+    assert poses is not None  # no views are left to take only with a wish for none
+    assert belief is not None
+    along = rules.joints_along(poses, joints_now_rad)
+    return Foresight(poses, along, predictions(belief.scene, poses), parameters.assumed)
+
+
+def predictions(scene: Scene, base_T_flange: Array) -> tuple[float | None, ...]:
+    """One sigma of a mapped point (mm) after each of the poses (n, 4, 4); None before they determine it."""
+    known = [float(predict(scene, base_T_flange[: count + 1]).point_mm) for count in range(len(base_T_flange))]
+    return tuple(mm if np.isfinite(mm) else None for mm in known)
