@@ -21,6 +21,8 @@ class ScanViewDocument(Document):
 class ScanDocument(Document):
     """Content of scan.json."""
 
+    heading = "scanjson"
+
     schema_version: Literal[1]
     source: str = ""
     setup: Literal["eye-in-hand"]

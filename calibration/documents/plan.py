@@ -59,6 +59,8 @@ class PlanDocument(Document):
     `part`: the points that matter; the working volume without.
     """
 
+    heading = "planjson"
+
     schema_version: Literal[1]
     target: TargetDocument
     camera: CameraDocument

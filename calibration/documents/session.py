@@ -125,6 +125,8 @@ class SessionDocument(Document):
     camera : null where the intrinsics are estimated; may be left out where they are not needed.
     """
 
+    heading = "sessionjson"
+
     schema_version: Literal[1]
     source: str = ""
     setup: Setup

@@ -4,7 +4,8 @@ import difflib
 import json
 import reprlib
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from dataclasses import replace
+from typing import Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -28,6 +29,9 @@ class Document(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    heading: ClassVar[str] = ""
+    """Heading of docs/formats.md that describes the file; empty where the model is no file."""
+
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -37,11 +41,12 @@ def parse_document(model: type[Model], content: bytes, origin: str) -> Model:
     try:
         data = json.loads(content)
     except UnicodeDecodeError as error:
-        raise _syntax_error(origin, f"byte {error.start}", "not UTF-8 text") from None
+        raise _syntax_error(model, origin, f"byte {error.start}", "not UTF-8 text") from None
     except json.JSONDecodeError as error:
-        raise _syntax_error(origin, f"line {error.lineno}, column {error.colno}", f"not JSON ({error.msg})") from None
+        place = f"line {error.lineno}, column {error.colno}"
+        raise _syntax_error(model, origin, place, f"not JSON ({error.msg})") from None
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits; brackets a thousand deep
-        raise _syntax_error(origin, "document", f"beyond what is read ({error})") from None
+        raise _syntax_error(model, origin, "document", f"beyond what is read ({error})") from None
     return validate_document(model, data, origin)
 
 
@@ -51,11 +56,22 @@ def validate_document(model: type[Model], data: Any, origin: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         details = error.errors(include_url=False, include_context=False)
-        raise DocumentError(origin, _problems(model, details)) from None
+        raise DocumentError(origin, _with_heading(model, _problems(model, details))) from None
 
 
-def _syntax_error(origin: str, place: str, what: str) -> DocumentError:
-    return DocumentError(origin, [DocumentProblem(place, what, "restore the file, or write it again")])
+def _syntax_error(model: type[BaseModel], origin: str, place: str, what: str) -> DocumentError:
+    return DocumentError(
+        origin, _with_heading(model, [DocumentProblem(place, what, "restore the file, or write it again")])
+    )
+
+
+def _with_heading(model: type[BaseModel], problems: list[DocumentProblem]) -> list[DocumentProblem]:
+    """The problems, the last of which names where the file is described."""
+    heading: str = getattr(model, "heading", "")
+    if not heading or not problems:
+        return problems
+    last = problems[-1]
+    return [*problems[:-1], replace(last, fix=f"{last.fix} (docs/formats.md#{heading})")]
 
 
 def validate_json(model: type[Model], data: Any, origin: str) -> Model:

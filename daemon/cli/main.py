@@ -22,6 +22,7 @@ from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
 from daemon.cli.report import report
 from daemon.cli.robot import app as robot
+from daemon.cli.schema import schema
 from daemon.cli.serve import serve
 from daemon.cli.solve import solve
 from daemon.cli.support_bundle import support_bundle
@@ -65,6 +66,7 @@ app.command(rich_help_panel=OFFLINE)(register_archive)
 app.command(rich_help_panel=OFFLINE)(plan)
 app.command(rich_help_panel=OFFLINE)(assess)
 app.command(rich_help_panel=OFFLINE)(arms)
+app.command(rich_help_panel=OFFLINE)(schema)
 app.command(rich_help_panel=OFFLINE)(version)
 
 

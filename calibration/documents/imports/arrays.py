@@ -6,6 +6,7 @@ Pickled objects are never read; the sizes that a file states are checked before 
 import io
 import zipfile
 import zlib
+from tokenize import TokenError
 
 import numpy as np
 
@@ -19,6 +20,12 @@ MAX_ARRAY_BYTES = 64_000_000
 """Bytes of an array with poses."""
 
 POSE_SHAPES = ((4, 4), (3, 4), (16,), (12,), (7,), (6,))
+DAMAGED = (
+    ValueError, EOFError, OSError, OverflowError, SyntaxError, LookupError, TypeError, AttributeError, MemoryError,
+    RecursionError, TokenError,
+)  # fmt: skip
+"""What numpy raises for a damaged file; its header is a Python literal."""
+
 FIX = "save an array n x 4 x 4, n x 7 or n x 6 of floats"
 
 
@@ -40,7 +47,7 @@ def _load(content: bytes, origin: str) -> Array:
         if size > MAX_ARRAY_BYTES or len(content) > MAX_ARRAY_BYTES:
             raise refusal(origin, "array", "larger than 64 MB", FIX)
         array = np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, EOFError, OSError, OverflowError, SyntaxError, KeyError, TypeError, MemoryError) as error:
+    except DAMAGED as error:
         raise refusal(origin, "file", f"no array of numpy ({str(error)[:80]})", FIX) from None
     return np.asarray(array, float)
 

@@ -145,7 +145,9 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
             return Decision(None, words, (best.readings[0], others[0].readings[0]))
         agreement += f"; next best {others[0].readings[0].words}: {times:.3g} times worse"
     if len(named := _named_apart(best.readings)) > 1:
-        return Decision(None, f"fits: {agreement}; but these are the same equations", named)
+        alike = " and ".join(f"{one.setup} with {one.frame}" for one in named)
+        words = f"fits: {best.readings[0].convention.name}: {agreement}; but {alike} are the same equations"
+        return Decision(None, words, named)
     return Decision(best.readings[0], f"fits: {best.readings[0].words}: {agreement}")
 
 

@@ -38,7 +38,7 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     """What the folder holds. Raises DocumentError, Undecided."""
     files = FolderFiles.of(request.folder)
     imported = read_set(files, request.part, request.chosen)
-    images = tuple(files.path(name) for name in imported.images)
+    images = tuple(files.path(name).absolute() for name in imported.images)
     target = _target(request, imported)
     camera = _camera(request, imported, images)
     seen = None if imported.camera_poses is None else _camera_poses(imported.camera_poses)

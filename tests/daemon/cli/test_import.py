@@ -73,7 +73,7 @@ def _camera(folder: Path) -> Path:
 def test_where_the_camera_is_is_asked_when_nothing_says_it(euler: Path, tmp_path: Path) -> None:
     ran = handeyed("import", euler, "--out", tmp_path / "s", "--target", TARGET)
     assert ran.status == 2
-    assert "but these are the same equations: give --setup eye-in-hand" in ran.err
+    assert "are the same equations: give --setup eye-in-hand" in ran.err
     assert not (tmp_path / "s").exists()
 
 

@@ -78,6 +78,11 @@ def test_intrinsics_likewise(suffix: str, content: bytes) -> None:
     assert len(raised.value.problems) == 1
 
 
+def test_a_header_that_is_no_literal_is_refused() -> None:
+    content = b"\x93NUMPY\x01\x00\x76\x00" + b"{'descr': '<f8', 'fortran_order': False, 'shape': (3, (".ljust(118)
+    assert attempt("a.npy", content) is None
+
+
 def test_no_pickle_is_loaded_from_npy_or_npz() -> None:
     stream = io.BytesIO()
     np.save(stream, np.array([{"a": 1}], object), allow_pickle=True)

@@ -1,0 +1,24 @@
+"""`handeyed schema NAME`: the JSON Schema of a file that goes in or comes out."""
+
+import json
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+
+class SchemaName(StrEnum):
+    """Files with a schema."""
+
+    SESSION = "session"
+    SCAN = "scan"
+    PLAN = "plan"
+    CALIBRATION = "calibration"
+    REPORT = "report"
+
+
+def schema(name: Annotated[SchemaName, typer.Argument(metavar="session|scan|plan|calibration|report")]) -> None:
+    """Print the JSON Schema of session.json, scan.json, plan.json, calibration.json or the report of a registration."""
+    from daemon.tools.file_schemas.schemas import schema_of
+
+    typer.echo(json.dumps(schema_of(name.value), indent=1))

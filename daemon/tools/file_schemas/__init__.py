@@ -1,0 +1,1 @@
+"""JSON Schemas of the files that go in and come out: `handeyed schema`."""

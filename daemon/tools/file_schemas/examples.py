@@ -1,0 +1,58 @@
+"""Examples of the documents, which the tests run: `handeyed solve`, `register` and `plan` take them as they are."""
+
+from typing import Any
+
+
+def _pose(x: float, y: float, z: float, *wxyz: float) -> dict[str, Any]:
+    return {"translation_mm": [x, y, z], "quaternion_wxyz": list(wxyz)}
+
+
+TARGET: dict[str, Any] = {
+    "kind": "charuco", "columns": 7, "rows": 5, "square_mm": 30.0, "marker_mm": 22.0, "dictionary": "DICT_5X5_100",
+}  # fmt: skip
+
+PAIRS = (
+    ((991.014, 143.943, 691.209, 0.1683564, 0.6850443, 0.7086827, -0.0117969),
+     (-97.071, -81.689, 496.311, 0.9875267, 0.1493432, 5.4e-06, 0.0498754)),
+    ((1168.168, -153.97, 676.541, 0.1313856, -0.426225, -0.8846109, -0.1361381),
+     (-18.99, -121.797, 558.179, 0.9089436, -0.1454391, 0.0485031, 0.3877067)),
+    ((1194.69, -28.525, 684.555, 0.0226921, 0.921536, 0.3749191, -0.0984486),
+     (-122.831, 7.066, 558.572, 0.9231608, 0.0487318, 0.1705215, -0.3410597)),
+    ((967.816, -113.705, 704.383, 0.026087, -0.130392, 0.9767292, 0.1682779),
+     (105.762, -73.854, 520.172, 0.5720907, -4.93e-05, -0.1279331, 0.8101514)),
+    ((1159.953, 22.47, 693.191, 0.1319519, 0.9840135, -0.0084911, -0.1193063),
+     (-80.726, 95.37, 552.336, 0.7175283, 0.1131075, 0.1129769, -0.6779351)),
+    ((929.483, -177.288, 686.765, 0.0249501, 0.6183774, 0.7535103, 0.2218311),
+     (-77.833, -102.87, 519.543, 0.9788355, -0.0993158, -0.099273, 0.1488699)),
+)  # fmt: skip
+"""base_T_flange and camera_T_target of six views."""
+
+SESSION: dict[str, Any] = {
+    "schema_version": 1,
+    "source": "a tracker's poses, for the example",
+    "setup": "eye-in-hand",
+    "views": [{"base_T_flange": _pose(*robot), "camera_T_target": _pose(*seen)} for robot, seen in PAIRS],
+}
+
+SCAN: dict[str, Any] = {
+    "schema_version": 1,
+    "source": "two clouds, for the example",
+    "setup": "eye-in-hand",
+    "views": [
+        {"cloud": "view_000.ply", "unit": "m", "base_T_flange": _pose(812.4, -35.1, 640.0, 0.0, 1.0, 0.0, 0.0)},
+        {"cloud": "view_001.ply", "unit": "m", "base_T_flange": _pose(852.4, -35.1, 640.0, 0.0, 0.8, 0.6, 0.0)},
+    ],
+}
+
+PLAN: dict[str, Any] = {
+    "schema_version": 1,
+    "target": TARGET,
+    "camera": {
+        "matrix": [[900.0, 0.0, 319.5], [0.0, 900.0, 239.5], [0.0, 0.0, 1.0]],
+        "distortion": [0.0, 0.0, 0.0, 0.0, 0.0],
+        "image_size": [640, 480],
+    },
+    "flange_T_camera_guess": _pose(35.0, -20.0, 90.0, 1.0, 0.0, 0.0, 0.0),
+    "base_T_target_guess": _pose(900.0, 50.0, 100.0, 1.0, 0.0, 0.0, 0.0),
+    "poses": 4,
+}

@@ -1,0 +1,81 @@
+"""Schemas of files: published as printed, every field with a meaning, examples that the commands take as they are."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema_rs
+import numpy as np
+import pytest
+
+from daemon.tools.file_schemas.meanings import MEANINGS
+from daemon.tools.file_schemas.schemas import FILES, schema_of
+from tests.daemon.cli.running import handeyed
+
+DOCS = Path(__file__).parents[3] / "docs"
+
+
+def _parts(name: str) -> dict[str, dict[str, Any]]:
+    schema = schema_of(name)
+    return {FILES[name].model.__name__: schema, **schema.get("$defs", {})}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_published_schema_is_the_printed_one(name: str) -> None:
+    printed = json.loads(handeyed("schema", name).out)
+    published = json.loads((DOCS / f"{name}.schema.json").read_text())
+    assert printed == published, "python -m tests.calibration.documents.schema_file"
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_field_has_a_meaning(name: str) -> None:
+    fields = [(part, field, described) for part, model in _parts(name).items() for field, described in
+              model.get("properties", {}).items()]  # fmt: skip
+    assert fields
+    assert [(part, field) for part, field, described in fields if not described.get("description")] == []
+
+
+def test_no_meaning_is_left_over() -> None:
+    keys = {key for name in FILES for part, model in _parts(name).items() for field in model.get("properties", {})
+            for key in (field, f"{part}.{field}")}  # fmt: skip
+    assert set(MEANINGS) <= keys
+
+
+@pytest.mark.parametrize("name", [name for name, kind in FILES.items() if kind.example is not None])
+def test_the_example_is_valid(name: str) -> None:
+    schema = schema_of(name)
+    (example,) = schema["examples"]
+    jsonschema_rs.validator_for(schema).validate(example)
+    FILES[name].model.model_validate(example)
+
+
+def test_the_examples_run(tmp_path: Path) -> None:
+    (tmp_path / "session.json").write_text(json.dumps(schema_of("session")["examples"][0]))
+    calibration = tmp_path / "calibration.json"
+    solved = handeyed("solve", tmp_path, "--json", "--out", calibration)
+    assert solved.status in (0, 3), solved.err
+    jsonschema_rs.validator_for(schema_of("calibration")).validate(json.loads(solved.out))
+
+    (tmp_path / "plan.json").write_text(json.dumps(schema_of("plan")["examples"][0]))
+    planned = handeyed("plan", tmp_path / "plan.json", "--json")
+    assert planned.status == 0, planned.err
+
+    scan = schema_of("scan")["examples"][0]
+    (tmp_path / "scan.json").write_text(json.dumps(scan))
+    points = np.random.default_rng(2).uniform([-0.1, -0.1, 0.4], [0.1, 0.1, 0.6], (200, 3))
+    axes = [f"property float {axis}" for axis in "xyz"]
+    header = ["ply", "format ascii 1.0", "element vertex 200", *axes, "end_header"]
+    for view in scan["views"]:
+        (tmp_path / view["cloud"]).write_text("\n".join([*header, *(" ".join(map(str, row)) for row in points)]) + "\n")
+    registered = handeyed("register", tmp_path, "--calibration", calibration, "--out", tmp_path / "out.ply", "--json")
+    assert registered.status in (0, 3), registered.err
+    jsonschema_rs.validator_for(schema_of("report")).validate(json.loads(registered.out))
+
+
+def test_an_error_names_the_heading_of_its_file(tmp_path: Path) -> None:
+    (tmp_path / "session.json").write_text('{"schema_version": 1}')
+    text = (DOCS / "formats.md").read_text()
+    assert "(docs/formats.md#sessionjson)" in handeyed("solve", tmp_path).err
+    assert "### session.json" in text
+    assert "### plan.json" in text
+    assert "### scan.json" in text
