@@ -69,7 +69,8 @@ class View:
     """One station: the robot's pose (4, 4) and the target's detection there.
 
     `detection` is None when the target was not found; `missing` is then the reason: a code and a sentence.
-    `measured`: the target measured in space instead of detected in an image.
+    `measured`: the target measured in space instead of detected in an image. `joints_rad` (n,): the arm's axes, where
+    they were recorded; nothing is computed from them.
     """
 
     index: int
@@ -78,6 +79,7 @@ class View:
     image: str | None = None
     missing: tuple[str, str] | None = None
     measured: Measurement | None = None
+    joints_rad: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

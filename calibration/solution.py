@@ -60,6 +60,7 @@ class ViewResult:
     reason, why : why it is not used or was corrected, a code and a sentence.
     robot_correction : estimated error of its pose, (3,) mm and rotation vector (3,) rad.
     points : None when there is no estimate, or the view does not enter it.
+    joints_rad : (n,) the arm's axes, where they were recorded.
     """
 
     index: int
@@ -71,6 +72,7 @@ class ViewResult:
     robot_correction: tuple[Array, Array] | None
     points: PointResiduals | None = None
     why: str | None = None
+    joints_rad: Array | None = None
 
 
 COVERAGE_FACTOR = 2.0

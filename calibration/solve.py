@@ -46,10 +46,15 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     """
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}: one of {', '.join(METHODS)}")
-    if problem.in_space:
-        if method != "auto":
-            raise ValueError(f"{method!r} is for images: poses and points in space are solved by maximum likelihood")
-        return _solve_in_space(problem)
+    if problem.in_space and method != "auto":
+        raise ValueError(f"{method!r} is for images: poses and points in space are solved by maximum likelihood")
+    solution = _solve_in_space(problem) if problem.in_space else _solve_images(problem, method)
+    joints = {view.index: view.joints_rad for view in problem.views}
+    return replace(solution, views=tuple(replace(view, joints_rad=joints[view.index]) for view in solution.views))
+
+
+def _solve_images(problem: Problem, method: str) -> Solution:
+    """The solution of a session of images."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             prepared, start, selection = estimate_session(problem)

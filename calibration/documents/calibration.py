@@ -299,6 +299,7 @@ def _view(view: ViewResult) -> dict[str, object]:
         "reprojection_px": view.reprojection_px,
         "base_error_mm": view.base_error_mm,
         "robot_correction": _correction(view.robot_correction),
+        "joints_deg": None if view.joints_rad is None else np.degrees(view.joints_rad).round(6).tolist(),
     }
 
 

@@ -11,6 +11,7 @@ from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from calibration.problem import Setup
 from calibration.targets import Target, TrackedFrame
+from calibration.transforms import Array
 
 Pixels = Annotated[int, Field(ge=16, le=65536)]
 
@@ -60,6 +61,7 @@ IN_SPACE = ("cloud", "points_mm", "camera_T_target")
 class ViewDocument(Document):
     """One station: an image, or the detection or measurement already made.
 
+    joints_deg : the arm's axes, where they were recorded; they are copied into calibration.json.
     image : name of a file beside session.json.
     corners_px : [id, u, v] of the target's points in the image.
     cloud : name of an organised cloud beside session.json, with an intensity and a point for every pixel.
@@ -71,6 +73,7 @@ class ViewDocument(Document):
     """
 
     base_T_flange: PoseDocument
+    joints_deg: Annotated[tuple[float, ...], Field(min_length=1, max_length=12)] | None = None
     image: str | None = None
     corners_px: list[tuple[int, float, float]] | None = None
     cloud: str | None = None
@@ -107,6 +110,11 @@ class ViewDocument(Document):
         if np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] < -MAX_ASYMMETRY:
             raise ValueError("'covariance' has a negative variance in some direction")
         return self
+
+    @property
+    def joints_rad(self) -> Array | None:
+        """(n,) the arm's axes, None where they were not recorded."""
+        return None if self.joints_deg is None else np.radians(self.joints_deg)
 
     @property
     def observation(self) -> str:

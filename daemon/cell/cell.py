@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from daemon.cell.camera_turns import CameraTurns
@@ -118,16 +118,25 @@ class Cell:
         self._at.reach("after move")
 
     async def read_settled_pose(self) -> PoseReading:
-        """Wait until the arm is at rest and no longer vibrates; returns its pose. Raises NotStill, DeviceError."""
+        """Wait until the arm is at rest and no longer vibrates; returns its pose and joints.
+
+        Raises NotStill, DeviceError.
+        """
         if self._vibration_gate is not None:
             await self._vibration_gate.wait(self._settling.limit_s, self._clock)
-        return await settle(self.robot, self._settling, self._clock)
+        return await self._with_joints(await settle(self.robot, self._settling, self._clock))
 
     async def read_standing_pose(self) -> PoseReading:
-        """The pose of an arm that an operator moves, if it is at rest. Does not wait. Raises NotStill, DeviceError."""
+        """Pose and joints of an arm that an operator moves, if it is at rest. Does not wait.
+
+        Raises NotStill, DeviceError.
+        """
         if self._vibration_gate is not None:
             self._vibration_gate.check()
-        return await read_if_standing(self.robot, self._settling, self._clock)
+        return await self._with_joints(await read_if_standing(self.robot, self._settling, self._clock))
+
+    async def _with_joints(self, reading: PoseReading) -> PoseReading:
+        return replace(reading, joints_rad=await self.robot.read_joints())
 
     async def capture_view(self) -> tuple[PoseReading, CameraFrame]:
         """Wait until the arm is at rest, and take a picture; returns pose and picture. Raises NotStill, DeviceError."""

@@ -7,7 +7,7 @@ the Problem holds it with the reason.
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -95,10 +95,12 @@ def _problem_in_space(session: SessionFolder, target: Target, progress: Progress
         if view.cloud is not None:
             from daemon.sessions.cloud_views import view_of_cloud  # with SciPy's trees: for clouds only
 
-            views.append(view_of_cloud(session.path, target, index, view, document.image_size))
+            found = view_of_cloud(session.path, target, index, view, document.image_size)
+            views.append(replace(found, joints_rad=view.joints_rad))
             progress(index + 1, len(document.views))
         else:
-            views.append(View(index, view.base_T_flange.transform(), None, measured=_measurement(view)))
+            pose, measured = view.base_T_flange.transform(), _measurement(view)
+            views.append(View(index, pose, None, measured=measured, joints_rad=view.joints_rad))
     return Problem(document.setup, target, None, document.image_size or (0, 0), tuple(views), in_space=True)
 
 
@@ -115,12 +117,13 @@ def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -
     """One view, and its image's size (None when the session holds the corners)."""
     base_T_flange = view.base_T_flange.transform()
     if view.corners_px is not None:
-        return View(index, base_T_flange, _session_detection(view.corners_px)), None
+        return View(index, base_T_flange, _session_detection(view.corners_px), joints_rad=view.joints_rad), None
     assert view.image is not None  # the document holds either corners or an image
     found, size = detect_in_file(folder / view.image, target)
     if isinstance(found, DetectionError):
-        return View(index, base_T_flange, None, view.image, missing=(found.code, str(found))), size
-    return View(index, base_T_flange, found, view.image), size
+        missing = found.code, str(found)
+        return View(index, base_T_flange, None, view.image, missing=missing, joints_rad=view.joints_rad), size
+    return View(index, base_T_flange, found, view.image, joints_rad=view.joints_rad), size
 
 
 def _session_detection(corners_px: list[tuple[int, float, float]]) -> Detection:

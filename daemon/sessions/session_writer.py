@@ -41,13 +41,18 @@ class SessionWriter:
         )
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
-        """Store a station's picture and pose; returns the view's index. Raises PictureUnusable, StorageError."""
+        """Store a station's picture, pose and joints; returns the view's index.
+
+        Raises PictureUnusable, StorageError.
+        """
         self._require_size(frame)
         index = len(self._document.views)
         name = image_name(index)
         content = await self._workers.run(png_of, frame)
         await self._store.write_file(self.folder / name, [content])
-        view = ViewDocument(base_T_flange=PoseDocument.of(reading.base_T_flange), image=name)
+        joints = None if reading.joints_rad is None else tuple(np.degrees(reading.joints_rad).round(6).tolist())
+        pose = PoseDocument.of(reading.base_T_flange)
+        view = ViewDocument(base_T_flange=pose, joints_deg=joints, image=name)
         document = self._document.model_copy(update={"views": [*self._document.views, view]})
         await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
         self._document = document
@@ -125,8 +130,8 @@ def _detect_view(folder: Path, document: SessionDocument, index: int, target_see
     seen = None if isinstance(found, DetectionError) else found.corners_px
     sharpness = measure_quality(read_grey(folder / name), seen).sharpness
     if isinstance(found, DetectionError):
-        missed = View(index, pose, None, name, missing=(found.code, str(found)))
+        missed = View(index, pose, None, name, missing=(found.code, str(found)), joints_rad=view.joints_rad)
         if not target_seen:
             missed = explain_missing([missed], target, lambda file: read_grey(folder / file))[0]
         return missed, sharpness
-    return View(index, pose, found, name), sharpness
+    return View(index, pose, found, name, joints_rad=view.joints_rad), sharpness

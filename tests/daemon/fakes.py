@@ -104,7 +104,8 @@ class FakeRobot:
 
     async def read_joints(self) -> Array:
         self._alive()
-        return find_arm("IRB 1600-6/1.45").inverse(self.base_T_flange)[0]
+        reaching = find_arm("IRB 1600-6/1.45").inverse(self.base_T_flange)
+        return reaching[0] if len(reaching) else np.zeros(6)
 
     async def read_status(self) -> RobotStatus:
         self._alive()
