@@ -11,6 +11,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from calibration.errors import DetectionError
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 
 _MARKERS = {
@@ -224,14 +225,14 @@ def require_markers(target: Target) -> None:
             name, needed = target.dictionary, target.markers.first + target.markers.count
         case AprilTagGrid():
             if target.family not in TAG_FAMILIES:
-                what, fix = f"the tag family {target.family!r} is not known", f"use one of {', '.join(TAG_FAMILIES)}"
-                raise DetectionError("unknown-dictionary", what, fix)
+                what = Sentence("unknown-family", family=target.family)
+                raise DetectionError("unknown-dictionary", what, Sentence("use-family", families=list(TAG_FAMILIES)))
             name, needed = TAG_FAMILIES[target.family], target.columns * target.rows
         case _:
             return
     if name not in MARKER_COUNTS:
-        fix = "use one of OpenCV's, like DICT_5X5_100"
-        raise DetectionError("unknown-dictionary", f"the dictionary {name!r} is not known", fix)
+        what = Sentence("unknown-dictionary", dictionary=name)
+        raise DetectionError("unknown-dictionary", what, Sentence("use-dictionary"))
     if needed > MARKER_COUNTS[name]:
-        what = f"{name} has {MARKER_COUNTS[name]} markers, a target of this size needs {needed}"
-        raise DetectionError("dictionary-too-small", what, "check the dictionary, columns and rows")
+        what = Sentence("dictionary-too-small", dictionary=name, markers=MARKER_COUNTS[name], needed=needed)
+        raise DetectionError("dictionary-too-small", what, Sentence("check-dictionary"))

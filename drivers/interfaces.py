@@ -52,8 +52,8 @@ class Device(Protocol):
 class PoseReading:
     """Flange pose in the robot's base frame. `still`: the controller reports standstill.
 
-    `external_axes`: values of axes other than the arm's, in the controller's order. `joints_rad` (6,): the arm's axes at
-    rest there, None in a reading of the pose alone.
+    `external_axes`: values of axes other than the arm's, in the controller's order. `joints_rad` (6,): the arm's
+    axes at rest there, None in a reading of the pose alone.
     """
 
     base_T_flange: Array

@@ -14,6 +14,7 @@ from calibration.detection.chessboard import board_sizes
 from calibration.detection.detect import detect
 from calibration.detection.image import Grey
 from calibration.errors import DetectionError
+from calibration.sentences.sentence import Sentence, as_sentence
 from calibration.targets import (
     MARKER_COUNTS,
     TAG_FAMILIES,
@@ -55,9 +56,10 @@ class Alternative:
 
     def error(self, refusal: DetectionError) -> DetectionError:
         """The refusal of the target described, with what the image shows instead; its code is kept."""
-        settings = ", ".join(f"{name} = {value}" for name, value in self.changes)
-        what = f"{refusal.what}, but one that differs in {' and '.join(name for name, _ in self.changes)} is there"
-        return DetectionError(refusal.code, what, f"set {settings} in the target's description, if this is yours")
+        names = [name for name, _ in self.changes]
+        settings = [f"{name} = {value}" for name, value in self.changes]
+        what = Sentence("seen-another", refused=as_sentence(refusal.what), settings=names)
+        return DetectionError(refusal.code, what, Sentence("see-settings", settings=settings))
 
 
 def _written(value: object) -> str:

@@ -22,6 +22,7 @@ from calibration.detection.saddle import refine_saddles
 from calibration.detection.squares import half_window_px, narrowest_side
 from calibration.errors import DetectionError
 from calibration.problem import Detection
+from calibration.sentences.sentence import Sentence
 from calibration.targets import Charuco, require_markers
 from calibration.transforms import Array
 
@@ -47,8 +48,8 @@ def detect_charuco(image: Grey, target: Charuco) -> Detection:
         rough = max(rough, _detect_by_markers(image, board), key=lambda found: len(found.ids))
     if len(rough.ids) >= MIN_CORNERS:
         return _complete(image, target, rough.ids, rough.corners_px)
-    what = f"no ChArUco board of {target.columns}×{target.rows} squares ({target.dictionary}) was found"
-    raise DetectionError("not-found", what, "bring the board into view, without glare; check dictionary, columns, rows")
+    described = {"columns": target.columns, "rows": target.rows, "dictionary": target.dictionary}
+    raise DetectionError("not-found", Sentence("seen-no-charuco", **described), Sentence("see-charuco"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from calibration.detection.saddle import refine_saddles
 from calibration.detection.squares import corner_contrast, half_window_px, narrowest_side
 from calibration.errors import DetectionError
 from calibration.problem import Detection
+from calibration.sentences.sentence import Sentence
 from calibration.targets import Chessboard
 from calibration.transforms import Array
 
@@ -54,12 +55,12 @@ def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
                 return Detection(ids, board.points.reshape(-1, 2)[order[ids]])
         elif min(board.found.shape) >= 2:
             other = max(other or (0, 0), board.found.shape, key=lambda shape: shape[0] * shape[1])
-    wanted = f"{target.columns}×{target.rows} inner corners"
     if other is not None and other[0] * other[1] >= target.columns * target.rows:
-        what = f"a chessboard of {max(other)}×{min(other)} inner corners was found, not of {wanted}"
-        raise DetectionError("other-board", what, "set the target's columns and rows to the board's inner corners")
-    what = f"no chessboard of {wanted} was found"
-    raise DetectionError("not-found", what, "bring the whole board into view, without glare; check columns and rows")
+        wanted = {"wanted_columns": target.columns, "wanted_rows": target.rows}
+        what = Sentence("seen-another-chessboard", columns=max(other), rows=min(other), **wanted)
+        raise DetectionError("other-board", what, Sentence("see-inner-corners"))
+    what = Sentence("seen-no-chessboard", columns=target.columns, rows=target.rows)
+    raise DetectionError("not-found", what, Sentence("see-whole-chessboard"))
 
 
 def board_sizes(image: Grey, target: Chessboard) -> set[tuple[int, ...]]:

@@ -16,6 +16,7 @@ from calibration.detection.lattice import Lattice
 from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.errors import DetectionError
 from calibration.problem import Detection
+from calibration.sentences.sentence import Sentence
 from calibration.targets import CircleGrid
 from calibration.transforms import Array
 
@@ -42,8 +43,8 @@ def detect_circles(image: Grey, target: CircleGrid) -> Detection:
     size = (image.shape[1], image.shape[0])
     refusal = DetectionError(
         "not-found",
-        f"no {target.layout} grid of {target.columns}×{target.rows} {target.dots} dots was found",
-        "bring the whole grid into view, without glare; check columns, rows and the dots' colour",
+        Sentence("seen-no-circles", layout=target.layout, columns=target.columns, rows=target.rows, dots=target.dots),
+        Sentence("see-circles"),
     )
     for pixels in SEARCH_PIXELS:
         small, factor = downscale(ink, pixels)
@@ -88,14 +89,11 @@ def _measure_grid(
         order = np.argsort(ids)
         candidates.append((rank, Detection(ids[order], (centres - bias)[order])))
     if not candidates:
-        what = "too many dots of the grid could not be measured"
-        raise DetectionError("not-found", what, "bring the whole grid into view, without glare")
+        raise DetectionError("not-found", Sentence("seen-dots-unmeasured"), Sentence("see-whole-grid"))
     rank, detection = max(candidates, key=lambda candidate: candidate[0])
     if target.origin is not None and rank < MIN_LARGE_DOT_RATIO:
-        what = f"the grid has no larger dot at a corner (the largest there has {rank:.2f} times the usual radius)"
-        raise DetectionError(
-            "origin-not-found", what, "bring the large dot into view, or set the target's origin to null"
-        )
+        what = Sentence("seen-no-large-dot", ratio=float(rank))
+        raise DetectionError("origin-not-found", what, Sentence("see-large-dot"))
     return detection
 
 
@@ -170,5 +168,5 @@ def _covers_every_border(ids: NDArray[np.intp], target: CircleGrid) -> bool:
 
 
 def _other_board_error(layout: Layout, target: CircleGrid) -> DetectionError:
-    what = f"a grid with {layout.outside} more dots than {target.columns}×{target.rows} was found"
-    return DetectionError("other-board", what, "set the target's columns and rows to those of the grid")
+    what = Sentence("seen-another-grid", more=int(layout.outside), columns=target.columns, rows=target.rows)
+    return DetectionError("other-board", what, Sentence("see-grid-size"))

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from calibration.errors import DetectionError
 from calibration.problem import Detection, MeasuredPoints
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 
 WINDOW_SHARE = 0.45
@@ -34,8 +35,8 @@ def measure_corners(found: Detection, points_mm: Array) -> MeasuredPoints:
     if len(kept) < MIN_CORNERS:
         raise DetectionError(
             "no-points",
-            f"the target was found, but only {len(kept)} of its {len(measured)} points have a cloud around them",
-            "check exposure and reflections: the camera must measure the target's surface",
+            Sentence("seen-no-cloud", measured=len(kept), points=len(measured)),
+            Sentence("see-cloud"),
         )
     return MeasuredPoints(found.ids[kept], np.array([point for point in measured if point is not None]))
 

@@ -15,6 +15,7 @@ from calibration.detection.opencv_logging import silence_opencv
 from calibration.detection.validation import validate_detection
 from calibration.errors import DetectionError
 from calibration.problem import Detection
+from calibration.sentences.sentence import Sentence
 from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
 
 Detector = Callable[[Grey, Any], Detection]
@@ -39,6 +40,6 @@ def detect(image: NDArray[Any], target: Target) -> Detection:
         with silence_opencv():
             found = DETECTORS[type(target)](grey, target)
     except cv2.error as error:
-        what = f"OpenCV could not search the image ({error.err})"
-        raise DetectionError("not-found", what, "check the target's description and the image") from error
+        what = Sentence("seen-opencv-error", reason=str(error.err))
+        raise DetectionError("not-found", what, Sentence("see-description-and-image")) from error
     return validate_detection(found, target, (grey.shape[1], grey.shape[0]))

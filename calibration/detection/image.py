@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.errors import DetectionError
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 
 Grey = NDArray[np.uint8]
@@ -24,14 +25,13 @@ def grey_image(image: NDArray[Any]) -> Grey:
     """
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
         kind = f"an array of {image.dtype}" if isinstance(image, np.ndarray) else f"a {type(image).__name__}"
-        raise DetectionError("image-type", f"the image is {kind}", "give 8-bit grey or colour (uint8)")
+        raise DetectionError("image-type", Sentence("seen-image-type", kind=kind), Sentence("see-8-bit"))
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3)):
-        raise DetectionError(
-            "image-shape", f"the image has shape {image.shape}", "give (height, width) or (height, width, 3)"
-        )
+        raise DetectionError("image-shape", Sentence("seen-image-shape", shape=str(image.shape)), Sentence("see-shape"))
     if min(image.shape[:2]) < MIN_SIDE_PX:
-        what = f"the image is {image.shape[1]}×{image.shape[0]} px, the least is {MIN_SIDE_PX}×{MIN_SIDE_PX}"
-        raise DetectionError("image-too-small", what, "check that the camera delivers whole images")
+        height, width = image.shape[:2]
+        what = Sentence("seen-image-small", width=width, height=height, least=MIN_SIDE_PX)
+        raise DetectionError("image-too-small", what, Sentence("see-whole-images"))
     if image.ndim == 3:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)) if image.shape[2] == 3 else image[:, :, 0]
     grey: Grey = np.ascontiguousarray(image)
@@ -42,15 +42,11 @@ def grey_image(image: NDArray[Any]) -> Grey:
 def _require_contrast(sample: Grey) -> None:
     dark, bright = (int(level) for level in np.percentile(sample, [0.1, 99.9]))
     if bright < MIN_GREY_LEVELS:
-        raise DetectionError(
-            "image-black", f"the image is black (brightest {bright} of 255)", "check lens cap, light, exposure"
-        )
+        raise DetectionError("image-black", Sentence("seen-black", brightest=bright), Sentence("see-light"))
     if dark > 255 - MIN_GREY_LEVELS:
-        raise DetectionError("image-saturated", f"the image is white (darkest {dark} of 255)", "shorten the exposure")
+        raise DetectionError("image-saturated", Sentence("seen-white", darkest=dark), Sentence("see-shorter"))
     if bright - dark < MIN_GREY_LEVELS:
-        raise DetectionError(
-            "image-flat", f"the image has {bright - dark} grey levels", "check that the camera sees the target"
-        )
+        raise DetectionError("image-flat", Sentence("seen-flat", levels=bright - dark), Sentence("see-camera-sees"))
 
 
 def downscale(image: Grey, pixels: float) -> tuple[Grey, int]:

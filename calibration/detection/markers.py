@@ -10,6 +10,7 @@ from calibration.detection.image import Grey, downscale, to_full_size
 from calibration.detection.tag_edges import refine_squares
 from calibration.errors import DetectionError
 from calibration.problem import Detection
+from calibration.sentences.sentence import Sentence
 from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, MarkerGrid, MarkerTarget, require_markers
 from calibration.transforms import Array
 
@@ -40,13 +41,14 @@ def detect_markers(image: Grey, target: MarkerTarget) -> Detection:
 def _not_found(target: MarkerTarget) -> DetectionError:
     match target:
         case AprilTagGrid():
-            what, settings = f"no {target.family} tag of the grid", "family, columns, rows"
+            what, settings = Sentence("seen-no-tag", family=target.family), "family, columns, rows"
         case ArucoGrid():
-            what, settings = f"no {target.dictionary} marker of the grid", "dictionary, first_id, columns, rows"
+            what = Sentence("seen-no-grid-marker", dictionary=target.dictionary)
+            settings = "dictionary, first_id, columns, rows"
         case ArucoMarker():
-            what, settings = f"no {target.dictionary} marker {target.id}", "dictionary and id"
-    fix = f"bring it into view, with white around it and without glare; check {settings}"
-    return DetectionError("not-found", f"{what} was found", fix)
+            what = Sentence("seen-no-marker", dictionary=target.dictionary, marker=target.id)
+            settings = "dictionary and id"
+    return DetectionError("not-found", what, Sentence("see-markers", settings=settings))
 
 
 def _read_markers(image: Grey, dictionary: Any, grid: MarkerGrid) -> tuple[NDArray[np.intp], Array]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.errors import DetectionError
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 
 NO_DISTORTION_WEIGHT = 1e-6
@@ -72,7 +73,7 @@ def fit_plane_view(points: Array, pixels: Array, image_size: tuple[int, int]) ->
 
 
 def _no_plane() -> DetectionError:
-    return DetectionError("not-planar", "the points found fit no plane in front of the camera", "check the target")
+    return DetectionError("not-planar", Sentence("seen-no-plane"), Sentence("see-target"))
 
 
 def _direct_linear(plane: Array, image: Array) -> Array:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from calibration.detection.plane_view import PlaneView, fit_plane_view
 from calibration.errors import DetectionError
 from calibration.problem import Detection
+from calibration.sentences.sentence import Sentence
 from calibration.targets import ArucoMarker, Target
 from calibration.transforms import Array
 
@@ -42,14 +43,14 @@ def validate_detection(detection: Detection, target: Target, image_size: tuple[i
         gross += int((np.hypot(*residual_px[outliers].T) > GROSS_ERROR_OF_PITCH * pitch_px).sum())
         share = MAX_OUTLIER_SHARE if len(points) >= FEW_POINTS else MAX_OUTLIER_SHARE_OF_FEW
         if (~keep).sum() > share * len(points) or gross > MAX_GROSS_ERROR_SHARE * len(points):
-            what = f"{(~keep).sum()} of the {len(points)} points found do not lie where a plane would have them"
-            raise DetectionError("not-planar", what, "check the target's description, that it is flat, and for glare")
+            what = Sentence("seen-not-planar", outliers=int((~keep).sum()), points=len(points))
+            raise DetectionError("not-planar", what, Sentence("see-flat"))
     if foreshortening < MIN_FORESHORTENING:
-        what = f"the target is seen edge-on ({np.degrees(np.arccos(foreshortening)):.0f}° from frontal)"
-        raise DetectionError("edge-on", what, "turn the target towards the camera")
+        what = Sentence("seen-edge-on", angle_deg=float(np.degrees(np.arccos(foreshortening))))
+        raise DetectionError("edge-on", what, Sentence("see-frontal"))
     if pitch_px < MIN_PITCH_PX:
-        what = f"the target's points lie {pitch_px:.1f} px apart, the least is {MIN_PITCH_PX:g} px"
-        raise DetectionError("too-far-away", what, "bring the camera nearer or use a target with larger squares")
+        what = Sentence("seen-far-away", pitch_px=pitch_px, least_px=MIN_PITCH_PX)
+        raise DetectionError("too-far-away", what, Sentence("see-nearer"))
     return Detection(detection.ids[keep], pixels[keep])
 
 
@@ -66,13 +67,11 @@ def _find_outliers(residual_px: Array, pitch_px: float) -> NDArray[np.bool_]:
 def _require_enough(points: Array, min_points: int) -> None:
     """Raises DetectionError `too-few-points`, `points-in-a-line`."""
     if len(points) < min_points:
-        what = f"only {len(points)} points of the target were found, the least is {min_points}"
-        raise DetectionError("too-few-points", what, "bring more of the target into view")
+        what = Sentence("seen-few-points", points=len(points), least=min_points)
+        raise DetectionError("too-few-points", what, Sentence("see-more"))
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-6 * spread[0]:
-        raise DetectionError(
-            "points-in-a-line", "the points found lie in one line", "bring more of the target into view"
-        )
+        raise DetectionError("points-in-a-line", Sentence("seen-in-a-line"), Sentence("see-more"))
 
 
 def _scale(view: PlaneView, points: Array, pixels: Array) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """The corners of a session as arrays over views, and the reasons why the other views are unusable."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,22 +134,26 @@ def _usable_corners(
     row, ids, pixels, unknown = row[inside], ids[inside], pixels[inside], np.bincount(row[~known], minlength=n)
     count = np.bincount(row, minlength=n)
     long_mm, wide_mm = _extents(problem.target.points_mm[ids, :2], row, count)
-    causes = (
-        (unknown > 0, "corner-id-unknown", f"a corner id is outside 0..{k - 1}"),
-        (times.max(axis=1, initial=0) > 1, "corner-id-repeated", "the same corner id stands twice"),
-        (count < MIN_CORNERS, "too-few-corners", f"{{}} usable corners; a view needs {MIN_CORNERS} or more"),
-        (wide_mm < 1e-6 * long_mm, "corners-on-a-line", "all corners lie on one line of the target"),
+    causes: tuple[tuple[NDArray[np.bool_], str, Callable[[int], Sentence]], ...] = (
+        (unknown > 0, "corner-id-unknown", lambda corners: Sentence("corner-id-unknown", last=k - 1)),
+        (times.max(axis=1, initial=0) > 1, "corner-id-repeated", lambda corners: Sentence("corner-id-repeated")),
+        (
+            count < MIN_CORNERS,
+            "too-few-corners",
+            lambda corners: Sentence("too-few-corners", corners=corners, least=MIN_CORNERS),
+        ),
+        (wide_mm < 1e-6 * long_mm, "corners-on-a-line", lambda corners: Sentence("corners-on-a-line")),
         (
             _extents(pixels, row, count)[1] < MIN_WIDTH_PX,
             "edge-on",
-            "all corners lie on one line of the image: the target is seen edge-on",
+            lambda corners: Sentence("corners-edge-on"),
         ),
     )
     refused = {}
     kept = np.ones(n, bool)
-    for there, code, what in causes:
+    for there, code, sentence in causes:
         for bad in np.flatnonzero(there & kept):
-            refused[whole[bad][0]] = UnusableReason(code, what.format(count[bad]))
+            refused[whole[bad][0]] = UnusableReason(code, sentence(int(count[bad])))
         kept &= ~there
     used = kept[row]
     positions = np.array([position for position, _, _ in whole], np.intp)[kept]

@@ -15,6 +15,7 @@ from calibration.linear_algebra import scaled_solve
 from calibration.observations.observations import MIN_CORNERS, Observations, observe
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.problem import Detection, Problem, View
+from calibration.sentences.sentence import Sentence
 from calibration.targets import Target
 from calibration.transforms import Array, difference, rotation_from_vector, transform, transform_from_vector
 
@@ -37,7 +38,7 @@ def target_pose(camera: CameraModel, target: Target, detection: Detection) -> tu
     view = View(0, np.eye(4), detection)
     seen, refused = observe(Problem("eye-in-hand", target, camera, camera.image_size, (view,)))
     if refused:
-        raise DetectionError(refused[0].code, refused[0].what, "bring more of the target into view")
+        raise DetectionError(refused[0].code, refused[0].what, Sentence("see-more"))
     poses, rms_px = candidate_poses(seen, camera)
     candidates = [
         PoseCandidate(pose, float(rms))
@@ -45,8 +46,7 @@ def target_pose(camera: CameraModel, target: Target, detection: Detection) -> tu
         if np.all(np.isfinite(pose)) and np.isfinite(rms) and (seen.points_mm[0] @ pose[2, :3] + pose[2, 3]).min() > 0
     ]
     if not candidates:
-        what = "no pose of the target in front of the camera explains its points"
-        raise DetectionError("no-pose", what, "check the camera's matrix and distortion, and the target's description")
+        raise DetectionError("no-pose", Sentence("seen-no-pose"), Sentence("see-intrinsics"))
     if len(candidates) == 2 and difference(*(c.camera_T_target for c in candidates))[1] < SAME_POSE_RAD:
         candidates.pop()
     return tuple(candidates)

@@ -1,11 +1,14 @@
 """English: the template of each sentence by its id.
 
 A place {name:form} is filled by the parameter of that name, in Python's format language; `views` lists indices of
-views. Findings first; then what to do; then why a view is not used; then parts of other sentences.
+views. Findings first; then what to do; then why a view is not used; then parts of other sentences. Those of the
+detection stand in `detection_english`.
 """
 
 from collections.abc import Mapping
 from types import MappingProxyType
+
+from calibration.sentences.detection_english import SEEN
 
 FINDINGS = {
     # calibration/verdict.py
@@ -324,4 +327,6 @@ PARTS = {
     " {tolerance_mm:g} mm",
 }
 
-ENGLISH: Mapping[str, str] = MappingProxyType({**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS})
+ENGLISH: Mapping[str, str] = MappingProxyType(
+    {**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS, **SEEN}
+)

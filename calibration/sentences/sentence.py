@@ -42,6 +42,11 @@ def as_sentence(text: str) -> Sentence:
     return text if isinstance(text, Sentence) else Sentence(AS_WRITTEN, sentence=text)
 
 
+def with_fix(what: str, fix: str) -> Sentence:
+    """`what: fix` as one sentence."""
+    return Sentence("what-and-fix", what=as_sentence(what), fix=as_sentence(fix))
+
+
 def text_of(sentence_id: str, params: Mapping[str, Any], table: Table = ENGLISH) -> str:
     """The text of a pair by a table: parameters fill the template's places. Raises KeyError for an unknown id."""
     return _Templates(table).vformat(table[sentence_id], (), params)

@@ -11,6 +11,7 @@ from calibration.detection.detect import detect
 from calibration.documents.session import ViewDocument
 from calibration.errors import DetectionError
 from calibration.problem import View
+from calibration.sentences.sentence import with_fix
 from calibration.targets import Target
 from drivers.cameras.pixel_depth import to_8_bit
 from registration.io.organised import read_organised
@@ -35,7 +36,7 @@ def view_of_cloud(folder: Path, target: Target, index: int, view: ViewDocument, 
         except DetectionError as error:
             failure = failure or error
     assert failure is not None
-    return View(index, pose, None, view.cloud, missing=(failure.code, str(failure)))
+    return View(index, pose, None, view.cloud, missing=(failure.code, with_fix(failure.what, failure.fix)))
 
 
 def _exposures(intensity: NDArray[Any]) -> list[NDArray[np.uint8]]:

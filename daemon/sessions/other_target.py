@@ -7,6 +7,7 @@ from calibration.detection.alternatives import Alternative, find_alternative
 from calibration.detection.image import Grey
 from calibration.errors import DetectionError
 from calibration.problem import View
+from calibration.sentences.sentence import Sentence, with_fix
 from calibration.targets import Target
 
 MAX_FOUND_SHARE = 1 / 3
@@ -40,5 +41,6 @@ def explain_missing(views: Sequence[View], target: Target, read: Callable[[str],
 def _explained(view: View, alternative: Alternative) -> View:
     assert view.missing is not None
     code, sentence = view.missing
-    what = sentence.split(":", 1)[0]
-    return replace(view, missing=(code, str(alternative.error(DetectionError(code, what, "")))))
+    what = sentence.params.get("what", sentence) if isinstance(sentence, Sentence) else sentence
+    error = alternative.error(DetectionError(code, what, ""))
+    return replace(view, missing=(code, with_fix(error.what, error.fix)))

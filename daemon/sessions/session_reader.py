@@ -16,6 +16,7 @@ from calibration.documents.session import SessionDocument, ViewDocument
 from calibration.documents.validation import parse_document
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, MeasuredPoints, MeasuredPose, Measurement, Problem, View
+from calibration.sentences.sentence import with_fix
 from calibration.targets import Target
 from daemon.runtime.bounded_read import read_document
 from daemon.sessions.other_target import explain_missing
@@ -121,7 +122,7 @@ def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -
     assert view.image is not None  # the document holds either corners or an image
     found, size = detect_in_file(folder / view.image, target)
     if isinstance(found, DetectionError):
-        missing = found.code, str(found)
+        missing = found.code, with_fix(found.what, found.fix)
         return View(index, base_T_flange, None, view.image, missing=missing, joints_rad=view.joints_rad), size
     return View(index, base_T_flange, found, view.image, joints_rad=view.joints_rad), size
 

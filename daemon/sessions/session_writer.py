@@ -10,6 +10,7 @@ from calibration.documents.session import CameraDocument, SessionDocument, ViewD
 from calibration.documents.target import TargetDocument
 from calibration.errors import DetectionError
 from calibration.problem import Problem, View
+from calibration.sentences.sentence import with_fix
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
 from daemon.sessions.detections import DETECTIONS_FILE, DetectionDocument, DetectionsDocument, MissedDocument
@@ -130,7 +131,8 @@ def _detect_view(folder: Path, document: SessionDocument, index: int, target_see
     seen = None if isinstance(found, DetectionError) else found.corners_px
     sharpness = measure_quality(read_grey(folder / name), seen).sharpness
     if isinstance(found, DetectionError):
-        missed = View(index, pose, None, name, missing=(found.code, str(found)), joints_rad=view.joints_rad)
+        missing = found.code, with_fix(found.what, found.fix)
+        missed = View(index, pose, None, name, missing=missing, joints_rad=view.joints_rad)
         if not target_seen:
             missed = explain_missing([missed], target, lambda file: read_grey(folder / file))[0]
         return missed, sharpness
