@@ -4,6 +4,7 @@ x runs along a row (columns count along it), y runs down the columns, z points i
 camera that looks at it. The id of a point is its index, row by row. `kind` is the name in documents and settings.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal
@@ -124,8 +125,21 @@ class MarkerGrid:
         return points
 
 
+class _OfMarkers(ABC):
+    """A target whose points are those of its markers."""
+
+    @property
+    @abstractmethod
+    def markers(self) -> MarkerGrid: ...
+
+    @cached_property
+    def points_mm(self) -> Array:
+        """(n, 3)"""
+        return self.markers.points_mm
+
+
 @dataclass(frozen=True)
-class AprilTagGrid:
+class AprilTagGrid(_OfMarkers):
     """`columns` × `rows` tags, numbered row by row from 0; points as in MarkerGrid."""
 
     kind: ClassVar = "apriltag-grid"
@@ -140,14 +154,9 @@ class AprilTagGrid:
         dictionary = TAG_FAMILIES.get(self.family, self.family)
         return MarkerGrid(self.columns, self.rows, self.tag_mm, self.gap_mm, dictionary)
 
-    @cached_property
-    def points_mm(self) -> Array:
-        """(n, 3)"""
-        return self.markers.points_mm
-
 
 @dataclass(frozen=True)
-class ArucoGrid:
+class ArucoGrid(_OfMarkers):
     """OpenCV's GridBoard: `columns` × `rows` markers, numbered row by row from `first_id`; points as in MarkerGrid."""
 
     kind: ClassVar = "aruco-grid"
@@ -162,14 +171,9 @@ class ArucoGrid:
     def markers(self) -> MarkerGrid:
         return MarkerGrid(self.columns, self.rows, self.marker_mm, self.gap_mm, self.dictionary, self.first_id)
 
-    @cached_property
-    def points_mm(self) -> Array:
-        """(n, 3)"""
-        return self.markers.points_mm
-
 
 @dataclass(frozen=True)
-class ArucoMarker:
+class ArucoMarker(_OfMarkers):
     """One ArUco marker: its four corners, the first of them the origin. A board of several is far more accurate."""
 
     kind: ClassVar = "aruco-marker"
@@ -180,11 +184,6 @@ class ArucoMarker:
     @property
     def markers(self) -> MarkerGrid:
         return MarkerGrid(1, 1, self.marker_mm, self.marker_mm, self.dictionary, self.id)
-
-    @cached_property
-    def points_mm(self) -> Array:
-        """(4, 3)"""
-        return self.markers.points_mm
 
 
 @dataclass(frozen=True)

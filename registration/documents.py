@@ -7,6 +7,7 @@ from typing_extensions import TypedDict
 from calibration.documents.calibration import CorrectionDocument, VerdictDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
+from calibration.problem import Setup
 from registration.points.rigid_motion import Unit
 
 
@@ -25,7 +26,7 @@ class ScanDocument(Document):
 
     schema_version: Literal[1]
     source: str = ""
-    setup: Literal["eye-in-hand"]
+    setup: Setup
     views: list[ScanViewDocument]
 
 

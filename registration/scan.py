@@ -13,6 +13,7 @@ import numpy as np
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.validation import parse_document
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, MIN_POSE_NOISE, RobotNoise
+from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
 from registration.documents import ScanDocument
 from registration.errors import ScanError
@@ -31,11 +32,17 @@ DOCUMENT_LIMIT = 1 << 26
 
 @dataclass(frozen=True, eq=False)
 class ScanView:
-    """A cloud file with its unit and its flange pose `base_T_flange` (4, 4)."""
+    """A cloud file with its unit and its flange pose `base_T_flange` (4, 4). The part stands, or is on the flange."""
 
     path: Path
     unit: str
     base_T_flange: Array
+    setup: Setup = "eye-in-hand"
+
+    @property
+    def anchor_T_mount(self) -> Array:
+        """The camera's mount (4, 4) in the frame in which the part does not move."""
+        return anchor_T_mount_of(self.setup, self.base_T_flange)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +85,15 @@ def read_scan(folder: Path) -> list[ScanView]:
     for index, view in enumerate(document.views):
         if Path(view.cloud).name != view.cloud:
             raise ScanError(f"{path}: views[{index}].cloud leaves the folder", "name a file beside scan.json")
-    return [ScanView(folder / view.cloud, view.unit, view.base_T_flange.transform()) for view in document.views]
+    return [
+        ScanView(folder / view.cloud, view.unit, view.base_T_flange.transform(), document.setup)
+        for view in document.views
+    ]
+
+
+def setup_of(views: Sequence[ScanView]) -> Setup:
+    """The set-up of a scan's views; eye-in-hand of none."""
+    return views[0].setup if views else "eye-in-hand"
 
 
 def scanner_mount_of(document: CalibrationDocument) -> ScannerMount:
@@ -129,7 +144,12 @@ def _sample(view: ScanView) -> ViewSample:
 def register_views(
     views: Sequence[ScanView], samples: Sequence[ViewSample], hand: ScannerMount, *, refine: bool = False
 ) -> Registration:
-    """Poses of the views by the basic formula, or refined. Raises MotionError."""
+    """Poses of the views by the basic formula, or refined. Raises MotionError, ScanError."""
+    if any(view.setup == "eye-to-hand" for view in views):
+        raise ScanError(
+            "the camera stands in the cell and the part moves with the flange: its views have no common place in base",
+            "calibrate from them with handeyed solve --artefact; register views of a camera on the flange",
+        )
     poses = [view.base_T_flange @ hand.flange_T_camera for view in views]
     for view, pose in zip(views, poses, strict=True):
         RigidMotion.of(pose, view.unit)

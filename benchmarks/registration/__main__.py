@@ -100,7 +100,7 @@ def real(data: Path) -> None:
     x = solve_from_sphere([SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, spheres, strict=True)])
     spread, left_out = x.spread_mm.round(3).tolist(), x.left_out_mm
     print(f"\nsphere centre over 9 views, plain formula: {spread} mm; left out: {np.round(left_out, 2)} mm")
-    hand = ScannerMount("sphere", x.flange_T_camera)
+    hand = ScannerMount("sphere", x.mount_T_camera)
     print(f"\n{'nine views of a real object, X from the sphere':<48}{'plain mm':>10}{'refined mm':>12}{'seconds':>9}")
     for folder in sorted(data.glob("reghec_*")):
         views = read_scan(folder)

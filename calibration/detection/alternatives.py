@@ -107,12 +107,18 @@ def _charuco_descriptions(target: Charuco) -> Iterator[Charuco]:
     own = [other for other in _sizes(target) if other != target]
     yield from own
     yield from (replace(other, legacy=not target.legacy) for other in (target, *own))
+    for name in _other_dictionaries(target.dictionary, target.columns * target.rows // 2):
+        other = replace(target, dictionary=name)
+        turned = _turned(other)
+        yield from (other, turned, *(replace(one, legacy=not target.legacy) for one in (other, turned)))
+
+
+def _other_dictionaries(described: str, needed: int) -> Iterator[str]:
+    """One dictionary of each group but the described one's, with the markers needed."""
     for group in DICTIONARY_GROUPS:
-        name = _dictionary_of(group, target.dictionary, target.columns * target.rows // 2)
-        if name is not None and target.dictionary.upper() not in map(str.upper, group):
-            other = replace(target, dictionary=name)
-            turned = replace(other, columns=target.rows, rows=target.columns)
-            yield from (other, turned, *(replace(one, legacy=not target.legacy) for one in (other, turned)))
+        name = _dictionary_of(group, described, needed)
+        if name is not None and described.upper() not in map(str.upper, group):
+            yield name
 
 
 def _dictionary_of(group: tuple[str, ...], like: str, needed: int) -> str | None:
@@ -149,23 +155,25 @@ def _neighbours(target: Target) -> Iterator[Target]:
         case CircleGrid():
             other = "symmetric" if target.layout == "asymmetric" else "asymmetric"
             yield replace(target, dots="white" if target.dots == "black" else "black")
-            for turned in (target, replace(target, columns=target.rows, rows=target.columns)):
-                yield replace(turned, layout=other)  # type: ignore[arg-type]
+            for described in (target, _turned(target)):
+                yield replace(described, layout=other)
         case ArucoGrid() | ArucoMarker():
-            for group in DICTIONARY_GROUPS:
-                name = _dictionary_of(group, target.dictionary, target.markers.first + target.markers.count)
-                if name is not None and target.dictionary.upper() not in map(str.upper, group):
-                    yield replace(target, dictionary=name)
+            for name in _other_dictionaries(target.dictionary, target.markers.first + target.markers.count):
+                yield replace(target, dictionary=name)
         case AprilTagGrid():
-            for family in TAG_FAMILIES:
-                if family != target.family:
-                    yield replace(target, family=family)
-                    yield replace(target, family=family, columns=target.rows, rows=target.columns)
+            for family in (name for name in TAG_FAMILIES if name != target.family):
+                other_family = replace(target, family=family)
+                yield from (other_family, _turned(other_family))
+
+
+def _turned(target: Any) -> Any:
+    """Columns and rows exchanged."""
+    return replace(target, columns=target.rows, rows=target.columns)
 
 
 def _sizes(target: Any) -> Iterator[Any]:
     """Columns and rows exchanged, then other by one, then both."""
-    turned = replace(target, columns=target.rows, rows=target.columns)
+    turned = _turned(target)
     if target.columns != target.rows:
         yield turned
     for described in (target, turned) if target.columns != target.rows else (target,):

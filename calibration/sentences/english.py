@@ -106,6 +106,10 @@ FINDINGS = {
     # registration/calibrate
     "sphere-centre": "the sphere's centre lies at ({x_mm:.2f}, {y_mm:.2f}, {z_mm:.2f}) mm in base; over the views it"
     " scatters by {x_spread_mm:.2f}, {y_spread_mm:.2f}, {z_spread_mm:.2f} mm",
+    "sphere-centre-on-flange": "the sphere's centre lies at ({x_mm:.2f}, {y_mm:.2f}, {z_mm:.2f}) mm on the flange; over"
+    " the views it scatters by {x_spread_mm:.2f}, {y_spread_mm:.2f}, {z_spread_mm:.2f} mm",
+    "surfaces-slide": "each view's surface is that of a plane or a sphere and slides on itself, so that many X bring"
+    " the views together",
     "surfaces-ambiguous": "two X, {off_mm:.0f} mm and {off_deg:.0f} degrees apart, bring the surfaces together alike",
     "surfaces-apart": "no X brings the surfaces of the views together",
     "surfaces-too-few": "fewer than three views show a surface",

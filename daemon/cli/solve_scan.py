@@ -8,6 +8,7 @@ from daemon.cli.errors import CommandError, ExitStatus
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
     from calibration.likelihood.mapped_points import NamedPoint
+    from calibration.problem import Setup
     from calibration.solution import Solution
     from calibration.transforms import Array
     from calibration.verdict import VerdictLimits
@@ -60,7 +61,7 @@ def solve_scan(
     clock, views = Clock(), read_scan(folder)
     limits, points = required
     solution = solve_sphere_scan(views, radius_mm) if radius_mm is not None else _from_surfaces(views, rough)
-    solution = with_points(solution, points, np.array([view.base_T_flange for view in views]))
+    solution = with_points(solution, points, np.array([view.anchor_T_mount for view in views]))
     return calibration_document(
         solution,
         judge_scan(solution, limits),
@@ -72,14 +73,22 @@ def solve_scan(
 
 def _from_surfaces(views: "list[ScanView]", rough: Path | None) -> "Solution":
     from registration.calibrate.surfaces import solve_surface_scan
+    from registration.scan import setup_of
 
-    return solve_surface_scan(views, None if rough is None else _rough_x(rough))
+    return solve_surface_scan(views, None if rough is None else _rough_x(rough, setup_of(views)))
 
 
-def _rough_x(file: Path) -> "Array":
+def _rough_x(file: Path, setup: "Setup") -> "Array":
+    """X of a calibration of the same set-up. Raises DocumentError, ScanError."""
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from daemon.runtime.bounded_read import read_document
+    from registration.errors import ScanError
     from registration.scan import scanner_mount_of
 
-    return scanner_mount_of(parse_document(CalibrationDocument, read_document(file), str(file))).flange_T_camera
+    document = parse_document(CalibrationDocument, read_document(file), str(file))
+    if setup == "eye-in-hand":
+        return scanner_mount_of(document).flange_T_camera
+    if document.base_T_camera is None:
+        raise ScanError(f"calibration {document.id} has no base_T_camera", "use an eye-to-hand calibration")
+    return document.base_T_camera.transform()

@@ -8,6 +8,7 @@ import numpy as np
 from calibration.closed_forms.observability import summarise_motion
 from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import uncertainty_of
+from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
 from calibration.transforms import Array
@@ -27,7 +28,8 @@ FIX = Sentence("add-turned-views")
 
 def solution_with_x(
     method: str,
-    flange_T_camera: Array,
+    setup: Setup,
+    mount_T_camera: Array,
     covariance: Array,
     seen_mm: Array,
     noise: Noise,
@@ -40,13 +42,13 @@ def solution_with_x(
     `base_T_flange` (n, 4, 4): poses of the views used.
     """
     return Solution(
-        setup="eye-in-hand",
+        setup=setup,
         method=method,
-        mount_T_camera=flange_T_camera,
+        mount_T_camera=mount_T_camera,
         anchor_T_target=None,
         camera=None,
         camera_source="given",
-        uncertainty=uncertainty_of(covariance, flange_T_camera, seen_mm),
+        uncertainty=uncertainty_of(covariance, mount_T_camera, seen_mm),
         noise=noise,
         views=tuple(views),
         observability=_observability(base_T_flange, _weakest(covariance, seen_mm)),
@@ -56,11 +58,11 @@ def solution_with_x(
 
 
 def solution_without_x(
-    method: str, views: Sequence[ViewResult], base_T_flange: Array, error: UndeterminedError
+    method: str, setup: Setup, views: Sequence[ViewResult], base_T_flange: Array, error: UndeterminedError
 ) -> Solution:
     """A Solution without X, with the reason."""
     return Solution(
-        setup="eye-in-hand",
+        setup=setup,
         method=method,
         mount_T_camera=None,
         anchor_T_target=None,

@@ -13,14 +13,15 @@ from registration.calibrate.outcome import solution_with_x, solution_without_x
 from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact
-from registration.scan import ScanView, sample_views
+from registration.scan import ScanView, sample_views, setup_of
 
 METHOD = "sphere of known radius"
 
 
 def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
-    """X from views of one fixed sphere; `mount_T_camera` is None when they do not determine it.
+    """X from views of one sphere that stands, or with a standing camera is on the flange.
 
+    `mount_T_camera` is None when they do not determine it.
     A view without the sphere is rejected with a reason. Raises CloudError's leaves, UnitUnknown, ScanError.
     """
     centres: dict[int, Array] = {}
@@ -34,10 +35,10 @@ def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
     poses = np.array([views[index].base_T_flange for index in found]).reshape(-1, 4, 4)
     try:
         require_observable(poses)
-        answer = solve_from_sphere([SphereView(centres[index], views[index].base_T_flange) for index in found])
+        answer = solve_from_sphere([SphereView(centres[index], views[index].anchor_T_mount) for index in found])
     except UndeterminedError as error:
         results = [_view_without_sphere(index, reasons.get(index, error.code)) for index in range(len(views))]
-        return solution_without_x(METHOD, results, poses, error)
+        return solution_without_x(METHOD, setup_of(views), results, poses, error)
     return _solution(views, found, centres, reasons, answer)
 
 
@@ -49,9 +50,9 @@ def _solution(
     answer: SphereSolution,
 ) -> Solution:
     used = [found[row] for row in answer.used]
-    x = answer.flange_T_camera
+    x = answer.mount_T_camera
     off = {
-        index: map_points(views[index].base_T_flange @ x, centres[index][None])[0] - answer.base_centre_mm
+        index: map_points(views[index].anchor_T_mount @ x, centres[index][None])[0] - answer.anchor_centre_mm
         for index in found
     }
     left_out = {} if answer.left_out_mm is None else dict(zip(used, answer.left_out_mm.tolist(), strict=True))
@@ -61,12 +62,12 @@ def _solution(
         else _view_without_sphere(index, reasons[index])
         for index in range(len(views))
     ]
-    x_mm, y_mm, z_mm = answer.base_centre_mm
+    x_mm, y_mm, z_mm = answer.anchor_centre_mm
     at = Finding(
         "sphere-centre",
         "info",
         Sentence(
-            "sphere-centre",
+            "sphere-centre" if setup_of(views) == "eye-in-hand" else "sphere-centre-on-flange",
             x_mm=x_mm,
             y_mm=y_mm,
             z_mm=z_mm,
@@ -78,6 +79,7 @@ def _solution(
     )
     return solution_with_x(
         METHOD,
+        setup_of(views),
         x,
         answer.covariance,
         np.array([centres[index] for index in used]),

@@ -1,8 +1,9 @@
-"""X from a fixed sphere that is scanned from many directions.
+"""X from a sphere that is scanned from many directions.
 
-In every view base_T_flange @ flange_T_camera @ c = s, where c is the centre in the camera's cloud and s the same point
-of the base each time. Unknowns are X (6 numbers) and s (3); each view gives 3 equations. A sphere has no orientation,
-so X's rotation is determined only by centres at different places of the camera's field of view.
+In every view anchor_T_mount @ X @ c = s, where c is the centre in the camera's cloud and s the same point of the anchor
+each time: of the base with the camera on the flange, of the flange with a standing camera. Unknowns are X (6 numbers)
+and s (3); each view gives 3 equations. A sphere has no orientation, so X's rotation is determined only by centres at
+different places of the camera's field of view.
 """
 
 from collections.abc import Sequence
@@ -27,24 +28,24 @@ OUTLIER_SHARE = 0.25
 
 @dataclass(frozen=True, eq=False)
 class SphereView:
-    """The sphere's centre (3,) in the camera frame in mm, and the flange pose."""
+    """The sphere's centre (3,) in the camera frame in mm, and the mount's pose."""
 
     centre_mm: Array
-    base_T_flange: Array
+    anchor_T_mount: Array
 
 
 @dataclass(frozen=True, eq=False)
 class SphereSolution:
-    """X and the centre in base, with their uncertainty.
+    """X and the centre in the anchor, with their uncertainty.
 
-    `covariance` (6, 6) of [rotation rad, translation mm] of flange_T_camera @ exp(.), in the camera frame. `spread_mm`
-    (3,): standard deviation of the centre over the views, per axis of the base. `left_out_mm` (n,): distance of each
+    `covariance` (6, 6) of [rotation rad, translation mm] of mount_T_camera @ exp(.), in the camera frame. `spread_mm`
+    (3,): standard deviation of the centre over the views, per axis of the anchor. `left_out_mm` (n,): distance of each
     view's centre from where the others put it, with X solved without that view; None below five views. `used`: the
     views that agree, to which all figures refer.
     """
 
-    flange_T_camera: Array
-    base_centre_mm: Array
+    mount_T_camera: Array
+    anchor_centre_mm: Array
     covariance: Array
     sigma_mm: float
     spread_mm: Array
@@ -98,7 +99,7 @@ class _SphereSystem:
 
     @classmethod
     def of(cls, views: Sequence[SphereView]) -> "_SphereSystem":
-        poses = np.array([view.base_T_flange for view in views])
+        poses = np.array([view.anchor_T_mount for view in views])
         return cls(poses[:, :3, :3], poses[:, :3, 3], np.array([view.centre_mm for view in views]))
 
     def without(self, index: int) -> "_SphereSystem":
@@ -107,7 +108,7 @@ class _SphereSystem:
         )
 
     def residuals(self, estimate: _Estimate) -> Array:
-        """(n, 3): each view's centre in base minus the common one."""
+        """(n, 3): each view's centre in the anchor minus the common one."""
         flange = self.centres @ estimate.rotation.T + estimate.translation
         found: Array = np.einsum("nij,nj->ni", self.rotations, flange) + self.translations - estimate.centre
         return found

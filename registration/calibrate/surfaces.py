@@ -1,9 +1,10 @@
 """X without a target: overlapping views of one rigid part, with X among the unknowns of their registration.
 
-View i stands at motion_i @ base_T_flange_i @ X @ exp(d). A change d of X moves view i by Ad(base_T_camera_i) d in base,
-so the information each pair has about its two views (`fusion.pair_information`) is also about X. The robot's accuracy
-is the prior of each motion_i as in `fusion.pose_adjustment`. X has no prior: where neither surfaces nor motions
-determine it, its covariance shows this and it is refused.
+The part stands still in the anchor: the base, or the flange before a standing camera. View i stands there at motion_i @
+anchor_T_mount_i @ X @ exp(d). A change d of X moves view i by Ad(anchor_T_camera_i) d, so the information each pair has
+about its two views (`fusion.pair_information`) is also about X. The robot's accuracy is the prior of each motion_i as
+in `fusion.pose_adjustment`. X has no prior: where neither surfaces nor motions determine it, its covariance shows this
+and it is refused.
 
 The robot's noise is estimated as well (expectation maximisation; Dempster, Laird, Rubin 1977): the mean square of the
 estimated motions plus their remaining variance. The stated noise counts as one further view, since few views cannot
@@ -18,9 +19,10 @@ import numpy as np
 from calibration.closed_forms.observability import require_observable
 from calibration.errors import UndeterminedError
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
+from calibration.problem import Setup, anchor_T_mount_of
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Solution, ViewResult
-from calibration.transforms import Array, adjoint, difference, skew, transform_from_vector
+from calibration.transforms import Array, adjoint, difference, inverse, skew, transform_from_vector
 from registration.calibrate.outcome import solution_with_x, solution_without_x
 from registration.calibrate.surface_search import find_rough_x
 from registration.fusion.overlap import agreement, reach_of
@@ -35,7 +37,7 @@ from registration.fusion.pose_adjustment import (
     twist_motion,
 )
 from registration.points.surface import Surface
-from registration.scan import ScanView, ViewSample, sample_views
+from registration.scan import ScanView, ViewSample, sample_views, setup_of
 
 METHOD = "overlapping surfaces"
 ROUGH_MM = 40.0
@@ -64,31 +66,33 @@ def solve_surface_scan(
 ) -> Solution:
     """X from overlapping views; `mount_T_camera` is None when they do not determine it.
 
-    `rough`: flange_T_camera (4, 4), within `rough_mm` on the surfaces; None: it is searched.
+    `rough`: X (4, 4), within `rough_mm` on the surfaces; None: it is searched.
 
     Raises CloudError's leaves, UnitUnknown, ScanError.
     """
     samples = sample_views(views)
-    poses = np.array([view.base_T_flange for view in views])
+    setup, poses = setup_of(views), np.array([view.base_T_flange for view in views])
+    anchor_T_mount = anchor_T_mount_of(setup, poses)
     try:
         require_observable(poses)
         surfaces = [sample.surface for sample in samples]
-        start = find_rough_x(surfaces, poses) if rough is None else rough
-        found = solve_from_surfaces(surfaces, poses, start, noise, SEARCHED_MM if rough is None else rough_mm)
+        start = find_rough_x(surfaces, anchor_T_mount) if rough is None else rough
+        reach_mm = SEARCHED_MM if rough is None else rough_mm
+        found = solve_from_surfaces(surfaces, anchor_T_mount, start, noise, reach_mm, setup=setup)
     except UndeterminedError as error:
         results = [ViewResult(index, None, "rejected", error.code, None, None, None) for index in range(len(views))]
-        return solution_without_x(METHOD, results, poses, error)
-    return _solution(found, samples, poses, start, noise, searched=rough is None)
+        return solution_without_x(METHOD, setup, results, poses, error)
+    return _solution(found, samples, setup, poses, start, noise, searched=rough is None)
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSolution:
-    """X, covariance (6, 6) of [rotation rad, translation mm] of X @ exp(.) in the camera frame, and motions in base.
+    """X, covariance (6, 6) of [rotation rad, translation mm] of X @ exp(.) in the camera frame, and motions.
 
     `noise`: the robot's, estimated. `alone`: views without overlap, which carry no information. `settled`: converged.
     """
 
-    flange_T_camera: Array
+    mount_T_camera: Array
     covariance: Array
     motions: tuple[Array, ...]
     noise: RobotNoise
@@ -99,30 +103,34 @@ class SurfaceSolution:
 
 def solve_from_surfaces(
     surfaces: Sequence[Surface],
-    base_T_flange: Array,
-    flange_T_camera: Array,
+    anchor_T_mount: Array,
+    mount_T_camera: Array,
     noise: RobotNoise = ABSOLUTE_NOISE,
     rough_mm: float = ROUGH_MM,
+    *,
+    setup: Setup = "eye-in-hand",
 ) -> SurfaceSolution:
     """Gauss-Newton over X and all motions while the search radius shrinks; `noise` starts its estimate.
 
     Raises UndeterminedError.
     """
+    # The robot's errors are those of the flange: it is the mount, or the anchor itself.
+    anchor_T_flange = anchor_T_mount if setup == "eye-in-hand" else np.broadcast_to(np.eye(4), anchor_T_mount.shape)
     count, stated = len(surfaces), noise
     if count < MIN_VIEWS:
         raise UndeterminedError("too-few-views", f"{count} views of the part", f"scan it from {MIN_VIEWS} or more")
-    x, motions = flange_T_camera, [np.eye(4) for _ in surfaces]
+    x, motions = mount_T_camera, [np.eye(4) for _ in surfaces]
     least_mm = reach_of(surfaces)
     reach_mm, iteration, settled = max(rough_mm, least_mm), 0, False
     while iteration < MAX_ITERATIONS and not settled:
         iteration += 1
-        poses = [motion @ flange @ x for motion, flange in zip(motions, base_T_flange, strict=True)]
+        poses = [motion @ mount @ x for motion, mount in zip(motions, anchor_T_mount, strict=True)]
         origin = origin_of(surfaces, poses)
         radius_mm = radius_of(surfaces, poses, origin)
         pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
         if not pairs:
             raise UndeterminedError("views-alone", "no two views overlap", FIX)
-        system = _SurfaceSystem(pairs, poses, motions, base_T_flange, origin, radius_mm)
+        system = _SurfaceSystem(pairs, poses, motions, anchor_T_flange, origin, radius_mm)
         if reach_mm <= least_mm:
             noise = _estimate_noise(system, noise, stated)
         information, step = system.solve(noise)
@@ -148,7 +156,7 @@ class _SurfaceSystem:
     pairs: dict[tuple[int, int], PairEvidence]
     poses: Sequence[Array]
     motions: Sequence[Array]
-    base_T_flange: Array
+    anchor_T_flange: Array
     origin: Array
     radius_mm: float
 
@@ -160,7 +168,7 @@ class _SurfaceSystem:
     def solve(self, noise: RobotNoise) -> tuple[Array, Array]:
         """Information (6n + 6, 6n + 6), and the Gauss-Newton step."""
         information, gradient = _with_x(
-            self.pairs, self.poses, self.motions, self.base_T_flange, noise, self.origin, self.radius_mm
+            self.pairs, self.poses, self.motions, self.anchor_T_flange, noise, self.origin, self.radius_mm
         )
         return information, -np.asarray(np.linalg.solve(information, gradient), float)
 
@@ -180,7 +188,7 @@ def _estimate_noise(system: _SurfaceSystem, noise: RobotNoise, stated: RobotNois
         covariance, motions = np.linalg.inv(information), system.apply_step(step)
         squares = np.array([stated.rotation_rad**2, stated.translation_mm**2])
         for index in system.overlapping_views:
-            flange_mm = system.base_T_flange[index][:3, 3]
+            flange_mm = system.anchor_T_flange[index][:3, 3]
             translation_mm, rotation_rad = correction_of(motions[index], flange_mm)
             own = slice(6 * index, 6 * index + 6)
             at_flange = at_flange_of(flange_mm, system.origin, system.radius_mm)
@@ -204,14 +212,14 @@ def _with_x(
     pairs: dict[tuple[int, int], PairEvidence],
     poses: Sequence[Array],
     motions: Sequence[Array],
-    base_T_flange: Array,
+    anchor_T_flange: Array,
     noise: RobotNoise,
     origin: Array,
     radius_mm: float,
 ) -> tuple[Array, Array]:
     """Information (6n + 6, 6n + 6) and gradient of all motions and, last, of X (rad, mm in the camera frame)."""
     seen, seen_gradient, prior, prior_gradient = normal_equations(
-        pairs, motions, list(base_T_flange), noise, origin, radius_mm
+        pairs, motions, list(anchor_T_flange), noise, origin, radius_mm
     )
     moved = np.concatenate([_twist_per_x(pose, origin, radius_mm) for pose in poses])
     information = np.block([[seen + prior, seen @ moved], [moved.T @ seen, moved.T @ seen @ moved]])
@@ -219,13 +227,13 @@ def _with_x(
     return information, gradient
 
 
-def _twist_per_x(base_T_camera: Array, origin: Array, radius_mm: float) -> Array:
+def _twist_per_x(anchor_T_camera: Array, origin: Array, radius_mm: float) -> Array:
     """(6, 6): the twist of a view about `origin` [rotation × radius, translation] per change of X."""
-    about_base = adjoint(base_T_camera)
+    about_anchor = adjoint(anchor_T_camera)
     shift = np.eye(6)
     shift[:3, :3] *= radius_mm
     shift[3:, :3] = -skew(origin)
-    moved: Array = shift @ about_base
+    moved: Array = shift @ about_anchor
     return moved
 
 
@@ -255,18 +263,20 @@ def _weakest(direction: Array) -> str:
 def _solution(
     found: SurfaceSolution,
     samples: Sequence[ViewSample],
+    setup: Setup,
     poses: Array,
     rough: Array,
     noise: RobotNoise,
     *,
     searched: bool,
 ) -> Solution:
-    x = found.flange_T_camera
-    placed = [motion @ flange @ x for motion, flange in zip(found.motions, poses, strict=True)]
+    x, mounts = found.mount_T_camera, anchor_T_mount_of(setup, poses)
+    placed = [motion @ mount @ x for motion, mount in zip(found.motions, mounts, strict=True)]
     agreed = agreement([sample.surface for sample in samples], placed)
     results = []
     for index, (motion, flange) in enumerate(zip(found.motions, poses, strict=True)):
-        correction = correction_of(motion, flange[:3, 3])
+        of_flange = motion if setup == "eye-in-hand" else flange @ inverse(motion) @ inverse(flange)
+        correction = correction_of(of_flange, flange[:3, 3])
         alone = index in found.alone
         reason = "no-overlap" if alone else None
         results.append(ViewResult(index, None, "rejected" if alone else "corrected", reason, None, None, correction))
@@ -275,6 +285,7 @@ def _solution(
     )
     return solution_with_x(
         METHOD,
+        setup,
         x,
         found.covariance,
         seen,
@@ -288,7 +299,7 @@ def _solution(
 def _findings(
     found: SurfaceSolution, rms_mm: float | None, rough: Array, noise: RobotNoise, *, searched: bool
 ) -> list[Finding]:
-    off_mm, off_rad = difference(found.flange_T_camera, rough)
+    off_mm, off_rad = difference(found.mount_T_camera, rough)
     name = "surfaces-searched" if searched else "surfaces-agree"
     agree = Sentence(name, off_mm=off_mm, off_deg=np.degrees(off_rad), rms_mm=rms_mm or 0.0)
     findings = [Finding("surfaces-agree", "info", agree, Sentence("none-needed"))]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.documents.pose import PoseDocument
+from calibration.problem import Setup
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from registration.io.writing import new_cloud
 from registration.points.layout import XYZ_FLOAT32
@@ -53,7 +54,9 @@ def wrong(base_T_flange: Array, translation_mm: float, rotation_deg: float, seed
     return base_T_flange @ error
 
 
-def write_scan(folder: Path, clouds: list[Array], said: list[Array], unit: str = "mm") -> None:
+def write_scan(
+    folder: Path, clouds: list[Array], said: list[Array], unit: str = "mm", setup: Setup = "eye-in-hand"
+) -> None:
     """scan.json and its clouds (given in mm)."""
     views = []
     for index, (points, base_T_flange) in enumerate(zip(clouds, said, strict=True)):
@@ -62,7 +65,7 @@ def write_scan(folder: Path, clouds: list[Array], said: list[Array], unit: str =
             writer.write(records)
         pose = PoseDocument.of(base_T_flange).model_dump()
         views.append({"cloud": f"view_{index:03}.ply", "unit": unit, "base_T_flange": pose})
-    scan = {"schema_version": 1, "source": "a made-up part", "setup": "eye-in-hand", "views": views}
+    scan = {"schema_version": 1, "source": "a made-up part", "setup": setup, "views": views}
     (folder / "scan.json").write_text(json.dumps(scan))
 
 

@@ -63,10 +63,10 @@ def solve(poses: list[Array], noise_mm: float = 0.0) -> SphereSolution:
 
 def test_exact_views_give_exactly_x() -> None:
     solution = solve(looks(7))
-    translation_mm, rotation_rad = difference(solution.flange_T_camera, FLANGE_T_CAMERA)
+    translation_mm, rotation_rad = difference(solution.mount_T_camera, FLANGE_T_CAMERA)
     assert translation_mm < 1e-5
     assert rotation_rad < 1e-7
-    np.testing.assert_allclose(solution.base_centre_mm, CENTRE_IN_BASE, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(solution.anchor_centre_mm, CENTRE_IN_BASE, rtol=0, atol=1e-5)
 
 
 @pytest.mark.slow
@@ -76,7 +76,7 @@ def test_the_stated_uncertainty_is_the_real_one() -> None:
         poses = looks(9, seed=2)
         views = [view(pose, 0.3, 100 * trial + index) for index, pose in enumerate(poses)]
         solution = solve_from_sphere(views)
-        errors.append(difference(solution.flange_T_camera, FLANGE_T_CAMERA))
+        errors.append(difference(solution.mount_T_camera, FLANGE_T_CAMERA))
         deviations = np.sqrt(np.diag(solution.covariance))
         promised.append((np.linalg.norm(deviations[3:]), np.linalg.norm(deviations[:3])))
     real = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -86,7 +86,7 @@ def test_the_stated_uncertainty_is_the_real_one() -> None:
 def test_one_wrong_pose_is_left_out() -> None:
     poses = looks(9)
     views = [view(pose, 0.1, index) for index, pose in enumerate(poses)]
-    bad = views[4].base_T_flange.copy()
+    bad = views[4].anchor_T_mount.copy()
     bad[0, 3] += 25
     solution = solve_from_sphere([*views[:4], SphereView(views[4].centre_mm, bad), *views[5:]])
     assert solution.used == (0, 1, 2, 3, 5, 6, 7, 8)
@@ -138,7 +138,7 @@ def test_a_real_object_of_nine_views_comes_together(real_data: Path) -> None:
     fits = [find_artefact(sample.surface.points, 48.37) for sample in sample_views(spheres)]
     x = solve_from_sphere([SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, spheres, strict=True)])
     views = read_scan(real_data / "reghec_duck")
-    registration = register_views(views, sample_views(views), ScannerMount("sphere", x.flange_T_camera), refine=True)
+    registration = register_views(views, sample_views(views), ScannerMount("sphere", x.mount_T_camera), refine=True)
     assert registration.before.rms_mm is not None
     assert 0.6 < registration.before.rms_mm < 0.9
     assert registration.after is not None
