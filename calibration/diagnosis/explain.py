@@ -40,6 +40,9 @@ MAX_USUAL_PX = 1.0
 MIN_SURE_SHARE = 0.5
 """Share of the pixels' deviation below which other intrinsics are believed without the robot's agreement."""
 
+MAX_SLIGHT_LENS_SHARE = 0.005
+"""Shift of the target over its distance up to which a lens is slightly off, and any other cause is named before it."""
+
 SOLVER_FINDINGS = {"wrong-pitch": "target-scale", "board-turned": "board-turned"}
 """Causes that the solver reports as well, with the code of its finding; the diagnosis adds its figures to that."""
 
@@ -96,11 +99,11 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     if misfit.after_px > MIN_SURE_SHARE * misfit.before_px and not _agrees_better(fitting, given):
         # The pixels show the target's shape or the light: with those intrinsics the poses would be wrong.
         lens = lens_findings(misfit, camera, agrees_better=False) if misfit.significant else ()
-        return (*lens, *_diagnosis_findings(problem, given, used, point))
+        return (*_diagnosis_findings(problem, given, used, point), *lens)
     still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
     lens = lens_findings(misfit, camera, agrees_better=True) if misfit.significant or not still_wrong else ()
-    return (*lens, *still_wrong)
+    return (*lens, *still_wrong) if misfit.share > MAX_SLIGHT_LENS_SHARE else (*still_wrong, *lens)
 
 
 def _agrees_better(fitting: Evidence, given: Evidence) -> bool:

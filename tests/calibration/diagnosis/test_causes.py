@@ -72,6 +72,15 @@ def test_intrinsics_that_do_not_fit_are_distinguished_from_the_robot(slip_of, si
     assert " px where others leave " in finding(fault.problem, fault.codes).message
 
 
+def test_a_lens_that_is_slightly_off_is_named_after_the_cause() -> None:
+    slightly_off = focal_wrong(session(4, n=15), np.random.default_rng(0)).at(0.003).problem
+    poses = poses_of(slightly_off)
+    poses[7, 1, 3] += 60.0
+    codes = [found.code for found in solve_hand_eye(with_poses(slightly_off, poses)).findings]
+    assert "intrinsics-do-not-fit" in codes
+    assert codes.index("pose-mistyped") < codes.index("intrinsics-do-not-fit")
+
+
 def test_the_number_that_was_mistyped_is_reported_with_what_it_should_be() -> None:
     clean = session(5)
     poses = poses_of(clean)
