@@ -46,6 +46,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--serial", action="store_true", help="open a serial line (a pty): with RAPID in place of the socket"
     )
+    run.add_argument("--home", type=_folder, help="run the RAPID of this folder: any controller's HOME, or a backup")
     run.add_argument("--bare", action="store_true", help="a controller without the robot program, to set up over RWS")
     run.add_argument("--virtual", action="store_true", help="RWS says that it is RobotStudio's controller")
     run.add_argument("--without", action="append", default=[], metavar="OPTION", help="an absent option, as 623-1")
@@ -54,6 +55,11 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--ready-file", type=Path, help="write the JSON line there")
     run.add_argument("--with-parent", action="store_true", help="end when standard input closes")
     run.set_defaults(command=_run)
+
+    load = commands.add_parser("load", help="load each module below a folder; name what the interpreter does not know")
+    load.add_argument("folder", type=_folder)
+    load.add_argument("--json", action="store_true")
+    load.set_defaults(command=_load)
 
     truth = commands.add_parser("truth", help="print what is hidden from the daemon, as JSON")
     truth.add_argument("--seed", type=int, default=7)
@@ -76,6 +82,12 @@ def _positive(text: str) -> float:
     if not 0.0 < value <= 1000.0:
         raise argparse.ArgumentTypeError(f"{text} is not above 0 and up to 1000")
     return value
+
+
+def _folder(text: str) -> Path:
+    if not Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f"{text} is no folder")
+    return Path(text)
 
 
 def _port(text: str) -> int:
@@ -105,6 +117,19 @@ def _run(options: argparse.Namespace) -> int:
     from mock_robot.process import run_cell  # imports the renderer, which only `run` needs
 
     return run_cell(options)
+
+
+def _load(options: argparse.Namespace) -> int:
+    from mock_robot.rapid.home import load_problems
+
+    count, problems = load_problems(options.folder)
+    if options.json:
+        _print(json.dumps({"modules": count, "problems": [vars(problem) for problem in problems]}))
+    else:
+        for problem in problems:
+            _print(f"{problem.file}: {problem.what.splitlines()[0]}")
+        _print(f"{count - len(problems)} of {count} modules load")
+    return int(bool(problems))
 
 
 def _truth(options: argparse.Namespace) -> int:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from random import Random
 from time import monotonic
 from typing import Literal, NamedTuple
@@ -65,7 +67,7 @@ class Ports:
 
 
 class MockCell:
-    """Owns all parts of the mock. Times come from `clock`."""
+    """Owns all parts of the mock. Times come from `clock`. `home`: a folder whose RAPID runs in place of `program`."""
 
     def __init__(
         self,
@@ -75,11 +77,13 @@ class MockCell:
         session: int | None = None,
         clock: Callable[[], float] = monotonic,
         program: RobotProgram = "python",
+        home: Path | None = None,
     ) -> None:
         arm = find_arm(truth.arm)
         noise = ArmNoise(truth.noise.robot_translation_mm, np.radians(truth.noise.robot_rotation_deg), truth.seed)
         self.truth, self.clock = truth, clock
-        self._wires: Wires = _WIRES[program](
+        kind = _WIRES[program] if home is None else partial(RapidWires, home=home)
+        self._wires: Wires = kind(
             SimulatedArm(arm, start_joints(arm, truth), noise),
             session=session or Random().randrange(1, 65536),
             time_scale=time_scale,

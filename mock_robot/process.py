@@ -22,6 +22,7 @@ async def _run(options: argparse.Namespace) -> int:
         CellTruth.from_seed(options.seed),
         time_scale=options.time_scale,
         program=options.controller or default_program(),
+        home=options.home,
     )
     equip(cell.rws.world, options)
     stop = asyncio.Event()

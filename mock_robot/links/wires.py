@@ -5,16 +5,20 @@ import os
 import tty
 from collections.abc import Callable
 from contextlib import AsyncExitStack
+from pathlib import Path
 from typing import Protocol
 
 from mock_robot.arm.simulated_arm import SimulatedArm
 from mock_robot.cabinet.cabinet import Cabinet, MotionBox
+from mock_robot.errors import MockError
 from mock_robot.faults.board import FaultBoard
 from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.links.cb_program import Controller
 from mock_robot.links.servers import SerialLinkServer, TcpLinkServer
-from mock_robot.rapid.controller import RapidController
+from mock_robot.rapid.controller import DEPLOYED, RapidController
+from mock_robot.rapid.errors import RapidProgramError, RapidSyntaxError
 from mock_robot.rapid.frames import FrameFaultBoard
+from mock_robot.rapid.home import load_problems
 
 Clock = Callable[[], float]
 _UNTURNED = [1.0, 0.0, 0.0, 0.0]
@@ -83,7 +87,10 @@ class PythonWires:
 
 
 class RapidWires:
-    """Links of the RAPID program, which opens its own socket, or the pty behind its serial port, as configured."""
+    """Links of the RAPID program, which opens its own socket, or the pty behind its serial port, as configured.
+
+    `home`: a folder with any controller's program, which is not configured and not waited for.
+    """
 
     def __init__(
         self,
@@ -95,10 +102,19 @@ class RapidWires:
         box: MotionBox,
         clock: Clock,
         seed: int,
+        home: Path | None = None,
     ) -> None:
         self.board = FrameFaultBoard(FAULTS, seed)
         self.controller = self._rapid = RapidController(
-            arm, session, time_scale, started_at_s, box, clock=clock, board=self.board
+            arm,
+            session,
+            time_scale,
+            started_at_s,
+            box,
+            clock=clock,
+            board=self.board,
+            folder=home or DEPLOYED,
+            home=home is not None,
         )
         self._ends: tuple[int, ...] = ()
 
@@ -106,6 +122,9 @@ class RapidWires:
         """Configure as an integrator does, then load and start the program."""
         rapid = self._rapid
         rapid.devices.host = host
+        if rapid.home:
+            await asyncio.to_thread(self._begin_foreign)
+            return host, None, None
         rapid.settings = {
             "cell_use_serial": serial,
             "cell_port": float(port),
@@ -125,6 +144,15 @@ class RapidWires:
         await asyncio.to_thread(rapid.await_link)
         address = rapid.devices.address
         return host, None if address is None else address[1], path
+
+    def _begin_foreign(self) -> None:
+        """Load and start whatever the folder holds. Raises MockError, which names what is not known, by file."""
+        try:
+            self._rapid.begin()
+        except (RapidSyntaxError, RapidProgramError) as error:
+            count, problems = load_problems(self._rapid.folder)
+            named = "; ".join(f"{problem.file}: {problem.what}" for problem in problems) or str(error)
+            raise MockError(f"{len(problems)} of {count} modules do not load: {named}") from error
 
     async def close(self) -> None:
         """Stop the tasks, which closes their sockets."""

@@ -11,10 +11,12 @@ from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.events import TITLES
 from mock_robot.errors import MockError
 from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.rapid.cfg_types import FACTORY_TASK
 from mock_robot.rapid.configuration import Fragments, TaskPlan, egm_devices, serial_ports, signals, task_plans
 from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.frames import FrameFaultBoard
+from mock_robot.rapid.home import HomeFragments
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices, Services
@@ -45,12 +47,14 @@ class Loaded:
 class RapidController(Cabinet):
     """Tasks in threads, from `begin` to `end`. `settings`: PERS values an integrator sets before loading.
 
-    `robotware`: 6 or 7, whose configuration fragments are loaded. `max_clock_s`: the age at which clocks overflow.
+    `home`: the folder is any controller's HOME or backup, read by `HomeFragments`. `robotware`: 6 or 7, whose
+    configuration fragments are loaded. `max_clock_s`: the age at which clocks overflow.
     """
 
     clock: Callable[[], float] = monotonic
     folder: Path = DEPLOYED
     robotware: int = 6
+    home: bool = False
     max_clock_s: float = MAX_CLOCK_S
     settings: dict[str, Any] = field(default_factory=dict)
     board: FrameFaultBoard = field(default_factory=lambda: FrameFaultBoard(FAULTS))
@@ -68,9 +72,14 @@ class RapidController(Cabinet):
             raise MockError(
                 f"{self.folder} is not there: name the folder of the RAPID modules, or use the Python program"
             )
-        self._fragments = Fragments(self.folder, self.robotware)
-        self._plans = task_plans(self._fragments)
-        motion = next((plan.name for plan in self._plans if plan.motion), "")
+        if self.home:
+            foreign = HomeFragments(self.folder, self.robotware)
+            self._fragments: Fragments = foreign
+            self._plans = foreign.task_plans()
+        else:
+            self._fragments = Fragments(self.folder, self.robotware)
+            self._plans = task_plans(self._fragments)
+        motion = next((plan.name for plan in self._plans if plan.motion), FACTORY_TASK)
         self.unit = MotionUnit(self, self.clock, motion, lambda: self.board.wake(self, self.clock()))
 
     # --- lifecycle ---
@@ -146,15 +155,14 @@ class RapidController(Cabinet):
                 loaded.task.begin(running=True)
 
     def _load(self) -> None:
-        self.signals = signals(
-            self._fragments,
-            {
-                "MotOnState": lambda _: self.panel.motors_on,
-                "EmStop": lambda _: self.panel.emergency_stop,
-                "TaskExecuting": self._executes,
-                "Error": lambda name: name in self._error,
-            },
-        )
+        outputs: dict[str, Callable[[str], bool]] = {
+            "MotOnState": lambda _: self.panel.motors_on,
+            "EmStop": lambda _: self.panel.emergency_stop,
+            "TaskExecuting": self._executes,
+            "Error": lambda name: name in self._error,
+        }
+        fragments = self._fragments
+        self.signals = fragments.signals() if isinstance(fragments, HomeFragments) else signals(fragments, outputs)
         self._loaded += [self._load_task(plan) for plan in self._plans]
         self._watch()
 

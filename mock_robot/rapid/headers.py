@@ -44,9 +44,9 @@ def declare_types(context: CompileContext, module: Node) -> None:
     for node in parts(module):
         if node.data == "record":
             components = tuple((name(c, 1), context.require_type(name(c, 0), line_of(c))) for c in parts(node))
-            context.scope.types[name(node, 0)] = Record(name(node, 0), components)
+            context.scope.types[name(node, 1)] = Record(name(node, 1), components)
         elif node.data == "alias":
-            context.scope.types[name(node, 1)] = context.require_type(name(node, 0), line_of(node))
+            context.scope.types[name(node, 2)] = context.require_type(name(node, 1), line_of(node))
 
 
 @cache

@@ -1,6 +1,7 @@
 """The program of one task: declares, checks and compiles its modules; and the PERS that outlive it."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -95,22 +96,47 @@ class Program:
             self.scope.symbols[signal.casefold()] = Data(signal.casefold(), kind, "var", Slot(device))
         self.scope = Scope(self.scope)
 
-    def load(self, sources: Sequence[Source]) -> None:
-        """Declare every module, then compile every routine. Raises RapidSyntaxError, RapidProgramError."""
+    def load(self, sources: Sequence[Source], only: Source | None = None) -> None:
+        """Declare every module, then compile every routine, or those of `only`.
+
+        Raises RapidSyntaxError, RapidProgramError.
+        """
         loaded = [(source, parse_module(source.text, source.name)) for source in sources]
         pending: list[tuple[CompileContext, Routine, Node]] = []
+        for source, module in loaded:  # a type may be of a type that a later module declares
+            with suppress(RapidProgramError):
+                declare_types(self._context(source.name), module)
+        for source, module in loaded:
+            declare_types(self._context(source.name), module)
         for source, module in loaded:
             context = self._context(source.name)
-            declare_types(context, module)
             for node in parts(module):
                 if node.data in ("proc", "func", "trap"):
-                    pending.append((context, self._declare_routine(context, node), node))
-        for source, module in loaded:
-            context = self._context(source.name)
-            for node in parts(module, "data"):
-                self._declare_data(context, node, shared=source.shared)
+                    with _clash_allowed(only, source):
+                        pending.append((context, self._declare_routine(context, node), node))
+        waiting = [(source, node) for source, module in loaded for node in parts(module, "data")]
+        while waiting:  # a value may be made of one that a later module declares
+            waiting = self._declare_all(waiting, only)
         for context, routine, node in pending:
-            _compile(context, routine, node)
+            if only is None or context.module == only.name:
+                _compile(context, routine, node)
+
+    def _declare_all(self, waiting: list[tuple[Source, Node]], only: Source | None) -> list[tuple[Source, Node]]:
+        """Declare data; returns what could not be yet. Raises RapidProgramError when that is everything."""
+        left, first = [], None
+        for source, node in waiting:
+            try:
+                self._declare_data(self._context(source.name), node, shared=source.shared)
+            except RapidProgramError as error:
+                if only is not None and source is not only and "declared twice" in str(error):
+                    continue
+                first = first or error
+                left.append((source, node))
+        if first is not None and len(left) == len(waiting):
+            if only is None or any(source is only for source, _ in left):
+                raise first
+            return []
+        return left
 
     def main(self) -> Callable[[], None]:
         """Function that runs procedure main once. Raises RapidProgramError when there is none."""
@@ -158,6 +184,11 @@ class Program:
         else:
             slot = Slot(value())
         context.scope.declare(Data(called, kind, storage, slot), context.module, line)
+
+
+def _clash_allowed(only: Source | None, source: Source) -> AbstractContextManager[None]:
+    """While one module is looked at, what another one declares a second time is left out."""
+    return nullcontext() if only is None or source is only else suppress(RapidProgramError)
 
 
 def _type_and_initial(context: CompileContext, node: Node) -> tuple[Type, Run | None]:

@@ -35,6 +35,13 @@ class _RaisedHere(Exception):
         self.error = error
 
 
+class _GoTo(Exception):
+    """GOTO: execution goes on at the label, which stands in this block or in one around it."""
+
+    def __init__(self, label: str) -> None:
+        self.label = label
+
+
 Run = Callable[[Frame], Any]
 
 
@@ -42,6 +49,7 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
     """Compile statements in sequence. The task attends between two of them; errors go to the routine's handler."""
     runs = [_KINDS[node.data](context, node) for node in statements]
     lines = [line_of(node) for node in statements]
+    labels = {name(node, 0): place for place, node in enumerate(statements) if node.data == "label"}
     task, module, count = context.task, context.module, len(runs)
     in_handler = context.in_handler
     handle = _stop_in_handler if in_handler else _handle
@@ -65,6 +73,11 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
                 if in_handler or routine is None or not _lists(routine, frame, jump.number):
                     raise
                 flow = _run_handler(context, frame, routine, jump.error)
+            except _GoTo as goto:
+                if goto.label not in labels:
+                    raise
+                at, retries = labels[goto.label], 0
+                continue
             if flow is Flow.RETURNED:
                 return flow
             if flow is Flow.NEXT:
@@ -255,6 +268,15 @@ def _raise(context: CompileContext, node: Node) -> Run:
     return run
 
 
+def _goto(context: CompileContext, node: Node) -> Run:
+    label = name(node, 0)
+
+    def run(frame: Frame) -> None:
+        raise _GoTo(label)
+
+    return run
+
+
 def _in_handler(flow: Flow) -> Callable[[CompileContext, Node], Run]:
     def compile_flow(context: CompileContext, node: Node) -> Run:
         if not context.in_handler:
@@ -287,6 +309,8 @@ _KINDS: dict[str, Callable[[CompileContext, Node], Run]] = {
     "raise_": _raise,
     "retry": _in_handler(Flow.AGAIN),
     "trynext": _in_handler(Flow.NEXT),
+    "goto": _goto,
+    "label": lambda context, node: _nothing,
     "connect": connection,
     "call": _call,
 }

@@ -67,11 +67,11 @@ class RwsCell:
 
 
 async def _started(**options: Any) -> RwsCell:
-    made = {name: options.pop(name) for name in ("time_scale", "program") if name in options}
+    made = {name: options.pop(name) for name in ("time_scale", "program", "home") if name in options}
     cell = MockCell(CellTruth.from_seed(7), **{"time_scale": 20.0, **made})
     announced = await cell.start(Ports(devices=None, rws=(0, 0), **options))
     assert announced.rws is not None
-    robot = (announced.robot_host, announced.robot_port)
+    robot = (announced.robot_host, announced.robot_port or 0)
     loop, control, serial = asyncio.get_running_loop(), announced.control_url, announced.serial_path or ""
     return RwsCell(cell, announced.rws.first, announced.rws.second, robot, loop, control, serial)
 

@@ -7,6 +7,7 @@ from typing import Any
 from mock_robot.rapid.instructions import (
     cabinet,
     clocks,
+    common,
     egm,
     error_events,
     flow,
@@ -24,6 +25,7 @@ from mock_robot.rapid.instructions import (
 _TABLES = (
     cabinet,
     clocks,
+    common,
     egm,
     error_events,
     flow,
@@ -61,6 +63,10 @@ LEFT_OUT: Mapping[str, frozenset[str]] = MappingProxyType(
             "getsysinfo": "serialno swversion swversionname robottype ctrlid ctrllang systemname",
             "getsysdata": "taskref",
             "setdo": "sdelay sync",
+            "pulsedo": "high plength",
+            "waitdi": "maxtime timeflag",
+            "waitdo": "maxtime timeflag",
+            "stop": "noregain allmovetasks",
             "crobt": "taskref",
             "cjointt": "taskref",
             "calcjointt": "usecurwobjpos",
