@@ -23,7 +23,7 @@ say "building (pinned by deploy/*.lock) ..."
 "$PYTHON" -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/build.lock"
 mkdir -p "$work/source/deploy"
-(cd "$SOURCE" && cp -R calibration daemon drivers mock_robot protocols registration pyproject.toml README.md LICENSE "$work/source/")
+(cd "$SOURCE" && cp -R calibration daemon drivers handeyed mock_robot protocols registration hatch_build.py pyproject.toml README.md LICENSE "$work/source/")
 cp -R "$SOURCE/deploy/rapid" "$work/source/deploy/"
 "$work/venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$work" "$work/source"
 

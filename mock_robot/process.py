@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+from contextlib import suppress
 
 from mock_robot.cell import MockCell, Ports, default_program
 from mock_robot.rws.world import World
@@ -28,7 +29,8 @@ async def _run(options: argparse.Namespace) -> int:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
+        with suppress(NotImplementedError):  # Windows: Ctrl-C ends the process
+            loop.add_signal_handler(number, stop.set)
     devices = None if options.robot_only else options.devices_port
     ports = Ports(
         options.host,

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from daemon.runtime.module_names import module_name
+
 
 def mock(
     arguments: Annotated[
@@ -17,4 +19,4 @@ def mock(
     `handeyed mock run --help` lists its options; `handeyed mock faults` the faults it can simulate.
     """
     # Replaces this process: the daemon does not import the mock, and signals reach it directly.
-    os.execv(sys.executable, [sys.executable, "-m", "mock_robot", *(arguments or ["run"])])  # noqa: S606 - our own mock
+    os.execv(sys.executable, [sys.executable, "-P", "-m", module_name("mock_robot"), *(arguments or ["run"])])  # noqa: S606 - our own mock

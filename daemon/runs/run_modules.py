@@ -2,10 +2,12 @@
 
 from importlib import import_module
 
+from daemon.runtime.module_names import module_name
+
 RUN_MODULES = ("calibration.detection.detect", "calibration.solve", "calibration.planning.next_view")
 
 
 def load_run_modules() -> None:
     """Import what a run needs. Before the arm is armed: an import keeps the interpreter, and the link's heartbeats."""
     for name in RUN_MODULES:
-        import_module(name)
+        import_module(module_name(name))

@@ -4,7 +4,6 @@ import asyncio
 import os
 import socket
 import struct
-import tty
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 
@@ -145,6 +144,8 @@ class SerialLinkServer:
 
     async def start(self) -> str:
         """Open the pty; returns the path for the client."""
+        import tty  # POSIX only, as the line is
+
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._ours)
         tty.setraw(self._theirs)

@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import tty
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -135,6 +134,8 @@ class RapidWires:
         }
         path = None
         if serial:
+            import tty  # POSIX only, as the line is
+
             self._ends = os.openpty()
             for end in self._ends:
                 tty.setraw(end)

@@ -20,7 +20,7 @@ def parse_module(text: str, module: str) -> Node:
 @cache
 def parse_system() -> Node:
     """Parse system.rapid, the declarations a controller provides."""
-    text = files("mock_robot.rapid").joinpath("system.rapid").read_text(encoding="ascii")
+    text = files(__package__).joinpath("system.rapid").read_text(encoding="ascii")
     return _parse(text, "system.rapid", "system")
 
 
@@ -34,7 +34,7 @@ def _parse(text: str, module: str, start: Literal["module", "system"]) -> Node:
 
 @cache
 def _parser() -> Lark:
-    grammar = files("mock_robot.rapid").joinpath("rapid.lark").read_text(encoding="ascii")
+    grammar = files(__package__).joinpath("rapid.lark").read_text(encoding="ascii")
     return Lark(grammar, parser="lalr", start=["module", "system"], propagate_positions=True)
 
 

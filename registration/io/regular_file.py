@@ -6,12 +6,19 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
+QUIET = ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY")
+"""Flags of open(2), each where the system has it: O_BINARY is Windows'."""
+
+
+def _flags(*names: str) -> int:
+    return sum(getattr(os, name, 0) for name in names)
+
 
 def open_regular(path: Path, *, follow_links: bool = True) -> BinaryIO:
     """Open for reading, unbuffered. Raises OSError, also for what is no regular file, or a link not to be followed."""
-    links = 0 if follow_links else os.O_NOFOLLOW
+    links = 0 if follow_links else _flags("O_NOFOLLOW")
     _require_regular(path, path.stat(follow_symlinks=follow_links))  # opening alone may set a device off
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC | links)
+    descriptor = os.open(path, os.O_RDONLY | _flags(*QUIET) | links)
     try:
         _require_regular(path, os.fstat(descriptor))
         return os.fdopen(descriptor, "rb", buffering=0)

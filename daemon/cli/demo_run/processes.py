@@ -13,6 +13,7 @@ from types import FrameType
 from typing import Any
 
 from daemon.cli.errors import CommandError
+from daemon.runtime.module_names import module_name
 
 MAX_START_S = 30.0
 MAX_END_S = 10.0
@@ -37,7 +38,7 @@ def start_child(name: str, module: Sequence[str], folder: Path) -> Iterator[Chil
     """Run `python -m MODULE... --ready-file FILE` until the block ends; yields it once ready. Raises CommandError."""
     ready, log = folder / f"{name}.json", folder / f"{name}.log"
     ready.unlink(missing_ok=True)
-    command = [sys.executable, "-m", *module, "--ready-file", str(ready)]
+    command = [sys.executable, "-P", "-m", module_name(module[0]), *module[1:], "--ready-file", str(ready)]
     with log.open("wb") as output:
         # A session of its own: Ctrl-C reaches only this process, which ends the children in order.
         process = subprocess.Popen(

@@ -14,6 +14,7 @@ from calibration.documents.calibration import CalibrationDocument
 from daemon.cli.demo_run.progress import ProgressLine, ProgressPrinter
 from daemon.cli.errors import CommandError
 from daemon.cli.rest_client import DaemonClient, ServerEvent
+from daemon.runtime.module_names import module_name
 
 VIEW_FILE = "view.ply"
 """The last view in the scanner's frame; the arm still stands where it was taken."""
@@ -87,7 +88,7 @@ def _require_success(run: Any) -> Any:
 def run_mock(arguments: list[str]) -> dict[str, Any]:
     """The JSON that `python -m mock_robot` prints. Raises CommandError. The truth is never imported here."""
     began_s = time.monotonic()
-    command = [sys.executable, "-m", "mock_robot", *arguments]
+    command = [sys.executable, "-P", "-m", module_name("mock_robot"), *arguments]
     process = subprocess.run(command, capture_output=True, text=True, check=False)
     if process.returncode:
         last = (process.stderr.strip().splitlines() or ["it said nothing"])[-1]

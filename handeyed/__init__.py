@@ -1,0 +1,16 @@
+"""Hand-eye calibration as a library: arrays in, results out.
+
+    import handeyed
+
+    session = handeyed.Session.open("folder")            # or Session.of_corners(...) from your own arrays
+    result = handeyed.solve(session, tolerance_mm=0.5)
+    X = result.flange_T_camera.transform()               # (4, 4), mm
+    points_base = handeyed.register(points, result, base_T_flange)
+
+Lengths are in mm, `a_T_b` maps coordinates of b to coordinates of a, quaternions have w first. Everything named here is
+stable (semantic versioning); the rooms beneath are not.
+"""
+
+from handeyed.library import Session, assess, export, plan, read_cloud, register, solve
+
+__all__ = ["Session", "assess", "export", "plan", "read_cloud", "register", "solve"]

@@ -1,0 +1,183 @@
+"""What `import handeyed` gives; thin over the rooms."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Self
+from uuid import uuid4
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibration.camera import CameraModel
+from calibration.documents.calibration import CalibrationDocument, calibration_document
+from calibration.documents.exports.formats import export as export_x
+from calibration.documents.exports.subject import DEFAULT_DECIMALS, OPTICAL_FRAME, ExportOptions
+from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedDocument
+from calibration.documents.requirement import VerdictSettings
+from calibration.documents.target import TargetDocument
+from calibration.documents.validation import Document, validate_json
+from calibration.errors import DocumentError, DocumentProblem
+from calibration.likelihood.predicted_uncertainty import predict
+from calibration.planning.plan import plan_poses
+from calibration.problem import Detection, Problem, Setup, View
+from calibration.solve import solve_hand_eye
+from calibration.transforms import Array, map_points
+from calibration.verdict import judge
+from daemon.runtime.version import SOFTWARE
+from daemon.sessions.session_reader import load_problem, open_session
+from registration.io.reading import open_cloud
+
+
+class TargetFile(Document):
+    """A target alone."""
+
+    target: TargetDocument
+
+
+MM = {"mm": 1.0, "m": 1000.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """The views of one calibration. Make one with `open` or `of_corners`."""
+
+    problem: Problem
+
+    @classmethod
+    def open(cls, folder: str | Path, progress: Callable[[int, int], None] = lambda done, of: None) -> Self:
+        """A folder with session.json; pictures are searched for the target, `progress` gets (done, of).
+
+        Raises DocumentError for a file that cannot be used.
+        """
+        return cls(load_problem(open_session(Path(folder)), progress))
+
+    @classmethod
+    def of_corners(
+        cls,
+        base_T_flange: ArrayLike,
+        corners_px: Sequence[ArrayLike],
+        target: dict[str, Any],
+        *,
+        image_size: tuple[int, int],
+        ids: Sequence[ArrayLike] | None = None,
+        camera_matrix: ArrayLike | None = None,
+        distortion: ArrayLike | None = None,
+        setup: Setup = "eye-in-hand",
+    ) -> Self:
+        """Poses (n, 4, 4) in mm and, for each, the target's points (m, 2) in pixels (the centre of the first is 0, 0).
+
+        ids : indices (m,) of the points in the target's order; by default all points in order.
+        target : as in session.json, such as {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 23.6}.
+        image_size : width, height.
+        camera_matrix, distortion : (3, 3) and OpenCV's coefficients; without them the intrinsics are estimated.
+
+        Raises DocumentError for a target that is none, or for arrays that do not go together.
+        """
+        poses = np.asarray(base_T_flange, float)
+        if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) != len(corners_px):
+            what = f"{poses.shape} poses and {len(corners_px)} views do not go together"
+            raise DocumentError("of_corners", [DocumentProblem("base_T_flange", what, "give (n, 4, 4) and n arrays")])
+        known = validate_json(TargetFile, {"target": target}, "of_corners").target.target()
+        views = tuple(
+            View(index, pose, Detection(np.asarray(which, np.intp), pixels))
+            for index, (pose, pixels, which) in enumerate(_views(poses, corners_px, ids))
+        )
+        camera = None
+        if camera_matrix is not None:
+            lens = np.zeros(5) if distortion is None else np.asarray(distortion, float).ravel()
+            camera = CameraModel(np.asarray(camera_matrix, float), lens, image_size)
+        return cls(Problem(setup, known, camera, image_size, views))
+
+
+def _views(
+    poses: Array, corners_px: Sequence[ArrayLike], ids: Sequence[ArrayLike] | None
+) -> Sequence[tuple[Array, Array, NDArray[Any]]]:
+    pixels = [np.asarray(corners, float).reshape(-1, 2) for corners in corners_px]
+    which = [np.arange(len(each)) for each in pixels] if ids is None else [np.asarray(each) for each in ids]
+    return list(zip(poses, pixels, which, strict=True))
+
+
+def solve(session: Session, *, tolerance_mm: float | None = None, method: str = "auto") -> CalibrationDocument:
+    """The calibration: X with its covariance, U at the points that matter, noise, views, findings and verdict.
+
+    tolerance_mm : the largest U (k = 2) that is accepted; 4 mm without it.
+    method : "auto" (maximum likelihood) or a closed form ("tsai", "park", ...).
+
+    `result.flange_T_camera.transform()` is X (4, 4) in mm; None, with the reason in `result.verdict.findings`, where
+    the motions do not determine it. `result.model_dump_json()` is calibration.json.
+    """
+    solution = solve_hand_eye(session.problem, method=method)
+    verdict = judge(session.problem, solution, VerdictSettings().limits(tolerance_mm))
+    now = datetime.now(UTC)
+    return calibration_document(
+        solution,
+        verdict,
+        calibration_id=f"{now:%Y%m%d-%H%M%S}-{uuid4().hex[:6]}",
+        created_at=f"{now:%Y-%m-%dT%H:%M:%S}Z",
+        software=SOFTWARE,
+    )
+
+
+def plan(question: dict[str, Any]) -> PlannedDocument:
+    """The robot poses that determine the calibration best; `question` as plan.json: target, camera, guesses, limits.
+
+    `[pose.base_T_flange.transform() for pose in answer.poses]` are the poses. Raises DocumentError.
+    """
+    asked = validate_json(PlanDocument, question, "plan")
+    return PlannedDocument.of(plan_poses(asked.scene(), asked.limits.limits(), asked.poses))
+
+
+def assess(question: dict[str, Any], base_T_flange: ArrayLike) -> PredictedDocument:
+    """The standard deviation of X that a calibration from poses (n, 4, 4) will have, before anything moves.
+
+    Its `point_mm` is None where the poses do not determine X. Raises DocumentError.
+    """
+    asked = validate_json(PlanDocument, question, "assess")
+    return PredictedDocument.of(predict(asked.scene(), np.asarray(base_T_flange, float)))
+
+
+def register(points_mm: ArrayLike, calibration: CalibrationDocument, base_T_flange: ArrayLike | None = None) -> Array:
+    """Points (n, 3) of the camera's frame in the robot's base (n, 3), mm.
+
+    base_T_flange : the arm's pose (4, 4) when they were measured; needed for a camera on the flange.
+
+    Raises DocumentError for a calibration without X, or without the pose that it needs.
+    """
+    if calibration.base_T_camera is not None:
+        return map_points(calibration.base_T_camera.transform(), points_mm)
+    if calibration.flange_T_camera is None or base_T_flange is None:
+        what = "the calibration has no transform" if base_T_flange is not None else "the pose of the flange is missing"
+        raise DocumentError("register", [DocumentProblem("base_T_flange", what, "give what is missing")])
+    base_T_camera = np.asarray(base_T_flange, float) @ calibration.flange_T_camera.transform()
+    return map_points(base_T_camera, points_mm)
+
+
+def read_cloud(file: str | Path, *, unit: str) -> Array:
+    """The points (n, 3) of a PLY, PCD, LAS or XYZ file in mm; points that are not finite are left out.
+
+    unit : of the file's lengths, "mm" or "m"; it is never guessed. Raises RegistrationError, DocumentError.
+    """
+    if unit not in MM:
+        raise DocumentError("read_cloud", [DocumentProblem("unit", f"{unit!r} is no unit", "say 'mm' or 'm'")])
+    with open_cloud(Path(file)) as cloud:
+        blocks = [np.column_stack([block[axis] for axis in "xyz"]).astype(float) for block in cloud.blocks()]
+    points = np.concatenate(blocks) if blocks else np.empty((0, 3))
+    kept: Array = points[np.isfinite(points).all(axis=1)] * MM[unit]
+    return kept
+
+
+def export(
+    calibration: CalibrationDocument,
+    name: str,
+    *,
+    parent: str | None = None,
+    child: str = OPTICAL_FRAME,
+    decimals: int = DEFAULT_DECIMALS,
+) -> bytes:
+    """X as a file of another system: "ros-tf", "urdf", "rapid", "opencv", "halcon", ... (docs/exports.md).
+
+    Raises ExportRefused for an unknown name, or without X.
+    """
+    return export_x(calibration, name, ExportOptions(parent, child, decimals))
