@@ -42,6 +42,7 @@ def import_session(
         typer.Option(metavar="FILE", help="Intrinsics of ROS, OpenCV, Kalibr, ViSP or handeyed; else estimated."),
     ] = None,
     cloud_unit: Annotated[Literal["m", "mm"] | None, typer.Option(help="Of clouds.")] = None,
+    arm: Annotated[str | None, typer.Option(metavar="NAME", help="Of joint states, as 'IRB 1600-6/1.45'.")] = None,
     json: Json = False,
 ) -> None:
     """Make session folders of pictures and poses that another program, or a person, has written.
@@ -60,7 +61,17 @@ def import_session(
     described = None if target is None else _target(target)
     for folder in folders:
         request = ImportRequest(
-            folder, chosen, part, conventions, unit or unit_of_brand, frame, setup, described, intrinsics, cloud_unit
+            folder,
+            chosen,
+            part,
+            conventions,
+            unit or unit_of_brand,
+            frame,
+            setup,
+            described,
+            intrinsics,
+            cloud_unit,
+            arm,
         )
         with progress_bar(folder.resolve().name) as progress:
             understood = understand(request, progress)

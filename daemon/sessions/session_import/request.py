@@ -19,7 +19,7 @@ from calibration.transforms import Array
 class ImportRequest:
     """The folder and what the user states; None is left to the files and to the evidence.
 
-    conventions : allowed ones, several of a brand; part : a camera or scene of a set that has several.
+    conventions : allowed ones, several of a brand; part : a camera or scene of several; arm : of joint states.
     """
 
     folder: Path
@@ -32,6 +32,7 @@ class ImportRequest:
     target: TargetDocument | None = None
     camera: Intrinsics | None = None
     cloud_unit: LengthUnit | None = None
+    arm: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,8 @@ class Undecided(DocumentError):
 def understand(request: ImportRequest, progress: Progress = lambda done, of: None) -> Understood:
     """What the folder holds. Raises DocumentError, Undecided."""
     files = FolderFiles.of(request.folder)
-    imported = read_set(files, request.part, request.chosen)
+    imported = read_set(files, request.part, request.chosen, request.arm)
+    _require_motion(imported.poses)
     images = tuple(files.path(name).absolute() for name in imported.images)
     target = _target(request, imported)
     camera = _camera(request, imported, images)
@@ -63,6 +64,14 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     return Understood(
         request, imported, decision.reading, decision.words, poses, seen, images, target, camera, notes
     )  # fmt: skip
+
+
+def _require_motion(table: PoseTable) -> None:
+    """Raises DocumentError when all poses of several are the same."""
+    numbers = np.concatenate([table.lengths, table.numbers], axis=1)
+    if len(numbers) > 1 and np.all(numbers == numbers[0]):
+        what = f"all {len(numbers)} poses are the same"
+        raise refusal(table.origin, "poses", what, "give the pose of the flange at each picture")
 
 
 def _load(session: SessionFolder, progress: Progress) -> Problem:

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calibration.documents.imports.conventions import CONVENTIONS
+from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.readings import compare, decide, readings_of
+from calibration.documents.imports.view_evidence import evidence_of_views
 from calibration.transforms import Array
+from daemon.sessions.session_reader import load_problem, open_session
 from tests.daemon.cli.running import handeyed
 from tests.daemon.cli.sessions import CAMERA, FLANGE_T_CAMERA, TILTS_RAD, base_T_flange, picture, with_images
 
@@ -117,6 +122,13 @@ def test_one_wrong_format_is_one_line(tmp_path: Path) -> None:
     assert "poses.csv: header: no pose among the names x, y, z, aa, bb, cc: name the numbers" in ran.err
 
 
+def test_poses_that_are_all_the_same_are_refused(tmp_path: Path) -> None:
+    folder = _folder(tmp_path / "cell", _rows("ZYX")[:1] * 6)
+    ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET)
+    assert ran.status == 2
+    assert "poses: all 6 poses are the same" in ran.err
+
+
 def test_a_missing_pose_is_refused_with_both_lists(tmp_path: Path) -> None:
     folder = _folder(tmp_path / "cell", _rows("ZYX")[:-1])
     ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET)
@@ -194,3 +206,29 @@ def test_clouds_without_a_target_become_a_scan(tmp_path: Path) -> None:
     ran = handeyed("import", folder, "--out", tmp_path / "s", "--cloud-unit", "m")
     assert ran.status == 0, ran.err
     assert [view["unit"] for view in json.loads((tmp_path / "s" / "scan.json").read_text())["views"]] == ["m"] * 3
+
+
+CONVENTION_NAMES = ("euler-ZYX", "euler-xyz-rad", "euler-ZYZ", "rotation-vector-deg", "quaternion-xyzw")
+
+
+@pytest.mark.data
+def test_the_convention_of_a_real_session_is_found(real_data: Path, tmp_path: Path) -> None:
+    session = open_session(real_data / "ic_circles")
+    problem = load_problem(session)
+    evidence = evidence_of_views(problem)
+    poses = np.array([view.base_T_flange for view in problem.views])
+    for name in CONVENTION_NAMES:
+        convention = CONVENTIONS[name]
+        rotations = Rotation.from_matrix(poses[:, :3, :3])
+        if convention.kind == "quaternion":
+            numbers = rotations.as_quat()
+        elif convention.order == "vector":
+            numbers = np.degrees(rotations.as_rotvec())
+        else:
+            numbers = rotations.as_euler(convention.order, degrees=convention.degrees)
+        labels = tuple(str(at) for at in range(len(poses)))
+        table = PoseTable("real", labels, poses[:, :3, 3] / 1000, numbers, convention.kind, "numbers")
+        found = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
+        assert found.reading is not None, (name, found.words)
+        read = table.poses(found.reading.convention, found.reading.unit, found.reading.frame)
+        np.testing.assert_allclose(read, poses, atol=1e-6, err_msg=name)

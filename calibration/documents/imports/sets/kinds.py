@@ -8,6 +8,7 @@ from calibration.documents.imports.sets import (
     dataset_spec,
     folder,
     industrial_calibration,
+    joint_states,
     metric,
     pose_pairs,
     tabb,
@@ -38,10 +39,12 @@ KINDS = (
 )
 
 
-def read_set(files: Files, part: str | None, chosen: folder.Chosen) -> ImportedSet:
-    """The set in a folder; with globs given it is read as any folder. Raises DocumentError."""
+def read_set(files: Files, part: str | None, chosen: folder.Chosen, arm: str | None = None) -> ImportedSet:
+    """The set in a folder; with globs given it is read as any folder. `arm`: of joint states. Raises DocumentError."""
     if chosen == folder.Chosen():
         for kind in KINDS:
             if kind.recognise(files):
                 return kind.read(files, part)
+        if (states := joint_states.find_joint_states(files)) is not None:
+            return joint_states.read(files, states, arm)
     return folder.read(files, chosen)

@@ -18,8 +18,8 @@ from calibration.errors import DocumentError
 from calibration.problem import Setup
 
 TEXTS = frozenset((".samples", ".yaml", ".yml", ".json"))
-ROBOT_KEYS = ("robot", "effector_wrt_world", "hand_world_samples")
-CAMERA_KEYS = ("tracking", "optical", "object_wrt_sensor", "camera_marker_samples")
+ROBOT_KEYS = ("robot", "effector_wrt_world", "hand_world_samples", "base_T_flange")
+CAMERA_KEYS = ("tracking", "optical", "object_wrt_sensor", "camera_marker_samples", "camera_T_target")
 SETUPS: dict[str, Setup] = {"eye_in_hand": "eye-in-hand", "eye_on_base": "eye-to-hand", "eye_to_hand": "eye-to-hand"}
 MAX_TEXTS = 20
 """Files of a folder that are looked at; pictures lie beside one or two of them."""
@@ -35,12 +35,12 @@ def read(files: Files, part: str | None) -> ImportedSet:
     name, data = next(_samples(files))
     pairs = array_of_pairs(data) if isinstance(data, list) else None
     robot, seen = pairs or _by_keys(data, name)
-    setup = _setup(data)
+    setup, inverted = _setup(data)
     return ImportedSet(
         "samples of pose pairs",
-        replace(robot, origin=name, unit="m", frame="flange_T_base" if setup == "eye-to-hand" else "base_T_flange"),
+        replace(robot, origin=name, unit=robot.unit or "m", frame="flange_T_base" if inverted else "base_T_flange"),
         pairing=f"by {name}",
-        camera_poses=replace(seen, origin=name, unit="m"),
+        camera_poses=replace(seen, origin=name, unit=seen.unit or "m"),
         setup=setup,
     )
 
@@ -82,7 +82,7 @@ def _listed(data: Any) -> Any:
             robot, seen = (_transforms(data.get(key)) for key in ("hand_world_samples", "camera_marker_samples"))
             if len(robot) == len(seen):
                 return [{"robot": one, "tracking": other} for one, other in zip(robot, seen, strict=True)]
-        return data.get("samples", data.get("transforms"))
+        return data.get("samples", data.get("transforms", data.get("views")))
     return data
 
 
@@ -110,11 +110,15 @@ def _transform(value: Any) -> Any:
     return value["transform"] if isinstance(value, dict) and "transform" in value else value
 
 
-def _setup(data: Any) -> Setup | None:
-    """The set-up that easy_handeye's parameters state; its robot's poses are inverted in eye-to-hand."""
-    parameters = data.get("parameters") if isinstance(data, dict) else None
+def _setup(data: Any) -> tuple[Setup | None, bool]:
+    """The set-up that easy_handeye's parameters or session.json state; the first inverts its poses in eye-to-hand."""
+    if not isinstance(data, dict):
+        return None, False
+    parameters = data.get("parameters")
     if not isinstance(parameters, dict):
-        return None
+        return SETUPS.get(str(data.get("setup")).replace("-", "_")), False
     if "eye_on_hand" in parameters:
-        return "eye-in-hand" if parameters["eye_on_hand"] else "eye-to-hand"
-    return SETUPS.get(str(parameters.get("calibration_type")))
+        setup: Setup | None = "eye-in-hand" if parameters["eye_on_hand"] else "eye-to-hand"
+    else:
+        setup = SETUPS.get(str(parameters.get("calibration_type")))
+    return setup, setup == "eye-to-hand"

@@ -13,6 +13,7 @@ from calibration.documents.imports.sets.imported import ImportedSet
 from calibration.documents.imports.sets.kinds import KINDS, read_set
 from calibration.documents.imports.target_text import target_of_data, target_of_text
 from calibration.errors import DocumentError
+from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import inverse
 from tests.calibration.documents.imports.written import (
     MM,
@@ -194,6 +195,27 @@ def test_easy_handeye_writes_the_base_in_the_effector_when_the_camera_stands() -
     }
     imported = read_set(Held({"a.samples": json.dumps(samples).encode()}), None, Chosen())
     np.testing.assert_allclose(poses_of(imported), inverse(POSES), atol=1e-5)
+    assert imported.setup == "eye-to-hand"
+
+
+def test_joint_states_need_the_arm() -> None:
+    names = [f"joint_{at}" for at in (2, 1, 3, 4, 5, 6)]
+    joints = [[0.1, 0.2 + 0.1 * at, 0.3, 0.4, 0.5, 0.6] for at in range(3)]
+    states = json.dumps({"joint_names": names, "joint_values": joints}).encode()
+    files = Held({"states.yaml": states, **_pictures("a{}.png")})
+    with pytest.raises(DocumentError, match="joint states, no poses: give the arm by --arm"):
+        read_set(files, None, Chosen())
+    imported = read_set(files, None, Chosen(), "IRB 1200-5/0.9")
+    in_order = np.array([[row[1], row[0], *row[2:]] for row in joints])
+    np.testing.assert_allclose(poses_of(imported), find_arm("IRB 1200-5/0.9").forward(in_order), atol=1e-9)
+
+
+def test_a_session_s_own_pose_pairs() -> None:
+    own = [{"translation_mm": mm.tolist(), "quaternion_wxyz": q.tolist()} for mm, q in zip(MM, WXYZ, strict=True)]
+    views = [{"base_T_flange": one, "camera_T_target": one} for one in own]
+    data = json.dumps({"schema_version": 1, "setup": "eye-to-hand", "views": views}).encode()
+    imported = read_set(Held({"session.json": data}), None, Chosen())
+    np.testing.assert_allclose(poses_of(imported), POSES, atol=1e-9)
     assert imported.setup == "eye-to-hand"
 
 
