@@ -167,7 +167,7 @@ class PoseRefused(DaemonError):
 
 
 class PathRefused(PoseRefused):
-    """The flange would leave the box on the way to a pose.
+    """The flange, or a point it carries, would leave the box on the way to a pose.
 
     `along`: the fraction of the move, 0 where the arm stands; `flange_mm`, `outside_mm`: where it would be furthest.
     """
@@ -176,10 +176,11 @@ class PathRefused(PoseRefused):
         self.along, self.outside_mm = found.along, found.outside_mm
         self.flange_mm: tuple[float, ...] = tuple(float(x) for x in found.flange_mm)
         at = ", ".join(f"{x:.1f}" for x in self.flange_mm)
+        what = "a point that the flange carries" if found.carried else "the flange"
         if self.along == 0:
-            what, fix = f"before this move the flange stands at ({at}) mm", "jog the arm into the box"
+            what, fix = f"before this move {what} stands at ({at}) mm", "jog the arm into the box"
         else:
-            what = f"at {100 * self.along:.0f} % of the way the flange would be at ({at}) mm"
+            what = f"at {100 * self.along:.0f} % of the way {what} would be at ({at}) mm"
             fix = "put a pose between the two, further inside"
         what = f"{what}, {self.outside_mm:.1f} mm outside the box {box}"
         super().__init__(station, what, f"{fix}; or correct [robot] box_mm")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
+from calibration.transforms import Array
 from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
@@ -22,6 +23,7 @@ from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from drivers.robots.abb.rws.robot import RwsRobot
+from drivers.robots.base_frame import RobotInBaseFrame
 from drivers.scanners.folder_scanner import FolderScanner
 from drivers.scanners.http_scanner import HttpScanner
 from drivers.timing import Timing
@@ -37,8 +39,16 @@ Parse = Callable[[str], Any]
 Entry = TypeVar("Entry")
 
 
-def open_robot(address: str, timing: Timing | None = None, *, stop_address: str | None = None) -> Robot:
+def open_robot(
+    address: str,
+    timing: Timing | None = None,
+    *,
+    stop_address: str | None = None,
+    world_T_base: Array | None = None,
+) -> Robot:
     """The robot at an address, connecting in the background; `stop_address`: a second way to stop it, over RWS.
+
+    `world_T_base` (4, 4): its base frame, for a controller that gives poses in the world frame; None: they are one.
 
     Raises AddressNotUnderstood; needs a running loop.
     """
@@ -48,6 +58,8 @@ def open_robot(address: str, timing: Timing | None = None, *, stop_address: str 
     if stop_address is not None:
         second = RwsRobot(_stop_address(stop_address), timing, name="second way to stop")
         robot = RedundantStop(robot, second, timing)
+    if world_T_base is not None and robot.capabilities.pose_frame == "world":
+        robot = RobotInBaseFrame(robot, world_T_base)
     robot.start()
     return robot
 

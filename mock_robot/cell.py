@@ -120,7 +120,8 @@ class MockCell:
         """Flange pose as camera and scanner see it."""
         robot_s = self.controller.robot_s(self.clock())
         arm = self.controller.arm
-        return FlangeNow(arm.true_base_T_flange(robot_s), arm.is_moving_at(robot_s))
+        start_T_base = self.controller.mounting.start_T_base(self.controller.external_axes)
+        return FlangeNow(start_T_base @ arm.true_base_T_flange(robot_s), arm.is_moving_at(robot_s))
 
     def inject_fault(
         self, fault: str, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.kinematics.arm import LIMIT_SLACK_RAD, Arm
-from calibration.kinematics.joint_path import Box, stay_in_box
+from calibration.kinematics.joint_path import FLANGE, Box, stay_in_box
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
 
@@ -13,12 +13,17 @@ MIN_SINGULARITY_CLEARANCE = 0.08
 
 
 def reachable_by(
-    arm: Arm, joints_now_rad: Array | None = None, travel_rad: float = np.inf, box: Box | None = None
+    arm: Arm,
+    joints_now_rad: Array | None = None,
+    travel_rad: float = np.inf,
+    box: Box | None = None,
+    points_mm: Array = FLANGE,
 ) -> Reachable:
     """A function that marks the poses (n, 4, 4) with a solution within the joint limits, clear of singularities.
 
     With `joints_now_rad` (6,) only in the arm's present posture (cfx), so that no move flips elbow or wrist, with a
-    travel of at most `travel_rad` for every joint, and with a joint move that keeps the flange in `box` on its way.
+    travel of at most `travel_rad` for every joint, and with a joint move that keeps `points_mm` (k, 3) of the flange's
+    frame in `box`.
     """
 
     def reachable(base_T_flange: Array) -> NDArray[np.bool_]:
@@ -32,7 +37,7 @@ def reachable_by(
         joints, possible = joints[:, posture], possible[:, posture]
         result: NDArray[np.bool_] = possible & (np.abs(joints - joints_now_rad).max(axis=-1) <= travel_rad)
         if box is not None and result.any():
-            result[result] = stay_in_box(arm, joints_now_rad, joints[result], box)
+            result[result] = stay_in_box(arm, joints_now_rad, joints[result], box, points_mm=points_mm)
         return result
 
     return reachable

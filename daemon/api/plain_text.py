@@ -142,7 +142,8 @@ def robot_text(robot: RobotDocument) -> str:
                                               "program_running", "speed_limited") if getattr(robot, name)]  # fmt: skip
     return "\n".join([
         f"robot: {robot.detail}",
-        f"flange at ({x:.3f}, {y:.3f}, {z:.3f}) mm, quaternion ({quaternion}) w first",
+        f"flange at ({x:.3f}, {y:.3f}, {z:.3f}) mm, quaternion ({quaternion}) w first, in the {robot.frame} frame",
+        *([] if robot.frame_warning is None else [f"warning: {robot.frame_warning}"]),
         f"confdata {[*robot.configuration]}",
         f"joints {', '.join(f'{angle:.3f}' for angle in robot.joints_deg)} deg",
         f"{', '.join(on) or 'nothing is on'}; held by {robot.held_by or 'nobody'}",

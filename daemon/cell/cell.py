@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from daemon.cell.camera_turns import CameraTurns
 from daemon.cell.safe_stop import SafeStop
-from daemon.cell.settling import check_still, read_if_standing, settle
+from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
 from daemon.cell.vibration import VibrationGate
 from daemon.config.settings import SettlingSettings
@@ -61,6 +61,7 @@ class Cell:
         self._camera, self._scanner, self._vibration_gate = devices.camera, devices.scanner, devices.vibration_gate
         self._settling, self._clock, self._at = settling, clock, at
         self._holder: str | None = None
+        self._external_axes: tuple[float, ...] | None = None
         self._leased = False
         self.obstacles_seen, self.last_obstacle = 0, ""
         self.safe_stop = SafeStop(self.robot, clock, lambda: self._leased, publish)
@@ -79,7 +80,7 @@ class Cell:
         """Hold the cell without moving the arm until the block ends. Never waits. Raises CellBusy."""
         if self._holder is not None:
             raise CellBusy(self._holder)
-        self._holder = holder
+        self._holder, self._external_axes = holder, None
         try:
             yield self
         finally:
@@ -124,7 +125,7 @@ class Cell:
         """
         if self._vibration_gate is not None:
             await self._vibration_gate.wait(self._settling.limit_s, self._clock)
-        return await self._with_joints(await settle(self.robot, self._settling, self._clock))
+        return await self._with_joints(self._on_the_same_base(await settle(self.robot, self._settling, self._clock)))
 
     async def read_standing_pose(self) -> PoseReading:
         """Pose and joints of an arm that an operator moves, if it is at rest. Does not wait.
@@ -133,10 +134,18 @@ class Cell:
         """
         if self._vibration_gate is not None:
             self._vibration_gate.check()
-        return await self._with_joints(await read_if_standing(self.robot, self._settling, self._clock))
+        standing = await read_if_standing(self.robot, self._settling, self._clock)
+        return await self._with_joints(self._on_the_same_base(standing))
 
     async def _with_joints(self, reading: PoseReading) -> PoseReading:
         return replace(reading, joints_rad=await self.robot.read_joints())
+
+    def _on_the_same_base(self, reading: PoseReading) -> PoseReading:
+        """The reading, when external axes stand where they stood at the holder's first one. Raises NotStill."""
+        if self._holder is not None:
+            self._external_axes = self._external_axes or reading.external_axes
+            check_external_axes(self._external_axes, reading.external_axes)
+        return reading
 
     async def capture_view(self) -> tuple[PoseReading, CameraFrame]:
         """Wait until the arm is at rest, and take a picture; returns pose and picture. Raises NotStill, DeviceError."""

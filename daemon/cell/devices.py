@@ -17,7 +17,12 @@ def open_devices(settings: Settings, clock: Clock, *, camera_limit_s: float = MA
     timing = Timing(clock.monotonic_s, clock.sleep)
     intrinsics = settings.camera.intrinsics
     return Devices(
-        robot=open_robot(settings.robot.address, timing, stop_address=settings.robot.stop_address),
+        robot=open_robot(
+            settings.robot.address,
+            timing,
+            stop_address=settings.robot.stop_address,
+            world_T_base=settings.robot.world_T_base,
+        ),
         camera=open_camera(
             settings.camera.address,
             timing,

@@ -12,6 +12,7 @@ from calibration.kinematics.joint_path import Box, leaves_box
 from calibration.planning.reachability import reachable_by
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
+from daemon.cell.frame_check import frame_difference
 from daemon.config.settings import RobotSettings, TaughtPose
 from daemon.errors import PathRefused, PoseRefused
 from drivers.interfaces import MoveGoal, PoseReading, Posture, Robot
@@ -21,9 +22,6 @@ MAX_PLANNED_TRAVEL_DEG = 120.0
 
 BOX_SLACK_MM = 0.5
 """An arm that stands at a pose on a face of the box may be reported this far outside."""
-
-MAX_MODEL_ERROR_MM = 10.0
-"""Limit of the difference between the flange's position by the arm's axes and as reported; calibrated arms have 1."""
 
 GOALS_ONLY = (
     "the box is checked at goals only, not on the way between them: the arm is not known."
@@ -57,14 +55,32 @@ class MotionRules:
             if self.arm is not None and joints_now_rad is not None:
                 joints_now_rad = self._check_move(station, pose, self.arm, joints_now_rad)
 
+    def check_joint_move(self, start_rad: Array, end_rad: Array) -> None:
+        """Check the way between joints (6,) of a known arm. Raises PathRefused."""
+        if self.arm is not None:
+            self._check_path(1, self.arm, start_rad, end_rad)
+
     def check_inside_box(self, station: int, pose: TaughtPose) -> None:
         """Raises PoseRefused when the flange's origin at `pose` lies outside the box."""
         if not self.robot.inside_box(pose.transform()):
             raise PoseRefused(
                 station,
-                f"the flange would stand at {_text(pose.translation_mm)} mm, outside the box {self._box_text()}",
+                f"the flange would stand at {_text(pose.translation_mm)} mm in the base frame, it or what it carries"
+                f" outside the box {self._box_text()}"
+                if self.robot.carried_mm
+                else f"the flange would stand at {_text(pose.translation_mm)} mm, outside the box {self._box_text()}",
                 "choose another pose, or correct [robot] box_mm",
             )
+
+    def fastest_mm_s(self, reach_mm: float, flange_T_camera: Array | None) -> float:
+        """Largest speed of flange, camera and carried points in a move, however the flange turns.
+
+        The robot program moves no point within `reach_mm` of the flange faster than the move's speed: its travel and
+        `reach_mm` times its turn share it. A point farther out may be faster in proportion.
+        """
+        points = [self.robot.points_mm, *([] if flange_T_camera is None else [flange_T_camera[:3, 3]])]
+        farthest_mm = float(np.linalg.norm(np.vstack(points), axis=-1).max())
+        return self.robot.speed_mm_s * max(1.0, farthest_mm / reach_mm)
 
     def warnings(self) -> list[str]:
         """What these rules cannot check, for GET /calibrate."""
@@ -92,13 +108,9 @@ class MotionRules:
 
     def _check_model(self, station: int, arm: Arm, joints_now_rad: Array, here: PoseReading) -> None:
         """Raises PoseRefused when the arm's axes and its flange contradict the model, with which paths are computed."""
-        off_mm = float(np.linalg.norm(arm.forward(joints_now_rad)[:3, 3] - here.base_T_flange[:3, 3]))
-        if off_mm > MAX_MODEL_ERROR_MM:
-            raise PoseRefused(
-                station,
-                f"by the axes of {arm.name} the flange is {off_mm:.0f} mm from where the controller reports it",
-                "correct [robot] model; leave it out when the base frame is not the world frame, or on a track",
-            )
+        found = frame_difference(arm, joints_now_rad, here)
+        if not found.agrees:
+            raise PoseRefused(station, found.what, found.fix)
 
     def _check_move(self, station: int, pose: TaughtPose, arm: Arm, start_rad: Array) -> Array:
         """Check reach, joint travel and path of the move from `start_rad` (6,); returns the joints at its end.
@@ -149,7 +161,7 @@ class MotionRules:
             )
 
     def _check_path(self, station: int, arm: Arm, start_rad: Array, end_rad: Array) -> None:
-        found = leaves_box(arm, start_rad, end_rad, self._box, BOX_SLACK_MM)
+        found = leaves_box(arm, start_rad, end_rad, self._box, BOX_SLACK_MM, self.robot.points_mm)
         if found is not None:
             raise PathRefused(station, found, self._box_text())
 
@@ -178,7 +190,7 @@ class MotionRules:
         if self.arm is None or joints_now_rad is None:
             return None
         travel_rad = np.radians(min(self.robot.joint_travel_deg, MAX_PLANNED_TRAVEL_DEG))
-        return reachable_by(self.arm, joints_now_rad, travel_rad, self._box)
+        return reachable_by(self.arm, joints_now_rad, travel_rad, self._box, self.robot.points_mm)
 
 
 def _text(xyz_mm: Iterable[float]) -> str:

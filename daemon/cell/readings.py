@@ -9,7 +9,9 @@ from daemon.cell.cell import Cell
 from daemon.cell.recent_reading import RecentReading
 from daemon.runtime.clock import Clock
 from daemon.runtime.shared_reading import SharedReading
-from drivers.interfaces import CameraFrame, PoseReading, RobotStatus
+from drivers.errors import RequestRefused
+from drivers.interfaces import CameraFrame, PoseReading, RobotSetup, RobotStatus
+from drivers.robots.base_frame import configured
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,7 @@ class CellReadings:
         self._cell, self._encode = cell, encode
         self.robot = RecentReading(self._read_robot, clock.monotonic_s)
         self.picture = RecentReading(self._read_picture, clock.monotonic_s)
+        self.setup = RecentReading(self._read_setup, clock.monotonic_s)
         self._settled_pose = SharedReading(cell.read_settled_pose)
         self.obstacles = RecentReading(cell.obstacles, clock.monotonic_s)
 
@@ -41,6 +44,16 @@ class CellReadings:
     async def _read_robot(self) -> RobotReading:
         robot = self._cell.robot
         return RobotReading(await robot.read_status(), await robot.read_pose(), await robot.read_joints())
+
+    async def _read_setup(self) -> RobotSetup | None:
+        """Settings of the robot's program; None where there is none, or one that does not give them."""
+        program = configured(self._cell.robot)
+        if program is None:
+            return None
+        try:
+            return await program.read_setup()
+        except RequestRefused:
+            return None
 
     async def _read_picture(self) -> bytes:
         return await self._encode(await self._cell.read_frame())

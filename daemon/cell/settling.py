@@ -20,6 +20,9 @@ from drivers.interfaces import PoseReading, Robot
 ARRIVAL_TOLERANCE_MM, ARRIVAL_TOLERANCE_RAD = 2.0, radians(0.2)
 """Largest deviation of the reported pose from the commanded one; normally hundredths of a millimetre."""
 
+MAX_EXTERNAL_MOVE = 0.05
+"""Most that an external axis (mm or deg) moves while it is held."""
+
 
 @dataclass(frozen=True)
 class PoseDelta:
@@ -73,6 +76,17 @@ async def read_if_standing(robot: Robot, settling: SettlingSettings, clock: Cloc
     raise NotStill(
         f"the arm is not at rest: {moved}", "let go of the joystick, wait until the arm stands, and ask again"
     )
+
+
+def check_external_axes(first: tuple[float, ...], now: tuple[float, ...]) -> None:
+    """Raises NotStill when a track moved since the first reading: only some controllers include it in their poses."""
+    for number, (before, after) in enumerate(zip(first, now, strict=False), 1):
+        if abs(after - before) > MAX_EXTERNAL_MOVE:
+            raise NotStill(
+                f"external axis {number} moved from {before:.2f} to {after:.2f} since the first pose: the base may have"
+                " moved with it, and whether the reported pose includes that is the controller's configuration",
+                f"bring it back to {before:.2f}, or begin anew with the track where it is",
+            )
 
 
 def check_still(before: PoseReading, after: PoseReading, settling: SettlingSettings) -> None:

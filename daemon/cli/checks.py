@@ -13,10 +13,10 @@ from calibration.detection.alternatives import find_alternative
 from calibration.detection.detect import detect
 from calibration.detection.image import grey_image
 from calibration.errors import DetectionError
-from daemon.cell.cell import motion_obstacles
 from daemon.cell.devices import open_devices
 from daemon.cell.vibration import VibrationGate
 from daemon.cli.checks_modbus import check_interlocks, check_plc
+from daemon.cli.checks_robot import check_robot
 from daemon.cli.errors import CommandError
 from daemon.cli.output import CheckResult
 from daemon.cli.rest_client import DaemonClient
@@ -24,7 +24,7 @@ from daemon.config.settings import Settings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, NothingMeasured
-from drivers.interfaces import Camera, Robot, Scanner
+from drivers.interfaces import Camera, Scanner
 
 MAX_CONNECT_S = 4.0
 RETRY_S = 0.1
@@ -59,7 +59,7 @@ async def check_devices(settings: Settings) -> list[CheckResult]:
     opened: list[Any] = [device for device in vars(devices).values() if device is not None]
     try:
         checks = [
-            _check_device("robot", devices.robot, _check_robot),
+            _check_device("robot", devices.robot, lambda robot: check_robot(robot, settings)),
             _check_device("camera", devices.camera, lambda camera: _check_camera(camera, settings)),
         ]
         if devices.scanner is not None:
@@ -123,17 +123,6 @@ async def _check_device(name: str, device: Answer, check: Callable[[Answer], Awa
 
 def _failure(name: str, error: DeviceError) -> CheckResult:
     return CheckResult(name, False, f"{error.device.removeprefix(f'{name} ')}: {error.what}", error.fix)
-
-
-async def _check_robot(robot: Robot) -> CheckResult:
-    reasons = motion_obstacles(await robot.read_status())
-    pose = await robot.read_pose()
-    at = ", ".join(f"{value:.1f}" for value in pose.base_T_flange[:3, 3])
-    if reasons:
-        found = "; ".join(reason.removeprefix("robot: ") for reason in reasons)
-        return CheckResult("robot", False, f"answers, but {found}", "put this right at the controller")
-    could = "could move" if robot.capabilities.moves else "is read only: views are taken by hand, with --manual"
-    return CheckResult("robot", True, f"answers and {could}; the flange stands at ({at}) mm")
 
 
 async def _check_camera(camera: Camera, settings: Settings) -> CheckResult:

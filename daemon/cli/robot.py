@@ -10,6 +10,7 @@ from daemon.cli.output import CommandGroup
 from daemon.cli.robot_acceptance import acceptance
 from daemon.cli.robot_files import module_files
 from daemon.cli.robot_frame import write_frame
+from daemon.cli.robot_jog import jog
 from daemon.cli.robot_setup import remove, setup
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def robot() -> None:
     """The controller over Robot Web Services."""
 
 
+app.command()(jog)
 app.command()(setup)
 app.command()(acceptance)
 app.command()(remove)

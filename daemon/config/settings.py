@@ -6,6 +6,7 @@ from math import radians
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
@@ -80,14 +81,29 @@ class EgmSettings(Document):
     rotation_deg: Annotated[float, Field(gt=0, le=1)] = 0.01
 
 
+class LoadSettings(Document):
+    """The load on the flange, camera and bracket: mass, centre of gravity from the flange, moments of inertia."""
+
+    mass_kg: Annotated[float, Field(ge=0.01, le=1000)]
+    centre_mm: Vector = (0.0, 0.0, 0.0)
+    inertia_kg_m2: Vector = (0.0, 0.0, 0.0)
+
+
 class RobotSettings(Document):
-    """The controller, and the limits of motion. `stop_address`: a second connection to stop the arm."""
+    """The controller, and the limits of motion. `stop_address`: a second connection to stop the arm.
+
+    `base_frame`: world_T_base, for an arm that does not stand upright at the world's origin. `carried_mm`: points of
+    camera, bracket and target farthest from the flange, in its frame.
+    """
 
     address: Annotated[str, _address_validator(check_robot_address)]
     stop_address: Annotated[str, _address_validator(check_stop_address)] | None = None
     model: Annotated[str, AfterValidator(_validate_arm)] | None = None
     speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 100.0
     box_mm: Box
+    base_frame: PoseDocument | None = None
+    load: LoadSettings | None = None
+    carried_mm: tuple[Vector, ...] = ()
     joint_travel_deg: Annotated[float, Field(gt=0, le=720)] = 270.0
     settling: SettlingSettings = SettlingSettings()
     egm: EgmSettings | None = None
@@ -99,10 +115,21 @@ class RobotSettings(Document):
             raise ValueError("box_mm is [[xmin, ymin, zmin], [xmax, ymax, zmax]], each minimum below its maximum")
         return self
 
+    @property
+    def world_T_base(self) -> Array | None:
+        """`base_frame` as (4, 4); None where world and base are one."""
+        return None if self.base_frame is None else self.base_frame.transform()
+
+    @property
+    def points_mm(self) -> Array:
+        """The flange's origin and `carried_mm` (n, 3), in the flange's frame."""
+        return np.array([(0.0, 0.0, 0.0), *self.carried_mm])
+
     def inside_box(self, base_T_flange: Array) -> bool:
-        """True when the flange's origin lies in `box_mm`."""
-        low, high = self.box_mm
-        return all(a <= x <= b for a, x, b in zip(low, base_T_flange[:3, 3], high, strict=True))
+        """True when the flange's origin and every carried point lie in `box_mm`."""
+        low, high = np.array(self.box_mm)
+        points = self.points_mm @ base_T_flange[:3, :3].T + base_T_flange[:3, 3]
+        return bool(np.all((points >= low) & (points <= high)))
 
 
 class CameraSettings(Document):

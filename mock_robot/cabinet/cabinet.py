@@ -12,6 +12,7 @@ import numpy as np
 
 from calibration.transforms import Array
 from mock_robot.arm.simulated_arm import SimulatedArm
+from mock_robot.cabinet.mounting import Mounting
 from mock_robot.cabinet.panel import Mode, Panel
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, Status
@@ -24,7 +25,7 @@ MIN_OVERRIDE = 1e-6
 
 @dataclass(frozen=True)
 class MotionBox:
-    """Allowed volume of the flange, mm in the base frame; the robot program checks it."""
+    """Allowed volume of the flange, mm in the world frame; the robot program checks it."""
 
     low_mm: tuple[float, float, float] = (-1600.0, -1600.0, 0.0)
     high_mm: tuple[float, float, float] = (1600.0, 1600.0, 2200.0)
@@ -64,6 +65,7 @@ class Cabinet(ABC):
     panel: Panel = field(default_factory=Panel)
     external_axes: tuple[float, ...] = (UNUSED_AXIS,) * 6
     settles: bool = True
+    mounting: Mounting = field(default_factory=Mounting)
     armed: bool = field(default=False, init=False)
     moves_accepted: int = field(default=0, init=False)
     log: deque[LogEntry] = field(default_factory=lambda: deque(maxlen=1000), init=False)
@@ -72,6 +74,11 @@ class Cabinet(ABC):
     def robot_s(self, now_s: float) -> float:
         """Time on the arm's own clock."""
         return (now_s - self.started_at_s) * self.time_scale
+
+    @property
+    def world_T_base(self) -> Array:
+        """Base frame (4, 4) by which the controller reports poses now."""
+        return self.mounting.reported_world_T_base(self.external_axes)
 
     @abstractmethod
     def tick(self, now_s: float) -> list[cb.Answer]:

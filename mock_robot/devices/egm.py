@@ -60,7 +60,7 @@ class EgmSender:
     def packet(self, now_s: float) -> bytes:
         """Encode the packet for the time `now_s`."""
         robot_s, panel = self._cabinet.robot_s(now_s), self._cabinet.panel
-        pose = self._cabinet.arm.reported_base_T_flange(robot_s)
+        pose = self._cabinet.world_T_base @ self._cabinet.arm.reported_base_T_flange(robot_s)
         position = np.float32(pose[:3, 3]).astype(float)
         if self._faults.is_on("egm-vibration"):
             position[2] += VIBRATION_MM * sin(2 * pi * VIBRATION_HZ * now_s)

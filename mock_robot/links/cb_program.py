@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
-from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
+from calibration.transforms import Array, inverse, quaternion_from_rotation, transform_from_quaternion
 from mock_robot.arm.goals import goal_joints, speeds_sharing
 from mock_robot.arm.simulated_arm import IN_POSITION_S
 from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, MIN_OVERRIDE, Cabinet
@@ -124,7 +124,7 @@ class Controller(Cabinet):
 
     def _pose(self, seq: int, request: cb.GetPose, now_s: float) -> cb.Reply:
         robot_s = self.robot_s(now_s)
-        pose = self.arm.reported_base_T_flange(robot_s)
+        pose = self.world_T_base @ self.arm.reported_base_T_flange(robot_s)
         return cb.Pose(
             position_mm=float32_tuple(pose[:3, 3]),
             quaternion_wxyz=float32_tuple(quaternion_from_rotation(pose[:3, :3])),
@@ -178,11 +178,13 @@ class Controller(Cabinet):
         if not np.all(np.isfinite([*request.position_mm, *request.quaternion_wxyz, *request.external_axes])):
             return self._refuse(now_s, Status.BAD_FIELD, "a number of the pose is not finite")
         try:
-            base_T_flange = transform_from_quaternion(request.position_mm, request.quaternion_wxyz)
+            world_T_flange = transform_from_quaternion(request.position_mm, request.quaternion_wxyz)
         except GeometryError as error:
             return self._refuse(now_s, Status.BAD_FIELD, str(error))
-        if not self.box.contains(base_T_flange[:3, 3]):
+        if not self.box.contains(world_T_flange[:3, 3]):
             return self._refuse(now_s, Status.OUTSIDE_BOX, f"flange at {request.position_mm} mm")
+        world_T_base = self.mounting.reported_world_T_base(self._external_goal(request.external_axes))
+        base_T_flange = inverse(world_T_base) @ world_T_flange
         here = self.arm.joints_at(self.robot_s(now_s))
         try:
             there = goal_joints(self.arm.arm, base_T_flange, request.configuration, here)
@@ -202,7 +204,7 @@ class Controller(Cabinet):
             self.arm.arm.require_within_limits(there)
         except UnreachablePoseError as error:
             return self._refuse(now_s, Status.UNREACHABLE, error.what, 50027)
-        if not self.box.contains(self.arm.arm.forward(there)[:3, 3]):
+        if not self.box.contains((self.world_T_base @ self.arm.arm.forward(there))[:3, 3]):
             return self._refuse(now_s, Status.OUTSIDE_BOX, f"axes {request.axes_deg}")
         refused = self._depart(seq, there, request.external_axes, request.speed_mm_s, False, now_s)
         return refused or cb.JointMoveAccepted()
@@ -236,10 +238,13 @@ class Controller(Cabinet):
         reachable = self.arm.depart(there, travel * override, linear, robot_s, turn * override)
         self._move, self._error = _Move(seq, reachable), cb.ErrorText(0, "", "")
         self.moves_accepted += 1
-        self.external_axes = tuple(
-            have if have >= 8.9e9 else asked for have, asked in zip(self.external_axes, external_axes, strict=True)
-        )
+        self.external_axes = self._external_goal(external_axes)
         return None
+
+    def _external_goal(self, asked: cb.Six) -> tuple[float, ...]:
+        """External axes at the end of a move: as asked where there is an axis."""
+        pairs = zip(self.external_axes, asked, strict=True)
+        return tuple(have if have >= 8.9e9 else wanted for have, wanted in pairs)
 
     def _get_error(self, seq: int, request: cb.GetError, now_s: float) -> cb.Reply:
         return self._error

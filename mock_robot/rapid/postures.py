@@ -29,18 +29,18 @@ def singles(values: Any) -> list[float]:
 
 
 def flange_of(target: list[Any], tool: list[Any], wobj: list[Any] | None) -> Array:
-    """base_T_flange for a robtarget of a tool: world_T_user_T_object_T_tool, without the tool."""
-    base_T_tool = base_T_object(wobj) @ matrix_of(target)
-    return base_T_tool @ inverse(matrix_of(tool[1]))
+    """world_T_flange for a robtarget of a tool: world_T_user_T_object_T_tool, without the tool."""
+    world_T_tool = world_T_object(wobj) @ matrix_of(target)
+    return world_T_tool @ inverse(matrix_of(tool[1]))
 
 
-def target_at(base_T_flange: Array, tool: list[Any], wobj: list[Any] | None) -> list[Any]:
+def target_at(world_T_flange: Array, tool: list[Any], wobj: list[Any] | None) -> list[Any]:
     """[trans, rot] of the tool in the work object."""
-    return trans_and_rot(inverse(base_T_object(wobj)) @ base_T_flange @ matrix_of(tool[1]))
+    return trans_and_rot(inverse(world_T_object(wobj)) @ world_T_flange @ matrix_of(tool[1]))
 
 
-def base_T_object(wobj: list[Any] | None) -> Array:
-    """User frame times object frame; wobj0 by default."""
+def world_T_object(wobj: list[Any] | None) -> Array:
+    """User frame times object frame; wobj0, the world frame, by default."""
     if wobj is None:
         return np.eye(4)
     joined: Array = matrix_of(wobj[3]) @ matrix_of(wobj[4])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from calibration.kinematics.arm import Arm
-from calibration.transforms import Array
+from calibration.transforms import Array, inverse
 from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, MIN_OVERRIDE, Cabinet
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.postures import singles
@@ -175,9 +175,14 @@ class MotionUnit:
         """External axes as the program sees them."""
         return list(self.external)
 
-    def joints_for(self, base_T_flange: Array, confdata: list[float]) -> Array:
+    def world_T_flange(self, joints: Array, external: list[float]) -> Array:
+        """Flange pose of joints (6,), with external axes at those values."""
+        return self.cabinet.mounting.reported_world_T_base(tuple(external)) @ self.arm.forward(joints)
+
+    def joints_for(self, world_T_flange: Array, confdata: list[float], external: list[float]) -> Array:
         """Joints for a flange pose in that configuration; raises PoseRefused."""
         cf1, cf4, cf6, cfx = (round(part) for part in confdata)
+        base_T_flange = inverse(self.cabinet.mounting.reported_world_T_base(tuple(external))) @ world_T_flange
         joints: Array = self.arm.matching(base_T_flange, (cf1, cf4, cf6, cfx), near_rad=self.joints_now())
         return joints
 

@@ -1,4 +1,4 @@
-"""What a controller was bought and configured with: options, grants of the user, base frame, configuration."""
+"""What a controller was bought and configured with: options, grants of the user, configuration."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -37,7 +37,6 @@ class Equipment:
     virtual: bool = False
     without: frozenset[str] = frozenset()
     denied: frozenset[str] = frozenset()
-    base_frame: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     configuration: dict[str, dict[str, dict[str, CfgInstance]]] = field(default_factory=dict)
 
     def options(self, version: int) -> list[str]:

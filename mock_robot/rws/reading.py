@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from calibration.transforms import quaternion_from_rotation
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import Item, Reply
 from mock_robot.rws.numbers import format_axis, format_float
@@ -85,7 +86,8 @@ def mechunit(context: RequestContext, parts: Parts) -> Reply:
 def base_frame(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
     names = ("x", "y", "z", "q1", "q2", "q3", "q4")
-    numbers = [format_float(value) for value in context.world.equipment.base_frame]
+    frame = context.world.cabinet.world_T_base
+    numbers = [format_float(float(v)) for v in (*frame[:3, 3], *quaternion_from_rotation(frame[:3, :3]))]
     return Reply(items=[Item("ms-mechunit-baseframe", "baseframe", dict(zip(names, numbers, strict=True)))])
 
 

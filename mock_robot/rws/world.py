@@ -103,12 +103,12 @@ class World:
     def pose(self, tool: str, wobj: str, coordinate: str) -> tuple[Array, Array]:
         """Position (3,) mm and quaternion (4,) wxyz of a tool. KeyError: unknown tool, work object or coordinates."""
         base_T_tool = self.cabinet.arm.reported_base_T_flange(self._robot_s) @ self.tools[tool]
-        base_T_wobj = self.wobjs[wobj]
+        world_T_tool = self.cabinet.world_T_base @ base_T_tool
         pose = {
             "base": base_T_tool,
-            "world": base_T_tool,
-            "word": base_T_tool,  # spelled so in ABB's documents and clients
-            "wobj": base_T_tool if wobj == "wobj0" else inverse(base_T_wobj) @ base_T_tool,
+            "world": world_T_tool,
+            "word": world_T_tool,  # spelled so in ABB's documents and clients
+            "wobj": world_T_tool if wobj == "wobj0" else inverse(self.wobjs[wobj]) @ world_T_tool,
             "tool": np.eye(4),
         }[coordinate.lower()]
         return pose[:3, 3], quaternion_from_rotation(pose[:3, :3])

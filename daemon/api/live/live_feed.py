@@ -164,7 +164,7 @@ class LiveFeed:
         if self._robot is None:
             return None
         cell = self._app.cell
-        return RobotDocument.of(self._robot, cell.robot.link, cell.holder, self._app.operations.rules.arm)
+        return RobotDocument.of(self._robot, cell.robot, cell.holder, self._app.operations.rules.arm)
 
     def _take(self, robot: RobotDocument | None) -> Snapshot:
         app = self._app

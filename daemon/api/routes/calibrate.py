@@ -15,7 +15,7 @@ from daemon.api.readiness import readiness
 from daemon.api.routes.runs import STARTED, answer_run_start
 from daemon.api.schemas.acceptances import AcceptanceList, StoredAcceptance
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
-from daemon.api.schemas.cell import ForesightDocument
+from daemon.api.schemas.cell import ForesightDocument, frame_warning
 from daemon.api.schemas.runs import PlannedPoseDocument, RunDocument
 from daemon.application import Application
 from daemon.cell.skeleton import skeleton_mm
@@ -25,6 +25,7 @@ from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.acceptances import AcceptanceRecord
 from daemon.store.actor import current_audit_context
+from drivers.errors import DeviceError
 
 router = APIRouter(tags=["calibrate"])
 
@@ -130,8 +131,35 @@ async def _status(app: Application) -> CalibrateStatus:
         policy=app.settings.calibration.policy,
         poses=_poses_text(app.settings.calibration),
         how_to_start=HOW_TO_START,
-        warnings=app.operations.rules.warnings(),
+        warnings=[*app.operations.rules.warnings(), *await _frame_warnings(app)],
+        fastest_mm_s=await _fastest_mm_s(app, None if in_force is None else record.document.flange_T_camera),
     )
+
+
+async def _fastest_mm_s(app: Application, applied: PoseDocument | None) -> float | None:
+    """Largest speed of what moves; the camera is where the calibration in force, or else the guess, has it."""
+    camera = applied or app.settings.calibration.flange_T_camera_guess
+    if not app.cell.robot.link.connected:
+        return None
+    try:
+        setup = await app.readings.setup.read()
+    except DeviceError:
+        return None
+    if setup is None:
+        return None
+    return app.operations.rules.fastest_mm_s(setup.reach_mm, None if camera is None else camera.transform())
+
+
+async def _frame_warnings(app: Application) -> list[str]:
+    """What the axes of a known arm say against the pose that its controller reports."""
+    arm = app.operations.rules.arm
+    if arm is None or not app.cell.robot.link.connected:
+        return []
+    try:
+        found = frame_warning(arm, await app.readings.robot.read())
+    except DeviceError:
+        return []
+    return [] if found is None else [found]
 
 
 def _poses_text(settings: CalibrationSettings) -> str:

@@ -25,7 +25,7 @@ router = APIRouter(tags=["cell"])
 async def robot(request: Request, app: App) -> Response:
     """The pose of the arm, and the status of the controller, of at most the last 0.1 s."""
     reading = await app.readings.robot.read()
-    document = RobotDocument.of(reading, app.cell.robot.link, app.cell.holder, app.operations.rules.arm)
+    document = RobotDocument.of(reading, app.cell.robot, app.cell.holder, app.operations.rules.arm)
     return respond(request, document, lambda: robot_text(document))
 
 

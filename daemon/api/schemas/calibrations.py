@@ -77,7 +77,11 @@ class CurrentCalibration(Answer):
 
 
 class CalibrateStatus(Answer):
-    """Where calibration stands, and how to start. `warnings`: what is not checked before the arm moves."""
+    """Where calibration stands, and how to start. `warnings`: what is not checked before the arm moves.
+
+    `fastest_mm_s`: largest speed of flange, camera and carried points in a move, however the flange turns; null when
+    the robot's program does not say how it limits turning.
+    """
 
     current: CalibrationSummary | None
     applied: AppliedDocument | None
@@ -89,3 +93,4 @@ class CalibrateStatus(Answer):
     poses: str
     how_to_start: str
     warnings: list[str]
+    fastest_mm_s: float | None

@@ -10,18 +10,21 @@ from calibration.kinematics.arm import Arm
 from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
 from daemon.api.schemas.runs import PlannedPoseDocument
 from daemon.cell.device_watch import DeviceState
+from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import RobotReading
 from daemon.cell.skeleton import skeleton_mm
 from daemon.config.settings import Settings, TaughtPose
 from daemon.sessions.look import Look
-from drivers.interfaces import LinkHealth
+from drivers.interfaces import Robot
 
 
 class RobotDocument(Answer):
     """The pose of the arm and the status of the controller.
 
     `skeleton_mm`: base, shoulder, elbow, wrist and flange in the base frame; null, as `model`, when the settings do not
-    name the arm. `mode`: "manual" whenever the controller is not in automatic mode.
+    name the arm. `mode`: "manual" whenever the controller is not in automatic mode. `frame`: the frame of the pose;
+    "world" where the controller gives that one and [robot] base_frame does not say where the base stands in it: the two
+    are taken for one. `frame_warning`: what the axes of a known arm say against the pose, with the likely cause.
     """
 
     connected: bool
@@ -41,10 +44,12 @@ class RobotDocument(Answer):
     mode: Literal["automatic", "manual"]
     model: str | None
     skeleton_mm: list[Vector] | None
+    frame: Literal["base", "world"]
+    frame_warning: str | None
 
     @classmethod
-    def of(cls, reading: RobotReading, link: LinkHealth, holder: str | None, arm: Arm | None) -> "RobotDocument":
-        status, pose = reading.status, reading.pose
+    def of(cls, reading: RobotReading, robot: Robot, holder: str | None, arm: Arm | None) -> "RobotDocument":
+        status, pose, link = reading.status, reading.pose, robot.link
         cf1, cf4, cf6, cfx = pose.posture
         return cls(
             connected=link.connected,
@@ -64,7 +69,17 @@ class RobotDocument(Answer):
             mode="automatic" if status.automatic else "manual",
             model=arm.name if arm else None,
             skeleton_mm=skeleton_mm(arm, reading.joints),
+            frame=robot.capabilities.pose_frame,
+            frame_warning=frame_warning(arm, reading),
         )
+
+
+def frame_warning(arm: Arm | None, reading: RobotReading) -> str | None:
+    """How far the reported pose of a standing arm is from the one by its axes, and why; None when they agree."""
+    if arm is None or not reading.pose.still:
+        return None
+    found = frame_difference(arm, reading.joints, reading.pose)
+    return None if found.agrees else f"{found.what}: {found.fix}"
 
 
 class MissingDocument(Answer):

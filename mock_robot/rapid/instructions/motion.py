@@ -21,7 +21,7 @@ def _move_to_target(
     unit = _own_unit(task, zone)
     try:
         flange = flange_of(target, tool.value, None if wobj is None else wobj.value)
-        joints = unit.joints_for(flange, target[2])
+        joints = unit.joints_for(flange, target[2], target[3])
     except UnreachablePoseError as error:
         code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH
         raise ProgramStopped(code, task.name, error.what) from error
@@ -53,6 +53,7 @@ def move_abs_j(
     except UnreachablePoseError as error:
         raise ProgramStopped(JOINT_OUT_OF_RANGE, task.name, error.what) from error
     note_move(task, tool, wobj)
+    unit.external = [have if have >= 8.9e9 else want for have, want in zip(unit.external, target[1], strict=True)]
     _travel(task, unit, joints, speed, linear=False)
 
 

@@ -30,7 +30,8 @@ def _value(slot: Slot | None) -> Any:
 def c_rob_t(task: ProgramTask, task_name: str | None, tool: Slot | None, wobj: Slot | None) -> list[Any]:
     unit = _unit(task, task_name)
     joints = unit.joints_now()
-    pose = target_at(unit.arm.forward(joints), TOOL0 if tool is None else tool.value, _value(wobj))
+    world_T_flange = unit.world_T_flange(joints, unit.external_axes())
+    pose = target_at(world_T_flange, TOOL0 if tool is None else tool.value, _value(wobj))
     return [*pose, [float(part) for part in unit.arm.configuration(joints)], unit.external_axes()]
 
 
@@ -47,7 +48,7 @@ def calc_joint_t(
     try:
         if error_number is not None:
             error_number.value = 0.0
-        joints = unit.joints_for(flange_of(target, tool.value, _value(wobj)), target[2])
+        joints = unit.joints_for(flange_of(target, tool.value, _value(wobj)), target[2], target[3])
         return [robax(joints), list(target[3])]
     except UnreachablePoseError as error:
         name = "ERR_OUTSIDE_REACH" if isinstance(error, OutOfReach) else "ERR_ROBLIMIT"
@@ -58,9 +59,9 @@ def calc_joint_t(
 
 
 def calc_rob_t(task: ProgramTask, joints: list[Any], tool: Slot, wobj: Slot | None) -> list[Any]:
-    arm, axes = task.services.unit.arm, joints_rad(joints)
-    pose = target_at(arm.forward(axes), tool.value, _value(wobj))
-    return [*pose, singles(arm.configuration(axes)), list(joints[1])]
+    unit, axes = task.services.unit, joints_rad(joints)
+    pose = target_at(unit.world_T_flange(axes, joints[1]), tool.value, _value(wobj))
+    return [*pose, singles(unit.arm.configuration(axes)), list(joints[1])]
 
 
 DOES = MappingProxyType({"CRobT": c_rob_t, "CJointT": c_joint_t, "CalcJointT": calc_joint_t, "CalcRobT": calc_rob_t})

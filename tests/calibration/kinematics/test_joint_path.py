@@ -1,4 +1,6 @@
-"""The flange's path in a joint move, against many more points of an independent chain of links."""
+"""The path of the flange and of what it carries in a joint move, against an independent chain of links."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -11,28 +13,33 @@ from calibration.kinematics.joint_path import (
     MAX_CHORD_ERROR_MM,
     MAX_STEP_RAD,
     Box,
-    flange_path_mm,
     leaves_box,
+    path_mm,
     stay_in_box,
 )
 from calibration.transforms import Array
 from tests.calibration.kinematics.link_chain import DIFFERENT, LARGE, joints_of, urdf_chain
 
-
-def positions_mm(arm: Arm, start: Array, end: Array, along: Array) -> Array:
-    return np.array([urdf_chain(arm, start + each * (end - start))[:3, 3] for each in along])
+POINTS = [(0.0, 0.0, 0.0), (0.0, 0.0, 350.0), (200.0, -150.0, 100.0), (-400.0, 0.0, 0.0)]
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.sampled_from(DIFFERENT), st.data())
-def test_the_flange_stays_near_the_chords_and_no_axis_turns_far(arm: Arm, data: st.DataObject) -> None:
+def positions_mm(arm: Arm, start: Array, end: Array, along: Array, point_mm: Sequence[float] = POINTS[0]) -> Array:
+    poses = np.array([urdf_chain(arm, start + each * (end - start)) for each in along])
+    return poses[:, :3, :3] @ np.asarray(point_mm) + poses[:, :3, 3]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.sampled_from(DIFFERENT), st.data(), st.sampled_from(POINTS))
+def test_a_point_stays_near_the_chords_and_no_axis_turns_far(
+    arm: Arm, data: st.DataObject, point_mm: tuple[float, float, float]
+) -> None:
     start, end = data.draw(joints_of(arm)), data.draw(joints_of(arm))
-    points = flange_path_mm(arm, start, end)
+    points = path_mm(arm, start, end, np.array([point_mm]))[:, 0]
     steps = len(points) - 1
     assert np.abs(end - start).max() / steps <= MAX_STEP_RAD + 1e-12
     for step in np.linspace(0, steps - 1, min(steps, 20)).astype(int):
         within = np.linspace(0.0, 1.0, 7)
-        seen = positions_mm(arm, start, end, (step + within) / steps)
+        seen = positions_mm(arm, start, end, (step + within) / steps, point_mm)
         np.testing.assert_allclose(seen[[0, -1]], points[step : step + 2], atol=1e-6)
         chords = points[step] + within[:, None] * (points[step + 1] - points[step])
         assert np.linalg.norm(seen - chords, axis=1).max() < MAX_CHORD_ERROR_MM
@@ -67,6 +74,19 @@ def test_a_swing_is_found_at_its_furthest_and_a_slack_allows_it() -> None:
     assert found.along == pytest.approx(0.5, abs=0.03)
     assert found.outside_mm == pytest.approx(middle_mm[0] - box.high_mm[0], abs=MAX_CHORD_ERROR_MM)
     assert leaves_box(LARGE, start, end, box, slack_mm=found.outside_mm) is None
+
+
+def test_what_is_carried_leaves_the_box_before_the_flange_does() -> None:
+    """A roll of axis 6: the flange's origin stays where it is, the camera beside it swings out and back."""
+    start, end = np.radians([[0.0, 20, 10, 0, 60, -90], [0, 20, 10, 0, 60, 90]])
+    origin_mm = LARGE.forward(start)[:3, 3]
+    box = Box(tuple(origin_mm - 250.0), tuple(origin_mm + 250.0))  # type: ignore[arg-type]
+    assert leaves_box(LARGE, start, end, box) is None
+    assert leaves_box(LARGE, start, end, box, points_mm=np.array([[0.0, 0.0, 0.0], [200.0, 0.0, 0.0]])) is None
+    found = leaves_box(LARGE, start, end, box, points_mm=np.array([[0.0, 0.0, 0.0], [300.0, 0.0, 0.0]]))
+    assert found is not None
+    assert found.carried
+    assert np.linalg.norm(found.flange_mm - origin_mm) == pytest.approx(300.0)
 
 
 def test_a_path_that_goes_nowhere_is_where_the_arm_stands() -> None:

@@ -112,7 +112,7 @@ async def test_a_model_that_contradicts_the_controller_is_refused() -> None:
     robot = JointRobot(off_mm=9.0)
     await rules_with(2000).goal(1, turned(10), robot)
     robot.off_mm = 11.0
-    with pytest.raises(PoseRefused, match="the flange is 11 mm from where the controller reports it"):
+    with pytest.raises(PoseRefused, match=r"the flange is 11 mm and 0\.0 deg from where"):
         await rules_with(2000).goal(1, turned(10), robot)
 
 

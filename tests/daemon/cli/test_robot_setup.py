@@ -6,9 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from calibration.transforms import transform
 from daemon.cli.main import app
 from mock_robot.cabinet.panel import Mode
 from tests.daemon.cli.running import Ran, handeyed
@@ -43,7 +45,7 @@ def virtual(cell: RwsCell) -> None:
 
 
 def upside_down(cell: RwsCell) -> None:
-    cell.world.equipment.base_frame = (0.0, 0.0, 2500.0, 0.0, 1.0, 0.0, 0.0)
+    cell.world.cabinet.mounting.world_T_base = transform(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 2500.0])
 
 
 def held(cell: RwsCell) -> None:

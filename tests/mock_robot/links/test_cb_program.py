@@ -7,6 +7,7 @@ import pytest
 
 from calibration.transforms import quaternion_from_rotation
 from mock_robot.cabinet.panel import Mode
+from mock_robot.links.cb_program import CAMERA_LOAD, REACH_MM
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, MoveKind, Status
 from protocols.cb.events import Unsolicited
@@ -325,3 +326,38 @@ def test_t_ms_counts_from_hello() -> None:
     client = ControllerClient(now_s=100.0).is_greeted()
     client.passes(1.25)
     assert client.report().t_ms == pytest.approx(1250, abs=1)
+
+
+WRISTS = [np.radians(turn) for turn in ([0.0, 0.0, 0.0, 0.0, 0.0, 90.0], [0.0, 0.0, 0.0, 60.0, -60.0, 0.0])]
+
+
+@pytest.mark.parametrize("joints", [*(HOME + turn for turn in WRISTS), AWAY], ids=["roll", "tilt", "away"])
+@pytest.mark.parametrize("kind", MoveKind)
+def test_no_point_within_reach_moves_faster_than_the_request_allows(joints: np.ndarray, kind: MoveKind) -> None:
+    """As the RAPID limits turning (cell_speed); without it a roll by 90 deg has 600 mm/s and more at the camera."""
+    client = ControllerClient().is_armed()
+    assert client.asks(move_to(joints, 80.0, kind=kind)) == cb.MoveAccepted()
+    points = REACH_MM * np.array([*np.eye(3), *-np.eye(3)])
+    assert client.controller.arm.fastest_mm_s(points) <= 1.001 * 80.0
+
+
+def test_a_goal_beyond_a_border_of_confdata_is_reached_and_too_much_travel_is_refused() -> None:
+    border, beyond = np.radians([[0.2, 15.0, 0.0, -0.2, 65.0, 0.2], [-2.0, 15.0, 0.0, 3.0, 65.0, -2.0]])
+    client = ControllerClient(bare_controller(border)).is_armed()
+    request = replace(move_to(beyond), configuration=ARM.configuration(border))
+    assert ARM.configuration(border) != ARM.configuration(beyond)
+    assert client.asks(request) == cb.MoveAccepted()
+    assert client.finishes(client.session.last_seq) is Status.OK
+    np.testing.assert_allclose(joints_now(client), beyond, atol=1e-4)
+    turned = cb.MoveJoints((-2.0, 15.0, 0.0, 3.0, 65.0, 300.0), UNUSED, 100.0)
+    assert client.asks(turned) == cb.Refused(Status.UNREACHABLE)
+    assert client.asks(replace(turned, axes_deg=(10.0, 15.0, 0.0, 0.0, 0.0, 0.0))) == cb.JointMoveAccepted()
+
+
+def test_the_load_of_tool0_and_an_open_interlock_are_refused() -> None:
+    client = ControllerClient().is_armed()
+    client.controller.load = (0.001, (0.0, 0.0, 0.001))
+    assert client.asks(move_to(AWAY)) == cb.Refused(Status.NO_LOAD)
+    client.controller.load = CAMERA_LOAD
+    client.controller.interlocks["gate"] = False
+    assert client.asks(cb.SetArmed(77, True)) == cb.Refused(Status.INTERLOCK)

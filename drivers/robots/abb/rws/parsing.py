@@ -47,21 +47,26 @@ class EventLogEntry:
 
 def pose(device: str, values: Values, taken_at_s: float) -> PoseReading:
     """Convert a robtarget, with `still` False, since one reading cannot show standstill. Raises GarbledAnswer."""
-    x, y, z, *quaternion = _numbers(device, values, ("x", "y", "z", "q1", "q2", "q3", "q4"))
-    try:
-        base_R_flange = rotation_from_quaternion(np.array(quaternion))
-    except GeometryError as error:
-        raise _garbage_error(device, str(error)) from error
+    base_T_flange = frame(device, values)
     quarters = _numbers(device, values, ("cf1", "cf4", "cf6", "cfx"))
     spelled = "eax_" if "eax_a" in values else "eax"
     axes = _numbers(device, values, tuple(f"{spelled}{letter}" for letter in AXES))
     return PoseReading(
-        base_T_flange=transform(base_R_flange, [x, y, z]),
+        base_T_flange=base_T_flange,
         posture=Configuration(*(int(quarter) for quarter in quarters)),
         external_axes=tuple(external_axis(axis) for axis in axes),
         still=False,
         taken_at_s=taken_at_s,
     )
+
+
+def frame(device: str, values: Values) -> Array:
+    """Convert position (mm) and quaternion to a transform (4, 4). Raises GarbledAnswer."""
+    x, y, z, *quaternion = _numbers(device, values, ("x", "y", "z", "q1", "q2", "q3", "q4"))
+    try:
+        return transform(rotation_from_quaternion(np.array(quaternion)), [x, y, z])
+    except GeometryError as error:
+        raise _garbage_error(device, str(error)) from error
 
 
 def with_standstill(before: PoseReading, after: PoseReading) -> PoseReading:

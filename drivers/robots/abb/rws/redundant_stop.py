@@ -33,6 +33,16 @@ class RedundantStop:
         self._stopping: set[asyncio.Task[None]] = set()
 
     @property
+    def robot(self) -> Robot:
+        """The robot over its own link."""
+        return self._robot
+
+    @property
+    def second(self) -> RwsRobot:
+        """The second way to stop, which reads, too."""
+        return self._second
+
+    @property
     def link(self) -> LinkHealth:
         """Health of the robot's own link; the detail includes the second way."""
         own, second = self._robot.link, self._second.link

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Mapping
-from typing import NoReturn
+from typing import Literal, NoReturn
 
 from calibration.transforms import Array
 from drivers.errors import MoveRefused, RequestRefused
@@ -41,7 +41,8 @@ class RwsRobot:
     @property
     def capabilities(self) -> RobotCapabilities:
         """Can be read and stopped, not moved."""
-        return RobotCapabilities(moves=False, pose_convention=POSE_CONVENTION)
+        frame: Literal["base", "world"] = "base" if self._address.frame == "base" else "world"
+        return RobotCapabilities(moves=False, pose_convention=POSE_CONVENTION, pose_frame=frame)
 
     @property
     def robotware(self) -> int:
@@ -77,6 +78,11 @@ class RwsRobot:
         before = await self._pose()
         await self._timing.sleep(STILL_GAP_S)
         return await self._pose(before)
+
+    async def read_base_frame(self) -> Array:
+        """world_T_base (4, 4): the base frame that the controller is configured with."""
+        path = f"/rw/motionsystem/mechunits/{self._address.mechunit}/baseframe"
+        return parsing.frame(self._device, await self._link.one(path))
 
     async def read_joints(self) -> Array:
         """Axis angles (6,) in rad."""

@@ -1,0 +1,86 @@
+"""A robot whose controller gives poses in the world frame, seen in its base frame."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from calibration.transforms import Array, inverse
+from drivers.interfaces import (
+    ConfiguredRobot,
+    LinkHealth,
+    MoveGoal,
+    PoseReading,
+    Robot,
+    RobotCapabilities,
+    RobotStatus,
+    Standstill,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RobotInBaseFrame:
+    """As `robot`, with poses in the base frame; `world_T_base` (4, 4): where it stands in the controller's world."""
+
+    robot: Robot
+    world_T_base: Array
+
+    @property
+    def link(self) -> LinkHealth:
+        return self.robot.link
+
+    @property
+    def capabilities(self) -> RobotCapabilities:
+        return self.robot.capabilities._replace(pose_frame="base")
+
+    def start(self) -> None:
+        self.robot.start()
+
+    async def read_pose(self) -> PoseReading:
+        reading = await self.robot.read_pose()
+        return replace(reading, base_T_flange=inverse(self.world_T_base) @ reading.base_T_flange)
+
+    async def read_joints(self) -> Array:
+        """Axis angles (6,) in rad."""
+        return await self.robot.read_joints()
+
+    async def read_status(self) -> RobotStatus:
+        return await self.robot.read_status()
+
+    async def set_armed(self, armed: bool) -> None:
+        await self.robot.set_armed(armed)
+
+    async def move_to(self, goal: MoveGoal) -> None:
+        await self.robot.move_to(replace(goal, base_T_flange=self.world_T_base @ goal.base_T_flange))
+
+    async def stop_and_disarm(self) -> None:
+        await self.robot.stop_and_disarm()
+
+    async def read_standstill(self) -> Standstill:
+        return await self.robot.read_standstill()
+
+    async def close(self) -> None:
+        await self.robot.close()
+
+
+def configured(robot: Robot) -> ConfiguredRobot | None:
+    """The robot with settings behind wrappers; None for one that has none, as over Robot Web Services."""
+    while not isinstance(robot, ConfiguredRobot):
+        inner = getattr(robot, "robot", None)
+        if inner is None:
+            return None
+        robot = inner
+    return robot
+
+
+async def read_base_frame(robot: Robot) -> Array | None:
+    """world_T_base (4, 4) as the controller is configured, over Robot Web Services; None where it is not read.
+
+    Raises DeviceError.
+    """
+    inner: Any = robot
+    while inner is not None:
+        for reader in (inner, getattr(inner, "second", None)):
+            if hasattr(reader, "read_base_frame"):
+                frame: Array = await reader.read_base_frame()
+                return frame
+        inner = getattr(inner, "robot", None)
+    return None

@@ -1,0 +1,42 @@
+"""Where the arm stands: its base in the world frame, on a pedestal, upside down, or on a track."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calibration.transforms import Array, inverse, transform
+
+
+@dataclass
+class Mounting:
+    """Base frame (4, 4) in the world, mm, as MOC's base_frame_pos and _orient.
+
+    `track`: direction in the world of a track that the first external axis (mm) moves the base along; None without
+    one. `integrated`: the controller knows it (base_frame_coordinated) and reports poses that include it; otherwise
+    only the arm moves with it, and the reported pose does not.
+    """
+
+    world_T_base: Array = field(default_factory=lambda: np.eye(4))
+    track: tuple[float, float, float] | None = None
+    integrated: bool = True
+
+    def true_world_T_base(self, external_axes: tuple[float, ...]) -> Array:
+        """Where the base stands."""
+        return self._moved(external_axes)
+
+    def reported_world_T_base(self, external_axes: tuple[float, ...]) -> Array:
+        """Where the controller believes it to stand."""
+        return self._moved(external_axes) if self.integrated else self.world_T_base
+
+    def start_T_base(self, external_axes: tuple[float, ...]) -> Array:
+        """The base now in the base where its track is at 0: what camera and target see of the track."""
+        return inverse(self.world_T_base) @ self.true_world_T_base(external_axes)
+
+    def _moved(self, external_axes: tuple[float, ...]) -> Array:
+        if self.track is None or external_axes[0] >= 8.9e9:
+            return self.world_T_base
+        return transform(np.eye(3), external_axes[0] * np.array(self.track)) @ self.world_T_base
+
+
+UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
+"""A base turned by 180 deg about its x axis: an arm that hangs from a gantry."""
