@@ -79,8 +79,9 @@ async def read_base_frame(robot: Robot) -> Array | None:
     inner: Any = robot
     while inner is not None:
         for reader in (inner, getattr(inner, "second", None)):
-            if hasattr(reader, "read_base_frame"):
-                frame: Array = await reader.read_base_frame()
+            read = getattr(reader, "read_base_frame", None)
+            if read is not None:
+                frame: Array = await read()
                 return frame
         inner = getattr(inner, "robot", None)
     return None
