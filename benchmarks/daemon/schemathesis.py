@@ -53,7 +53,9 @@ def main() -> int:
     try:
         url, key = ready.get(timeout=60)
         while cases < options.cases and passed:
-            count, passed, text = one_round(url, key, options.examples, options.seed + rounds, folder)
+            count, passed, text = one_round(
+                url, {"Authorization": f"Bearer {key}"}, options.examples, options.seed + rounds, folder
+            )
             cases, rounds = cases + count, rounds + 1
             print(f"seed {options.seed + rounds - 1}: {count} cases, {cases} so far", flush=True)
             if not passed:

@@ -50,14 +50,21 @@ PHASES = "examples,coverage,fuzzing,stateful"
 
 
 def one_round(
-    url: str, key: str, examples: int, seed: int, folder: Path, phases: str = PHASES, more: tuple[str, ...] = ()
+    url: str,
+    headers: dict[str, str],
+    examples: int,
+    seed: int,
+    folder: Path,
+    phases: str = PHASES,
+    more: tuple[str, ...] = (),
 ) -> tuple[int, bool, str]:
     """How many cases there were, whether all passed, and what Schemathesis printed."""
     config, report = folder / "schemathesis.toml", folder / "report.ndjson"
     config.write_text(CONFIG)
+    given = [part for name, value in headers.items() for part in ("--header", f"{name}: {value}")]
     command = [
         str(Path(sys.executable).with_name("schemathesis")), "--config-file", str(config), "run", str(OPENAPI),
-        "--url", url, "--header", f"Authorization: Bearer {key}", "--checks", "all", "--phases", phases,
+        "--url", url, *given, "--checks", "all", "--phases", phases,
         "--max-examples", str(examples), "--seed", str(seed), "--continue-on-failure", "--warnings", "off",
         "--suppress-health-check", "all", "--request-timeout", "120",
         "--max-response-time", "120",  # `wait` is asked for, and a run takes as long as it takes
