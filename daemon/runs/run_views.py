@@ -70,9 +70,9 @@ def _run_view(
     result: ViewResultDocument | None,
     arm: Arm | None,
 ) -> RunView:
-    pose = view.base_T_flange.transform()
+    pose, joints = view.base_T_flange.transform(), view.joints_rad
     if found is None:
-        return RunView(index, None, view, None, result, None, (), None, None, None)
+        return RunView(index, None, view, joints, result, None, (), None, None, None)
     ids = np.array([corner[0] for corner in found.corners], np.intp)
     pixels = np.array([corner[1:] for corner in found.corners], float).reshape(-1, 2)
     if result is not None and result.reason == "board-turned":
@@ -84,7 +84,7 @@ def _run_view(
         index=index,
         at=found.at,
         view=view,
-        joints_rad=joints_in_posture(arm, pose, found.configuration),
+        joints_rad=joints if joints is not None else joints_in_posture(arm, pose, found.configuration),
         result=result,
         missing=None if found.missing is None else (found.missing.code, found.missing.what),
         corners=_corners(ids, pixels, reported, free),
