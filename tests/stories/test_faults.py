@@ -13,8 +13,6 @@ from tests.support.waiting import LIMIT_S, eventually
 pytestmark = pytest.mark.slow
 
 DOCS = Path(__file__).parents[2] / "docs"
-PATIENCE = 5.0
-"""Test machines are busy: what the table says of time is for a PC that is not."""
 
 
 def test_every_fault_of_the_mock_has_its_row() -> None:
@@ -48,8 +46,7 @@ async def _struck_by(row: Row, story: Plant) -> dict[str, Any]:
     run = await _begun(row, story)
     await story.operator.waits_until_station(run, 1)
     story.cell.inject_fault(row.fault, after_moves=1 if row.fault.startswith("robot") else 0)
-    limit_s = row.within_s * PATIENCE if row.within_s else 80.0
-    return await story.operator.waits_for_the_end_of(run, limit_s)
+    return await story.operator.waits_for_the_end_of(run)
 
 
 async def _begun(row: Row, story: Plant) -> dict[str, Any]:
