@@ -3,7 +3,7 @@
 Lengths and limits as RobotComponents' presets (ABB.Presets) list them; a test compares each with the reach in its name.
 Where ros-industrial's abb and abb_experimental (abb_*_support/urdf; the speeds are theirs) describe the same arm, they
 agree, but for the IRB 1600, where the presets swap the limits of the long and the short arm; here they are as in ABB's
-product specification 3HAC023604-001.
+product specification 3HAC023604-001. `evidence_of` says what each arm was compared with and what is doubtful.
 Not included: arms with a parallel rod, whose axis 3 is limited together with axis 2 (IRB 2400, 4400), with an offset
 wrist (CRB 15000), and any whose published lengths do not give its reach (IRB 6700-245).
 """
@@ -11,7 +11,9 @@ wrist (CRB 15000), and any whose published lengths do not give its reach (IRB 67
 import difflib
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -23,6 +25,8 @@ name                | forward height  lower  elbow forearm flange | axes 1 to 6
 IRB 1010-1.5/0.37   |      0    190    185      0    185     45 | 170  -75/125  -180/50      170      125 242
 IRB 1100-4/0.475    |      0    327    225     10    250     64 | 230 -115/113  -205/55      230 -125/120 400
 IRB 1100-4/0.58     |      0    327    280     10    300     64 | 230 -115/113  -205/55      230 -125/120 400
+CRB 1100-4/0.475    |      0    327    225     10    250     64 | 230 -115/113  -205/55      230 -125/120 400
+CRB 1100-4/0.58     |      0    327    280     10    300     64 | 230 -115/113  -205/55      230 -125/120 400
 IRB 120-3/0.6       |      0    290    270     70    302     72 | 165      110  -110/70      160      120 400
 IRB 1200-5/0.9      |      0  399.1    448     42    451     82 | 170 -100/130  -200/70      270      130 400
 IRB 1200-7/0.7      |      0  399.1    350     42    351     82 | 170 -100/135  -200/70      270      130 360
@@ -43,7 +47,7 @@ IRB 2600-12/1.85    |    150    445    900    115    795     85 | 180  -95/155  
 IRB 2600ID-15/1.85  |    150    445    900    150    786    135 | 180  -95/155  -180/75      175      120 400
 IRB 2600ID-8/2.0    |    150    445    900    150    938    200 | 180  -95/155  -180/75      175      120 400
 IRB 4600-20/2.5     |    175    495   1095    175 1230.5     85 | 180  -90/150  -180/75      400      120 400
-IRB 4600-40/2.55    |    175    495   1095    175   1270    135 | 180  -90/150  -180/75      400 -120/125 400
+IRB 4600-40/2.55    |    175    495   1095    175   1270    135 | 180  -90/150  -180/75      400 -125/120 400
 IRB 4600-45/2.05    |    175    495    900    175    960    135 | 180  -90/150  -180/75      400 -125/120 400
 IRB 4600-60/2.05    |    175    495    900    175    960    135 | 180  -90/150  -180/75      400 -125/120 400
 IRB 5710-110/2.3    |    280    670    950    180   1055    167 | 170  -75/145  -180/70      300      130 360
@@ -92,6 +96,49 @@ _SPEEDS = {
 }
 """Speeds of axes 1 to 6 in deg/s where the sources have them; the others get the slowest. Only the mock uses them."""
 _SLOWEST = "90 60 60 100 100 190"
+
+
+_URDF = "ros-industrial abb, urdf"
+_CHECKED = {
+    "IRB 120-3/0.6": f"{_URDF}; MOC.cfg of PaulaFreudenberger/ABB-Rapid-Git, joseballester/abb-rapidserver",
+    "IRB 1200-5/0.9": f"{_URDF}; MOC.cfg of panin-anan/abb_SAMXL_Grinding_RAPID (axis 6 ± 400)",
+    "IRB 1600-6/1.2": f"{_URDF}; 3HAC023604-001",
+    "IRB 1600-6/1.45": f"{_URDF}; 3HAC023604-001",
+    "IRB 4600-40/2.55": f"{_URDF}; MOC.cfg of tetov/compas_rcf (axis 5 -125/120)",
+    "IRB 4600-60/2.05": _URDF,
+    "IRB 6640-185/2.8": _URDF,
+    "IRB 6650S-125/3.5": _URDF,
+    "IRB 6650S-90/3.9": _URDF,
+    "IRB 6700-200/2.60": _URDF,
+    "IRB 6700-205/2.80": f"{_URDF}; backup of Fabio-Coder/Robo_ABB_Injetora-Rotinas_de_ajuste",
+    "IRB 6700-235/2.65": _URDF,
+    "IRB 7600-150/3.5": _URDF,
+}
+_DOUBTFUL = {
+    "IRB 1200-7/0.7": "axis 6 ± 360, while the IRB 1200-5/0.9 has ± 400",
+    "IRB 2600-12/1.65": "axes 2 and 3 differ from the urdf",
+    "IRB 4600-20/2.5": "axis 5 ± 120, the urdf has -125/120",
+    "IRB 6650-125/3.2": "axis 1 ± 180, while the IRB 6650-200/2.75 has ± 170",
+    "CRB 1100-4/0.475": "taken from the IRB 1100, of which SWIFTI is the collaborative version",
+    "CRB 1100-4/0.58": "taken from the IRB 1100, of which SWIFTI is the collaborative version",
+}
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What an arm's numbers were compared with. `state`: checked, doubtful, or not checked against a second source."""
+
+    state: Literal["checked", "doubtful", "single source"]
+    source: str
+
+
+def evidence_of(name: str) -> Evidence:
+    """The evidence for an arm of this list."""
+    if name in _CHECKED:
+        return Evidence("checked", f"ABB.Presets; {_CHECKED[name]}")
+    if name in _DOUBTFUL:
+        return Evidence("doubtful", f"ABB.Presets; {_DOUBTFUL[name]}")
+    return Evidence("single source", "ABB.Presets")
 
 
 def _arm(line: str) -> Arm:

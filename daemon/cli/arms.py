@@ -9,7 +9,7 @@ def arms(json: Json = False) -> None:
     """List the arms whose reach and joint limits are known: names for \\[robot] model and plan.json."""
     import numpy as np
 
-    from calibration.kinematics.abb_arms import ARMS
+    from calibration.kinematics.abb_arms import ARMS, evidence_of
 
     if json:
         from json import dumps
@@ -20,9 +20,14 @@ def arms(json: Json = False) -> None:
                 "reach_mm": round(arm.reach_mm, 1),
                 "lower_deg": np.degrees(arm.lower_rad).round(3).tolist(),
                 "upper_deg": np.degrees(arm.upper_rad).round(3).tolist(),
+                "evidence": evidence_of(arm.name).state,
+                "source": evidence_of(arm.name).source,
             }
             for arm in ARMS.values()
         ]
         typer.echo(dumps(listed))
     else:
-        typer.echo("\n".join(f"{arm.name:<21}reach {arm.reach_mm / 1e3:.2f} m" for arm in ARMS.values()))
+        lines = (
+            f"{arm.name:<21}reach {arm.reach_mm / 1e3:.2f} m  {evidence_of(arm.name).state}" for arm in ARMS.values()
+        )
+        typer.echo("\n".join(lines))
