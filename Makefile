@@ -10,7 +10,7 @@ LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --genera
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
-	@echo "make cell     the same cell and daemon, left running in the foreground"
+	@echo "make cell     the same cell and daemon, left running in the foreground, with their page in the browser"
 	@echo "make install  install only: the command is then $(BIN)/handeyed"
 	@echo "make test     the tests, without the slow ones"
 	@echo "make test-all every test that needs nothing but the repository; .ci/run runs these"
@@ -29,7 +29,7 @@ demo: install
 	@$(BIN)/handeyed demo
 
 cell: install
-	@$(BIN)/handeyed demo --keep
+	@$(BIN)/handeyed demo --keep --open
 
 install: $(VENV)/installed
 

@@ -21,6 +21,7 @@ def demo(
     controller: Annotated[
         str | None, typer.Option(help="Whose robot program answers: rapid (the shipped one, interpreted) or python.")
     ] = None,
+    open_page: Annotated[bool, typer.Option("--open", help="With --keep: open the page in the browser.")] = False,
     as_json: Json = False,
 ) -> None:
     """Calibrate and register against a mock ABB cell over real sockets; print the truth beside the answer."""
@@ -53,7 +54,18 @@ def demo(
                 typer.echo(report_json(found))
             printer.line(next_steps(url if keep else None, folder / VIEW_FILE))
             if keep:
+                if open_page:
+                    _open_in_browser(f"{url}/page/")
                 _wait_for_interrupt([cell, daemon])
+
+
+def _open_in_browser(address: str) -> None:
+    """Open the address where there is a desktop; elsewhere the browser would be one of the terminal's."""
+    import os
+    import webbrowser
+
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(address)
 
 
 def _wait_for_interrupt(children: "list[ChildProcess]") -> None:

@@ -34,8 +34,15 @@ function useScreen(name) {
   return fetched[name] ?? null;
 }
 
+/** Asks again each second while the daemon does not answer. */
 async function fetchScreen(name) {
-  fetched[name] ??= await SCREENS[name]();
+  while (!fetched[name]) {
+    try {
+      fetched[name] = await SCREENS[name]();
+    } catch {
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+    }
+  }
 }
 
 /** All other screens, once the first is shown: a daemon that is replaced serves those of its own version only. */

@@ -15,7 +15,8 @@ export function HoldButton({ act, label, moves = true, disabled = false, why = '
   const pressed = useRef(0);
   const [state, setState] = useState('idle'); // idle, holding, armed, sending
   const [problem, setProblem] = useState(null);
-  const off = disabled || lost.value || old.value || state === 'sending';
+  const stale = lost.value || old.value;
+  const off = disabled || stale || state === 'sending';
 
   const end = () => {
     clearTimeout(timer.current);
@@ -72,7 +73,7 @@ export function HoldButton({ act, label, moves = true, disabled = false, why = '
       onKeyDown=${onKey} onKeyUp=${onKey} onClick=${onClick} onContextMenu=${(event) => event.preventDefault()}>
       <span class="fill" aria-hidden="true"></span><span class="label">${label}</span>
     </button>
-    <p class="quiet" id=${id && `${id}-how`} role="status">${off && why ? why : said[state]}</p>
+    <p class="quiet" id=${id && `${id}-how`} role="status">${state === 'sending' ? said.sending : stale ? t('hold.stale') : off && why ? why : said[state]}</p>
     ${problem && html`<${ProblemNote} problem=${problem} />`}
   </div>`;
 }

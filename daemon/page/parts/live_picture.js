@@ -24,7 +24,7 @@ export function LivePicture() {
           if (!wanted) return void URL.revokeObjectURL(url);
           if (held) URL.revokeObjectURL(held);
           held = url;
-          setShown({ src: url, look: seen });
+          setShown({ src: url, look: seen, error: null });
         } catch (error) {
           if (wanted) setShown((before) => ({ ...before, error }));
         }
@@ -41,7 +41,7 @@ export function LivePicture() {
   const seen = manual ? look.value : shown.look;
   const words = seenWords(seen);
   return html`<${Picture} src=${shown.src} size=${seen?.size ?? undefined} corners=${seen?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} dim=${lost.value} />
-    <p role="status">${words}</p>`;
+    ${shown.error && !lost.value ? html`<p class="small"><b>✕</b> <span lang="en">${shown.error.message}${shown.error.problem.fix && ` → ${shown.error.problem.fix}`}</span></p>` : html`<p role="status">${words}</p>`}`;
 }
 
 export function seenWords(seen) {

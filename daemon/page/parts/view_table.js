@@ -25,7 +25,7 @@ export function ViewTable({ rows, chosen, choose, result = false }) {
 function Status({ row }) {
   const { status, reason_detail, reason, missing } = row;
   const why = reason_detail ? sentence(reason_detail) : { text: reason ?? missing?.what ?? '', lang: 'en' };
-  const sign = { used: '✓', corrected: '↻', rejected: '✕' }[status] ?? '';
+  const sign = { used: '✓', corrected: '↻', rejected: '✕', missed: '✕' }[status] ?? '';
   return html`<span>${sign} ${status ? t(`status.${status}`) : row.corners?.length ? t('status.seen') : t('status.unseen')}</span>
     ${why.text && html`<span class="small quiet" lang=${why.lang}> ${why.text}</span>`}`;
 }

@@ -57,10 +57,9 @@ export function frustum(pose, { colour, length = 130, dashed = false, filled = f
   return group;
 }
 
-/** The target as a plate with a frame; `size_mm` its width and height, its origin at one corner. */
-export function plate(pose, size_mm, colour, edge) {
-  const [w, h] = size_mm;
-  const corners = [[0, 0, 0], [w, 0, 0], [w, h, 0], [0, h, 0]];
+/** The target as a plate with a frame, between x0 and x1, and y0 and y1, in its own plane. */
+export function plate(pose, [x0, x1], [y0, y1], colour, edge) {
+  const corners = [[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]];
   const group = new Group();
   const face = new BufferGeometry().setAttribute('position', new Float32BufferAttribute([0, 1, 2, 0, 2, 3].flatMap((i) => corners[i]), 3));
   group.add(new Mesh(face, new MeshBasicMaterial({ color: colour, side: DoubleSide })));

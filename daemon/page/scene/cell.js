@@ -52,8 +52,11 @@ export function createCellScene(canvas) {
   };
 }
 
-function targetOf(pose, outline_mm, colour) {
-  const xs = outline_mm?.map(([x]) => x) ?? [0, 300];
-  const ys = outline_mm?.map(([, y]) => y) ?? [0, 200];
-  return plate(pose, [Math.max(...xs), Math.max(...ys)], colour.target, colour.edge);
+/** The plate that holds the points of the target, with a margin. */
+function targetOf(pose, points_mm, colour) {
+  const bounds = (axis) => {
+    const values = points_mm?.map((point) => point[axis]) ?? [0, 200];
+    return [Math.min(...values) - 15, Math.max(...values) + 15];
+  };
+  return plate(pose, bounds(0), bounds(1), colour.target, colour.edge);
 }

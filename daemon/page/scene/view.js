@@ -79,7 +79,7 @@ export function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 5
     frame(low, high, direction = [0.75, -1, 0.6]) {
       home.at.set(...low.map((value, axis) => (value + high[axis]) / 2));
       const radius = Math.hypot(...low.map((value, axis) => high[axis] - value)) / 2;
-      const far = (radius * 1.15) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, Math.max(0.6, camera.aspect));
+      const far = (radius * 0.8) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, Math.max(0.6, camera.aspect));
       home.from.set(...direction).normalize().multiplyScalar(far).add(home.at);
       goHome();
     },

@@ -72,12 +72,12 @@ function Stepper({ value, low, high, step, label, text, set }) {
 
 function WhatMoves({ how, body, arm, plan, setPlan }) {
   const inForce = useAsked('/calibrations/current', ['applied']);
-  const x = inForce.data?.calibration?.flange_T_camera ?? arm?.flange_T_camera_guess;
+  const x = inForce.data?.calibration?.flange_T_camera;
   const now = robot.value;
   const parts = useMemo(() => {
     const camera = ({ base_T_flange }) => (x ? compose(base_T_flange, x) : base_T_flange);
     return {
-      skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm?.box_mm, outline_mm: arm?.target_outline_mm,
+      skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm?.box_mm, outline_mm: arm?.target_points_mm,
       target: inForce.data?.calibration?.base_T_target, planned: (plan?.poses ?? []).map(camera),
     };
   }, [now, arm, plan, x, inForce.data]);
@@ -85,7 +85,7 @@ function WhatMoves({ how, body, arm, plan, setPlan }) {
   const last = plan?.predicted_mm?.at(-1);
   return html`<${CellScene} parts=${parts} />
     <${Facts} rows=${[
-      arm && [t('moves.speed'), `${fixed(arm.speed_mm_s ?? arm.speed, 0)} mm/s`],
+      arm && [t('moves.speed'), `${fixed(arm.speed_mm_s, 0)} mm/s`],
       plan && [t('moves.poses'), fixed(plan.poses.length, 0)],
       last !== undefined && last !== null && [t('moves.expect'), `± ${mm(2 * last)}`],
     ]} />

@@ -23,7 +23,7 @@ export function Cell() {
       skeleton_mm: now?.skeleton_mm,
       flange_mm: now?.base_T_flange?.translation_mm,
       box_mm: arm.data?.box_mm,
-      outline_mm: arm.data?.target_outline_mm,
+      outline_mm: arm.data?.target_points_mm,
       target: calibration?.base_T_target,
       here: now && calibration?.flange_T_camera ? compose(now.base_T_flange, calibration.flange_T_camera) : null,
     }),

@@ -34,14 +34,14 @@ function Code({ code }) {
     ${found.data && html`<${Entry} entry=${found.data} />`}</${Card}>`;
 }
 
-const Entry = ({ entry }) => html`<p lang="en">${entry.what ?? entry.title ?? entry.meaning}</p>${entry.fix && html`<p class="quiet" lang="en">→ ${entry.fix}</p>`}`;
+const Entry = ({ entry }) => html`<p lang="en">${entry.what}</p>${entry.fix && html`<p class="quiet" lang="en">→ ${entry.fix}</p>`}`;
 
 function Codes() {
   const [wanted, setWanted] = useState('');
   const help = useAsked('/help');
-  const list = (help.data?.codes ?? help.data?.entries ?? []).filter(({ code, what = '' }) => `${code} ${what}`.toLowerCase().includes(wanted.toLowerCase()));
+  const list = (help.data?.help ?? []).filter(({ code, what = '' }) => `${code} ${what}`.toLowerCase().includes(wanted.toLowerCase()));
   return html`<${Card} title=${t('help.codes')} id="codes" wide="2"><${Missing} asked=${help} none=${t('missing.none')} />
     ${help.data && html`<label for="find-code">${t('help.find')}</label><input id="find-code" type="search" value=${wanted} onInput=${(event) => setWanted(event.target.value)} />
-      <ul class="plain codes">${list.map((entry) => html`<li><a href=${linkTo('help', entry.code)}>${entry.code}</a> <span lang="en">${entry.what ?? entry.title}</span></li>`)}</ul>`}
+      <ul class="plain codes">${list.map((entry) => html`<li><a href=${linkTo('help', entry.code)}>${entry.code}</a> <span lang="en">${entry.what}</span></li>`)}</ul>`}
   </${Card}>`;
 }

@@ -18,10 +18,10 @@ export function Jog({ shown }) {
   const { planning, station, stations } = shown;
   const now = robot.value;
   const next = planning?.next_pose;
-  const x = inForce.data?.calibration?.flange_T_camera ?? arm.data?.flange_T_camera_guess;
+  const x = inForce.data?.calibration?.flange_T_camera;
   const here = now?.base_T_flange;
   const parts = useMemo(() => ({
-    skeleton_mm: now?.skeleton_mm, flange_mm: here?.translation_mm, box_mm: arm.data?.box_mm, outline_mm: arm.data?.target_outline_mm,
+    skeleton_mm: now?.skeleton_mm, flange_mm: here?.translation_mm, box_mm: arm.data?.box_mm, outline_mm: arm.data?.target_points_mm,
     target: inForce.data?.calibration?.base_T_target, next: next && x ? compose(next, x) : next, here: here && x ? compose(here, x) : here,
   }), [now, arm.data, inForce.data, next, x]);
   const near = here && next && isNear(here, next, planning.near) && look.value?.corners?.length > 0;

@@ -33,14 +33,14 @@ function RunShown({ shown }) {
   const rows = views.data?.views ?? [];
   const view = rows.find(({ index }) => index === chosen) ?? rows.at(-1);
   const planning = shown.planning;
-  const x = inForce.data?.calibration?.flange_T_camera ?? arm.data?.flange_T_camera_guess;
+  const x = inForce.data?.calibration?.flange_T_camera;
   const now = robot.value;
   const parts = useMemo(() => {
     const camera = (pose) => (x ? compose(pose, x) : pose);
     const ahead = shown.over ? [] : (planning?.planned_poses ?? []);
     return {
       skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm.data?.box_mm,
-      outline_mm: views.data?.target_outline_mm ?? arm.data?.target_outline_mm, target: inForce.data?.calibration?.base_T_target,
+      outline_mm: views.data?.target_outline_mm ?? arm.data?.target_points_mm, target: inForce.data?.calibration?.base_T_target,
       views: rows.map(({ base_T_flange }) => camera(base_T_flange)),
       next: ahead.length ? camera(ahead[0].base_T_flange) : null, planned: ahead.slice(1).map(({ base_T_flange }) => camera(base_T_flange)),
     };
@@ -80,6 +80,6 @@ export function Sentence({ shown }) {
 
 function StepBar({ station, stations, over }) {
   if (!stations) return null;
-  return html`<ol class="step-bar" role="img" aria-label=${t('run.steps', { done: Math.min(station, stations), of: stations })}>
-    ${Array.from({ length: Math.min(stations, 40) }, (_, index) => html`<li class=${index < station ? 'done' : index === station && !over ? 'doing' : ''}></li>`)}</ol>`;
+  return html`<div class="step-bar" role="img" aria-label=${t('run.steps', { done: Math.min(station, stations), of: stations })}>
+    ${Array.from({ length: Math.min(stations, 40) }, (_, index) => html`<span class=${index < station ? 'done' : index === station && !over ? 'doing' : ''}></span>`)}</div>`;
 }

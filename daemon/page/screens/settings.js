@@ -13,22 +13,36 @@ export function Settings() {
   const about = useAsked('/about');
   return html`<div class="grid">
     <${Choices} />
-    <${Card} title=${t('about.title')} id="about"><${Missing} asked=${about} none=${t('missing.none')} />${about.data && html`<${Tree} value=${about.data} />`}</${Card}>
+    <${Card} title=${t('about.title')} id="about"><${Missing} asked=${about} none=${t('missing.none')} />${about.data && html`<${About} about=${about.data} />`}</${Card}>
     ${may('admin') ? html`<${Keys} /><${Loaded} />` : html`<${Card} title=${t('settings.title')} id="role"><p class="quiet">${t('missing.role')}</p></${Card}>`}
   </div>`;
+}
+
+function About({ about: { software, licence, python, packages = [] } }) {
+  return html`<${Facts} rows=${[[t('about.software'), software], [t('about.licence'), licence], ['Python', python]]} />
+    <details><summary>${t('about.packages', { count: packages.length })}</summary>
+      <ul class="plain codes">${packages.map((one) => html`<li><span class="mono">${one.name} ${one.version}</span> <span class="small quiet" lang="en">${one.licence}</span></li>`)}</ul></details>`;
 }
 
 function Loaded() {
   const settings = useAsked('/settings');
   return html`<${Card} title=${t('settings.title')} id="settings" wide="3"><p class="quiet">${t('settings.about')}</p><${Missing} asked=${settings} none=${t('missing.none')} />
-    ${settings.data && html`<${Tree} value=${settings.data.settings ?? settings.data} />`}</${Card}>`;
+    ${settings.data && html`<${Tree} value=${settings.data.settings} given=${settings.data.given} />`}</${Card}>`;
 }
 
-/** Any JSON as nested lists of terms; text stays text. */
-function Tree({ value }) {
+/** Any JSON as nested lists of terms; text stays text. What is not in `given` is a default, and greyed. */
+function Tree({ value, given = value }) {
   if (value === null || typeof value !== 'object') return html`<span class="mono">${value === null ? '—' : String(value)}</span>`;
   if (Array.isArray(value) && value.every((one) => one === null || typeof one !== 'object')) return html`<span class="mono">${value.join(', ')}</span>`;
-  return html`<dl class="tree">${Object.entries(value).map(([name, part]) => html`<div><dt lang="en">${name}</dt><dd><${Tree} value=${part} /></dd></div>`)}</dl>`;
+  return html`<dl class="tree">${Object.entries(value).map(([name, part]) => {
+    const set = isGiven(given, name);
+    return html`<div class=${set ? '' : 'default'}><dt lang="en">${name}</dt><dd><${Tree} value=${part} given=${set && typeof given === 'object' && !Array.isArray(given) ? given[name] : part} />${!set && html` <span class="small">${t('settings.default')}</span>`}</dd></div>`;
+  })}</dl>`;
+}
+
+function isGiven(given, name) {
+  if (Array.isArray(given) && given.every((one) => typeof one === 'string')) return given.includes(name) || given.some((one) => one.startsWith(`${name}.`));
+  return given !== null && typeof given === 'object' ? name in given : true;
 }
 
 function Keys() {
@@ -56,12 +70,12 @@ function KeyForm({ add }) {
     <button type="submit">${t('keys.make')}</button></form>`;
 }
 
-function Key({ record: { name, role, created_at, expires_at, last_used_at, state }, changed }) {
+function Key({ record: { name, role, created_at, expires_at, state }, changed }) {
   const [sure, setSure] = useState('');
-  const post = (what) => async () => changed((await ask(`/keys/${encodeURIComponent(name)}/${what}`, { method: 'POST' })).data);
+  const post = (what, body) => async () => changed((await ask(`/keys/${encodeURIComponent(name)}/${what}`, { method: 'POST', body })).data);
   return html`<li><details><summary><b>${name}</b> ${t(`role.${role}`)} ${state && state !== 'valid' && html`<span class="quiet" lang="en">${state}</span>`}</summary>
-    <${Facts} rows=${[created_at && [t('pose.made'), moment(created_at)], expires_at && [t('person.until'), moment(expires_at)], last_used_at && [t('keys.used'), moment(last_used_at)]]} />
+    <${Facts} rows=${[created_at && [t('pose.made'), moment(created_at)], expires_at && [t('person.until'), moment(expires_at)]]} />
     <label for=${`sure-${name}`}>${t('keys.sure', { name })}</label><input id=${`sure-${name}`} value=${sure} autocomplete="off" onInput=${(event) => setSure(event.target.value)} />
-    <div class="row"><${Act} label=${t('keys.rotate')} disabled=${sure !== name} act=${post('rotate')} /><${Act} label=${t('keys.revoke')} disabled=${sure !== name} act=${post('revoke')} /></div>
+    <div class="row"><${Act} label=${t('keys.rotate')} disabled=${sure !== name} act=${post('rotate', {})} /><${Act} label=${t('keys.revoke')} disabled=${sure !== name} act=${post('revoke')} /></div>
   </details></li>`;
 }

@@ -67,6 +67,7 @@ export default {
   'hold.act': 'Hold for one second.',
   'hold.on': 'Keep holding …',
   'hold.again': 'Press again in three seconds.',
+  'hold.stale': 'Not while what is shown is old.',
   'hold.sent': 'Sent …',
 
   'sign-in': 'Sign in',
@@ -216,6 +217,8 @@ export default {
   'status.used': 'used',
   'status.corrected': 'used, corrected',
   'status.rejected': 'not used',
+  'status.taken': 'taken',
+  'status.missed': 'nothing found',
   'status.seen': 'target found',
   'status.unseen': 'no target',
 
@@ -350,12 +353,15 @@ export default {
   'audit.newest': 'Newest',
   'settings.title': 'Settings as loaded',
   'settings.about': 'To read: they are changed in the file on the cell’s computer. Secrets are left out.',
+  'settings.default': 'default',
+  'about.software': 'Software',
+  'about.licence': 'Licence',
+  'about.packages': '{count} packages',
   'about.title': 'Versions',
   'keys.title': 'Keys',
   'keys.make': 'Make a key',
   'keys.rotate': 'Replace',
   'keys.revoke': 'Revoke',
-  'keys.used': 'Last used',
   'keys.sure': 'To replace or revoke it type: {name}',
 
   'help.title': 'How this page works',

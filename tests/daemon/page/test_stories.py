@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from tests.daemon.cell_under_test import Bench
+from tests.daemon.fakes import poses_around_the_target
 from tests.daemon.page.conftest import Opened
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -207,3 +208,21 @@ async def test_hostile_names_stay_text(open_page: Opened, cell: tuple[Bench, dic
             await page.evaluate("place => { location.hash = '#/' + place }", place)
             await page.locator("main .card, main .quiet").first.wait_for()
             assert await page.locator("main img, main script").count() == 0
+
+
+async def test_by_hand_the_arm_is_jogged_and_never_moved(open_page: Opened, cell: tuple[Bench, dict[str, str]]) -> None:
+    bench, keys = cell
+    moves = len(bench.robot.goals)
+    async with open_page("operator", "calibrate") as page:
+        await page.get_by_text("Ready.").wait_for()
+        await page.get_by_label("By hand").check()
+        await page.get_by_role("button", name="Begin by hand").click()
+        for pose in poses_around_the_target(4):
+            bench.robot.base_T_flange = pose.copy()
+            await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).click()
+            await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).wait_for()
+        await page.get_by_role("button", name="Finish").and_(page.locator(":not([aria-disabled])")).click()
+        await page.get_by_role("link", name="Result", exact=True).and_(page.locator(".button")).wait_for()
+    assert len(bench.robot.goals) == moves
+    newest = (await bench.client.get("/runs", headers={"Authorization": f"Bearer {keys['viewer']}"})).json()["runs"][0]
+    assert (newest["state"], newest["request"]["manual"]) == ("finished", True)

@@ -1,0 +1,63 @@
+"""Pictures of the page for docs/page.md and the README: `python -m tests.daemon.page.pictures URL`.
+
+URL is that of `make cell`, calibrated and with a scan. Writes docs/page/NAME.webp, and NAME-dark.webp for the README.
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+from playwright.sync_api import sync_playwright
+
+FOLDER = Path(__file__).resolve().parents[3] / "docs" / "page"
+CHROMIUM = "/usr/bin/chromium"
+ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+PLACES = (
+    "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "devices", "history", "audit", "settings",
+    "help",
+)  # fmt: skip
+WIDTH, HEIGHT = 1280, 900
+KEPT_WIDTH = 960
+SETTLE_MS = 8000
+
+
+def places(url: str) -> Iterator[tuple[str, str]]:
+    """Name of the picture and fragment of the address."""
+    runs = httpx.get(f"{url}/runs").json()["runs"]
+    calibration = next(run["id"] for run in runs if run["kind"] == "calibration" and run["state"] == "finished")
+    scans = httpx.get(f"{url}/scans").json()["scans"]
+    for place in PLACES:
+        yield place, f"run/{calibration}" if place == "run" else place
+    if scans:
+        yield "scan", f"scans/{scans[0]['id']}"
+
+
+def main(url: str) -> None:
+    FOLDER.mkdir(exist_ok=True)
+    with sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        for theme, names in (("light", None), ("dark", {"cell", "result"})):
+            page = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme=theme).new_page()
+            for name, fragment in places(url):
+                if names is None or name in names:
+                    page.goto("about:blank")
+                    page.goto(f"{url}/page/?lang=en&theme={theme}#/{fragment}")
+                    page.wait_for_timeout(SETTLE_MS)
+                    _write(page, FOLDER / f"{name}{'' if names is None else '-dark'}.webp")
+        browser.close()
+
+
+def _write(page: Any, file: Path) -> None:
+    shot = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    assert shot is not None
+    small = cv2.resize(shot, (KEPT_WIDTH, KEPT_WIDTH * shot.shape[0] // shot.shape[1]), interpolation=cv2.INTER_AREA)
+    _, encoded = cv2.imencode(".webp", small, [cv2.IMWRITE_WEBP_QUALITY, 82])
+    file.write_bytes(encoded.tobytes())
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
