@@ -38,6 +38,12 @@ def rejecting(count: int) -> Solution:
     return replace(SOLVED, views=(*views, *SOLVED.views[count:]))
 
 
+def holding_out(error_mm: float, views: int) -> Solution:
+    """Of that many views, each 0.1 mm off where it helped to solve, and `error_mm` where it was left out."""
+    used = tuple(replace(view, base_error_mm=0.1) for view in SOLVED.views[:views])
+    return replace(SOLVED, views=used, hold_out=HoldOut(error_mm, 0.1))
+
+
 ROWS: dict[str, tuple[Solution, str | None, bool]] = {
     "a good one": (SOLVED, None, True),
     "a point known to half a millimetre": (uncertain(0.49), None, True),
@@ -51,6 +57,8 @@ ROWS: dict[str, tuple[Solution, str | None, bool]] = {
     "four of ten views rejected": (rejecting(4), "many-rejected", False),
     "nothing held out": (replace(SOLVED, hold_out=None), "nothing-held-out", True),
     "a hold-out out of all proportion": (replace(SOLVED, hold_out=HoldOut(30.0, 90.0)), "hold-out-large", True),
+    "four views, of which each one helped much": (holding_out(0.5, 4), None, True),
+    "ten views, of which each one helped little": (holding_out(0.5, 10), "hold-out-large", True),
     "a hold-out that no cell explains": (
         replace(SOLVED, hold_out=HoldOut(50.0, 90.0)),
         "poses-contradict-images",
