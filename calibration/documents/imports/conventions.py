@@ -103,8 +103,9 @@ BRANDS: dict[str, Brand] = {
     "hyundai": Brand("about X, Y', Z''", ("euler-XYZ",), "mm"),
     "ros": Brand("a quaternion x, y, z, w, or roll, pitch, yaw", ("quaternion-xyzw", "euler-xyz-rad"), "m"),
 }
-"""Brands by their name. ABB: RAPID reference, EulerZYX; KUKA: KSS, frames; the others as their manuals have them and as
-the hand-eye samples of Zivid list them (rotation_format_configuration.py, 2026-03)."""
+"""Brands by their name. ABB: RAPID reference, EulerZYX; KUKA: KSS, frames; the others as the hand-eye samples of Zivid
+list them (rotation_format_configuration.py, 2026-03). Staubli, Franka and ROS are not in that list, and not confirmed
+by a manual."""
 
 
 def find_conventions(name: str) -> tuple[tuple[Convention, ...], LengthUnit | None]:
