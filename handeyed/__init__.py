@@ -11,6 +11,17 @@ Lengths are in mm, `a_T_b` maps coordinates of b to coordinates of a, quaternion
 stable (semantic versioning); the rooms beneath are not.
 """
 
-from handeyed.library import Session, assess, export, plan, read_cloud, register, solve
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from handeyed.library import Session, assess, export, plan, read_cloud, register, solve
 
 __all__ = ["Session", "assess", "export", "plan", "read_cloud", "register", "solve"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the library with the first name that is asked for: the command starts without it."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module("handeyed.library"), name)

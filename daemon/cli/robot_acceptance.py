@@ -1,6 +1,5 @@
 """`handeyed robot acceptance`: every assumption about a controller, checked on the wire in one guided program."""
 
-import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -35,6 +34,8 @@ def acceptance(
 
     Exit status: 0 no row failed, 1 one did, or none could be tried.
     """
+    import asyncio
+
     from drivers.robots.abb.acceptance.program import ROWS
 
     rows = [row for row in ROWS if not only or row.code in only]
@@ -142,6 +143,8 @@ class Terminal:
 
     async def do(self, step: "Step") -> "Answer":
         """Show the instruction, and wait for Enter unless it is for now."""
+        import asyncio
+
         from drivers.robots.abb.acceptance.person import Answer
 
         if step.now:
