@@ -75,7 +75,9 @@ def shared_cell() -> Any:
         yield cell
 
 
-@pytest.mark.parametrize(("version", "state", "code", "missing", "words"), FINDINGS, ids=lambda each: str(each)[:24])
+@pytest.mark.parametrize(
+    ("version", "state", "code", "missing", "words"), FINDINGS, ids=[f"{row[2]}-{row[4][:24]}" for row in FINDINGS]
+)
 def test_what_a_controller_lacks_is_said_before_anything_is_changed(
     shared_cell: RwsCell, version: int, state: State, code: str, missing: bool, words: str
 ) -> None:
