@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 MAX_LINK_WAIT_S = 2.0
 """How long the start waits for devices; connected ones answer well within this."""
 
-MAX_LAST_EVENT_S = 0.8
+MAX_LAST_EVENT_S = 1.5
 """How long event streams stay open for the run's end; stopping and disarming normally take milliseconds."""
 
 MAX_JOB_S = 600.0
@@ -132,7 +132,7 @@ class Application:
             self._stopping = asyncio.create_task(self._end_work(by))
 
     async def _end_work(self, by: str) -> None:
-        """Stop the run, then close the event streams: after the run's end was published, at the latest after 0.8 s."""
+        """Stop the run, then close the event streams: after the run's end was published, at the latest after 1.5 s."""
         ending = asyncio.create_task(self.supervisor.stop(by))
         await asyncio.wait([ending], timeout=MAX_LAST_EVENT_S)
         self.events.close()

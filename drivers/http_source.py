@@ -88,7 +88,7 @@ class HttpSource(PolledDevice):
         while True:
             wait_s = RETRY_S
             try:
-                fetched = await self._within_limit(deadline_s, error or self._no_answer())
+                fetched = await self._within_limit(deadline_s, error)
                 if fetched.taken_at_s > newer_than_s:
                     return fetched
                 late_s = newer_than_s - fetched.taken_at_s
@@ -100,8 +100,8 @@ class HttpSource(PolledDevice):
                 raise error
             await self._timing.sleep(wait_s)
 
-    async def _within_limit(self, deadline_s: float, otherwise: DeviceError) -> Fetched:
-        """One response; on timeout raises `otherwise`, the error of the response before."""
+    async def _within_limit(self, deadline_s: float, otherwise: DeviceError | None) -> Fetched:
+        """One response; on timeout raises `otherwise`, the error of the response before, or DeviceTimeout."""
         asking = asyncio.ensure_future(self._ask())
         try:
             in_time = await self._timing.wait_until_done(asking, max(0.0, deadline_s - self._timing.clock()))
@@ -109,7 +109,7 @@ class HttpSource(PolledDevice):
             if not asking.done():
                 asking.cancel()
         if not in_time:
-            raise otherwise
+            raise otherwise or self._no_answer()
         return asking.result()
 
     async def _ask(self) -> Fetched:

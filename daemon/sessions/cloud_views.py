@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.detection.cloud_points import measure_corners
-from calibration.detection.detect import detect
 from calibration.documents.session import ViewDocument
 from calibration.errors import DetectionError
 from calibration.problem import View
@@ -25,6 +24,8 @@ def view_of_cloud(folder: Path, target: Target, index: int, view: ViewDocument, 
 
     `size`: width and height, for files that do not hold them. Raises CloudError's leaves, UnitUnknown.
     """
+    from calibration.detection.detect import detect  # needed by runs only
+
     assert view.cloud is not None
     assert view.unit is not None
     pose = view.base_T_flange.transform()

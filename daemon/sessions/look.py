@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.detection.detect import detect
 from calibration.detection.image import grey_image
 from calibration.errors import DetectionError
 from calibration.problem import Detection
@@ -68,6 +67,8 @@ def measure_quality(image: NDArray[np.uint8], corners_px: Array | None) -> Quali
 
 def look_at(frame: CameraFrame, target: Target, taken_at: str) -> Look:
     """Search the target in a frame."""
+    from calibration.detection.detect import detect  # not needed where nobody looks
+
     image = _grey(frame.image)
     detection, missing = None, None
     try:

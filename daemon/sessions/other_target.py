@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from calibration.detection.alternatives import Alternative, find_alternative
 from calibration.detection.image import Grey
 from calibration.errors import DetectionError
 from calibration.problem import View
 from calibration.sentences.sentence import Sentence, with_fix
 from calibration.targets import Target
+
+if TYPE_CHECKING:
+    from calibration.detection.alternatives import Alternative
 
 MAX_FOUND_SHARE = 1 / 3
 """With more of the pictures showing the target, its description is right."""
@@ -30,6 +33,8 @@ def explain_missing(views: Sequence[View], target: Target, read: Callable[[str],
         return list(views)
     step = max(1, len(missed) // MAX_PICTURES)
     looked_at = [read(view.image or "") for view in missed[::step][:MAX_PICTURES]]
+    from calibration.detection.alternatives import find_alternative  # the detector is needed by runs only
+
     alternatives = [find_alternative(picture, target) for picture in looked_at]
     seen = [alternative for alternative in alternatives if alternative is not None]
     if 2 * len(seen) <= len(looked_at):
@@ -38,7 +43,7 @@ def explain_missing(views: Sequence[View], target: Target, read: Callable[[str],
     return [_explained(view, best) if view in missed else view for view in views]
 
 
-def _explained(view: View, alternative: Alternative) -> View:
+def _explained(view: View, alternative: "Alternative") -> View:
     assert view.missing is not None
     code, sentence = view.missing
     what = sentence.params.get("what", sentence) if isinstance(sentence, Sentence) else sentence

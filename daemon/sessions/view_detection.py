@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import Target
@@ -20,6 +19,8 @@ BRIGHT_PERCENTILES = (99.5, 90.0)
 
 def detect_in_file(file: Path, target: Target) -> tuple[Detection | DetectionError, tuple[int, int]]:
     """The target's detection, or why there is none, and the picture's (width, height). Raises ImageError."""
+    from calibration.detection.detect import detect  # needed by runs only
+
     levels = read_levels(file)
     size = (int(levels.shape[1]), int(levels.shape[0]))
     failure: DetectionError | None = None

@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.kinematics.abb_arms import find_arm
-from calibration.kinematics.arm import Configuration
+from calibration.kinematics.arm import Configuration, UnreachablePoseError
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
 from drivers.errors import DeviceError, LinkLost
@@ -104,8 +105,9 @@ class FakeRobot:
 
     async def read_joints(self) -> Array:
         self._alive()
-        reaching = find_arm("IRB 1600-6/1.45").inverse(self.base_T_flange)
-        return reaching[0] if len(reaching) else np.zeros(6)
+        with suppress(UnreachablePoseError):
+            return np.asarray(find_arm("IRB 1600-6/1.45").inverse(self.base_T_flange)[0])
+        return np.zeros(6)
 
     async def read_status(self) -> RobotStatus:
         self._alive()

@@ -6,7 +6,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 
 from calibration.documents.pose import PoseDocument
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of, respond_page
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import status_text
@@ -14,6 +14,7 @@ from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.runs import STARTED, answer_run_start
 from daemon.api.schemas.acceptances import AcceptanceList, StoredAcceptance
+from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.cell import ForesightDocument, frame_warning
 from daemon.api.schemas.runs import PlannedPoseDocument, RunDocument
@@ -76,8 +77,12 @@ async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(Cali
 async def acceptances(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The scanner's verifications, newest first."""
     page, following = page_of(await app.store.acceptances.page(limit + 1, before), limit, "/acceptances")
-    found = [StoredAcceptance.of_record(record) for record in page]
-    return Response(AcceptanceList(acceptances=found, next=following).model_dump_json(), media_type="application/json")
+
+    def as_json() -> bytes:
+        found = (StoredAcceptance.of_record(record).model_dump_json() for record in page)
+        return page_json("acceptances", found, following)
+
+    return await respond_page(app, as_json)
 
 
 @router.get("/acceptances/{acceptance_id}", response_model=StoredAcceptance, responses=problem_responses(404))

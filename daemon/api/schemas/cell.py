@@ -126,14 +126,20 @@ class DeviceFaultDocument(Answer):
     at: str
 
 
+FAULT_EXAMPLE = {
+    "code": "device-unreachable",
+    "what": "not connected yet",
+    "fix": "check its power, cable and address: handeyed check asks every device",
+    "at": EXAMPLE_AT,
+}
+
+
 class LiveDevice(Answer):
     """The link of a device. `since`: of this state; `last_error` stays when it is over."""
 
     model_config = example(
-        name="camera", connected=False, detail="not connected yet", since=EXAMPLE_AT,
-        last_error={"code": "device-unreachable", "what": "not connected yet", "fix": "check its power, cable and"
-                    " address: handeyed check asks every device", "at": EXAMPLE_AT},
-    )  # fmt: skip
+        name="camera", connected=False, detail="not connected yet", since=EXAMPLE_AT, last_error=FAULT_EXAMPLE
+    )
 
     name: str
     connected: bool
@@ -152,6 +158,11 @@ class LiveDevice(Answer):
 
 class DeviceDocument(LiveDevice):
     """A device of the settings. `kind`: of its driver, by the address, which is shown without passwords."""
+
+    model_config = example(
+        name="camera", connected=False, detail="not connected yet", since=EXAMPLE_AT, last_error=FAULT_EXAMPLE,
+        kind="http", address="http://camera/frame.png",
+    )  # fmt: skip
 
     kind: str
     address: str

@@ -59,10 +59,14 @@ def test_errors_are_as_large_as_stated_though_the_principal_point_is_off(shift_p
 
 
 def with_robot_trend(truth: Cell, rng: np.random.Generator, rotation_rad: float, translation_mm: float) -> Problem:
-    """The robot's errors grow with the distance from the middle of its poses, as those of a badly known arm do."""
+    """The robot's errors follow the place, as those of a badly known arm do, and are not zero amid its poses.
+
+    X takes up what is alike in all views.
+    """
     places = truth.base_T_flange[:, :3, 3]
     where = (places - places.mean(axis=0)) / np.sqrt(np.mean(np.sum((places - places.mean(axis=0)) ** 2, axis=1)))
-    follow = where @ rng.standard_normal((3, 6)) * np.repeat([rotation_rad, translation_mm], 3)
+    slopes, alike = rng.standard_normal((3, 6)), rng.standard_normal(6)
+    follow = (where @ slopes + alike) * np.repeat([rotation_rad, translation_mm], 3)
     errors = transform(rotation_from_vector(follow[:, :3]), follow[:, 3:])
     views = [
         replace(view, base_T_flange=view.base_T_flange @ error)

@@ -280,7 +280,7 @@ async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -
 async def test_events_report_every_step_and_can_be_caught_up(bench: Bench) -> None:
     run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
     events = await read_events(bench.client, until="finished", last_event_id="0")
-    states = [json.loads(event["data"])["state"] for event in events]
+    states = [json.loads(event["data"])["state"] for event in events if event["event"] == "run"]
     assert states == ["moving", "settling", "capturing"] * 5 + ["detecting", "solving", "finished"]
     assert [int(event["id"]) for event in events] == list(range(1, len(events) + 1))
     assert json.loads(events[-1]["data"])["id"] == run["id"]

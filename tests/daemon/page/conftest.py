@@ -55,8 +55,14 @@ async def cell(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[tuple[
 Opened = Callable[..., Any]
 
 
+@pytest.fixture(scope="module")
+def cookies() -> dict[str, Any]:
+    """The cookies of each role that has signed in: a daemon takes ten attempts a minute from one address."""
+    return {}
+
+
 @pytest.fixture
-def open_page(browser: Any, cell: tuple[Bench, dict[str, str]]) -> Opened:
+def open_page(browser: Any, cell: tuple[Bench, dict[str, str]], cookies: dict[str, Any]) -> Opened:
     """`async with open_page(role="operator", place="cell", **context) as page`: signed in, without a console error."""
     bench, keys = cell
 
@@ -67,11 +73,14 @@ def open_page(browser: Any, cell: tuple[Bench, dict[str, str]]) -> Opened:
         window = await browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **context})
         wrong: list[str] = []
         try:
-            if role:
+            if role and role in cookies:
+                await window.add_cookies(cookies[role])
+            elif role:
                 answer = await window.request.post(
                     f"{bench.url}/session", data={"key": keys[role]}, headers={"Origin": bench.url}
                 )
                 assert answer.ok, await answer.text()
+                cookies[role] = await window.cookies()
             page = await window.new_page()
             page.set_default_timeout(60_000)
             watch(page, wrong)

@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from daemon.model.requests import ArtefactRequest
 from daemon.runtime.loop_monitor import PERIOD_S, WINDOW_S, EventLoopMonitor, Stall
+from daemon.scans.scanner_acceptance import AcceptanceDocument, BallDocument, PositionDocument
 from daemon.store.database import DATABASE_NAME
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
@@ -21,6 +23,7 @@ MAX_STALL_S = 0.1
 """Processor time of one turn. Answers are meant to stay below 20 ms; this leaves room for a slow machine."""
 
 OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text(encoding="utf-8"))
+STREAMS = ("/events", "/live")
 ROWS = 500
 
 
@@ -82,8 +85,9 @@ async def test_no_answer_keeps_the_loop(tmp_path: Path) -> None:
         known = await filled(bench, tmp_path)
         stalls = {}
         for path in [*OPENAPI["paths"], "/openapi.json"]:
-            if path != "/events" and "get" in OPENAPI["paths"].get(path, {"get": {}}):
-                stalls[path] = await longest_while(bench, path, path.format(**known))
+            if path not in STREAMS and "get" in OPENAPI["paths"].get(path, {"get": {}}):
+                ids = known | ({"run_id": known["verification_id"]} if path == "/runs/{run_id}/report" else {})
+                stalls[path] = await longest_while(bench, path, path.format(**ids))
     print({k: round(1000 * v, 1) for k, v in stalls.items()})
     assert {path: stall_s for path, stall_s in stalls.items() if stall_s > MAX_STALL_S} == {}
 
@@ -93,7 +97,8 @@ async def longest_while(bench: Bench, path: str, url: str) -> float:
     monitor = bench.application.loop_monitor
     await bench.client.get(url)  # what is computed once is not counted
     monitor.reset()
-    query: dict[str, Any] = {"limit": ROWS} if "limit" in str(OPENAPI["paths"].get(path, {}).get("get")) else {}
+    parameters = OPENAPI["paths"].get(path, {}).get("get", {}).get("parameters", [])
+    query: dict[str, Any] = {"limit": ROWS} if any(one["name"] == "limit" for one in parameters) else {}
     if path.endswith("/compare"):
         query = {"with": "copy-0"}
     answer = await bench.client.get(url, params=query)
@@ -118,4 +123,21 @@ async def filled(bench: Bench, folder: Path) -> dict[str, str]:
             names = ", ".join(row[1] for row in database.execute(f"PRAGMA table_info({table})") if row[1] != "id")
             copy = f"INSERT INTO {table} (id, {names}) SELECT ?, {names} FROM {table} WHERE id = ?"
             database.executemany(copy, [(f"copy-{k}", source) for k in range(ROWS)])
-    return {"run_id": run["id"], "k": "0", "scan_id": scan["id"], "calibration_id": calibration}
+        accepted = an_acceptance(scan["id"]).model_dump_json()
+        rows = [(f"copy-{k}", scan["id"], run["created_at"], "local", accepted) for k in range(ROWS)]
+        database.executemany("INSERT INTO acceptances VALUES (?, ?, ?, ?, ?)", rows)
+    return {
+        "run_id": run["id"], "verification_id": verification, "k": "0", "scan_id": scan["id"],
+        "calibration_id": calibration, "acceptance_id": "copy-0", "export_format": "rapid", "code": "link-lost",
+    }  # fmt: skip
+
+
+def an_acceptance(scan_id: str) -> AcceptanceDocument:
+    """Of ten views of a ball bar."""
+    ball = BallDocument(centre_mm=(0.0, 0.0, 500.0), form_mm=0.1, size_mm=0.05, points=2000)
+    seen = [PositionDocument(view=k, balls=[ball, ball], spacing_error_mm=0.02) for k in range(10)]
+    artefact = ArtefactRequest(radius_mm=25.0, spacing_mm=200.0)
+    return AcceptanceDocument(
+        based_on="ISO 10360-13", scan_id=scan_id, artefact=artefact, probing_form_mm=0.1, probing_size_mm=0.05,
+        sphere_spacing_mm=0.02, positions=seen,
+    )  # fmt: skip
