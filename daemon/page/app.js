@@ -1,10 +1,11 @@
 // The page: header, banners, and the screen of the place in the address.
-import { Component, html, render, useEffect, useState } from './vendor/preact.js';
+import { Component, html, render, useEffect } from './vendor/preact.js';
 import { Banners } from './parts/banners.js';
 import { Header } from './parts/header.js';
 import { start } from './state/live.js';
 import { refused, session } from './state/now.js';
 import { place } from './state/place.js';
+import { createScreens } from './state/screens.js';
 import { loadSession } from './state/session.js';
 import { useTouch } from './state/touch.js';
 import { t } from './state/words.js';
@@ -23,31 +24,11 @@ const SCREENS = {
   help: () => import('./screens/help.js').then(({ Help }) => Help),
   'sign-in': () => import('./screens/sign_in.js').then(({ SignIn }) => SignIn),
 };
-const fetched = {};
-
-/** The component of a screen, fetched when first shown; null until it is there. */
-function useScreen(name) {
-  const [, setTurn] = useState(0);
-  useEffect(() => {
-    if (!fetched[name]) fetchScreen(name).then(() => setTurn((turn) => turn + 1));
-  }, [name]);
-  return fetched[name] ?? null;
-}
-
-/** Asks again each second while the daemon does not answer. */
-async function fetchScreen(name) {
-  while (!fetched[name]) {
-    try {
-      fetched[name] = await SCREENS[name]();
-    } catch {
-      await new Promise((resolve) => setTimeout(resolve, 1000));
-    }
-  }
-}
+const screens = createScreens(SCREENS);
 
 /** All other screens, once the first is shown: a daemon that is replaced serves those of its own version only. */
 async function fetchRest() {
-  for (const name of Object.keys(SCREENS)) await fetchScreen(name);
+  for (const name of Object.keys(SCREENS)) await screens.fetch(name);
 }
 
 /** A fault of one screen leaves header and "End run" as they are. */
@@ -68,18 +49,22 @@ function Page() {
   const { screen, argument } = place.value;
   const known = screen in SCREENS ? screen : 'cell';
   const outside = session.value && session.value.role === 'nobody' && known !== 'help';
-  const Screen = useScreen(outside ? 'sign-in' : known);
+  const wanted = outside ? 'sign-in' : known;
+  const Screen = screens.get(wanted);
   useTouch();
   useEffect(() => {
-    document.title = `${t(`place.${outside ? 'sign-in' : known}`)} · ${session.value?.cell || 'handeyed'}`;
+    screens.fetch(wanted);
+  }, [wanted]);
+  useEffect(() => {
+    document.title = `${t(`place.${wanted}`)} · ${session.value?.cell || 'handeyed'}`;
     document.querySelector('h1')?.focus({ preventScroll: true });
     scrollTo(0, 0);
-  }, [known, argument, outside]);
+  }, [wanted, argument]);
   return html`
     <a class="skip" href="#content" onClick=${toContent}>${t('skip')}</a>
     <${Header} screen=${known} />
     <main id="content" tabindex="-1">
-      <h1 class="sr-only" tabindex="-1">${t(`place.${outside ? 'sign-in' : known}`)}</h1>
+      <h1 class="sr-only" tabindex="-1">${t(`place.${wanted}`)}</h1>
       <${Banners} />
       ${session.value === null || !Screen ? html`<p class="quiet">${t('missing.wait')}</p>` : html`<${Guard} key=${`${known}/${argument}`}><${Screen} argument=${argument} /></${Guard}>`}
     </main>`;
