@@ -2,6 +2,7 @@
 import { Component, html, render, useEffect } from './vendor/preact.js';
 import { Banners } from './parts/banners.js';
 import { Header } from './parts/header.js';
+import { ask } from './state/ask.js';
 import { start } from './state/live.js';
 import { refused, session } from './state/now.js';
 import { place } from './state/place.js';
@@ -25,10 +26,17 @@ const SCREENS = {
   'sign-in': () => import('./screens/sign_in.js').then(({ SignIn }) => SignIn),
 };
 const screens = createScreens(SCREENS);
+const LONG_MS = 15_000;
 
 /** All other screens, once the first is shown: a daemon that is replaced serves those of its own version only. */
 async function fetchRest() {
   for (const name of Object.keys(SCREENS)) await screens.fetch(name);
+}
+
+/** Loads the whole page when a screen does not come though the daemon answers: some browsers keep a failed import. */
+function loadAnewLater() {
+  const timer = setInterval(() => void ask('/session').then(() => location.reload(), () => {}), LONG_MS);
+  return () => clearInterval(timer);
 }
 
 /** A fault of one screen leaves header and "End run" as they are. */
@@ -55,6 +63,7 @@ function Page() {
   useEffect(() => {
     screens.fetch(wanted);
   }, [wanted]);
+  useEffect(() => (Screen ? undefined : loadAnewLater()), [wanted, !Screen]);
   useEffect(() => {
     document.title = `${t(`place.${wanted}`)} · ${session.value?.cell || 'handeyed'}`;
     document.querySelector('h1')?.focus({ preventScroll: true });

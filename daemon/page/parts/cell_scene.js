@@ -19,7 +19,7 @@ export function CellScene({ parts, words, dim }) {
       if (!wanted) return;
       scene.current = createCellScene(canvas.current);
       setState(scene.current ? 'ready' : 'no-webgl');
-    });
+    }).catch(() => wanted && setState('failed'));
     return () => {
       wanted = false;
       scene.current?.dispose();
@@ -32,7 +32,7 @@ export function CellScene({ parts, words, dim }) {
   const said = words ?? standing(parts);
   return html`<figure class="scene ${dim ? 'dimmed' : ''}">
     <div class="frame"><canvas ref=${canvas} tabindex="0" role="img" aria-label="${t('scene.alt')} ${said}"></canvas>
-      ${state === 'no-webgl' && html`<p class="cover quiet">${t('scene.no-webgl')}</p>`}</div>
+      ${['no-webgl', 'failed'].includes(state) && html`<p class="cover quiet">${t(`scene.${state}`)}</p>`}</div>
     <figcaption class="small quiet">${said} <span class="keys">${t('scene.keys')}</span></figcaption>
   </figure>`;
 }

@@ -24,8 +24,9 @@ export function CloudView({ scan, views }) {
       scene.current = null;
     };
     async function load() {
-      const { createCloudScene } = await import('../scene/cloud.js');
-      if (!wanted) return;
+      const { createCloudScene } = await import('../scene/cloud.js').catch(() => ({}));
+      if (!wanted) return undefined;
+      if (!createCloudScene) return setState({ words: t('scene.failed') });
       scene.current = createCloudScene(canvas.current, { onPick: (point) => setPicked((before) => [...before.slice(-1), point]) });
       if (!scene.current) return setState({ words: t('scene.no-webgl') });
       try {

@@ -115,6 +115,7 @@ export default {
   'scene.alt': 'Die Zelle in drei Dimensionen.',
   'scene.keys': 'Ziehen oder Pfeiltasten drehen; + und − zoomen; Pos1 setzt zurück.',
   'scene.no-webgl': 'Dieser Browser zeichnet kein 3D (WebGL 2 fehlt). Alle Zahlen stehen darunter.',
+  'scene.failed': 'Die Zeichnung konnte nicht geholt werden: Seite neu laden. Alle Zahlen stehen darunter.',
   'scene.flange': 'Flansch bei {x}, {y}, {z} in der Basis.',
   'scene.views': 'Aufgenommene Ansichten: {count}.',
   'scene.planned': 'Geplante Ansichten: {count}.',

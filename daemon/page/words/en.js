@@ -120,6 +120,7 @@ export default {
   'scene.alt': 'The cell in three dimensions.',
   'scene.keys': 'Drag or arrow keys turn; + and − zoom; Home resets.',
   'scene.no-webgl': 'This browser draws no 3D (WebGL 2 is missing). All numbers are below.',
+  'scene.failed': 'The drawing could not be fetched: load the page again. All numbers are below.',
   'scene.flange': 'Flange at {x}, {y}, {z} in the base.',
   'scene.views': 'Views taken: {count}.',
   'scene.planned': 'Views planned: {count}.',

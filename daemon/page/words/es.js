@@ -115,6 +115,7 @@ export default {
   'scene.alt': 'La celda en tres dimensiones.',
   'scene.keys': 'Arrastrar o flechas: girar; + y −: zoom; Inicio: volver.',
   'scene.no-webgl': 'Este navegador no dibuja 3D (falta WebGL 2). Todos los números están abajo.',
+  'scene.failed': 'No se pudo obtener el dibujo: vuelva a cargar la página. Todos los números están abajo.',
   'scene.flange': 'Brida en {x}, {y}, {z} en la base.',
   'scene.views': 'Vistas tomadas: {count}.',
   'scene.planned': 'Vistas previstas: {count}.',

@@ -115,6 +115,7 @@ export default {
   'scene.alt': '单元的三维视图。',
   'scene.keys': '拖动或方向键旋转；+ 和 − 缩放；Home 复位。',
   'scene.no-webgl': '此浏览器不能绘制三维（缺少 WebGL 2）。所有数字在下方。',
+  'scene.failed': '无法获取图形：请重新加载页面。所有数字在下方。',
   'scene.flange': '法兰在基座标系中位于 {x}, {y}, {z}。',
   'scene.views': '已拍视图：{count}。',
   'scene.planned': '计划视图：{count}。',

@@ -1,5 +1,6 @@
 """The page as people use it: from signing in to a calibration in force, by mouse, finger and keyboard; roles; links."""
 
+import asyncio
 from typing import Any
 
 import pytest
@@ -123,6 +124,42 @@ async def test_without_the_stream_nothing_can_be_started(open_page: Opened) -> N
         await page.context.unroute("**/live")
         await page.get_by_text("● live").wait_for()
         await page.get_by_text("Hold for one second").wait_for()
+
+
+async def test_a_screen_that_could_not_be_fetched_is_fetched_again(open_page: Opened) -> None:
+    async with open_page("viewer", "help") as page:
+        await page.get_by_text("● live").wait_for()
+        await page.context.route("**/screens/audit.js", lambda route: route.abort(), times=1)
+        await page.evaluate("location.hash = '#/audit'")
+        await page.get_by_text("Your role does not allow this").first.wait_for()
+
+
+LATE_EFFECTS = """() => {
+    const soon = window.setTimeout;
+    window.requestAnimationFrame = (call) => soon(call, 3000);
+    window.setTimeout = (call, ms, ...rest) => soon(call, ms > 0 && ms < 200 ? 3000 : ms, ...rest);
+}"""
+"""Preact calls effects after the next frame or 35 ms: here later than the screen comes."""
+
+
+async def test_a_screen_that_comes_before_its_effect_is_shown(open_page: Opened) -> None:
+    asked, shown = asyncio.Event(), asyncio.Event()
+
+    async def hold(route: Any) -> None:
+        asked.set()
+        await shown.wait()
+        await route.continue_()
+
+    async with open_page("viewer", "help") as page:
+        await page.context.route("**/screens/audit.js", hold)
+        await page.reload()
+        await page.get_by_text("● live").wait_for()
+        await asked.wait()
+        await page.evaluate(LATE_EFFECTS)
+        await page.evaluate("location.hash = '#/audit'")
+        await page.get_by_text("Asking").wait_for()
+        shown.set()
+        await page.get_by_text("Your role does not allow this").first.wait_for()
 
 
 async def test_ten_tabs_share_one_stream(open_page: Opened) -> None:
