@@ -1,5 +1,6 @@
 """Hand-eye calibration of a session: `solve_hand_eye(problem) -> Solution`; pure, does not raise for bad data."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,12 +8,15 @@ import numpy as np
 from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import diagnose_solution
-from calibration.errors import UndeterminedError
+from calibration.errors import GeometryError, UndeterminedError
+from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm_errors import AXES, NO_LOAD, ArmErrorModel, Load, Postures
 from calibration.likelihood.augmented_model import augment_model
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
+from calibration.solver.arm_identification import ArmFit, TargetViews, identify_arm
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.systematic_error_check import (
@@ -23,6 +27,7 @@ from calibration.solver.systematic_error_check import (
 )
 from calibration.solver.target_scale_check import predicts_better, scale_error, with_scale
 from calibration.solver.view_outliers import Selection, agreeing_rows, select_views
+from calibration.transforms import Array
 
 METHODS = ("auto", *CLOSED_FORMS)
 
@@ -119,3 +124,27 @@ def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, S
 
 def _reselect(prepared: PreparedSession, selection: Selection) -> Selection:
     return select_views(prepared, selection.used, selection.best.chain, selection.best.variances)
+
+
+def identify_arm_session(arm: Arm, problems: Sequence[Problem], load: Load = NO_LOAD) -> ArmFit:
+    """The arm's errors, X and their covariance from sessions of images: of one target, at a place for each session.
+
+    All views hold joints. Raises UndeterminedError where a session does not determine X without errors of the arm, and
+    GeometryError for views without joints.
+    """
+    found = []
+    for problem in problems:
+        prepared, _, selection = estimate_session(problem)
+        rows = prepared.take(selection.used)
+        found.append((TargetViews(rows, selection.best), _joints_of(problem, rows)))
+    found.sort(key=lambda views: -len(views[1]))
+    views, joints = zip(*found, strict=True)
+    return identify_arm(ArmErrorModel(arm), views, Postures(np.concatenate(joints), load))
+
+
+def _joints_of(problem: Problem, rows: PreparedSession) -> Array:
+    """Joints (n, 6) of the views."""
+    joints = [problem.views[position].joints_rad for position in rows.seen.positions]
+    if any(each is None or len(each) != AXES for each in joints):
+        raise GeometryError("a view has no joints of six axes: the arm's errors are identified from joints")
+    return np.array(joints)

@@ -93,7 +93,7 @@ class MixedModel:
         follow = (self.basis.T @ self.by_robot.reshape(n, -1)).reshape(6 * m, -1)  # sum of basis U' [U, A, y]
         both = (self.basis[:, :, None] * self.basis[:, None]).reshape(n, m * m)
         own = (both.T @ self.UU.reshape(n, 36)).reshape(m, m, 6, 6).transpose(0, 2, 1, 3).reshape(6 * m, 6 * m)
-        return _insert_columns(total, np.delete(follow[:, 6:], slice(q, q + 6 * m), axis=1), own)
+        return insert_columns(total, np.delete(follow[:, 6:], slice(q, q + 6 * m), axis=1), own)
 
     def per_view(self) -> Array:
         """[A, y]' [A, y] (n, p + 1, p + 1) of each view."""
@@ -102,7 +102,7 @@ class MixedModel:
         n, m, q = len(self.count), self.trend_terms, self.squares.shape[1] - 1
         follow = (self.basis[:, :, None, None] * self.by_robot[:, None]).reshape(n, 6 * m, -1)
         own = (follow[:, :, None, :6] * self.basis[:, None, :, None]).reshape(n, 6 * m, 6 * m)
-        return _insert_columns(self.squares, np.delete(follow[:, :, 6:], slice(q, q + 6 * m), axis=2), own)
+        return insert_columns(self.squares, np.delete(follow[:, :, 6:], slice(q, q + 6 * m), axis=2), own)
 
     def select(self, shared: NDArray[np.bool_]) -> "MixedModel":
         """The model with the chosen (p,) unknowns only; for a model without a trend."""
@@ -135,7 +135,7 @@ class MixedModel:
         return own + shared
 
 
-def _insert_columns(squares: Array, across: Array, own: Array) -> Array:
+def insert_columns(squares: Array, across: Array, own: Array) -> Array:
     """[A, y]' [A, y] (..., q + 1, q + 1) with more columns between A and y: `across` is T' [A, y], `own` T' T."""
     q, t = squares.shape[-1] - 1, own.shape[-1]
     order = np.concatenate([np.arange(q), q + 1 + np.arange(t), [q]])

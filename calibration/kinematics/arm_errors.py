@@ -1,0 +1,251 @@
+"""The built arm: how its geometry, gears, sag, play and warmth differ from the drawing, and where its flange then is.
+
+    base_T_flange = product over axes 1 to 6 of  Rot(axis, q + dq) · L · E
+
+`q` is the angle that the controller reports, `dq` its error, L the drawing's link up to the next axis, and E a small
+error [rotation rad, translation mm] at the next axis. Of the 42 errors of links and zeros 18 can be seen by any
+measurement from the flange, since base and flange have free places of their own (L. J. Everett & A. H. Suryohadiprojo,
+"A study of kinematic models for forward calibration of manipulators", ICRA 1988). Here the others are zero by
+convention: the base is where axis 1, its zero and its height put it, the flange where axis 6, its zero and its length
+do; a shift along the parallel axes 2 and 3 counts as one of axis 2, a shift of axis 3 across the lower arm as zeros of
+axes 2 and 3.
+
+Standard deviations are those of arms as delivered; docs/arm-errors.md has their sources.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.kinematics.arm import Arm
+from calibration.transforms import Array, adjoint, inverse, map_points, rotation_from_vector, transform
+
+Group = Literal["zeros", "links", "gears", "sag", "play", "warmth"]
+
+GROUPS: tuple[Group, ...] = ("zeros", "links", "gears", "sag", "play", "warmth")
+"""From what explains most in ordinary arms to what explains least; a model has the groups up to one of them."""
+
+AXES = 6
+GRAVITY_M_S2 = 9.81
+
+_DIRECTIONS = np.eye(3)[[2, 1, 1, 0, 1, 0]]
+"""Axes 1 to 6 (6, 3) with all joints zero."""
+
+_LINK_ERRORS = {1: "rx tx ty", 2: "rx rz tz", 3: "rz tx tz", 4: "rz ty tz", 5: "rz tz"}
+"""What can be told apart of the error of each link: up to axis 2, 3, 4, 5 and 6."""
+
+_COMPONENTS = ("rx", "ry", "rz", "tx", "ty", "tz")
+_SAGS = ("2_by_lower_arm", "2_by_forearm", "3_by_forearm", "2_by_load", "3_by_load", "5_by_load")
+
+ZERO_SIGMA_RAD = float(np.radians(0.02))
+TWIST_SIGMA_RAD = float(np.radians(0.015))
+LENGTH_SIGMA_MM = 0.2
+ECCENTRICITY_SIGMA_RAD = 6e-5
+RATIO_SIGMA = 2e-5
+OWN_SAG_SIGMA_RAD = 2e-4
+"""At the stretched arm, of its own weight, what the controller does not compensate."""
+COMPLIANCE_SIGMA = 2e-6
+"""rad/(N m) of an axis of an arm of 1 m reach; it falls with the third power of the reach."""
+PLAY_SIGMA_RAD = 4e-5
+"""Half the play of an axis."""
+EXPANSION_SIGMA = 1.5e-5
+"""1/K: between cast iron and aluminium."""
+
+MAX_USUAL_SIGMAS = 6.0
+"""A parameter beyond so many of its standard deviations is no arm's: another arm, axis order, sign or zero."""
+
+
+@dataclass(frozen=True)
+class ErrorParameter:
+    """One error: `name` without spaces, its group, unit, the axis (1 to 6) it belongs to, its standard deviation."""
+
+    name: str
+    group: Group
+    unit: str
+    axis: int
+    sigma: float
+
+
+@dataclass(frozen=True)
+class Load:
+    """What the flange carries: mass, and centre of mass (3,) in the flange's frame."""
+
+    mass_kg: float = 0.0
+    centre_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+NO_LOAD = Load()
+
+
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """n standstills of the arm: joints (n, 6) as reported, and what else its errors depend on.
+
+    sides : (n, 6) 1 where an axis came from below, -1 from above, 0 where that is not known.
+    warmth_k : (n,) temperature of the arm above that at which it is described.
+    """
+
+    joints_rad: Array
+    load: Load = NO_LOAD
+    sides: Array | None = None
+    warmth_k: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.joints_rad)
+
+    def take(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> "Postures":
+        """Only the chosen ones."""
+        parts = [None if part is None else part[chosen] for part in (self.sides, self.warmth_k)]
+        return Postures(self.joints_rad[chosen], self.load, *parts)
+
+
+class ArmErrorModel:
+    """The errors of one listed arm as parameters (k,), with their prior, and the flange's pose by them."""
+
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
+        self.parameters = _parameters(arm)
+        self.sigmas: Array = np.array([parameter.sigma for parameter in self.parameters])
+        tool = arm.forward(np.zeros(AXES))[:3, :3]
+        elbow = np.array([arm.forearm_mm, 0.0, arm.elbow_up_mm])
+        shoulder = np.array([arm.shoulder_forward_mm, 0.0, arm.shoulder_height_mm])
+        ahead, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+        self._links: Array = np.array([shoulder, arm.lower_arm_mm * up, elbow, 0 * up, 0 * up, arm.flange_mm * ahead])
+        self._tool = transform(tool, np.zeros(3))
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def indices(self, *groups: Group) -> NDArray[np.intp]:
+        """Positions of the parameters of these groups."""
+        return np.array([row for row, parameter in enumerate(self.parameters) if parameter.group in groups], np.intp)
+
+    def index(self, name: str) -> int:
+        """Position of a parameter. Raises ValueError for another name."""
+        return [parameter.name for parameter in self.parameters].index(name)
+
+    def forward(self, parameters: Array, postures: Postures) -> Array:
+        """base_T_flange (n, 4, 4) of the built arm."""
+        return self._frames(parameters, postures)[-1]
+
+    def jacobian(self, parameters: Array, postures: Postures) -> Array:
+        """Derivative (n, 6, k) of the pose by the parameters, as [rotation, translation] of base_T_flange @ exp(.).
+
+        Exact up to the square of the parameters: to a thousandth for errors of a millimetre in a metre.
+        """
+        *frames, flange = self._frames(parameters, postures)
+        regressors = self._regressors(postures)
+        to_flange = adjoint(inverse(flange) @ np.array(frames))  # (12, n, 6, 6)
+        result = np.zeros((len(postures), 6, len(self)))
+        rows = np.arange(len(self))
+        for axis in range(AXES):
+            turned = to_flange[2 * axis, :, :, :3] @ _DIRECTIONS[axis]
+            result += turned[:, :, None] * regressors[axis][:, None]
+            of_link = [row for row in rows if self.parameters[row].name.startswith(f"link_{axis + 1}_")]
+            parts = [_COMPONENTS.index(self.parameters[row].name[-2:]) for row in of_link]
+            result[:, :, of_link] = to_flange[2 * axis + 1][:, :, parts]
+            if postures.warmth_k is not None:
+                grown = to_flange[2 * axis + 1][:, :, 3:] @ self._links[axis]
+                result[:, :, self.index("expansion")] += grown * postures.warmth_k[:, None]
+        return result
+
+    def _frames(self, parameters: Array, postures: Postures) -> list[Array]:
+        """Frames (n, 4, 4) in the base behind each turn and each link, twelve of them, and the flange."""
+        turns = postures.joints_rad + np.einsum("ank,k->na", self._regressors(postures), parameters)
+        growth = np.zeros(len(postures))
+        if postures.warmth_k is not None:
+            growth = postures.warmth_k * parameters[self.index("expansion")]
+        here, frames = np.broadcast_to(np.eye(4), (len(postures), 4, 4)), []
+        for axis in range(AXES):
+            turn = rotation_from_vector(turns[:, axis, None] * _DIRECTIONS[axis])
+            here = here @ transform(turn, np.zeros((len(postures), 3)))
+            frames.append(here)
+            error = self._link_error(parameters, axis + 1)
+            shift = self._links[axis] * (1 + growth[:, None]) + error[3:]
+            here = here @ transform(np.broadcast_to(rotation_from_vector(error[:3]), turn.shape), shift)
+            frames.append(here)
+        return [*frames, here @ self._tool]
+
+    def _link_error(self, parameters: Array, link: int) -> Array:
+        error = np.zeros(6)
+        for component in _LINK_ERRORS.get(link, "").split():
+            error[_COMPONENTS.index(component)] = parameters[self.index(f"link_{link}_{component}")]
+        return error
+
+    def _regressors(self, postures: Postures) -> Array:
+        """Derivative (6, n, k) of each axis's true angle by the parameters."""
+        q = postures.joints_rad
+        found = np.zeros((AXES, len(q), len(self)))
+        for row, parameter in enumerate(self.parameters):
+            axis = parameter.axis - 1
+            kind = parameter.name.split("_")[0]
+            if kind == "zero":
+                found[axis, :, row] = 1.0
+            elif kind == "ratio":
+                found[axis, :, row] = q[:, axis]
+            elif kind == "sine":
+                found[axis, :, row] = np.sin(q[:, axis])
+            elif kind == "cosine":
+                found[axis, :, row] = np.cos(q[:, axis])
+            elif kind == "play" and postures.sides is not None:
+                found[axis, :, row] = -postures.sides[:, axis]
+        for name, (axis, moment) in self._moments(postures).items():
+            found[axis - 1, :, self.index(f"sag_{name}")] = moment
+        return found
+
+    def _moments(self, postures: Postures) -> dict[str, tuple[int, Array]]:
+        """Axis and moment (n,) about it: of own weight over that of the stretched arm, of the load in N m."""
+        arm, load = self.arm, postures.load
+        shoulder, elbow, wrist, _ = np.moveaxis(arm.skeleton(postures.joints_rad), -2, 0)
+        carried = map_points(arm.forward(postures.joints_rad), np.array([load.centre_mm]))[:, 0]
+        base_R_wrist = self._wrist_axis(postures.joints_rad)
+        across = rotation_from_vector(postures.joints_rad[:, :1] * _DIRECTIONS[0]) @ _DIRECTIONS[1]
+        newtons = load.mass_kg * GRAVITY_M_S2 * 1e-3
+        forearm = arm.reach_mm - arm.shoulder_forward_mm - arm.lower_arm_mm
+        return {
+            "2_by_lower_arm": (2, _moment(across, elbow - shoulder) / arm.lower_arm_mm),
+            "2_by_forearm": (2, _moment(across, wrist - elbow) / forearm),
+            "3_by_forearm": (3, _moment(across, wrist - elbow) / forearm),
+            "2_by_load": (2, newtons * _moment(across, carried - shoulder)),
+            "3_by_load": (3, newtons * _moment(across, carried - elbow)),
+            "5_by_load": (5, newtons * _moment(base_R_wrist, carried - wrist)),
+        }
+
+    def _wrist_axis(self, q: Array) -> Array:
+        """Axis 5 (n, 3) in the base."""
+        turns = (q[:, 0], q[:, 1] + q[:, 2], q[:, 3])
+        axis: Array = np.broadcast_to(_DIRECTIONS[4], (len(q), 3))
+        for angle, direction in reversed(list(zip(turns, _DIRECTIONS[[0, 1, 3]], strict=True))):
+            axis = (rotation_from_vector(angle[:, None] * direction) @ axis[..., None])[..., 0]
+        return axis
+
+
+def _moment(axis: Array, arm: Array) -> Array:
+    """Component (n,) along `axis` of arm × down, for lever arms (n, 3): positive where a weight lowers the arm."""
+    down = np.array([0.0, 0.0, -1.0])
+    return np.asarray(np.sum(axis * np.cross(arm, down), axis=-1))
+
+
+def _parameters(arm: Arm) -> tuple[ErrorParameter, ...]:
+    reach_m = arm.reach_mm / 1000
+    found = [ErrorParameter(f"zero_{axis}", "zeros", "rad", axis, ZERO_SIGMA_RAD) for axis in range(2, AXES)]
+    for link, components in _LINK_ERRORS.items():
+        for component in components.split():
+            turn = component.startswith("r")
+            sigma, unit = (TWIST_SIGMA_RAD, "rad") if turn else (LENGTH_SIGMA_MM, "mm")
+            found.append(ErrorParameter(f"link_{link}_{component}", "links", unit, link + 1, sigma))
+    for axis in range(1, AXES + 1):
+        found.append(ErrorParameter(f"ratio_{axis}", "gears", "rad/rad", axis, RATIO_SIGMA))
+        found += [
+            ErrorParameter(f"{wave}_{axis}", "gears", "rad", axis, ECCENTRICITY_SIGMA_RAD)
+            for wave in ("sine", "cosine")
+        ]
+    for name in _SAGS:
+        loaded = name.endswith("load")
+        sigma = COMPLIANCE_SIGMA / reach_m**3 if loaded else OWN_SAG_SIGMA_RAD
+        found.append(ErrorParameter(f"sag_{name}", "sag", "rad/(N m)" if loaded else "rad", int(name[0]), sigma))
+    found += [ErrorParameter(f"play_{axis}", "play", "rad", axis, PLAY_SIGMA_RAD) for axis in range(1, AXES + 1)]
+    found.append(ErrorParameter("expansion", "warmth", "1/K", 1, EXPANSION_SIGMA))
+    return tuple(found)

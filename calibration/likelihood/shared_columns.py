@@ -1,0 +1,86 @@
+"""More shared unknowns of the linearised model: errors of the arm, and a target at several places."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.likelihood.mixed_model import MixedModel, insert_columns
+from calibration.transforms import Array
+
+
+def with_arm(model: MixedModel, jacobian: Array, prior_information: Array, prior_offset: Array) -> MixedModel:
+    """The model with k more unknowns (their last places), which correct robot pose i by `jacobian`[i] (n, 6, k).
+
+    `prior_information`, `prior_offset` (k,): as of MixedModel. For a model without a trend.
+    """
+    follow = model.UU @ jacobian
+    turned = np.swapaxes(jacobian, 1, 2)
+    own = turned @ follow
+    return replace(
+        model,
+        by_robot=np.concatenate([model.by_robot[:, :, :-1], follow, model.by_robot[:, :, -1:]], axis=2),
+        squares=insert_columns(model.squares, turned @ model.UAy, own),
+        prior_information=np.concatenate([model.prior_information, prior_information]),
+        prior_offset=np.concatenate([model.prior_offset, prior_offset]),
+    )
+
+
+def join_places(models: Sequence[MixedModel]) -> MixedModel:
+    """One model of the views of several places of the target: six unknowns for each place, after those of X.
+
+    The models are without a trend and have the same unknowns.
+    """
+    first, more = models[0], 6 * (len(models) - 1)
+    if not more:
+        return first
+    q = first.unknowns + 1
+    wide = [np.r_[0:6, 6 * place + 6 : 6 * place + 12, 12 + more : q + more] for place in range(len(models))]
+    zeros = np.zeros(more)
+    return replace(
+        first,
+        by_robot=np.concatenate(
+            [_spread(one.by_robot, np.r_[0:6, 6 + own], q + more + 6) for one, own in zip(models, wide, strict=True)]
+        ),
+        squares=np.concatenate(
+            [
+                np.swapaxes(_spread(np.swapaxes(_spread(one.squares, own, q + more), 1, 2), own, q + more), 1, 2)
+                for one, own in zip(models, wide, strict=True)
+            ]
+        ),
+        count=np.concatenate([one.count for one in models]),
+        prior_information=np.insert(first.prior_information, 12, zeros),
+        prior_offset=np.insert(first.prior_offset, 12, zeros),
+        basis=np.concatenate([one.basis for one in models]),
+    )
+
+
+def _spread(columns: Array, own: NDArray[np.intp], width: int) -> Array:
+    """Columns (..., q) at places `own` (q,) of (..., width), zeros elsewhere."""
+    wide = np.zeros((*columns.shape[:-1], width))
+    wide[..., own] = columns
+    return wide
+
+
+def fix_unknowns(model: MixedModel, fixed: NDArray[np.intp], step: Array) -> MixedModel:
+    """The model in which the unknowns at places `fixed` (f,) take the `step` (f,), and the others remain unknown."""
+    p = model.unknowns
+    kept = np.setdiff1d(np.arange(p), fixed)
+    mapped = np.zeros((p + 1, len(kept) + 1))
+    mapped[kept, np.arange(len(kept))] = 1.0
+    mapped[p, -1] = 1.0
+    mapped[fixed, -1] = step
+    return replace(
+        model,
+        by_robot=np.concatenate([model.UU, model.UAy @ mapped], axis=2),
+        squares=mapped.T @ model.squares @ mapped,
+        prior_information=model.prior_information[kept],
+        prior_offset=model.prior_offset[kept],
+    )
+
+
+def take_views(model: MixedModel, chosen: NDArray[np.bool_]) -> MixedModel:
+    """The model of the chosen views only."""
+    parts = {name: getattr(model, name)[chosen] for name in ("by_robot", "squares", "count", "basis")}
+    return replace(model, **parts)

@@ -1,0 +1,54 @@
+"""Arms as built: geometry, gears, sag and play drawn about the drawing, by the class of an arm.
+
+A controller computes poses with the drawing; the flange is where the built arm puts it.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm_errors import NO_LOAD, ArmErrorModel, Group, Load, Postures
+from calibration.transforms import Array
+
+ArmClass = Literal["perfect", "calibrated", "standard", "worn"]
+ARM_CLASSES: tuple[ArmClass, ...] = get_args(ArmClass)
+
+_SHARES: dict[ArmClass, dict[Group, float]] = {
+    "perfect": {},
+    "calibrated": {"zeros": 0.15, "links": 0.15, "gears": 0.7, "sag": 0.3, "play": 0.5},
+    "standard": {"zeros": 1.0, "links": 1.0, "gears": 1.0, "sag": 1.0, "play": 0.5},
+    "worn": {"zeros": 2.0, "links": 1.0, "gears": 2.0, "sag": 1.5, "play": 3.0},
+}
+"""Standard deviations of each group in units of those of an arm as delivered. `standard`: 0.5 to 1 mm at the flange."""
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltArm:
+    """An arm with its errors (k,)."""
+
+    model: ArmErrorModel
+    errors: Array
+
+    @property
+    def drawing(self) -> Arm:
+        """The arm as the controller knows it."""
+        return self.model.arm
+
+    def base_T_flange(self, postures: Postures) -> Array:
+        """Where the flange truly is (n, 4, 4)."""
+        return self.model.forward(self.errors, postures)
+
+    def flange_T_built(self, joints_rad: Array, sides: Array | None = None, load: Load = NO_LOAD) -> Array:
+        """(4, 4): from the flange as reported for joints (6,) to where it is; `sides` (6,) of the last approach."""
+        postures = Postures(joints_rad[None], load, None if sides is None else sides[None])
+        return np.linalg.solve(self.drawing.forward(joints_rad), self.base_T_flange(postures)[0])
+
+
+def build_arm(drawing: Arm, arm_class: ArmClass, seed: int) -> BuiltArm:
+    """An arm of that class; the same seed gives the same arm."""
+    model = ArmErrorModel(drawing)
+    draw = np.random.default_rng([seed, 19]).standard_normal(len(model))
+    shares = np.array([_SHARES[arm_class].get(parameter.group, 0.0) for parameter in model.parameters])
+    return BuiltArm(model, shares * model.sigmas * draw)

@@ -1,0 +1,99 @@
+"""The arm's errors from ordinary and from several targets: what was learnt helps, what was not stays uncertain."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm_errors import Postures
+from calibration.solve import estimate_session, identify_arm_session
+from calibration.solver.arm_identification import ArmFit
+from calibration.solver.registered_points import registered_points
+from calibration.transforms import Array, map_points
+from mock_robot.arm.built_arm import ArmClass, build_arm
+from tests.simulated.arms import ArmCell, arm_cell, reachable_views, target_before
+
+ARM = find_arm("IRB 2600-20/1.65")
+TARGETS = (target_before(ARM), target_before(ARM, 0.45, 0.1, 0.45), target_before(ARM, 0.5, 0.05, -0.4))
+WHERE = np.array([[0.0, 0.0, 550.0]])
+
+
+def draw_cell(arm_class: ArmClass, seed: int, views: Sequence[int]) -> ArmCell:
+    """As many views of each place of the target."""
+    rng = np.random.default_rng(seed)
+    joints = [reachable_views(rng, ARM, target, count) for target, count in zip(TARGETS, views, strict=False)]
+    return arm_cell(rng, build_arm(ARM, arm_class, seed), joints, TARGETS[: len(views)])
+
+
+@cache
+def identified(arm_class: ArmClass, seed: int = 0) -> tuple[ArmCell, Array, ArmFit]:
+    """A cell with twelve views of one target, X without errors of the arm, and the fit."""
+    cell = draw_cell(arm_class, seed, (12,))
+    return (
+        cell,
+        estimate_session(cell.problems[0])[2].best.chain.mount_T_camera,
+        identify_arm_session(ARM, cell.problems),
+    )
+
+
+def errors_of(cell: ArmCell, fit: ArmFit, x: Array) -> tuple[Array, Array, Array]:
+    """Errors (n, 3) of points before and after, and their covariances (n, 3, 3), at poses that were not seen."""
+    joints = reachable_views(np.random.default_rng(99), ARM, target_before(ARM), 40)
+    at = Postures(joints)
+    truth = map_points(cell.built.base_T_flange(at) @ cell.mount_T_camera, WHERE)[:, 0]
+    before = map_points(ARM.forward(joints) @ x, WHERE)[:, 0]
+    after, covariance = registered_points(fit, at, np.repeat(WHERE, len(joints), axis=0))
+    return before - truth, after - truth, covariance
+
+
+def rms(errors: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ordinary_views_of_a_standard_arm_make_points_better_and_say_how_good(seed: int) -> None:
+    cell, x, fit = identified("standard", seed)
+    before, after, covariance = errors_of(cell, fit, x)
+    assert fit.taken_up
+    assert rms(after) < 0.85 * rms(before)
+    squares = np.einsum("ni,nij,nj->n", after, np.linalg.inv(covariance), after)
+    assert 0.4 < np.sqrt(squares.mean() / 3) < 1.6
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_perfect_arm_is_left_alone(seed: int) -> None:
+    cell, x, fit = identified("perfect", seed)
+    before, after, _ = errors_of(cell, fit, x)
+    assert not fit.taken_up and not np.any(fit.parameters)
+    assert rms(after) < 1.05 * rms(before)
+
+
+def test_a_point_is_less_certain_away_from_where_views_were_taken() -> None:
+    cell, _, fit = identified("standard")
+    seen = np.array([view.joints_rad for view in cell.problems[0].views])
+    away = seen * [1, 0, 0, 1, 1, 1] + np.radians([0.0, 85.0, -25.0, 0.0, 0.0, 0.0])  # stretched
+    where = np.repeat(WHERE, len(seen), axis=0)
+    near, far = (np.trace(registered_points(fit, Postures(q), where)[1], axis1=1, axis2=2).mean() for q in (seen, away))
+    assert far > 1.5 * near
+
+
+def test_the_ladder_names_what_each_group_explains() -> None:
+    _, _, fit = identified("standard")
+    assert fit.ladder[0].up_to is None and fit.ladder[0].log_evidence == 0.0
+    assert sum(row.probability for row in fit.ladder) == pytest.approx(1.0)
+    best = max(fit.ladder, key=lambda row: row.probability)
+    assert best.hold_out_mm < 0.5 * fit.ladder[0].hold_out_mm
+
+
+def test_several_places_of_the_target_show_more_of_the_arm() -> None:
+    _, _, one_place = identified("standard")
+    several = identify_arm_session(ARM, draw_cell("standard", 0, (8, 8, 8)).problems)
+    assert len(several.anchor_T_target) == 3
+    at = Postures(reachable_views(np.random.default_rng(5), ARM, TARGETS[0], 40))
+    where = np.repeat(WHERE, 40, axis=0)
+    one, three = (
+        np.trace(registered_points(fit, at, where)[1], axis1=1, axis2=2).mean() for fit in (one_place, several)
+    )
+    assert three < 0.5 * one

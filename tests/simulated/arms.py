@@ -1,0 +1,88 @@
+"""Sessions of arms as built: the controller reports the drawing's poses, the camera sees where the flange is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.kinematics.arm import Arm, UnreachablePoseError
+from calibration.kinematics.arm_errors import NO_LOAD, Load, Postures
+from calibration.problem import Detection, Problem, View
+from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
+from mock_robot.arm.built_arm import BuiltArm
+from tests.simulated.sessions import BOARD, CAMERA, CellNoise, looking
+
+REPEATABILITY = CellNoise(0.05, float(np.radians(0.002)), 0.02)
+"""What an arm scatters by about the same pose, and the pixels."""
+
+MOUNT_T_CAMERA = transform(rotation_from_vector([0.03, -0.02, 1.2]), np.array([60.0, 10.0, 90.0]))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCell:
+    """Sessions with an arm as built, one for each place of the target, and the truth."""
+
+    built: BuiltArm
+    problems: tuple[Problem, ...]
+    mount_T_camera: Array
+
+
+def reachable_views(
+    rng: np.random.Generator,
+    arm: Arm,
+    base_T_target: Array,
+    count: int,
+    *,
+    tilt_rad: float = float(np.radians(40.0)),
+    any_posture: bool = True,
+) -> Array:
+    """Joints (count, 6) from which the camera sees the target at (4, 4); of each pose one of the arm's postures."""
+    found: list[Array] = []
+    for _ in range(100 * count):
+        wanted = base_T_target @ inverse(MOUNT_T_CAMERA @ looking(rng, BOARD, tilt_rad))
+        try:
+            solutions = arm.inverse(wanted)
+        except UnreachablePoseError:
+            continue
+        solutions = solutions[np.abs(solutions).max(axis=1) < np.radians(200.0)]
+        if not any_posture:
+            solutions = solutions[np.abs(solutions[:, 0]) < np.pi / 2]
+        if len(solutions):
+            found.append(solutions[rng.integers(len(solutions))])
+        if len(found) == count:
+            return np.array(found)
+    raise ValueError(f"{arm.name} reaches too few views of that target")
+
+
+def target_before(arm: Arm, forward: float = 0.62, up: float = 0.0, aside: float = 0.0) -> Array:
+    """base_T_target (4, 4) of a target that lies face up; places in shares of the reach from the base."""
+    place = arm.reach_mm * np.array([forward, aside, up])
+    flat = rotation_from_vector([np.pi, 0.0, 0.0])
+    return transform(flat, place - flat @ BOARD.points_mm.mean(axis=0))
+
+
+def arm_cell(
+    rng: np.random.Generator,
+    built: BuiltArm,
+    joints_rad: Sequence[Array],
+    base_T_targets: Sequence[Array],
+    noise: CellNoise = REPEATABILITY,
+    load: Load = NO_LOAD,
+) -> ArmCell:
+    """The views from joints (n, 6) of each target (4, 4); axes come to a view from the one before."""
+    problems = []
+    for joints, base_T_target in zip(joints_rad, base_T_targets, strict=True):
+        approached = np.sign(np.diff(joints, axis=0, prepend=joints[:1] - 1.0))
+        n = len(joints)
+        scatter = transform(
+            rotation_from_vector(noise.robot_rotation_rad * rng.standard_normal((n, 3))),
+            noise.robot_translation_mm * rng.standard_normal((n, 3)),
+        )
+        stands = built.base_T_flange(Postures(joints, load, approached)) @ scatter
+        seen = inverse(stands @ MOUNT_T_CAMERA) @ base_T_target
+        pixels = CAMERA.project(map_points(seen, BOARD.points_mm).reshape(-1, 3)).reshape(n, -1, 2)
+        pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
+        ids, poses = np.arange(pixels.shape[1]), built.drawing.forward(joints)
+        views = [View(row, poses[row], Detection(ids, pixels[row]), joints_rad=joints[row]) for row in range(n)]
+        problems.append(Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views)))
+    return ArmCell(built, tuple(problems), MOUNT_T_CAMERA)
