@@ -27,6 +27,7 @@ from calibration.documents.reports.blocks import (
     table,
     verdict,
 )
+from calibration.documents.reports.budget import budget_at_worst
 from calibration.documents.reports.charts import Bar, bar_chart, limit_scale
 from calibration.documents.reports.context import ReportContext
 from calibration.documents.reports.markup import Markup, join, tag
@@ -216,7 +217,7 @@ def _hold_out(document: CalibrationDocument) -> Markup | None:
 
 def _budget(document: CalibrationDocument, context: ReportContext) -> Markup:
     head = ("source", "standard uncertainty", "type", "how it is known")
-    sources = table(head, [*_sources(document, context)], words=True)
+    sources = join(table(head, [*_sources(document, context)], words=True), budget_at_worst(document, context))
     sure = document.uncertainty
     if sure is None:
         return sources

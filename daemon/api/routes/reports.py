@@ -1,4 +1,4 @@
-"""Reports as self-contained HTML or as PDF: of a calibration, a verification, the control chart, a scan."""
+"""Reports as self-contained HTML or as PDF: of a calibration, a verification, the control chart, a scan, a scanner."""
 
 import asyncio
 from dataclasses import replace
@@ -10,6 +10,12 @@ import numpy as np
 from fastapi import APIRouter, Query, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.reports.acceptance_report import (
+    MeasuredBall,
+    MeasuredPosition,
+    ScannerVerification,
+    acceptance_report,
+)
 from calibration.documents.reports.blocks import policy_of
 from calibration.documents.reports.calibration_report import calibration_report
 from calibration.documents.reports.context import Drift, DriftedPoint, Picture, ReportContext
@@ -18,6 +24,7 @@ from calibration.documents.reports.verification_report import drift_report, veri
 from daemon.api.dependencies import App, Identifier
 from daemon.api.negotiation import media_ranges
 from daemon.api.problems import problem_responses
+from daemon.api.schemas.acceptances import StoredAcceptance
 from daemon.application import Application
 from daemon.drift.chart import DriftChart
 from daemon.errors import NotFound
@@ -192,6 +199,34 @@ def _cloud_pictures(file: Path) -> tuple[Picture, ...]:
         return ()
     points = np.memmap(file, np.float32, "r").reshape(-1, 3)
     return cloud_pictures(np.array(points[:: max(1, len(points) // MAX_PICTURED_POINTS)]))
+
+
+@router.get(
+    "/acceptances/{acceptance_id}/report",
+    tags=["calibrate"],
+    response_class=Response,
+    responses={**REPORT, **problem_responses(404, 406, 429)},
+)
+async def report_acceptance(request: Request, app: App, acceptance_id: Identifier, form: Form = None) -> Response:
+    """The report of a verification of the scanner with a sphere or a ball bar."""
+    stored = StoredAcceptance.of_record(await app.store.acceptances.get(acceptance_id))
+    return await _answer(request, app, acceptance_report(_verification_of(stored), context_of(app.settings)), form)
+
+
+def _verification_of(stored: StoredAcceptance) -> ScannerVerification:
+    found = stored.acceptance
+    return ScannerVerification(
+        stored.id, stored.created_at, stored.created_by, found.scan_id, found.based_on, found.artefact.radius_mm,
+        found.artefact.spacing_mm, found.probing_form_mm, found.probing_size_mm, found.sphere_spacing_mm,
+        tuple(
+            MeasuredPosition(
+                position.view,
+                tuple(MeasuredBall(ball.centre_mm, ball.form_mm, ball.size_mm, ball.points) for ball in position.balls),
+                position.spacing_error_mm,
+            )
+            for position in found.positions
+        ),
+    )  # fmt: skip
 
 
 async def _answer(

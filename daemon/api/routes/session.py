@@ -62,7 +62,7 @@ async def session(request: Request, app: App) -> SessionDocument:
             "role": caller.role.word,
             "expires_at": None if found is None else found.expires_at,
             "asked": await _asked(app, caller),
-            "cell": socket.gethostname(),
+            "cell": app.settings.report.cell or socket.gethostname(),
             "software": SOFTWARE,
             "languages": LANGUAGES,
         }

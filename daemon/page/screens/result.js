@@ -1,11 +1,14 @@
 // A result: verdict and U on its scale, what was found, beside what is in force, the views and their pictures.
 import { html, useState } from '../vendor/preact.js';
 import { Card, Facts } from '../parts/card.js';
+import { Ellipsoids } from '../parts/ellipsoids.js';
+import { Exports } from '../parts/exports.js';
 import { Findings } from '../parts/findings.js';
 import { HoldButton } from '../parts/hold_button.js';
 import { Uncertainty } from '../parts/in_force.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
+import { SolveAgain } from '../parts/solve_again.js';
 import { ViewTable } from '../parts/view_table.js';
 import { ask } from '../state/ask.js';
 import { deg, fixed, mm, moment } from '../state/numbers.js';
@@ -27,12 +30,17 @@ export function Result({ argument }) {
 
 function Shown({ document, current }) {
   const inForce = current.data?.applied.calibration_id === document.id;
+  const path = `/calibrations/${encodeURIComponent(document.id)}`;
+  const { uncertainty } = document;
   return html`<div class="grid">
     <${Card} title=${inForce ? t('result.in-force') : t('place.result')} id="verdict"><${Verdict} document=${document} current=${current} inForce=${inForce} /></${Card}>
     <${Card} title=${t('result.found')} id="found"><${Findings} findings=${document.verdict.findings} /></${Card}>
     <${Card} title=${t('compare.title')} id="compare"><${Compare} document=${document} current=${current} inForce=${inForce} /></${Card}>
     <${Views} document=${document} />
-    <${Card} title=${t('pose.title')} id="pose" wide="3"><${PoseFacts} document=${document} /></${Card}>
+    ${uncertainty?.covariance && uncertainty.points.length > 0 && html`<${Card} title=${t('ellipsoid.title')} id="ellipsoids" wide="half"><${Ellipsoids} uncertainty=${uncertainty} /></${Card}>`}
+    <${Card} title=${t('pose.title')} id="pose" wide="half"><${PoseFacts} document=${document} /></${Card}>
+    ${document.flange_T_camera || document.base_T_camera ? html`<${Card} title=${t('exports.title')} id="exports" wide="half"><${Exports} path=${path} /></${Card}>` : null}
+    ${may('operator') && html`<${Card} title=${t('again.title')} id="again" wide="half"><${SolveAgain} path=${path} views=${document.views} /></${Card}>`}
   </div>`;
 }
 

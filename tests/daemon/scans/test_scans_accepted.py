@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from calibration.documents.reports.numbers import number
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.clouds import PLY, POSES
 from tests.daemon.fakes import ply_of
@@ -35,6 +36,9 @@ async def test_a_ball_bar_in_three_positions_gives_probing_and_spacing_errors(be
     stored = (await bench.client.get(answer.headers["location"])).json()
     assert (stored["acceptance"], stored["created_by"]) == (found, "local")
     assert (await bench.client.get("/acceptances")).json() == {"acceptances": [stored], "next": None}
+    report = await bench.client.get(f"/acceptances/{stored['id']}/report")
+    assert (report.status_code, stored["id"] in report.text) == (200, True)
+    assert number(stored["acceptance"]["probing_form_mm"], 4) in report.text
 
 
 async def test_a_position_without_the_artefact_is_named(bench: Bench) -> None:

@@ -5,16 +5,26 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from calibration.documents.calibration import CalibrationDocument, FindingDocument
+from calibration.documents.calibration import CalibrationDocument, FindingDocument, PointUncertaintyDocument
+from calibration.documents.reports.acceptance_report import (
+    MeasuredBall,
+    MeasuredPosition,
+    ScannerVerification,
+    acceptance_report,
+)
 from calibration.documents.reports.blocks import picture, policy_of
+from calibration.documents.reports.budget import point_variances
 from calibration.documents.reports.calibration_report import calibration_report
 from calibration.documents.reports.charts import LOOKS, Bar, ChartPoint, bar_chart, control_chart, limit_scale
 from calibration.documents.reports.context import Drift, DriftedPoint, Picture, ReportContext, VerifiedPoints
 from calibration.documents.reports.numbers import number, places, significant
 from calibration.documents.reports.scan_report import Scan, ScannedView, scan_report
 from calibration.documents.reports.verification_report import drift_report, verification_report
+from calibration.documents.target import ChessboardDocument
+from calibration.likelihood.mapped_points import point_sigmas_mm
 from tests.daemon.calibrations import a_calibration
 
 HOSTILE = "\"'><img src=x onerror=alert(1)><script>alert(2)</script></style></title>{{7*7}} é 漢\u202e"
@@ -32,6 +42,10 @@ DRIFT = Drift("cal-1", "steady", (
 ))  # fmt: skip
 SCAN = Scan("scan-1", "door", "2026-11-22T08:00:00Z", "cal-1", 12345, (ScannedView(0, 12345, 0.4, 0.11, 0.02),),
             0.2, 0.11, True, (), (PIXEL,))  # fmt: skip
+ACCEPTANCE = ScannerVerification(
+    "acc-1", "2026-11-22T08:00:00Z", "Ann", "scan-1", "based on ISO 10360-13", 15.0, 100.0, 0.012, -0.03, 0.15,
+    (MeasuredPosition(0, (MeasuredBall((1.0, 2.0, 500.0), 0.012, -0.03, 900),), 0.15),),
+)  # fmt: skip
 FULL = ReportContext(
     plant="Plant 3", cell="Cell 2", robot_model="IRB 1600", robot_serial="R-1", camera_serial="C-1",
     target_serial="T-1", target_certificate="DKD 1", pitch_uncertainty_mm=0.005, temperature_c=21.5, run_id="run-1",
@@ -64,6 +78,7 @@ def every_report(context: ReportContext) -> dict[str, str]:
         "verification": verification_report(VERIFIED, context),
         "drift": drift_report(DRIFT, context),
         "scan": scan_report(SCAN, context),
+        "acceptance": acceptance_report(ACCEPTANCE, context),
     }
 
 
@@ -90,6 +105,7 @@ def test_hostile_names_stay_text(name: str) -> None:
         "verification": verification_report(replace(VERIFIED, run_id=HOSTILE, rows=((HOSTILE, (1, 2, 3)),)), hostile),
         "drift": drift_report(replace(DRIFT, alarm=HOSTILE, calibration_id=HOSTILE), hostile),
         "scan": scan_report(replace(SCAN, name=HOSTILE, scan_id=HOSTILE, findings=(finding,)), hostile),
+        "acceptance": acceptance_report(replace(ACCEPTANCE, by=HOSTILE, based_on=HOSTILE), hostile),
     }[name]
     page, plain = Elements(html), Elements(every_report(FULL)[name])
     assert page.names <= plain.names | {"table", "tr", "th", "td", "span"}
@@ -113,6 +129,29 @@ def test_the_certificate_has_its_numbers() -> None:
                  "k\u00a0=\u00a02", "simple acceptance" if document.verdict.limits else "k", "21.5", "ab" * 32,
                  document.id, "Released by"):  # fmt: skip
         assert word in page, word
+
+
+def test_the_budget_s_parts_make_up_the_uncertainty_of_the_worst_point() -> None:
+    """A turn of 1 mrad about x moves a point 500 mm ahead by 0.5 mm; the pitch by 0.1 %."""
+    point = {"name": "middle", "frame": "camera", "position_mm": (0, 0, 500), "camera_mm": (0, 0, 500),
+             "sigma_mm": 1.0, "expanded_mm": 2.0}  # fmt: skip
+    covariance = np.diag([1e-6, 0, 0, 0.01, 0.01, 0.01])
+    covariance[0, 4] = covariance[4, 0] = 1e-5
+    assert VERSION_1.uncertainty is not None
+    sure = VERSION_1.uncertainty.model_copy(
+        update={"covariance": covariance.tolist(), "points": (PointUncertaintyDocument.model_validate(point),)}
+    )
+    document = VERSION_1.model_copy(update={"uncertainty": sure})
+    parts = dict(point_variances(covariance, sure.points[0]))
+    assert parts["turn of the camera (A)"] == pytest.approx(0.25)
+    assert parts["shift of the camera (A)"] == pytest.approx(0.03)
+    assert parts["both together (A)"] == pytest.approx(-2 * 500 * 1e-5)
+    target = ChessboardDocument(kind="chessboard", columns=11, rows=8, pitch_mm=20.0)
+    text = Elements(calibration_report(document, replace(FULL, target=target, pitch_uncertainty_mm=0.02))).text
+    assert sum(parts.values()) == pytest.approx(float(point_sigmas_mm(covariance, np.array([[0, 0, 500.0]]))[0]) ** 2)
+    whole = sum(parts.values()) + 0.25
+    assert f"{0.25 / whole * 100:.0f} %" in text
+    assert significant(whole**0.5) in text
 
 
 def test_what_is_not_known_is_a_blank() -> None:

@@ -6,6 +6,7 @@ import test from 'node:test';
 const page = join(import.meta.dirname, '..', '..', '..', '..', 'daemon', 'page');
 const { EventReader } = await import(join(page, 'state', 'sse.js'));
 const { wayToGo, compose, turn } = await import(join(page, 'parts', 'pose.js'));
+const { enlargement, halfAxes, pointCovariance } = await import(join(page, 'parts', 'ellipsoid.js'));
 const { ticks, logTicks } = await import(join(page, 'parts', 'ticks.js'));
 const { joinParts, finerVoxel, boundsOf, pickPoint } = await import(join(page, 'scene', 'cloud_data.js'));
 
@@ -54,4 +55,21 @@ test('a cloud keeps the view of each point, its bounds, and the point that was p
 test('finer cubes spend the budget', () => {
   assert.equal(finerVoxel(8, 43750, 700000), 2);
   assert.equal(finerVoxel(8, 10, 700000), 0.3);
+});
+
+test('the ellipsoid of a point: a turn moves it across the sight, a shift everywhere', () => {
+  const diagonal = (values) => values.map((value, at) => values.map((_, column) => (column === at ? value : 0)));
+  const covariance = pointCovariance(diagonal([1e-6, 4e-6, 9e-6, 0.01, 0.01, 0.01]), [0, 0, 500]);
+  near(covariance.flat(), [4e-6 * 250000 + 0.01, 0, 0, 0, 1e-6 * 250000 + 0.01, 0, 0, 0, 0.01]);
+  const axes = halfAxes(covariance);
+  near(axes.map(({ length_mm }) => length_mm), [2 * Math.sqrt(1.01), 2 * Math.sqrt(0.26), 0.2]);
+  near(axes[2].direction.map(Math.abs), [0, 0, 1]);
+});
+
+test('half axes of a turned ellipsoid', () => {
+  const [c, s] = [Math.cos(0.7), Math.sin(0.7)];
+  const axes = halfAxes([[9 * c * c + s * s, 8 * c * s, 0], [8 * c * s, 9 * s * s + c * c, 0], [0, 0, 4]], 1);
+  near(axes.map(({ length_mm }) => length_mm), [3, 2, 1]);
+  near(axes[0].direction.map((value) => value * Math.sign(axes[0].direction[0])), [c, s, 0]);
+  near([enlargement(0.2, 60), enlargement(3, 3), enlargement(0, 5)], [200, 1, 1]);
 });

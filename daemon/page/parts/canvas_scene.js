@@ -1,0 +1,36 @@
+// A scene on a canvas whose place is reserved; its module, and three.js with it, is fetched when the first one is shown.
+import { html, useEffect, useRef, useState } from '../vendor/preact.js';
+import { theme } from '../state/choices.js';
+import { t } from '../state/words.js';
+
+const night = matchMedia('(prefers-color-scheme: dark)');
+const isDark = () => (theme.value === 'auto' ? night.matches : theme.value === 'dark');
+
+/** `create()`: of a module, to a function that makes a scene on a canvas or null; `show(scene, dark)` when `shown` changes. `said`: the same in text. */
+export function CanvasScene({ create, show, shown, said, alt, dim }) {
+  const canvas = useRef(null);
+  const scene = useRef(null);
+  const [state, setState] = useState('loading');
+  const dark = isDark();
+  useEffect(() => {
+    let wanted = true;
+    create().then((made) => {
+      if (!wanted) return;
+      scene.current = made(canvas.current);
+      setState(scene.current ? 'ready' : 'no-webgl');
+    }).catch(() => wanted && setState('failed'));
+    return () => {
+      wanted = false;
+      scene.current?.dispose();
+      scene.current = null;
+    };
+  }, []);
+  useEffect(() => {
+    if (state === 'ready' && scene.current) show(scene.current, dark);
+  }, [state, shown, dark]);
+  return html`<figure class="scene ${dim ? 'dimmed' : ''}">
+    <div class="frame"><canvas ref=${canvas} tabindex="0" role="img" aria-label="${alt} ${said}"></canvas>
+      ${['no-webgl', 'failed'].includes(state) && html`<p class="cover quiet">${t(`scene.${state}`)}</p>`}</div>
+    <figcaption class="small quiet">${said} <span class="keys">${t('scene.keys')}</span></figcaption>
+  </figure>`;
+}
