@@ -7,13 +7,16 @@ camera that looks at it. The id of a point is its index, row by row. `kind` is t
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal
-
-import numpy as np
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from calibration.errors import DetectionError
 from calibration.sentences.sentence import Sentence
-from calibration.transforms import Array
+
+if TYPE_CHECKING:
+    from calibration.transforms import Array
+
+Points = list[tuple[float, float, float]]
+"""x, y, z in mm, in the order of the ids."""
 
 _MARKERS = {
     **{f"DICT_{bits}X{bits}_{count}": count for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
@@ -36,9 +39,15 @@ TAG_FAMILIES = {
 """OpenCV's dictionary of each AprilTag family."""
 
 
-def _grid(columns: int, rows: int, pitch_mm: float) -> Array:
-    v, u = np.mgrid[:rows, :columns].reshape(2, -1)
-    return np.column_stack([u * pitch_mm, v * pitch_mm, np.zeros(u.size)])
+def _grid(columns: int, rows: int, pitch_mm: float) -> Points:
+    return [(u * pitch_mm, v * pitch_mm, 0.0) for v in range(rows) for u in range(columns)]
+
+
+def _array(points: Points) -> "Array":
+    """(n, 3)"""
+    import numpy as np  # here: settings and printed boards need no arrays, and numpy takes longest to import
+
+    return np.array(points, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -51,9 +60,9 @@ class Chessboard:
     pitch_mm: float
 
     @cached_property
-    def points_mm(self) -> Array:
+    def points_mm(self) -> "Array":
         """(n, 3)"""
-        return _grid(self.columns, self.rows, self.pitch_mm)
+        return _array(_grid(self.columns, self.rows, self.pitch_mm))
 
 
 @dataclass(frozen=True)
@@ -69,11 +78,10 @@ class Charuco:
     legacy: bool = False
 
     @cached_property
-    def points_mm(self) -> Array:
+    def points_mm(self) -> "Array":
         """(n, 3)"""
-        inner = _grid(self.columns - 1, self.rows - 1, self.square_mm)
-        points: Array = inner + np.array([self.square_mm, self.square_mm, 0.0])
-        return points
+        edge = self.square_mm
+        return _array([(x + edge, y + edge, z) for x, y, z in _grid(self.columns - 1, self.rows - 1, edge)])
 
 
 @dataclass(frozen=True)
@@ -88,14 +96,18 @@ class CircleGrid:
     dots: Literal["black", "white"] = "black"
     origin: Literal["large-dot"] | None = None
 
-    @cached_property
-    def points_mm(self) -> Array:
-        """(n, 3)"""
+    @property
+    def centres_mm(self) -> Points:
+        """The points, without numpy."""
         if self.layout == "symmetric":
             return _grid(self.columns, self.rows, self.pitch_mm)
-        v, u = np.mgrid[: self.rows, : self.columns].reshape(2, -1)
         half = self.pitch_mm / 2
-        return np.column_stack([(2 * u + v % 2) * half, v * half, np.zeros(u.size)])
+        return [((2 * u + v % 2) * half, v * half, 0.0) for v in range(self.rows) for u in range(self.columns)]
+
+    @cached_property
+    def points_mm(self) -> "Array":
+        """(n, 3)"""
+        return _array(self.centres_mm)
 
 
 @dataclass(frozen=True)
@@ -117,12 +129,12 @@ class MarkerGrid:
         return self.columns * self.rows
 
     @cached_property
-    def points_mm(self) -> Array:
+    def points_mm(self) -> "Array":
         """(n, 3)"""
-        origins = _grid(self.columns, self.rows, self.side_mm + self.gap_mm)
-        corners = self.side_mm * np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-        points: Array = (origins[:, None] + corners).reshape(-1, 3)
-        return points
+        side = self.side_mm
+        origins = _grid(self.columns, self.rows, side + self.gap_mm)
+        corners = ((0.0, 0.0), (side, 0.0), (side, side), (0.0, side))
+        return _array([(x + right, y + down, z) for x, y, z in origins for right, down in corners])
 
 
 class _OfMarkers(ABC):
@@ -133,7 +145,7 @@ class _OfMarkers(ABC):
     def markers(self) -> MarkerGrid: ...
 
     @cached_property
-    def points_mm(self) -> Array:
+    def points_mm(self) -> "Array":
         """(n, 3)"""
         return self.markers.points_mm
 
@@ -194,10 +206,10 @@ class TrackedFrame:
     half_side_mm: float = 100.0
 
     @cached_property
-    def points_mm(self) -> Array:
+    def points_mm(self) -> "Array":
         """(4, 3)"""
-        points: Array = self.half_side_mm * np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
-        return points
+        half = self.half_side_mm
+        return _array([(x, y, 0.0) for y in (-half, half) for x in (-half, half)])
 
 
 Target = Chessboard | Charuco | CircleGrid | AprilTagGrid | ArucoGrid | ArucoMarker | TrackedFrame

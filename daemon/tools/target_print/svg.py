@@ -1,7 +1,7 @@
 """Write a sheet as SVG 1.1; one user unit is 1 mm."""
 
 from functools import singledispatch
-from xml.sax.saxutils import escape, quoteattr
+from html import escape
 
 from daemon.tools.target_print.shapes import Disc, Rectangles, Sheet, TextLine
 
@@ -12,7 +12,7 @@ def svg(sheet: Sheet, title: str) -> bytes:
     view = f'viewBox="0 0 {_number(sheet.width)} {_number(sheet.height)}"'
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} {view}>',
-        f"<title>{escape(title)}</title>",
+        f"<title>{escape(title, quote=False)}</title>",
         '<rect width="100%" height="100%" fill="white"/>',
         *(_draw(shape) for shape in sheet.shapes),
         "</svg>\n",
@@ -43,7 +43,7 @@ def _(shape: Disc) -> str:
 @_draw.register
 def _(shape: TextLine) -> str:
     place = f'x="{_number(shape.x)}" y="{_number(shape.y)}" font-size="{_number(shape.size)}"'
-    return f"<text {place} font-family={quoteattr('Helvetica, Arial, sans-serif')}>{escape(shape.text)}</text>"
+    return f'<text {place} font-family="Helvetica, Arial, sans-serif">{escape(shape.text, quote=False)}</text>'
 
 
 def _number(value: float) -> str:
