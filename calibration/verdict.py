@@ -25,6 +25,7 @@ class VerdictLimits:
     print_scale_share : largest scale error of a printer; more is a wrong number in the target's description.
     lens_share : largest shift of the target over its distance by other intrinsics for a warning; more is another camera
         or focus.
+    points_size_share : largest difference of a target measured by its points from the described size, for a warning.
     leave_out_probability : posterior probability of errors beyond the model from which the verdict mentions them.
     mount_sigma : how far from its expected mount the camera may be found, in sigmas of that expectation.
     """
@@ -44,6 +45,7 @@ class VerdictLimits:
     warning_share: float = 0.25
     print_scale_share: float = 0.01
     lens_share: float = 0.005
+    points_size_share: float = 0.01
     leave_out_probability: float = 0.5
     mount_sigma: float = 2.0
 

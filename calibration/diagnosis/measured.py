@@ -98,8 +98,8 @@ def _orientations(evidence: Evidence) -> Iterator[Hypothesis]:
             (),
             baseline.with_camera_poses(poses),
             baseline,
-            Sentence("camera-reading", what=reading.message.replace("the robot writes", "the camera writes")),
-            reading.fix.replace("base_T_flange", "camera_T_target"),
+            Sentence("camera-reading", what=reading.message),
+            reading.fix,
             alternatives=READINGS,
             whole_session=True,
         )

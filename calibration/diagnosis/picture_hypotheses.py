@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.hypothesis import Hypothesis
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import inverse, rotation_angle_rad, rotation_from_vector, transform
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
@@ -34,8 +35,8 @@ def mirrored_hypothesis(evidence: Evidence) -> Hypothesis:
         (),
         evidence.with_images(transform(rotations, places), by_mirror @ evidence.covariance @ by_mirror),
         evidence,
-        "the pictures are mirrored",
-        "switch off the mirroring (flip, reverse X or Y) in the camera or in what reads it, and take the views again",
+        Sentence("pictures-mirrored"),
+        Sentence("undo-pictures-mirrored"),
         whole_session=True,
     )
 
@@ -51,8 +52,8 @@ def turned_hypotheses(evidence: Evidence, points: Sequence[int]) -> Iterator[Hyp
                 (where,),
                 _turned(evidence, turned, np.radians(degrees)),
                 evidence,
-                f"from view {where} on the pictures are turned by {abs(degrees)} degrees",
-                "switch off the rotation of pictures in the camera or in what reads it, and take the views again",
+                Sentence("pictures-turned", view=where, angle_deg=abs(degrees)),
+                Sentence("undo-pictures-turned"),
                 alternatives=len(TURNS_DEG) * len(evidence),
                 whole_session=True,
             )

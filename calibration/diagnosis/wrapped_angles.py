@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.diagnosis.orientation_readings import ORDERS, euler_angles, euler_numbers, rotation_from_euler
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import (
     Array,
     inverse,
@@ -57,9 +58,11 @@ def wrapped_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
     if turned is None:
         return
     given = evidence.base_T_flange[:, :3, :3]
-    found = [(f"Euler angles (intrinsic {order})", _unwrap_euler(given, turned, order)) for order in ORDERS]
-    found.append(("rotation vectors", _unwrap_vectors(given, turned)))
-    for what, unwrapped in found:
+    found = [
+        (Sentence("euler-degrees-read-as-radians", read=order), _unwrap_euler(given, turned, order)) for order in ORDERS
+    ]
+    found.append((Sentence("degrees-read-as-radians"), _unwrap_vectors(given, turned)))
+    for message, unwrapped in found:
         if unwrapped is None or unwrapped.mismatch_rad > MAX_MISMATCH_RAD:
             continue
         baseline = evidence if len(unwrapped.rows) == len(evidence) else evidence.take(unwrapped.rows)
@@ -69,8 +72,8 @@ def wrapped_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
             (),
             baseline.with_robot_poses(corrected),
             baseline,
-            f"the {what} were in degrees and were read as radians",
-            "convert the angles to radians first (times pi/180)",
+            message,
+            Sentence("undo-angles-read-as-radians"),
             alternatives=len(found),
             whole_session=True,
         )

@@ -38,6 +38,7 @@ class BoundsDocument(Document):
     warning_share: Annotated[float, Field(ge=0, le=1)] = DEFAULT.warning_share
     print_scale_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.print_scale_share
     lens_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.lens_share
+    points_size_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.points_size_share
     leave_out_probability: Annotated[float, Field(ge=0, le=1)] = DEFAULT.leave_out_probability
     mount_sigma: PositiveFloat = DEFAULT.mount_sigma
 

@@ -21,6 +21,7 @@ from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import target_pose
 from calibration.problem import Problem, Setup, View
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
 from calibration.targets import Target
 from calibration.transforms import Array, inverse, transform_from_vector, vector_from_transform
@@ -132,8 +133,8 @@ def _belief_of_prior(prior: ScenePrior, camera: CameraModel, caution: float) -> 
     if prior.mount_T_camera is None or prior.anchor_T_target is None:
         raise UndeterminedError(
             "target-not-found",
-            "the target is not seen, and nothing says where it is",
-            "drive the arm to where the camera sees the whole target, or state both guesses",
+            Sentence("target-nowhere"),
+            Sentence("see-target-or-guess"),
         )
     scene = _scene(prior, camera, prior.mount_T_camera, prior.anchor_T_target)
     covariance = caution**2 * prior.covariance()
@@ -226,8 +227,8 @@ def _rough_mount(prior: ScenePrior, anchor_T_mount: Array, camera_T_target: Arra
         if motion.distinct < 3 or motion.axis_angle_rad < MIN_EXPLORING_AXIS_ANGLE_RAD:
             raise UndeterminedError(
                 "mount-unknown",
-                "nothing is known of where the camera sits on the flange",
-                "turn the flange about two axes with the target in view, or state flange_T_camera_guess",
+                Sentence("mount-unknown"),
+                Sentence("turn-or-guess"),
             )
         return kronecker(anchor_T_mount, camera_T_target)
     if len(anchor_T_mount) < 2:

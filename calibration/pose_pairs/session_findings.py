@@ -19,9 +19,6 @@ from calibration.solution import Finding
 
 CAMERA_TURNS, CAMERA_SHIFTS = ("camera rotation", "camera roll"), ("camera lateral", "camera depth")
 
-MAX_SIZE_ERROR = 0.01
-"""Difference of a measured target's size from the described one that is reported."""
-
 
 def session_findings(
     problem: Problem,
@@ -79,9 +76,9 @@ def _points(seen: MeasuredViews) -> Iterator[Finding]:
     if seen.left_out:
         message = Sentence("points-left-out", points=seen.left_out)
         yield Finding("points-left-out", "info", message, Sentence("look-for-reflections"))
-    if abs(seen.size_ratio - 1) > MAX_SIZE_ERROR:
-        message = Sentence("points-size", ratio=seen.size_ratio)
-        yield Finding("points-size", "warning", message, Sentence("measure-pitch-and-lengths"))
+    message = Sentence("points-size", ratio=seen.size_ratio)
+    sizes = (("points_size_share", seen.size_ratio - 1),)
+    yield Finding("points-size", "warning", message, Sentence("measure-pitch-and-lengths"), sizes=sizes, within="info")
 
 
 def _poses(problem: Problem, seen: MeasuredViews, used: NDArray[np.bool_]) -> Iterator[Finding]:

@@ -15,9 +15,10 @@ from calibration.errors import UndeterminedError
 from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_independent_noise, outlier_limit
 from calibration.pose_pairs.noise_marginalisation import marginalise_few
 from calibration.pose_pairs.noise_models import cameras_of
-from calibration.pose_pairs.random_walk_noise import MIN_VIEWS, fit_random_walk
+from calibration.pose_pairs.random_walk_noise import MIN_VIEWS, with_random_walk
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.problem import Setup
+from calibration.sentences.sentence import Sentence
 from calibration.solver.least_median import agreeing_views
 from calibration.transforms import Array
 
@@ -88,10 +89,7 @@ def fit_pose_pairs(pairs: PosePairs) -> tuple[PoseFit, NDArray[np.bool_]]:
         if np.array_equal(agreeing, used) or agreeing.sum() <= len(used) // 2:
             break
         used = agreeing
-    if used.sum() >= MIN_VIEWS and pairs.covariance is None:
-        drifting = fit_random_walk(pairs.take(used), likeliest.chain)
-        likeliest = max(likeliest, drifting, key=lambda one: one.evidence(int(used.sum())))
-    likeliest = marginalise_few(pairs.take(used), likeliest)
+    likeliest = marginalise_few(pairs.take(used), with_random_walk(pairs.take(used), likeliest))
     _require_scale(pairs, likeliest)
     return likeliest, used
 
@@ -107,8 +105,8 @@ def _require_scale(pairs: PosePairs, fitted: PoseFit) -> None:
     if not pairs.metric and not np.sqrt(fitted.covariance[12, 12]) < MAX_SCALE_SIGMA:
         raise UndeterminedError(
             "scale-undetermined",
-            "the camera hardly moves compared with its errors: how long its millimetres are is not determined",
-            "move the camera further between views, or use a target of known size",
+            Sentence("camera-hardly-moves"),
+            Sentence("move-camera-further"),
         )
 
 
@@ -131,7 +129,8 @@ def _require_poses(base_T_flange: Array, camera_T_target: Array) -> None:
     for name, poses in (("robot", base_T_flange), ("camera", camera_T_target)):
         wrong = np.flatnonzero(~np.isfinite(poses).all(axis=(1, 2)))
         if len(wrong):
-            raise UndeterminedError("bad-pose", f"the {name}'s pose {wrong[0]} is not made of numbers", "leave it out")
+            what = Sentence(f"{name}-pose-not-finite", row=int(wrong[0]))
+            raise UndeterminedError("bad-pose", what, Sentence("leave-pose-out"))
     _require_axes(base_T_flange)
 
 
@@ -142,6 +141,6 @@ def _require_axes(base_T_flange: Array) -> None:
         axis = describe_axis(motion.main_axis, base_T_flange)
         raise UndeterminedError(
             "parallel-axes",
-            f"all turns are about one axis, but for noise: translation along {axis} is not determined",
-            f"add poses turned by 30 degrees or more about an axis across {axis}",
+            Sentence("noisy-parallel-axes", axis=axis),
+            Sentence("turn-across", axis=axis),
         )

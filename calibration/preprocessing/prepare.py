@@ -113,8 +113,8 @@ def _require_different_images(problem: Problem, seen: Observations, refused: dic
     require_observable(np.array([problem.views[position].base_T_flange for position in (*seen.positions, *repeated)]))
     raise UndeterminedError(
         "images-repeated",
-        f"{len(repeated)} of {len(repeated) + len(seen)} views show the image of another view again",
-        "take a new image at every pose: the camera, or what reads it, gave an old one",
+        Sentence("images-repeated", repeated=len(repeated), views=len(repeated) + len(seen)),
+        Sentence("take-new-images"),
     )
 
 

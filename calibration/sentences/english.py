@@ -59,6 +59,10 @@ FINDINGS = {
     "pure-translation": "the flange moves without turning: X's translation is not determined in any direction",
     "too-little-rotation": "the flange turns by at most {angle_deg:.1f} degrees; X needs 10 or more",
     "parallel-axes": "all turns are about one axis: translation along {axis} is not determined",
+    "images-repeated": "{repeated} of {views} views show the image of another view again",
+    "target-unseen": "the target was found in {found} of {views} views: {why}",
+    "target-nowhere": "the target is not seen, and nothing says where it is",
+    "mount-unknown": "nothing is known of where the camera sits on the flange",
     "too-few-views": "{views} usable views cannot determine the camera, the least is {least}",
     "no-tilt": "the views leave the focal length uncertain by {percent:.0f} %",
     "no-estimate": "the robot's poses and the images contradict each other so much that no estimate of X exists",
@@ -82,6 +86,11 @@ FINDINGS = {
     " {taken_mm:.2g} mm",
     "better-poses-open": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these leave X open",
     # calibration/pose_pairs, observations/measured_poses.py, diagnosis/measured.py
+    "camera-hardly-moves": "the camera hardly moves compared with its errors: how long its millimetres are is not"
+    " determined",
+    "noisy-parallel-axes": "all turns are about one axis, but for noise: translation along {axis} is not determined",
+    "robot-pose-not-finite": "the robot's pose {row} is not made of numbers",
+    "camera-pose-not-finite": "the camera's pose {row} is not made of numbers",
     "points-noise": "measured points scatter by {across_mm:.2g} mm across the line of sight and {along_mm:.2g} mm along"
     " it",
     "points-left-out": "{points} points lie too far from where their view's others put them",
@@ -108,6 +117,14 @@ FINDINGS = {
     " scatters by {x_spread_mm:.2f}, {y_spread_mm:.2f}, {z_spread_mm:.2f} mm",
     "sphere-centre-on-flange": "the sphere's centre lies at ({x_mm:.2f}, {y_mm:.2f}, {z_mm:.2f}) mm on the flange; over"
     " the views it scatters by {x_spread_mm:.2f}, {y_spread_mm:.2f}, {z_spread_mm:.2f} mm",
+    "sphere-views": "{views} views of the sphere",
+    "sphere-ambiguous": "two solutions {off_deg:.0f} degrees apart fit equally well",
+    "sphere-leaves-rotation": "the views of the sphere do not fix X's rotation",
+    "sphere-leaves-translation": "the views of the sphere do not fix X's translation",
+    "part-views": "{views} views of the part",
+    "no-overlap": "no two views overlap",
+    "surfaces-leave-rotation": "the overlapping surfaces and the robot's motions do not fix X's rotation",
+    "surfaces-leave-translation": "the overlapping surfaces and the robot's motions do not fix X's translation",
     "surfaces-slide": "each view's surface is that of a plane or a sphere and slides on itself, so that many X bring"
     " the views together",
     "surfaces-ambiguous": "two X, {off_mm:.0f} mm and {off_deg:.0f} degrees apart, bring the surfaces together alike",
@@ -141,6 +158,14 @@ SESSION_CAUSES = {
     "undo-radians-read-as-degrees": "convert the rotation vectors without the factor pi/180",
     "degrees-read-as-radians": "the rotation vectors were in degrees and were read as radians",
     "undo-degrees-read-as-radians": "convert the rotation vectors to radians first (times pi/180)",
+    "euler-degrees-read-as-radians": "the Euler angles (intrinsic {read}) were in degrees and were read as radians",
+    "undo-angles-read-as-radians": "convert the angles to radians first (times pi/180)",
+    "pictures-mirrored": "the pictures are mirrored",
+    "undo-pictures-mirrored": "switch off the mirroring (flip, reverse X or Y) in the camera or in what reads it, and"
+    " take the views again",
+    "pictures-turned": "from view {view} on the pictures are turned by {angle_deg} degrees",
+    "undo-pictures-turned": "switch off the rotation of pictures in the camera or in what reads it, and take the views"
+    " again",
     "setup-swapped": "the {carried} is on the flange and the {standing} stands in the cell, which is {right}, not"
     " {given}",
     "set-setup": 'set "setup" to "{right}"',
@@ -172,9 +197,8 @@ SESSION_CAUSES = {
     "euler-radians-read-as-degrees": "the Euler angles (intrinsic {read}) were in radians and were read as degrees",
     "undo-euler-radians-read-as-degrees": "convert the angles without the factor pi/180",
     "rotation-transposed": "the rotations are transposed (the quaternions conjugated), the translations are not",
-    "undo-rotation-transposed": "give base_T_flange: transpose the rotation matrices, or negate x, y, z of every"
-    " quaternion",
-    "euler-order": "the orientations are Euler angles in another order: read as {read}, the robot writes {true}",
+    "undo-rotation-transposed": "transpose the rotation matrices, or negate x, y, z of every quaternion",
+    "euler-order": "the orientations are Euler angles in another order: read as {read}, they are written as {true}",
     "convert-intrinsic": "convert the three angles as {true}: each about the turned axis",
     "convert-extrinsic": "convert the three angles as {true}: each about the fixed axis",
     "vector-read-as-euler": "the orientations are rotation vectors and were read as Euler angles ({read})",
@@ -280,6 +304,15 @@ ADVICE = {
     "check-target-and-unit": "compare the target's description with the target, and the unit of {field}",
     "give-camera-T-target": "give camera_T_target: the target's position and orientation in the camera; or {other}",
     "write-w-first": "write every quaternion as w, x, y, z",
+    "see-target-or-guess": "drive the arm to where the camera sees the whole target, or state both guesses",
+    "turn-or-guess": "turn the flange about two axes with the target in view, or state flange_T_camera_guess",
+    "move-camera-further": "move the camera further between views, or use a target of known size",
+    "leave-pose-out": "leave it out",
+    "scan-from": "scan it from {least} views or more",
+    "turn-and-spread-sphere": "turn the flange about two axes by 30 degrees or more, and let the sphere stand at"
+    " different places of the picture",
+    "add-overlap": "add overlapping views of a part with relief, the flange turned by 30 degrees or more about"
+    " different axes",
     "give-rough-x": "give a rough X, or add overlapping views of a part with relief, turned about different axes",
     "start-better": "start from a better rough X, or add overlap",
     "check-mount-and-part": "check the mount, and that the part stood still",

@@ -18,6 +18,7 @@ from calibration.observations.reprojection import pixel_residuals
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence, as_sentence
 from calibration.solution import Finding, LeaveOut, Noise, Observability, PointResiduals, Solution, ViewResult
 from calibration.solver.closed_form import solve_closed_form
 from calibration.solver.findings import method_findings, solver_findings
@@ -101,11 +102,10 @@ def _missing_target(problem: Problem) -> Iterator[Finding]:
     reasons = Counter(view.missing for view in problem.views if view.detection is None and view.missing is not None)
     if 2 * reasons.total() > len(problem.views):
         (code, sentence), _ = reasons.most_common(1)[0]
-        what, _, fix = sentence.partition(": ")
-        message = (
-            f"the target was found in {len(problem.views) - reasons.total()} of {len(problem.views)} views: {what}"
-        )
-        yield Finding(code, "error", message, fix)
+        params = sentence.params if isinstance(sentence, Sentence) else {}
+        found, why = len(problem.views) - reasons.total(), params.get("what", sentence)
+        message = Sentence("target-unseen", found=found, views=len(problem.views), why=as_sentence(why))
+        yield Finding(code, "error", message, params.get("fix", Sentence("compare-target")))
 
 
 def _noise(best: Estimate) -> Noise:

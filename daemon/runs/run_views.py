@@ -86,7 +86,7 @@ def _run_view(
         view=view,
         joints_rad=joints if joints is not None else joints_in_posture(arm, pose, found.configuration),
         result=result,
-        missing=None if found.missing is None else (found.missing.code, found.missing.what),
+        missing=None if found.missing is None else (found.missing.code, found.missing.sentence()),
         corners=_corners(ids, pixels, reported, free),
         rms_px=None if reported is None else root_mean_square(reported),
         rms_px_free=None if free is None else root_mean_square(free),

@@ -2,18 +2,33 @@
 
 from pathlib import Path
 
+from pydantic import Field, JsonValue
+
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import DocumentError
+from calibration.sentences.english import ENGLISH
+from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence
 from daemon.runtime.bounded_read import read_document
 
 DETECTIONS_FILE = "detections.json"
 
 
 class MissedDocument(Document):
-    """Why the target was not found: a stable code and a sentence."""
+    """Why the target was not found: a stable code, a sentence, and its id and parameters; files may lack the last."""
 
     code: str
     what: str
+    id: str = AS_WRITTEN
+    params: dict[str, JsonValue] = Field(default_factory=dict)
+
+    @classmethod
+    def of(cls, code: str, what: str) -> "MissedDocument":
+        return cls(code=code, what=str(what), **as_sentence(what).pair())
+
+    def sentence(self) -> Sentence:
+        """The sentence; of AS_WRITTEN where its id is not known here."""
+        known = self.id != AS_WRITTEN and self.id in ENGLISH
+        return Sentence(self.id, **self.params) if known else as_sentence(self.what)
 
 
 class DetectionDocument(Document):

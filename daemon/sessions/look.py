@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calibration.detection.image import grey_image
 from calibration.errors import DetectionError
 from calibration.problem import Detection
+from calibration.sentences.sentence import with_fix
 from calibration.targets import Target
 from calibration.transforms import Array
 from daemon.cell.recent_reading import RecentReading
@@ -74,7 +75,7 @@ def look_at(frame: CameraFrame, target: Target, taken_at: str) -> Look:
     try:
         detection = detect(grey_image(frame.image), target)
     except DetectionError as error:
-        missing = (error.code, str(error))
+        missing = (error.code, with_fix(error.what, error.fix))
     quality = measure_quality(image, None if detection is None else detection.corners_px)
     size = (int(image.shape[1]), int(image.shape[0]))
     return Look(taken_at, size, detection, missing, len(target.points_mm), quality)

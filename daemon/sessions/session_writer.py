@@ -15,9 +15,10 @@ from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
 from daemon.sessions.detections import DETECTIONS_FILE, DetectionDocument, DetectionsDocument, MissedDocument
 from daemon.sessions.look import measure_quality
-from daemon.sessions.session_files import SESSION_FILE, read_grey
+from daemon.sessions.session_files import SESSION_FILE, read_grey, read_levels
 from daemon.store.store import Store
 from drivers.cameras.decoding import PNG_MAGIC
+from drivers.cameras.pixel_depth import to_8_bit
 from drivers.interfaces import CameraFrame, PoseReading
 
 FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
@@ -76,7 +77,7 @@ class SessionWriter:
         corners = [] if seen is None else zip(seen.ids.tolist(), seen.corners_px.round(3).tolist(), strict=True)
         self._detections = self._detections.with_view(self._taken[view.index].model_copy(update={
             "corners": tuple((point, u, v) for point, (u, v) in corners),
-            "missing": None if missing is None else MissedDocument(code=missing[0], what=missing[1]),
+            "missing": None if missing is None else MissedDocument.of(*missing),
             "sharpness": round(sharpness, 4),
         }))  # fmt: skip
         await self._store.write_file(self.folder / DETECTIONS_FILE, [self._detections.model_dump_json().encode()])
@@ -122,14 +123,15 @@ def png_of(frame: CameraFrame) -> bytes:
 def _detect_view(folder: Path, document: SessionDocument, index: int, target_seen: bool) -> tuple[View, float]:
     """The view, and how sharp its picture is; see `look.measure_quality`."""
     from daemon.sessions.other_target import explain_missing
-    from daemon.sessions.view_detection import detect_in_file  # by the first picture, not at the start
+    from daemon.sessions.view_detection import detect_in_levels  # by the first picture, not at the start
 
     view = document.views[index]
     name = view.image or ""
     pose, target = view.base_T_flange.transform(), document.described_target()
-    found, _ = detect_in_file(folder / name, target)
+    levels = read_levels(folder / name)
+    found = detect_in_levels(levels, target)
     seen = None if isinstance(found, DetectionError) else found.corners_px
-    sharpness = measure_quality(read_grey(folder / name), seen).sharpness
+    sharpness = measure_quality(to_8_bit(levels), seen).sharpness
     if isinstance(found, DetectionError):
         missing = found.code, with_fix(found.what, found.fix)
         missed = View(index, pose, None, name, missing=missing, joints_rad=view.joints_rad)

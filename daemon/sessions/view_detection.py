@@ -19,18 +19,22 @@ BRIGHT_PERCENTILES = (99.5, 90.0)
 
 def detect_in_file(file: Path, target: Target) -> tuple[Detection | DetectionError, tuple[int, int]]:
     """The target's detection, or why there is none, and the picture's (width, height). Raises ImageError."""
+    levels = read_levels(file)
+    return detect_in_levels(levels, target), (int(levels.shape[1]), int(levels.shape[0]))
+
+
+def detect_in_levels(levels: NDArray[Any], target: Target) -> Detection | DetectionError:
+    """The target's detection in grey levels (h, w) of 8 or 16 bits, or why there is none."""
     from calibration.detection.detect import detect  # needed by runs only
 
-    levels = read_levels(file)
-    size = (int(levels.shape[1]), int(levels.shape[0]))
     failure: DetectionError | None = None
     for image in _exposures(levels):
         try:
-            return detect(image, target), size
+            return detect(image, target)
         except DetectionError as error:
             failure = failure or error
     assert failure is not None
-    return failure, size
+    return failure
 
 
 def _exposures(levels: NDArray[Any]) -> Iterator[NDArray[np.uint8]]:

@@ -14,6 +14,7 @@ from itertools import permutations, product
 import numpy as np
 
 from calibration.errors import UndeterminedError
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, skew, transform
 
 MIN_VIEWS = 4
@@ -57,7 +58,7 @@ def solve_from_sphere(views: Sequence[SphereView]) -> SphereSolution:
     """Maximum likelihood with robust weights. Raises UndeterminedError when the views do not determine X."""
     if len(views) < MIN_VIEWS:
         raise UndeterminedError(
-            "too-few-views", f"{len(views)} views of the sphere", f"scan it from at least {MIN_VIEWS}"
+            "too-few-views", Sentence("sphere-views", views=len(views)), Sentence("scan-from", least=MIN_VIEWS)
         )
     system = _SphereSystem.of(views)
     kept = list(range(len(views)))
@@ -128,7 +129,7 @@ def _solve(system: _SphereSystem) -> _Estimate:
     for sigma_mm, other in found[1:]:
         apart = float(rotation_angle_rad(other.rotation.T @ estimate.rotation))
         if apart > 10 * ROTATION_LIMIT_RAD and sigma_mm < 1.5 * best + MIN_NOISE_MM:
-            what = f"two solutions {np.rad2deg(apart):.0f} degrees apart fit equally well"
+            what = Sentence("sphere-ambiguous", off_deg=float(np.rad2deg(apart)))
             raise UndeterminedError("ambiguous", what, FIX)
     return estimate
 
@@ -203,14 +204,12 @@ def _covariance(system: _SphereSystem, estimate: _Estimate) -> Array:
     return in_camera
 
 
-FIX = (
-    "turn the flange about two axes by 30 degrees or more, and let the sphere stand at different places of the picture"
-)
+FIX = Sentence("turn-and-spread-sphere")
 
 
-def _weakest(direction: Array) -> str:
-    what = "rotation" if np.linalg.norm(direction[:3]) * 300 > np.linalg.norm(direction[3:6]) else "translation"
-    return f"the views of the sphere do not fix X's {what}"
+def _weakest(direction: Array) -> Sentence:
+    turns = np.linalg.norm(direction[:3]) * 300 > np.linalg.norm(direction[3:6])
+    return Sentence("sphere-leaves-rotation" if turns else "sphere-leaves-translation")
 
 
 def _leave_one_out_mm(system: _SphereSystem, index: int, start: _Estimate) -> float:

@@ -54,7 +54,7 @@ NOISE_TOLERANCE = 0.01
 """Relative change of the noise estimate at which it has converged."""
 MAX_NOISE_ITERATIONS = 30
 SEEN_POINTS = 200
-FIX = "add overlapping views of a part with relief, the flange turned by 30 degrees or more about different axes"
+FIX = Sentence("add-overlap")
 
 
 def solve_surface_scan(
@@ -118,7 +118,8 @@ def solve_from_surfaces(
     anchor_T_flange = anchor_T_mount if setup == "eye-in-hand" else np.broadcast_to(np.eye(4), anchor_T_mount.shape)
     count, stated = len(surfaces), noise
     if count < MIN_VIEWS:
-        raise UndeterminedError("too-few-views", f"{count} views of the part", f"scan it from {MIN_VIEWS} or more")
+        what = Sentence("part-views", views=count)
+        raise UndeterminedError("too-few-views", what, Sentence("scan-from", least=MIN_VIEWS))
     x, motions = mount_T_camera, [np.eye(4) for _ in surfaces]
     least_mm = reach_of(surfaces)
     reach_mm, iteration, settled = max(rough_mm, least_mm), 0, False
@@ -129,7 +130,7 @@ def solve_from_surfaces(
         radius_mm = radius_of(surfaces, poses, origin)
         pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
         if not pairs:
-            raise UndeterminedError("views-alone", "no two views overlap", FIX)
+            raise UndeterminedError("views-alone", Sentence("no-overlap"), FIX)
         system = _SurfaceSystem(pairs, poses, motions, anchor_T_flange, origin, radius_mm)
         if reach_mm <= least_mm:
             noise = _estimate_noise(system, noise, stated)
@@ -255,9 +256,9 @@ def _require_finite(covariance: Array) -> None:
         raise UndeterminedError("surfaces-unobservable", _weakest(deviations * np.repeat([300.0, 1.0], 3)), FIX)
 
 
-def _weakest(direction: Array) -> str:
-    what = "rotation" if np.linalg.norm(direction[:3]) > np.linalg.norm(direction[3:]) else "translation"
-    return f"the overlapping surfaces and the robot's motions do not fix X's {what}"
+def _weakest(direction: Array) -> Sentence:
+    turns = np.linalg.norm(direction[:3]) > np.linalg.norm(direction[3:])
+    return Sentence("surfaces-leave-rotation" if turns else "surfaces-leave-translation")
 
 
 def _solution(

@@ -3,10 +3,13 @@
 import math
 from typing import Literal
 
+from pydantic import JsonValue
+
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
+from calibration.sentences.sentence import as_sentence
 from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
 from daemon.api.schemas.runs import PlannedPoseDocument
 from daemon.cell.device_watch import DeviceState
@@ -83,10 +86,19 @@ def frame_warning(arm: Arm | None, reading: RobotReading) -> str | None:
 
 
 class MissingDocument(Answer):
-    """Why the target was not found: a stable code and a sentence."""
+    """Why the target was not found: a stable code, a sentence, and its id and parameters as in calibration.json."""
 
     code: str
     what: str
+    id: str
+    params: dict[str, JsonValue]
+
+    @classmethod
+    def of(cls, missing: tuple[str, str] | None) -> "MissingDocument | None":
+        if missing is None:
+            return None
+        code, what = missing
+        return cls(code=code, what=str(what), **as_sentence(what).pair())
 
 
 class LookDocument(Answer):
@@ -112,7 +124,7 @@ class LookDocument(Answer):
         return cls(
             taken_at=look.taken_at, size=look.size, of=look.of,
             corners=[(point, round(u, 2), round(v, 2)) for point, (u, v) in rows],
-            missing=None if look.missing is None else MissingDocument(code=look.missing[0], what=look.missing[1]),
+            missing=MissingDocument.of(look.missing),
             sharpness=round(quality.sharpness, 4), saturated=round(quality.saturated, 4), fill=round(quality.fill, 4),
         )  # fmt: skip
 

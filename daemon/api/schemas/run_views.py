@@ -46,7 +46,7 @@ class RunViewDocument(Answer):
             skeleton_mm=skeleton_mm(arm, joints),
             status=status,
             reason=None if result is None else result.reason,
-            missing=None if view.missing is None else MissingDocument(code=view.missing[0], what=view.missing[1]),
+            missing=MissingDocument.of(view.missing),
             corners=list(view.corners),
             rms_px=view.rms_px,
             rms_px_free=view.rms_px_free,

@@ -136,6 +136,7 @@ MEANINGS: Mapping[str, str] = {
     "warning_share": "Share of the tolerance up to which an effect is a warning, 0 to 1.",
     "print_scale_share": "Deviation of the print's size that is a warning, 0 to 1.",
     "lens_share": "Error of distances by the intrinsics that is a warning, 0 to 1.",
+    "points_size_share": "Error of the measured target's size that is a warning, 0 to 1.",
     "leave_out_probability": "Probability below which left-out groups contradict the model, 0 to 1.",
     "mount_sigma": "Standard deviations by which the mount may differ from the last calibration. No unit.",
     # the report of a registration
