@@ -10,6 +10,7 @@ from calibration.observations.measured_poses import MeasuredViews, require_unit
 from calibration.pose_pairs.independent_noise import PoseFit, fit_independent_noise
 from calibration.pose_pairs.noise_marginalisation import marginalise_few
 from calibration.pose_pairs.noise_models import RANDOM_WALK, cameras_of
+from calibration.pose_pairs.random_walk_noise import with_random_walk
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.pose_pairs.session_findings import contradicts
 
@@ -78,19 +79,22 @@ def with_lengths(
     if views < MIN_SCALE_VIEWS:
         return pairs, fitted
     free = replace(pairs, metric=False)
-    drifting = fitted.camera == RANDOM_WALK
-    cameras = cameras_of(pairs) if drifting else (fitted.camera,)
-    tails = np.inf if drifting else fitted.tail_dof
-    fits = [fit_independent_noise(free.take(used), fitted.chain, camera, tails) for camera in cameras]
-    scaled = marginalise_few(free.take(used), max(fits, key=lambda one: one.evidence(views)))
-    if drifting and scaled.evidence(views) < fitted.evidence(views):
-        return pairs, fitted
+    scaled = _with_free_lengths(free.take(used), fitted)
     share, deviation = float(np.log(scaled.chain.scale)), float(np.sqrt(scaled.covariance[12, 12]))
     limit = -deviation * float(scipy.special.stdtrit(3 * views - 7, SCALE_FALSE_ALARM_PROBABILITY / 2))
     if abs(share) > max(limit, MIN_SCALE_ERROR):
         wrong = contradicts(scaled) or abs(share) > MAX_SCALE_ERROR
         return (pairs, fitted) if wrong else (free, scaled)
     return pairs, _averaged(fitted, scaled, usual_error, 3 * views - 7)
+
+
+def _with_free_lengths(free: PosePairs, fitted: PoseFit) -> PoseFit:
+    """The fit to the same views with lengths of an unknown unit; lengths that are off may look like a random walk."""
+    drifting = fitted.camera == RANDOM_WALK
+    cameras = cameras_of(free) if drifting else (fitted.camera,)
+    fits = [fit_independent_noise(free, fitted.chain, camera, fitted.tail_dof) for camera in cameras]
+    likeliest = max(fits, key=lambda one: one.evidence(len(free)))
+    return marginalise_few(free, with_random_walk(free, likeliest) if drifting else likeliest)
 
 
 def _averaged(fitted: PoseFit, scaled: PoseFit, usual_error: float, freedom: int) -> PoseFit:

@@ -27,6 +27,12 @@ from calibration.pose_pairs.residuals import PosePairs, ScaledChain, floor_varia
 from calibration.transforms import Array, transform
 
 MIN_VIEWS = 8
+MIN_EVIDENCE = 3.0
+"""Logarithm of the odds from which a walk is believed: 20 to 1, "strong" by R. Kass & A. Raftery, JASA 90, 1995.
+
+Of ten views with independent errors a walk is the likelier model by chance in one session of twenty, and its X then too
+sure: its levels are not averaged.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +59,15 @@ class _Differences:
     by_shared: Array
     directions: dict[str, Array]
     shares: dict[str, _Blocks]
+
+
+def with_random_walk(pairs: PosePairs, independent: PoseFit) -> PoseFit:
+    """The fit with a random walk where MIN_VIEWS views or more are strong evidence of one; else `independent`."""
+    if len(pairs) < MIN_VIEWS or pairs.covariance is not None:
+        return independent
+    drifting = fit_random_walk(pairs, independent.chain)
+    gain = drifting.evidence(len(pairs)) - independent.evidence(len(pairs))
+    return drifting if gain > MIN_EVIDENCE else independent
 
 
 def fit_random_walk(pairs: PosePairs, start: ScaledChain) -> PoseFit:

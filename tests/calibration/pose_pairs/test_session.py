@@ -48,6 +48,18 @@ def test_a_clean_session_is_accepted_and_true_within_its_uncertainty(measure: Me
     assert solution.hold_out.base_error_mm < 1.0
 
 
+@pytest.mark.parametrize(("views", "seed"), [(8, 12), (10, 8)])
+def test_a_few_views_and_lengths_a_little_off_are_not_taken_for_drift(views: int, seed: int) -> None:
+    """Independent errors that look like those of odometry by chance."""
+    cell = measured_cell(np.random.default_rng([3, views, seed, 10020]), views, tracker())
+    problem = with_camera_poses(cell.problem, longer(1.002))
+    solution = solve_hand_eye(problem)
+    assert judge(problem, solution).accepted
+    assert solution.mount_T_camera is not None and solution.uncertainty is not None
+    error = cell.error(solution.mount_T_camera)
+    assert error @ np.linalg.solve(solution.uncertainty.covariance, error) < 6 * 2.0**2
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("setup", SETUPS)
 @pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
