@@ -8,6 +8,7 @@ from calibration.solve import solve_hand_eye
 from calibration.verdict import Verdict, VerdictLimits, judge
 from tests.simulated.fault_kinds import GROSS
 from tests.simulated.faults import Noise, moved, simulated_session
+from tests.simulated.imperfect_sessions import IMPERFECTIONS, imperfect_cell
 
 CHANGES_OF_X: dict[Setup, str] = {"eye-in-hand": "tool", "eye-to-hand": "base"}
 """The side that is moved when the camera's mount slips."""
@@ -42,6 +43,15 @@ def test_a_certain_change_that_moves_next_to_nothing_is_information_with_its_siz
 def test_the_same_change_is_an_error_beside_a_small_tolerance_and_a_large_one_beside_any(setup: Setup) -> None:
     assert not judged(moved_camera(0.5, setup), VerdictLimits().with_tolerance(0.2)).accepted
     assert not judged(moved_camera(12.0, setup)).accepted
+
+
+def test_the_solutions_own_camera_is_no_effect_of_a_change() -> None:
+    """Estimated with the robot's help the camera differs from that of the diagnosis, and X with it, by 1.4 mm here."""
+    imperfect = imperfect_cell((5077, 4, 186), IMPERFECTIONS["exact robot"])
+    solution = solve_hand_eye(imperfect.cell.problem)
+    effects_mm = [finding.effect_mm for finding in solution.findings if finding.effect_mm is not None]
+    assert effects_mm and max(effects_mm) < 0.3
+    assert judge(imperfect.cell.problem, solution).accepted
 
 
 def test_another_reading_of_all_poses_has_no_effect_to_weigh() -> None:
