@@ -66,14 +66,17 @@ def likely_readings(rotations: Array, seen: Array) -> list[LikelyReading]:
     """The readings of rotations (n, 3, 3) that agree best with the angles `seen` (n, n) between images, best first."""
     limit = max(MAX_MISMATCH_SHARE * mean_mismatch_rad(angles_between(rotations), seen), MIN_MISMATCH_RAD)
     few = np.unique(np.linspace(0, len(rotations) - 1, min(len(rotations), MAX_SCREENED_VIEWS)).astype(np.intp))
-    screened = [
-        (left.mismatch_rad, position)
+    screened = {
+        position: left
         for position, reading in enumerate(readings_of(rotations[few]))
         if (left := _apply(reading, seen[np.ix_(few, few)])) is not None
-    ]
-    best = {position for _, position in sorted(screened)[:MAX_READINGS]}
-    chosen = [reading for position, reading in enumerate(readings_of(rotations)) if position in best]
-    applied = [left for reading in chosen if (left := _apply(reading, seen)) is not None]
+    }
+    best = dict(sorted(screened.items(), key=lambda item: item[1].mismatch_rad)[:MAX_READINGS])
+    if len(few) == len(rotations):
+        applied = list(best.values())
+    else:
+        chosen = [reading for position, reading in enumerate(readings_of(rotations)) if position in best]
+        applied = [left for reading in chosen if (left := _apply(reading, seen)) is not None]
     likely = [left for left in applied if left.mismatch_rad < limit]
     return sorted(likely, key=lambda left: left.mismatch_rad)
 
