@@ -9,14 +9,16 @@ from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import diagnose_solution
 from calibration.errors import GeometryError, UndeterminedError
+from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_errors import AXES, NO_LOAD, ArmErrorModel, Load, Postures
+from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.likelihood.augmented_model import augment_model
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
-from calibration.solver.arm_identification import ArmFit, TargetViews, identify_arm
+from calibration.solver.arm_identification import ArmFit, TargetViews, UnusualArm, identify_arm
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.systematic_error_check import (
@@ -129,22 +131,33 @@ def _reselect(prepared: PreparedSession, selection: Selection) -> Selection:
 def identify_arm_session(arm: Arm, problems: Sequence[Problem], load: Load = NO_LOAD) -> ArmFit:
     """The arm's errors, X and their covariance from sessions of images: of one target, at a place for each session.
 
-    All views hold joints. Raises UndeterminedError where a session does not determine X without errors of the arm, and
-    GeometryError for views without joints.
+    All views hold joints. Raises UndeterminedError where a session does not determine X without errors of the arm,
+    GeometryError for views without joints, JointsDisagree for joints that are not this arm's, UnusualArm for errors
+    that arms do not have.
     """
     found = []
     for problem in problems:
-        prepared, _, selection = estimate_session(problem)
+        prepared, _, selection = estimate_session(_with_own_joints(arm, problem))
         rows = prepared.take(selection.used)
         found.append((TargetViews(rows, selection.best), _joints_of(problem, rows)))
     found.sort(key=lambda views: -len(views[1]))
     views, joints = zip(*found, strict=True)
-    return identify_arm(ArmErrorModel(arm), views, Postures(np.concatenate(joints), load))
+    fit = identify_arm(ArmErrorModel(arm), views, Postures(np.concatenate(joints), load))
+    if unusual := fit.beyond_usual():
+        raise UnusualArm(arm.name, unusual)
+    return fit
+
+
+def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
+    """The problem, whose views hold joints of that arm. Raises GeometryError, JointsDisagree."""
+    joints = [view.joints_rad for view in problem.views]
+    without = [view.index for view in problem.views if view.joints_rad is None or len(view.joints_rad) != AXES]
+    if without:
+        raise GeometryError(f"views {without} hold no joints of six axes, from which an arm's errors are identified")
+    require_consistent_joints(arm, np.array(joints), np.array([view.base_T_flange for view in problem.views]), ARMS)
+    return problem
 
 
 def _joints_of(problem: Problem, rows: PreparedSession) -> Array:
     """Joints (n, 6) of the views."""
-    joints = [problem.views[position].joints_rad for position in rows.seen.positions]
-    if any(each is None or len(each) != AXES for each in joints):
-        raise GeometryError("a view has no joints of six axes: the arm's errors are identified from joints")
-    return np.array(joints)
+    return np.array([problem.views[position].joints_rad for position in rows.seen.positions])

@@ -10,6 +10,9 @@ from typing import Any
 
 from mock_robot.errors import MockError
 
+ARM_CLASSES = ("perfect", "calibrated", "standard", "worn")
+"""As mock_robot.arm.built_arm, which is imported only when it is used."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
@@ -51,6 +54,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--virtual", action="store_true", help="RWS says that it is RobotStudio's controller")
     run.add_argument("--without", action="append", default=[], metavar="OPTION", help="an absent option, as 623-1")
     run.add_argument("--deny", action="append", default=[], metavar="GRANT", help="an absent grant, as UAS_CFG_WRITE")
+    run.add_argument(
+        "--arm", choices=ARM_CLASSES, default="perfect", help="the arm as built: as drawn, calibrated, ..."
+    )
     run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")
     run.add_argument("--ready-file", type=Path, help="write the JSON line there")
     run.add_argument("--with-parent", action="store_true", help="end when standard input closes")
@@ -63,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
 
     truth = commands.add_parser("truth", help="print what is hidden from the daemon, as JSON")
     truth.add_argument("--seed", type=int, default=7)
+    truth.add_argument("--arm", choices=ARM_CLASSES, default="perfect", help="the arm as built")
     truth.set_defaults(command=_truth)
 
     score = commands.add_parser("score", help="compare results with the truth, as JSON")
@@ -136,7 +143,7 @@ def _truth(options: argparse.Namespace) -> int:
     from mock_robot.truth.truth import CellTruth
     from mock_robot.truth.truth_sheet import truth_document
 
-    _print(json.dumps(truth_document(CellTruth.from_seed(options.seed)), indent=2))
+    _print(json.dumps(truth_document(CellTruth.from_seed(options.seed, arm_class=options.arm)), indent=2))
     return 0
 
 

@@ -84,7 +84,7 @@ class MockCell:
         self.truth, self.clock = truth, clock
         kind = _WIRES[program] if home is None else partial(RapidWires, home=home)
         self._wires: Wires = kind(
-            SimulatedArm(arm, start_joints(arm, truth), noise),
+            SimulatedArm(arm, start_joints(arm, truth), noise, built=truth.built_arm()),
             session=session or Random().randrange(1, 65536),
             time_scale=time_scale,
             started_at_s=clock(),

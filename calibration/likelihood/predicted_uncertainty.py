@@ -113,13 +113,13 @@ def view_information(scene: Scene, base_T_flange: Array) -> Array:
     chain = Chain(scene.setup, base_T_flange, scene.mount_T_camera, scene.anchor_T_target, nothing_corrected)
     camera_T_target = chain.camera_T_target()
     statistics = pixel_statistics(
-        _whole_target(scene, base_T_flange), scene.camera, camera_T_target, free_intrinsics=scene.intrinsics_free
+        observe_whole_target(scene, base_T_flange), scene.camera, camera_T_target, free_intrinsics=scene.intrinsics_free
     )
     model, variances = linearise_model(statistics, chain, camera_T_target), scene.noise.variances()
     return per_view_equations(model, variances, solve(model, variances))[0]
 
 
-def _whole_target(scene: Scene, base_T_flange: Array) -> Observations:
+def observe_whole_target(scene: Scene, base_T_flange: Array) -> Observations:
     """Observations of every point of the target in every view; the pixels are not used and set to 0."""
     n, m = len(base_T_flange), len(scene.target.points_mm)
     points = np.broadcast_to(scene.target.points_mm, (n, m, 3))

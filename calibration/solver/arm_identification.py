@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.errors import CalibrationError
 from calibration.kinematics.arm_errors import GROUPS, MAX_USUAL_SIGMAS, ArmErrorModel, Group, Postures
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, exact_pixels, linearise
@@ -54,21 +55,30 @@ class LadderRow:
 
 
 @dataclass(frozen=True, eq=False)
-class ArmFit:
-    """What a session says about the arm.
+class ArmEstimate:
+    """The arm as built, and X with it.
 
-    taken_up : whether its errors enter X and poses; `parameters` (k,) are zero otherwise.
-    log_evidence : of errors of the arm against none, over all models.
+    parameters : (k,), all zero where no errors were taken up.
     covariance : (6 + k, 6 + k) of [X, as of Uncertainty.covariance; the parameters].
-    anchor_T_target : (m, 4, 4) of the target's places.
     """
 
     model: ArmErrorModel
-    taken_up: bool
-    log_evidence: float
     parameters: Array
     covariance: Array
     mount_T_camera: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFit(ArmEstimate):
+    """What sessions say about the arm.
+
+    taken_up : whether its errors enter X and poses.
+    log_evidence : of errors of the arm against none, over all models.
+    anchor_T_target : (m, 4, 4) of the target's places.
+    """
+
+    taken_up: bool
+    log_evidence: float
     anchor_T_target: Array
     variances: Variances
     ladder: tuple[LadderRow, ...]
@@ -77,6 +87,17 @@ class ArmFit:
         """Names of parameters above MAX_USUAL_SIGMAS, the largest first: no arm's errors."""
         sizes = np.abs(self.parameters) / self.model.sigmas
         return [self.model.parameters[row].name for row in np.argsort(-sizes) if sizes[row] > MAX_USUAL_SIGMAS]
+
+
+class UnusualArm(CalibrationError):
+    """The views ask for errors that no arm has: `parameters` by name, the largest first."""
+
+    def __init__(self, arm: str, parameters: list[str]) -> None:
+        self.arm, self.parameters = arm, parameters
+        super().__init__(
+            f"the views ask for errors that no {arm} has ({', '.join(parameters[:3])}): check that the target stood"
+            " still, its size, and the zeros of the axes (revolution counters, a new motor)"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,8 +301,7 @@ def _ladder_rows(
 def _hold_out_mm(session: _Session, candidate: _Candidate) -> float:
     """RMS prediction error of the target's middle, at views left out by region of joint space."""
     model, n = candidate.of.model, len(session.postures)
-    turns = np.concatenate([np.sin(session.postures.joints_rad), np.cos(session.postures.joints_rad)], axis=1)
-    groups = split(turns, max(2, min(REGIONS, n // MIN_REGION_VIEWS)))
+    groups = _regions(session)
     middle = session.views[0].rows.nominal_mm.mean(axis=0, keepdims=True)
     centre = np.concatenate([map_points(_flange_T_target(chain), middle)[:, 0] for chain in session.chains])
     rows = point_rows(centre)
@@ -294,6 +314,20 @@ def _hold_out_mm(session: _Session, candidate: _Candidate) -> float:
         wanted = -(whole[group] @ (model.UAy[group] @ np.append(step.b, 1.0))[..., None])
         squares += float(np.sum((rows[group] @ wanted) ** 2))
     return float(np.sqrt(squares / n))
+
+
+def _regions(session: _Session) -> list[NDArray[np.intp]]:
+    """Groups of neighbours in joint space, with views of every place in each: the place itself must stay known."""
+    q = session.postures.joints_rad
+    turns = np.concatenate([np.sin(q), np.cos(q)], axis=1)
+    regions: list[list[NDArray[np.intp]]] = [[] for _ in range(REGIONS)]
+    for place in range(len(session.views)):
+        own = np.flatnonzero(session.places == place)
+        for region, rows in zip(
+            regions, split(turns[own], max(2, min(REGIONS, len(own) // MIN_REGION_VIEWS))), strict=False
+        ):
+            region.append(own[rows])
+    return [np.concatenate(region) for region in regions if region]
 
 
 def _flange_T_target(chain: Chain) -> Array:

@@ -14,11 +14,12 @@ class SchemaName(StrEnum):
     SCAN = "scan"
     PLAN = "plan"
     CALIBRATION = "calibration"
+    ARM = "arm"
     REPORT = "report"
 
 
-def schema(name: Annotated[SchemaName, typer.Argument(metavar="session|scan|plan|calibration|report")]) -> None:
-    """Print the JSON Schema of session.json, scan.json, plan.json, calibration.json or the report of a registration."""
+def schema(name: Annotated[SchemaName, typer.Argument(metavar="session|scan|plan|calibration|arm|report")]) -> None:
+    """Print the JSON Schema of session.json, scan.json, plan.json, calibration.json, arm.json or a report."""
     from daemon.tools.file_schemas.schemas import schema_of
 
     typer.echo(json.dumps(schema_of(name.value), indent=1))

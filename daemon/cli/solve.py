@@ -73,6 +73,14 @@ def solve(
             metavar="FILE", help="JSON with box_mm or points: where the uncertainty counts; else the working volume."
         ),
     ] = None,
+    arm: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Also identify the errors of this arm (`handeyed arms`) from the joints of all folders together, each"
+            " with the target at another place; --out then gets arm.json, too.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Calibrate from session folders: session.json and its images; with --artefact from scans.
@@ -82,6 +90,7 @@ def solve(
     from calibration.errors import DocumentError
     from calibration.solve import METHODS
     from daemon.cli.camera_file import read_camera
+    from daemon.cli.solve_arm import solve_arm
     from daemon.cli.solve_scan import check_options, solve_scan
     from registration.errors import RegistrationError
 
@@ -95,7 +104,7 @@ def solve(
             raise CommandError(name, "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
     intrinsics = None if camera is None else read_camera(camera)
     required = requirement_of(tolerance, at)
-    status = ExitStatus.OK
+    status, problems = ExitStatus.OK, []
     for folder in folders:
         try:
             if artefact is None:
@@ -112,10 +121,16 @@ def solve(
         name = folder.resolve().name
         if out is not None:
             _write(out if len(folders) == 1 else out / name / RESULT_FILE, document)
+        if shown is not None:
+            problems.append(shown[1])
         if pictures is not None and shown is not None and shown[1].in_space:
             raise CommandError("--pictures", *FOR_IMAGES, ExitStatus.UNREADABLE)
         if pictures is not None and shown is not None:
             _write_pictures(pictures if len(folders) == 1 else pictures / name, document, *shown)
+    if arm is not None:
+        if artefact is not None or len(problems) < len(folders):
+            raise CommandError("--arm", "it needs every folder's images", "leave it out", ExitStatus.UNREADABLE)
+        solve_arm(arm, problems, out if out is None else (out.parent if len(folders) == 1 else out), json=json)
     raise typer.Exit(status)
 
 

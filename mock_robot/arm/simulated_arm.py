@@ -1,7 +1,8 @@
 """The simulated arm: joints and flange pose as functions of a time passed in.
 
-The reported flange pose (forward kinematics, rounded to float32 as by a controller) differs from the true one by a
-random error, drawn anew for each move and constant while the arm stands.
+The reported flange pose (forward kinematics of the drawing, rounded to float32 as by a controller) differs from the
+true one by the errors of the arm as built, and by a random error, drawn anew for each move and constant while the arm
+stands.
 """
 
 from dataclasses import dataclass, replace
@@ -9,7 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm_errors import Postures
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
+from mock_robot.arm.built_arm import BuiltArm
 from mock_robot.arm.paths import JointPath, LinePath, Path
 from mock_robot.arm.speed_profile import Braked, Profile, Trapezoid
 
@@ -17,6 +20,8 @@ IN_POSITION_S = 0.3
 """Time of standstill after which the arm counts as settled: WaitTime \\InPos, 0.3."""
 RAMP_S = 0.1
 """Time from standstill to the programmed speed, and from it to standstill on a stop."""
+MIN_TRAVEL_RAD = 1e-6
+"""An axis that turns by less takes up no play."""
 REORIENTATION_RAD_S = np.radians(500.0)
 """v_ori of ABB's predefined speeds v5 to v7000."""
 
@@ -96,10 +101,13 @@ def plan_motion(
 class SimulatedArm:
     """Owner of the arm's position. Times are the robot's own seconds and must not decrease."""
 
-    def __init__(self, arm: Arm, joints: Array, noise: ArmNoise, now_s: float = 0.0) -> None:
+    def __init__(
+        self, arm: Arm, joints: Array, noise: ArmNoise, now_s: float = 0.0, built: BuiltArm | None = None
+    ) -> None:
         arm.require_within_limits(joints)
         self.arm = arm
-        self._noise = noise
+        self._noise, self._built = noise, built
+        self._sides: Array = np.ones(len(joints))  # from which each axis last came: 1 from below
         self._departures = 0
         self._motion = ArmMotion(JointPath(joints, joints), Trapezoid(0.0, 1.0, 1.0), now_s - IN_POSITION_S)
 
@@ -118,6 +126,7 @@ class SimulatedArm:
     ) -> float:
         """Start a move from the current position; returns the fraction of its path that can be followed (1: all)."""
         here = self.joints_at(now_s)
+        self._come_from(here, joints)
         self._motion = plan_motion(self.arm, here, joints, speed_mm_s, linear, now_s, turn_rad_s)
         self._departures += 1
         return self._motion.path.reachable_fraction
@@ -128,6 +137,7 @@ class SimulatedArm:
         Raises UnreachablePoseError outside the joint limits.
         """
         self.arm.require_within_limits(joints)
+        self._come_from(self.joints_at(now_s), joints)
         profile = Trapezoid(1.0, 1.25 / in_s, 6.25 / in_s**2)  # a tenth of the time each to speed up and to brake
         self._motion = ArmMotion(JointPath(self.joints_at(now_s), joints), profile, now_s)
         self._departures += 1
@@ -166,4 +176,12 @@ class SimulatedArm:
 
     def true_base_T_flange(self, now_s: float) -> Array:
         """True flange pose, as camera and scanner see it."""
-        return self.reported_base_T_flange(now_s) @ self._noise.flange_T_true(self._departures)
+        stands = self.reported_base_T_flange(now_s)
+        if self._built is not None:
+            stands = self._built.base_T_flange(Postures(self.joints_at(now_s)[None], sides=self._sides[None]))[0]
+        return stands @ self._noise.flange_T_true(self._departures)
+
+    def _come_from(self, here: Array, there: Array) -> None:
+        """Note the side from which each axis comes; an axis that stands keeps its own."""
+        travel = np.asarray(there) - here
+        self._sides = np.where(np.abs(travel) > MIN_TRAVEL_RAD, np.sign(travel), self._sides)

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibration.camera import CameraModel
+from calibration.kinematics.abb_arms import find_arm
 from calibration.targets import Charuco, Target
 from calibration.transforms import Array, rotation_from_vector, transform
+from mock_robot.arm.built_arm import ArmClass, BuiltArm, build_arm
 from mock_robot.scene.optics import Optics
 from mock_robot.scene.printed_target import PrintOptions, print_target
 
@@ -66,6 +68,7 @@ class CellTruth:
     optics: Optics
     noise: CellNoise
     nominal: Nominal = field(repr=False)
+    arm_class: ArmClass = "perfect"
 
     @classmethod
     def from_seed(
@@ -77,6 +80,7 @@ class CellTruth:
         optics: Optics = DEFAULT_OPTICS,
         sheet: PrintOptions | None = None,
         arm: str = IRB_1600,
+        arm_class: ArmClass = "perfect",
     ) -> "CellTruth":
         """Build the cell of a seed; the same arguments give the same cell, to the last bit."""
         rng = np.random.default_rng([seed, 0x5EED])
@@ -96,7 +100,12 @@ class CellTruth:
             optics=optics,
             noise=noise or CellNoise(),
             nominal=nominal,
+            arm_class=arm_class,
         )
+
+    def built_arm(self) -> BuiltArm | None:
+        """The arm with its errors; None for one as drawn."""
+        return None if self.arm_class == "perfect" else build_arm(find_arm(self.arm), self.arm_class, self.seed)
 
 
 def _bracket(rng: np.random.Generator) -> Array:

@@ -22,6 +22,8 @@ def truth_document(truth: CellTruth) -> dict[str, Any]:
         "schema_version": 1,
         "seed": truth.seed,
         "arm": truth.arm,
+        "arm_class": truth.arm_class,
+        "arm_errors": _arm_errors(truth),
         "flange_T_camera": _pose(truth.flange_T_camera),
         "flange_T_scanner": _pose(truth.flange_T_scanner),
         "base_T_target": _pose(truth.base_T_target),
@@ -53,6 +55,14 @@ def cell_sheet(truth: CellTruth) -> dict[str, Any]:
 def target_document(target: Target) -> dict[str, Any]:
     """The target as session.json contains it."""
     return {"kind": target.kind, **asdict(target)}
+
+
+def _arm_errors(truth: CellTruth) -> dict[str, float]:
+    """By parameter, in rad, mm and as `arm_errors.ErrorParameter` has them; none of an arm as drawn."""
+    built = truth.built_arm()
+    if built is None:
+        return {}
+    return {one.name: float(size) for one, size in zip(built.model.parameters, built.errors, strict=True)}
 
 
 def _pose(a_T_b: Array) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def arm_cell(
     rng: np.random.Generator,
     built: BuiltArm,
     joints_rad: Sequence[Array],
-    base_T_targets: Sequence[Array],
+    base_T_targets: Sequence[Array] | Array,
     noise: CellNoise = REPEATABILITY,
     load: Load = NO_LOAD,
 ) -> ArmCell:
@@ -86,3 +86,42 @@ def arm_cell(
         views = [View(row, poses[row], Detection(ids, pixels[row]), joints_rad=joints[row]) for row in range(n)]
         problems.append(Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views)))
     return ArmCell(built, tuple(problems), MOUNT_T_CAMERA)
+
+
+BOX_SHARES = np.array([[0.42, -0.35, 0.1], [0.75, 0.35, 0.5]])
+"""Corners of the box of flange places, in shares of the arm's reach."""
+
+
+def flange_above(rng: np.random.Generator, arm: Arm, shares: Array, tilt_rad: float) -> Array | None:
+    """Joints (6,) with the flange at a place in shares of the reach (3,), looking down; None where out of reach."""
+    tilt = rotation_from_vector(tilt_rad * np.append(rng.uniform(-1, 1, 2), 0.0))
+    turn = rotation_from_vector([0.0, 0.0, rng.uniform(-np.pi, np.pi)])
+    down = tilt @ rotation_from_vector([np.pi, 0.0, 0.0]) @ turn
+    try:
+        solutions = arm.inverse(transform(down, arm.reach_mm * shares))
+    except UnreachablePoseError:
+        return None
+    usual = [one for one in solutions if arm.configuration(one).cfx < 2 and np.abs(one).max() < np.radians(200)]
+    return usual[rng.integers(len(usual))] if usual else None
+
+
+def box_postures(rng: np.random.Generator, arm: Arm, count: int) -> Array:
+    """Joints (count, 6) anywhere in the box, tilted up to 40° from above."""
+    found: list[Array] = []
+    while len(found) < count:
+        joints = flange_above(rng, arm, rng.uniform(*BOX_SHARES), float(np.radians(40.0)))
+        if joints is not None:
+            found.append(joints)
+    return np.array(found)
+
+
+def target_places(rng: np.random.Generator, arm: Arm, count: int) -> Array:
+    """base_T_target (count, 4, 4), each where a posture of the box sees it; far from one another."""
+    joints = box_postures(rng, arm, 40)
+    flange = arm.forward(joints)
+    places = flange[:, :3, 3]
+    chosen = [int(np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1)))]
+    while len(chosen) < count:
+        apart = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)
+        chosen.append(int(np.argmax(apart)))
+    return np.array([flange[row] @ MOUNT_T_CAMERA @ looking(rng, BOARD, float(np.radians(20.0))) for row in chosen])

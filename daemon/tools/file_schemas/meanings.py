@@ -3,6 +3,30 @@
 from collections.abc import Mapping
 
 MEANINGS: Mapping[str, str] = {
+    # arm.json
+    "ArmDocument.arm": "Name of the arm (`handeyed arms`).",
+    "ArmDocument.serial": "Serial number of the arm; null where it is not known.",
+    "ArmDocument.taken_up": "Whether the views show errors of the arm; all parameters are 0 otherwise.",
+    "log_evidence": "Natural logarithm of the evidence against an arm as drawn.",
+    "mount_T_camera": "X identified with the arm, mm: the camera in the flange, or in the base.",
+    "ArmDocument.parameters": "Errors of the arm; docs/arm-errors.md has the model.",
+    "ArmDocument.covariance": "Of rotation (rad) and translation (mm) of mount_T_camera @ exp(.), then the parameters.",
+    "scatter_mm": "Scatter of a pose about the model, one standard deviation per axis, mm.",
+    "scatter_deg": "The same of its rotation, degrees.",
+    "ladder": "Models with the errors up to each group, the first without any.",
+    "ArmDocument.views": "Number of views.",
+    "places": "Number of places of the target.",
+    "lowest_joints_deg": "Least angle of axes 1 to 6 among the views, degrees: beyond them nothing was learnt.",
+    "highest_joints_deg": "Greatest angle of axes 1 to 6 among the views, degrees.",
+    "ArmParameterDocument.name": "Name of the error.",
+    "group": "zeros, links, gears, sag, play or warmth.",
+    "axis": "Axis 1 to 6 that it belongs to.",
+    "ArmParameterDocument.unit": "Of value and sigma.",
+    "ArmParameterDocument.value": "The error.",
+    "ArmParameterDocument.sigma": "One standard deviation of it after the views.",
+    "up_to": "The last group of the model; null for an arm as drawn.",
+    "probability": "Of the model among those with errors.",
+    "ArmLadderDocument.hold_out_mm": "Prediction error of views left out by region of joint space, RMS, mm.",
     # session.json, scan.json, plan.json
     "schema_version": "Version of the format.",
     "source": "Where it came from, for people.",

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel
 
+from calibration.documents.arm import ArmDocument
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.plan import PlanDocument
 from calibration.documents.session import SessionDocument
@@ -31,6 +32,7 @@ FILES: Mapping[str, FileKind] = MappingProxyType({
     "scan": FileKind(ScanDocument, "validation", SCAN),
     "plan": FileKind(PlanDocument, "validation", PLAN),
     "calibration": FileKind(CalibrationDocument, "serialization"),
+    "arm": FileKind(ArmDocument, "serialization"),
     "report": FileKind(RegistrationReportDocument, "serialization"),
 })  # fmt: skip
 """By the name that `handeyed schema` takes."""

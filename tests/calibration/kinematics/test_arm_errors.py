@@ -40,8 +40,8 @@ def test_the_derivatives_are_those_of_finite_differences(name: str) -> None:
         assert off.max() < 3e-3, model.parameters[row].name
 
 
-def test_no_geometric_error_is_one_of_base_or_flange_and_none_is_missing() -> None:
-    """18 with base and flange (12) are independent; a 19th geometric error would not be (Everett 1988)."""
+def test_the_geometric_errors_are_independent_of_each_other_and_of_base_and_flange() -> None:
+    """18, with the 12 of base and flange: as many as any model of the arm has (Everett 1988)."""
     model, postures = ArmErrorModel(find_arm(SMALL)), draw_postures(SMALL, 200)
     at = np.zeros(len(model))
     flange = model.forward(at, postures)
@@ -49,12 +49,12 @@ def test_no_geometric_error_is_one_of_base_or_flange_and_none_is_missing() -> No
     shared = np.concatenate([adjoint(inverse(flange)), np.broadcast_to(np.eye(6), (200, 6, 6))], axis=-1)
     columns = np.concatenate([shared, geometric], axis=-1).reshape(-1, 12 + 18)
     columns /= np.linalg.norm(columns, axis=0)
-    assert np.linalg.svd(columns, compute_uv=False)[-1] > 0.01
+    assert np.linalg.svd(columns, compute_uv=False)[-1] > 1e-3
 
 
 def test_a_load_lowers_the_stretched_arm() -> None:
     model = ArmErrorModel(find_arm(SMALL))
-    stretched = Postures(np.radians([[20.0, 60.0, 20.0, 0.0, 10.0, 0.0]]), Load(3.0))
+    stretched = Postures(np.radians([[20.0, 60.0, -30.0, 0.0, 10.0, 0.0]]), Load(3.0))
     for name in ("2_by_lower_arm", "2_by_forearm", "3_by_forearm", "2_by_load", "3_by_load", "5_by_load"):
         errors = np.zeros(len(model))
         errors[model.index(f"sag_{name}")] = 1e-4

@@ -6,8 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calibration.documents.arm import ArmDocument, arm_document, arm_summary
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.joint_check import JointsDisagree
 from calibration.solve import estimate_session, identify_arm_session
 from calibration.solver.arm_identification import ArmFit
 from calibration.solver.registered_points import registered_points
@@ -97,3 +99,19 @@ def test_several_places_of_the_target_show_more_of_the_arm() -> None:
         np.trace(registered_points(fit, at, where)[1], axis1=1, axis2=2).mean() for fit in (one_place, several)
     )
     assert three < 0.5 * one
+
+
+def test_arm_json_keeps_the_arm_and_x() -> None:
+    cell, _, fit = identified("standard")
+    written = arm_document(fit, cell.problems, created_at="2026-11-22T12:00:00Z", software="handeyed 0")
+    read = ArmDocument.model_validate_json(written.model_dump_json()).estimate()
+    at, where = Postures(reachable_views(np.random.default_rng(5), ARM, TARGETS[0], 1)), WHERE
+    for one, other in zip(registered_points(fit, at, where), registered_points(read, at, where), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6)
+    assert "taken up" in arm_summary(written)
+
+
+def test_joints_of_another_arm_are_refused_not_fitted() -> None:
+    cell, _, _ = identified("standard")
+    with pytest.raises(JointsDisagree, match="IRB 2600"):
+        identify_arm_session(find_arm("IRB 6700-200/2.60"), cell.problems)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from calibration.kinematics.arm import OutsideJointLimits
 from calibration.transforms import inverse, vector_from_rotation
+from mock_robot.arm.built_arm import build_arm
 from mock_robot.arm.paths import LinePath
 from mock_robot.arm.simulated_arm import IN_POSITION_S, ArmNoise, SimulatedArm, plan_motion
 from mock_robot.arm.speed_profile import Braked, Trapezoid
@@ -109,3 +110,22 @@ def test_the_arms_error_has_the_stated_sigma_in_every_component_and_is_seeded() 
 def test_without_noise_the_arm_is_where_it_says() -> None:
     arm = SimulatedArm(ARM, HOME, ArmNoise())
     np.testing.assert_array_equal(arm.true_base_T_flange(0.0), arm.reported_base_T_flange(0.0))
+
+
+def test_an_arm_as_built_reports_the_drawing_and_stands_elsewhere() -> None:
+    built = build_arm(ARM, "standard", seed=3)
+    arm = SimulatedArm(ARM, HOME, ArmNoise(), built=built)
+    np.testing.assert_allclose(arm.reported_base_T_flange(0.0), ARM.forward(HOME))
+    off = np.linalg.norm((arm.true_base_T_flange(0.0) - arm.reported_base_T_flange(0.0))[:3, 3])
+    assert 0.05 < off < 5.0
+
+
+def test_play_depends_on_the_side_from_which_an_axis_came() -> None:
+    arm = SimulatedArm(ARM, HOME, ArmNoise(), built=build_arm(ARM, "worn", seed=3))
+    aside = np.radians([10.0, 0, 0, 0, 0, 0])
+    stood = []
+    for start in (HOME - aside, HOME + aside):
+        arm.jog(start, 1.0, arm.end_s)
+        arm.jog(HOME, 1.0, arm.end_s)
+        stood.append(arm.true_base_T_flange(arm.end_s))
+    assert np.abs(stood[0] - stood[1])[:3, 3].max() > 1e-3

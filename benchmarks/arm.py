@@ -1,0 +1,187 @@
+"""The arm's own errors: a registered point before and after they are identified, on simulated arms as built.
+
+`python -m benchmarks.arm [--arms N] [--only TABLE]`. Held-out poses are anywhere in a box of a third by 0.7 by 0.4 of
+the reach; the registered point is 450 to 650 mm before the camera. Arms, pixels (0.05 px) and scatter (0.02 mm, 0.002
+degrees per axis) as in `tests/simulated/arms.py`.
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm_errors import ArmErrorModel, Postures
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
+from calibration.planning.arm_views import ArmExperiment, PointsOfInterest
+from calibration.solve import estimate_session, identify_arm_session
+from calibration.solver.registered_points import registered_points
+from calibration.transforms import Array, map_points
+from mock_robot.arm.built_arm import ArmClass, build_arm
+from tests.simulated.arms import (
+    MOUNT_T_CAMERA,
+    REPEATABILITY,
+    ArmCell,
+    arm_cell,
+    box_postures,
+    reachable_views,
+    target_places,
+)
+from tests.simulated.sessions import BOARD, CAMERA
+
+SIZES = ("IRB 120-3/0.6", "IRB 2600-20/1.65", "IRB 6700-200/2.60")
+PLACES, CANDIDATES, HELD_OUT = 4, 50, 50
+
+
+@dataclass(frozen=True)
+class Row:
+    """One arm: RMS of a registered point, mm, before, after and at the bound; RMS of normalised errors."""
+
+    taken_up: bool
+    before_mm: float
+    after_mm: float
+    bound_mm: float
+    normalised: float
+    seen_before_mm: float = 0.0
+    seen_after_mm: float = 0.0
+    seen_normalised: float = 1.0
+
+
+def main() -> None:
+    """Every table of the arm's errors."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--arms", type=int, default=20, help="simulated arms a row")
+    parser.add_argument("--only", choices=("planned", "ordinary", "perfect", "speed"), help="one of the tables")
+    options = parser.parse_args()
+    tables = {"planned": planned_table, "ordinary": ordinary_table, "perfect": perfect_table, "speed": speed_table}
+    for name, table in tables.items():
+        if options.only in (None, name):
+            table(options.arms)
+
+
+def planned_table(arms: int) -> None:
+    """40 planned views of a target at four unknown places."""
+    print(f"Standard arms, 40 planned views of {PLACES} unknown places ({arms} arms a row): RMS in mm over the box")
+    print(f"{'arm':20} {'taken up':>8} {'before':>7} {'after':>7} {'times':>6} {'bound':>7} {'/bound':>6} {'z':>5}")
+    for name in SIZES:
+        rows = [_planned(find_arm(name), seed) for seed in range(arms)]
+        before, after, bound = (
+            _rms([getattr(row, part) for row in rows]) for part in ("before_mm", "after_mm", "bound_mm")
+        )
+        taken, z = sum(row.taken_up for row in rows), _rms([row.normalised for row in rows])
+        print(
+            f"{name:20} {taken:>5}/{arms:<2} {before:7.3f} {after:7.3f} {before / after:6.1f} {bound:7.3f}"
+            f" {after / bound:6.2f} {z:5.2f}",
+            flush=True,
+        )
+
+
+def ordinary_table(arms: int) -> None:
+    """12 views of an ordinary hand-eye session."""
+    print(
+        f"Standard arms, 12 ordinary views of one place ({arms} arms a row): RMS in mm at that place, and over the box"
+    )
+    print(
+        f"{'arm':20} {'taken up':>8} {'not worse':>9} {'median times':>12} {'z seen':>6} {'z box':>6} {'box times':>9}"
+    )
+    for name in SIZES:
+        rows = [_ordinary(find_arm(name), "standard", seed) for seed in range(arms)]
+        times = np.array([row.seen_before_mm / row.seen_after_mm for row in rows])
+        in_box = np.array([row.before_mm / row.after_mm for row in rows])
+        z_seen, z_box = _rms([row.seen_normalised for row in rows]), _rms([row.normalised for row in rows])
+        taken = sum(row.taken_up for row in rows)
+        print(f"{name:20} {taken:>5}/{arms:<2} {np.mean(times >= 1):9.0%} {np.median(times):12.2f}", end=" ")
+        print(f"{z_seen:6.2f} {z_box:6.2f} {np.median(in_box):9.2f}", flush=True)
+
+
+def perfect_table(arms: int) -> None:
+    """Arms that are as drawn."""
+    print(f"Perfect arms, 12 ordinary views ({5 * arms} arms a row)")
+    print(f"{'arm':20} {'not taken up':>12} {'point error / without':>22}")
+    for name in SIZES:
+        rows = [_ordinary(find_arm(name), "perfect", seed) for seed in range(5 * arms)]
+        left = np.mean([not row.taken_up for row in rows])
+        ratio = _rms([row.before_mm for row in rows])
+        print(f"{name:20} {left:12.1%} {_rms([row.after_mm for row in rows]) / ratio:22.3f}", flush=True)
+
+
+def speed_table(_: int) -> None:
+    """Time of the identification with 200 views, without and with what a solve takes anyway."""
+    arm, rng = find_arm(SIZES[1]), np.random.default_rng(0)
+    target = target_places(rng, arm, 1)
+    cell = arm_cell(rng, build_arm(arm, "standard", 0), [reachable_views(rng, arm, target[0], 200)], target)
+    start = time.perf_counter()
+    estimate_session(cell.problems[0])
+    solved = time.perf_counter() - start
+    start = time.perf_counter()
+    identify_arm_session(arm, cell.problems)
+    whole = time.perf_counter() - start
+    print(
+        f"200 views, {len(ArmErrorModel(arm))} parameters: {whole - solved:.2f} s besides {solved:.2f} s of the solve"
+    )
+
+
+def _planned(arm: Arm, seed: int) -> Row:
+    rng = np.random.default_rng([seed, 1])
+    model, targets = ArmErrorModel(arm), target_places(rng, arm, PLACES)
+    interest = _interest(rng, arm)
+    candidates = [Postures(reachable_views(rng, arm, target, CANDIDATES)) for target in targets]
+    noise = ExpectedNoise(REPEATABILITY.image_px, REPEATABILITY.robot_rotation_rad, REPEATABILITY.robot_translation_mm)
+    scenes = [Scene("eye-in-hand", BOARD, CAMERA, MOUNT_T_CAMERA, target, noise) for target in targets]
+    experiment = ArmExperiment(model, scenes, candidates, interest, model.sigmas)
+    plan = experiment.choose(40)
+    joints = [candidates[place].joints_rad[[row for at, row in plan.views if at == place]] for place in range(PLACES)]
+    cell = arm_cell(rng, build_arm(arm, "standard", seed), joints, targets)
+    return _measure(cell, _interest(rng, arm), float(plan.point_mm[-1]))
+
+
+def _ordinary(arm: Arm, arm_class: ArmClass, seed: int) -> Row:
+    rng = np.random.default_rng([seed, 2])
+    target = target_places(rng, arm, 1)
+    cell = arm_cell(rng, build_arm(arm, arm_class, seed), [reachable_views(rng, arm, target[0], 12)], target)
+    seen = PointsOfInterest(Postures(reachable_views(rng, arm, target[0], HELD_OUT)), _points(rng))
+    return _measure(cell, _interest(rng, arm), np.nan, seen)
+
+
+def _measure(cell: ArmCell, interest: PointsOfInterest, bound_mm: float, seen: PointsOfInterest | None = None) -> Row:
+    arm = cell.built.drawing
+    plain = estimate_session(max(cell.problems, key=lambda problem: len(problem.views)))[2]
+    fit = identify_arm_session(arm, cell.problems)
+
+    def compare(at: PointsOfInterest) -> tuple[float, float, float]:
+        truth = map_points(cell.built.base_T_flange(at.postures) @ cell.mount_T_camera, at.points_mm[:, None])[:, 0]
+        drawn = arm.forward(at.postures.joints_rad) @ plain.best.chain.mount_T_camera
+        before = map_points(drawn, at.points_mm[:, None])[:, 0] - truth
+        found, covariance = registered_points(fit, at.postures, at.points_mm)
+        squares = np.einsum("ni,nij,nj->n", found - truth, np.linalg.inv(covariance), found - truth)
+        return _length(before), _length(found - truth), float(np.sqrt(squares.mean() / 3))
+
+    before, after, normalised = compare(interest)
+    row = Row(fit.taken_up, before, after, bound_mm, normalised)
+    if seen is None:
+        return row
+    before, after, normalised = compare(seen)
+    return replace(row, seen_before_mm=before, seen_after_mm=after, seen_normalised=normalised)
+
+
+def _interest(rng: np.random.Generator, arm: Arm) -> PointsOfInterest:
+    return PointsOfInterest(Postures(box_postures(rng, arm, HELD_OUT)), _points(rng))
+
+
+def _points(rng: np.random.Generator) -> Array:
+    return np.column_stack([rng.uniform(-100, 100, (HELD_OUT, 2)), rng.uniform(450, 650, HELD_OUT)])
+
+
+def _length(errors: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""arm.json: the errors of an arm as built, what they were identified from, and X with them (mm, degrees, w first)."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from calibration.documents.pose import PoseDocument
+from calibration.documents.validation import Document
+from calibration.errors import GeometryError
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm_errors import ArmErrorModel, Group
+from calibration.problem import Problem, Setup
+from calibration.solver.arm_identification import ArmEstimate, ArmFit
+from calibration.transforms import Array
+
+Joints = tuple[float, float, float, float, float, float]
+
+
+class ArmParameterDocument(Document):
+    """One error of the arm in `unit`, and one standard deviation of it after the session."""
+
+    name: str
+    group: Group
+    axis: int = Field(ge=1, le=6)
+    unit: str
+    value: float
+    sigma: float = Field(ge=0)
+
+
+class ArmLadderDocument(Document):
+    """The models up to a group: their probability, log-evidence against no error, and hold-out by joint regions."""
+
+    up_to: Group | None
+    probability: float
+    log_evidence: float
+    hold_out_mm: float
+
+
+class ArmDocument(Document):
+    """arm.json. `covariance`: of [rotation rad and translation mm of mount_T_camera @ exp(.), the parameters]."""
+
+    schema_version: Literal[1] = 1
+    arm: str
+    serial: str | None = None
+    created_at: str
+    software: str
+    setup: Setup
+    taken_up: bool
+    log_evidence: float
+    mount_T_camera: PoseDocument
+    parameters: list[ArmParameterDocument]
+    covariance: list[list[float]]
+    scatter_mm: float
+    scatter_deg: float
+    ladder: list[ArmLadderDocument]
+    views: int = Field(ge=0)
+    places: int = Field(ge=1)
+    lowest_joints_deg: Joints
+    highest_joints_deg: Joints
+
+    def estimate(self) -> ArmEstimate:
+        """The arm and X as numbers. Raises GeometryError for another arm's or damaged parameters."""
+        model = ArmErrorModel(find_arm(self.arm))
+        size, covariance = 6 + len(model), np.array(self.covariance, float)
+        if [one.name for one in self.parameters] != [one.name for one in model.parameters]:
+            raise GeometryError(f"arm.json: its parameters are not those of this version for {self.arm}: solve again")
+        if covariance.shape != (size, size) or not np.all(np.isfinite(covariance)):
+            raise GeometryError(f"arm.json: covariance must be {size} x {size} finite numbers")
+        values = np.array([one.value for one in self.parameters])
+        return ArmEstimate(model, values, covariance, self.mount_T_camera.transform())
+
+
+def arm_document(
+    fit: ArmFit, problems: Sequence[Problem], *, created_at: str, software: str, serial: str | None = None
+) -> ArmDocument:
+    """The document of a fit from these sessions, whose views all hold joints."""
+    every = [view.joints_rad for problem in problems for view in problem.views]
+    joints = np.degrees(np.array([one for one in every if one is not None]))
+    sigmas = np.sqrt(np.diagonal(fit.covariance)[6:])
+    return ArmDocument(
+        arm=fit.model.arm.name,
+        serial=serial,
+        created_at=created_at,
+        software=software,
+        setup=problems[0].setup,
+        taken_up=fit.taken_up,
+        log_evidence=fit.log_evidence,
+        mount_T_camera=PoseDocument.of(fit.mount_T_camera),
+        parameters=[
+            ArmParameterDocument(
+                name=one.name, group=one.group, axis=one.axis, unit=one.unit, value=float(value), sigma=float(sigma)
+            )
+            for one, value, sigma in zip(fit.model.parameters, fit.parameters, sigmas, strict=True)
+        ],
+        covariance=fit.covariance.tolist(),
+        scatter_mm=float(np.sqrt(fit.variances.translation)),
+        scatter_deg=float(np.degrees(np.sqrt(fit.variances.rotation))),
+        ladder=[
+            ArmLadderDocument(
+                up_to=row.up_to,
+                probability=row.probability,
+                log_evidence=row.log_evidence,
+                hold_out_mm=row.hold_out_mm,
+            )
+            for row in fit.ladder
+        ],
+        views=len(joints),
+        places=len(problems),
+        lowest_joints_deg=_six(joints.min(axis=0)),
+        highest_joints_deg=_six(joints.max(axis=0)),
+    )
+
+
+def arm_summary(document: ArmDocument) -> str:
+    """What people read: whether errors were found, what each group explains, the largest ones."""
+    without, *models = document.ladder
+    found = "errors of the arm are taken up" if document.taken_up else "no errors of the arm are shown by these views"
+    lines = [f"{document.arm}: {found} (log-evidence {document.log_evidence:+.1f})"]
+    lines.append(f"  {'model':16} {'probability':>11} {'hold-out mm':>11}")
+    lines.append(f"  {'drawing':16} {'':>11} {without.hold_out_mm:11.3f}")
+    lines += [f"  {f'up to {row.up_to}':16} {row.probability:11.0%} {row.hold_out_mm:11.3f}" for row in models]
+    if document.taken_up:
+        sized = sorted(document.parameters, key=lambda one: -abs(one.value) / max(one.sigma, 1e-300))
+        lines += [f"  {one.name:16} {one.value:11.3g} ± {one.sigma:.2g} {one.unit}" for one in sized[:5] if one.value]
+    lines.append(f"  scatter about the model: {document.scatter_mm:.3f} mm, {document.scatter_deg:.4f} deg")
+    return "\n".join(lines)
+
+
+def _six(joints: Array) -> Joints:
+    one, two, three, four, five, six = joints.tolist()
+    return one, two, three, four, five, six

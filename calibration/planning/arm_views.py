@@ -1,0 +1,126 @@
+"""Views that show most of the arm's errors, and what they would leave of them at the points that matter.
+
+Each view is a measurement of the flange's pose with the pixels' and the robot's noise; X, the target's places and the
+errors of the arm are its unknowns. Views are added one by one, each the one after which the mean variance of registered
+points is least.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.kinematics.arm_errors import ArmErrorModel, Postures
+from calibration.likelihood.chain import Chain
+from calibration.likelihood.mapped_points import point_rows
+from calibration.likelihood.mixed_model import linearise_model
+from calibration.likelihood.predicted_uncertainty import Scene, observe_whole_target
+from calibration.linear_algebra import inverse_or_pseudo_inverse
+from calibration.observations.reprojection import pixel_statistics
+from calibration.transforms import Array, map_points
+
+UNKNOWN_POSE_SIGMA = np.repeat([0.5, 500.0], 3)
+"""rad, mm: of X and the target's places before any view."""
+
+MIN_PLACE_VIEWS = 4
+"""Of each place of the target: fewer do not determine where it is, and so show nothing of the arm."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointsOfInterest:
+    """Where the uncertainty counts: at postures, one point (n, 3) of the camera's frame each."""
+
+    postures: Postures
+    points_mm: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ArmViewPlan:
+    """Chosen views as (place, row among its candidates), and the RMS (views,) that points would have after each."""
+
+    views: tuple[tuple[int, int], ...]
+    point_mm: Array
+
+
+class ArmExperiment:
+    """The measurements that views of several places of the target would be. Camera on the flange.
+
+    `scenes`, `postures`: one for each place; `sigmas` (k,) of the arm's errors.
+    """
+
+    def __init__(
+        self,
+        model: ArmErrorModel,
+        scenes: Sequence[Scene],
+        postures: Sequence[Postures],
+        interest: PointsOfInterest,
+        sigmas: Array,
+    ) -> None:
+        places = range(len(scenes))
+        self.places = np.repeat(places, [len(each) for each in postures])
+        self.rows = np.concatenate([np.arange(len(each)) for each in postures])
+        parts = [_measurements(model, scenes[place], postures[place], place, len(scenes)) for place in places]
+        self._by = np.concatenate([by for by, _ in parts])
+        self._noise = np.concatenate([noise for _, noise in parts])
+        poses = np.tile(UNKNOWN_POSE_SIGMA, 1 + len(scenes))
+        self._prior = np.diag(np.concatenate([poses, sigmas]) ** 2)
+        self._weights = _point_weights(model, scenes[0].mount_T_camera, interest, len(scenes))
+
+    def point_mm(self, chosen: Sequence[int]) -> float:
+        """RMS error of the points after these views (positions among all candidates), for an efficient estimate."""
+        by, noise = self._by[list(chosen)], self._noise[list(chosen)]
+        information = np.linalg.inv(self._prior) + np.einsum("nip,nij,njq->pq", by, np.linalg.inv(noise), by)
+        return float(np.sqrt(np.sum(self._weights * np.linalg.inv(information))))
+
+    def choose(self, count: int) -> ArmViewPlan:
+        """`count` views, MIN_PLACE_VIEWS of every place among them."""
+        covariance, chosen, after = self._prior, [], []
+        open_to = np.ones(len(self.places), bool)
+        for number in range(count):
+            first = number // MIN_PLACE_VIEWS
+            allowed = open_to & (self.places == first if first <= self.places.max() else True)
+            gains = np.where(allowed, self._gains(covariance), -np.inf)
+            best = int(np.argmax(gains))
+            open_to[best] = False
+            chosen.append(best)
+            by = self._by[best]
+            spread = covariance @ by.T
+            covariance = covariance - spread @ np.linalg.solve(by @ spread + self._noise[best], spread.T)
+            after.append(np.sqrt(np.sum(self._weights * covariance)))
+        views = tuple((int(self.places[row]), int(self.rows[row])) for row in chosen)
+        return ArmViewPlan(views, np.array(after))
+
+    def _gains(self, covariance: Array) -> Array:
+        """By how much each candidate (n,) would lower the mean variance of the points, mm²."""
+        spread = self._by @ covariance  # (n, 6, p)
+        inside = spread @ np.swapaxes(self._by, 1, 2) + self._noise
+        weighed = spread @ self._weights @ np.swapaxes(spread, 1, 2)
+        return np.asarray(np.trace(np.linalg.solve(inside, weighed), axis1=1, axis2=2))
+
+
+def _measurements(
+    model: ArmErrorModel, scene: Scene, postures: Postures, place: int, places: int
+) -> tuple[Array, Array]:
+    """Derivatives (n, 6, p) of the flange's measured pose by [X, places, errors], and its covariance (n, 6, 6)."""
+    poses = model.arm.forward(postures.joints_rad)
+    chain = Chain(scene.setup, poses, scene.mount_T_camera, scene.anchor_T_target, np.zeros((len(poses), 6)))
+    seen = chain.camera_T_target()
+    statistics = pixel_statistics(observe_whole_target(scene, poses), scene.camera, seen, free_intrinsics=False)
+    linear, levels = linearise_model(statistics, chain, seen), scene.noise.variances()
+    shared = np.linalg.solve(chain.correction_jacobian(seen), chain.shared_jacobian(seen))
+    by = np.zeros((len(poses), 6, 6 + 6 * places + len(model)))
+    by[:, :, :6] = shared[:, :, :6]
+    by[:, :, 6 + 6 * place : 12 + 6 * place] = shared[:, :, 6:]
+    by[:, :, 6 + 6 * places :] = model.jacobian(np.zeros(len(model)), postures)
+    noise = levels.pixel * inverse_or_pseudo_inverse(linear.UU) + np.diag(levels.deviations() ** 2)
+    return by, noise
+
+
+def _point_weights(model: ArmErrorModel, mount_T_camera: Array, interest: PointsOfInterest, places: int) -> Array:
+    """W (p, p) with trace(W cov) = the mean variance of the points."""
+    points = interest.points_mm
+    by_x = mount_T_camera[:3, :3] @ point_rows(points)
+    by_arm = point_rows(map_points(mount_T_camera, points)) @ model.jacobian(np.zeros(len(model)), interest.postures)
+    rows = np.concatenate([by_x, np.zeros((len(points), 3, 6 * places)), by_arm], axis=-1)
+    weights: Array = np.einsum("nip,niq->pq", rows, rows) / len(points)
+    return weights
