@@ -2,9 +2,15 @@
 
 DeviceError
 ├── DeviceUnreachable      no answer at the address
+├── DeviceTaken            another program controls the device
+├── WrongDevice            another device answers than the settings name
+├── LibraryMissing         the library that the driver needs is not installed
+├── SettingRefused         the device does not have a setting, or refuses its value
 ├── DeviceTimeout          connected, but no answer (or no fresh one) in time
+│   └── StreamStalled      a camera is connected and sends no pictures
 ├── LinkLost               the connection broke during a request
 ├── GarbledAnswer          the bytes are not of the protocol, or not an image or cloud
+│   └── IncompletePicture  parts of a picture are missing
 ├── NothingMeasured        a complete cloud without points
 ├── AnswerTooLarge         more bytes than the configured limit
 ├── AddressNotUnderstood   an address that no driver can parse (a ValueError, too)
@@ -42,10 +48,45 @@ class DeviceUnreachable(DeviceError):
     code = "device-unreachable"
 
 
+class DeviceTaken(DeviceError):
+    """Another program controls the device."""
+
+    code = "device-taken"
+
+    def __init__(
+        self, device: str, what: str, fix: str = "close the program that uses it, or restart the device"
+    ) -> None:
+        super().__init__(device, what, fix)
+
+
+class WrongDevice(DeviceError):
+    """Another device answers than the settings name."""
+
+    code = "wrong-device"
+
+
+class LibraryMissing(DeviceError):
+    """The library that the driver needs is not installed."""
+
+    code = "library-missing"
+
+
+class SettingRefused(DeviceError):
+    """The device does not have a setting, or refuses its value."""
+
+    code = "setting-refused"
+
+
 class DeviceTimeout(DeviceError):
     """Connected, but no answer (or no fresh one) in time."""
 
     code = "device-timeout"
+
+
+class StreamStalled(DeviceTimeout):
+    """A camera is connected and sends no pictures."""
+
+    code = "stream-stalled"
 
 
 class LinkLost(DeviceError):
@@ -58,6 +99,20 @@ class GarbledAnswer(DeviceError):
     """The bytes are not of the protocol, or not an image or cloud."""
 
     code = "garbled-answer"
+
+
+class IncompletePicture(GarbledAnswer):
+    """Parts of a picture are missing."""
+
+    code = "incomplete-picture"
+
+    def __init__(
+        self,
+        device: str,
+        what: str,
+        fix: str = "check cable and switch, and set packet_bytes to what the network carries (1500, or 9000)",
+    ) -> None:
+        super().__init__(device, what, fix)
 
 
 class NothingMeasured(DeviceError):

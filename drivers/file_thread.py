@@ -1,4 +1,4 @@
-"""Blocking calls on files in a thread of their own, which a network share that hangs holds, but not the process."""
+"""Blocking calls on files and libraries in a thread of their own: a share that hangs does not hold the process."""
 
 import asyncio
 import threading

@@ -206,13 +206,32 @@ class VibrationMonitor(Protocol):
     def close(self) -> None: ...
 
 
+@dataclass(frozen=True)
+class CaptureSettings:
+    """What a camera reports of a frame: bits of its grey levels, exposure, gain, temperature, time of its own clock.
+
+    None: it does not report that.
+    """
+
+    bits: int = 8
+    pixel_format: str | None = None
+    exposure_us: float | None = None
+    gain_db: float | None = None
+    temperature_c: float | None = None
+    device_time_ns: int | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class CameraFrame:
-    """An image: uint8 (h, w) grey or (h, w, 3) BGR. `encoded`: the file it was decoded from, if any."""
+    """An image: uint8 (h, w) grey or (h, w, 3) BGR. `encoded`: the file it was decoded from, if any.
+
+    Of more than 8 bits `image` holds the full range scaled to 8, and `encoded` every bit. `capture` None: not known.
+    """
 
     image: NDArray[np.uint8]
     taken_at_s: float
     encoded: bytes | None = None
+    capture: CaptureSettings | None = None
 
 
 class Camera(Device, Protocol):
@@ -220,6 +239,55 @@ class Camera(Device, Protocol):
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`; raises a DeviceError on timeout."""
+        ...
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """Exposure time in microseconds and gain in dB."""
+
+    exposure_us: float
+    gain_db: float = 0.0
+
+
+@dataclass(frozen=True)
+class ExposureRange:
+    """What a camera can set, ends included. `gain_db` (0, 0): gain that cannot be set in dB."""
+
+    exposure_us: tuple[float, float]
+    gain_db: tuple[float, float] = (0.0, 0.0)
+
+
+@runtime_checkable
+class AdjustableCamera(Protocol):
+    """A camera whose exposure time and gain can be set."""
+
+    async def read_exposure(self) -> tuple[Exposure, ExposureRange] | None:
+        """What is set and what can be; None for a camera that does not have the setting. Raises DeviceError."""
+        ...
+
+    async def set_exposure(self, wanted: Exposure) -> Exposure:
+        """Set both, for frames exposed from now on; returns what the camera made of it. Raises DeviceError."""
+        ...
+
+
+@dataclass(frozen=True)
+class DeviceIdentity:
+    """Who a device is and what it can do: `abilities` are short phrases for people."""
+
+    vendor: str
+    model: str
+    serial: str
+    address: str
+    abilities: tuple[str, ...] = ()
+
+
+@runtime_checkable
+class IdentifiedDevice(Protocol):
+    """A device that reports who it is."""
+
+    async def identify(self) -> DeviceIdentity:
+        """Raises DeviceError."""
         ...
 
 

@@ -2,7 +2,8 @@
 
 robot:   rws://host, rws://user:password@host:port?version=2&frame=base (read only: drivers.robots.abb.rws.address),
          tcp://host:port, serial:///dev/ttyUSB0?baud=115200&rtscts=0, socket://host:port, rfc2217://host:port, loop://
-camera:  http(s)://..., video:0, video:/dev/video0, video:/path/file.mp4, rtsp://..., folder:/path
+camera:  http(s)://..., video:0, video:/dev/video0, video:/path/file.mp4, rtsp://..., folder:/path,
+         basler:SERIAL, genicam:SERIAL?producer=/path.cti, aravis:SERIAL, aravis:IP: drivers.cameras.genicam.address
 scanner: http(s)://..., folder:/path
 """
 
@@ -13,7 +14,11 @@ from typing import Any, TypeVar
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from calibration.transforms import Array
+from drivers.cameras.aravis_camera import AravisCamera
+from drivers.cameras.basler_camera import BaslerCamera
 from drivers.cameras.folder_camera import FolderCamera
+from drivers.cameras.genicam.address import parse_camera_address
+from drivers.cameras.genicam_camera import GenTLCamera
 from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
@@ -215,6 +220,9 @@ CAMERAS: dict[str, tuple[Parse, MakeCamera]] = {
     "video": (_video, VideoCamera),
     "rtsp": (_url, partial(VideoCamera, latency_s=STREAM_LATENCY_S)),
     "folder": (_folder, FolderCamera),
+    "basler": (parse_camera_address, BaslerCamera),
+    "genicam": (parse_camera_address, GenTLCamera),
+    "aravis": (parse_camera_address, AravisCamera),
 }
 SCANNERS: dict[str, tuple[Parse, MakeScanner]] = {
     "http": (_url, HttpScanner),

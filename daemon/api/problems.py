@@ -73,6 +73,8 @@ STATUS: dict[type[Exception], int] = {
     errors.StorageError: 500,
     errors.DaemonError: 500,
     device.DeviceUnreachable: 503,
+    device.DeviceTaken: 503,
+    device.WrongDevice: 503,
     device.LinkLost: 503,
     device.DeviceTimeout: 504,
     device.GarbledAnswer: 502,

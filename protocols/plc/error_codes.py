@@ -50,6 +50,12 @@ ERROR_CODES: dict[str, tuple[int, str]] = {
     "nothing-measured": (42, "a cloud of the scanner has no points"),
     "same-again": (43, "camera or scanner sent what it had sent before"),
     "picture-unusable": (40, "the camera's picture cannot be used"),
+    "device-taken": (44, "another program controls a device"),
+    "wrong-device": (45, "another device answers than the settings name"),
+    "library-missing": (46, "the library of a device's driver is not installed"),
+    "setting-refused": (47, "a device refuses a setting"),
+    "stream-stalled": (48, "the camera is connected and sends no pictures"),
+    "incomplete-picture": (49, "parts of a picture are missing"),
     # what was seen
     "target-not-seen": (50, "too few stations saw the target"),
     "target-not-found": (51, "the target was not found in a picture"),

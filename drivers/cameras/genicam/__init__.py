@@ -1,0 +1,1 @@
+"""Cameras of the GenICam standard: settings by its feature names (SFNC), pixel formats by its codes (PFNC)."""

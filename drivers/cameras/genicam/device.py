@@ -1,0 +1,100 @@
+"""What the driver asks of a vendor's library: find cameras, open one, read and write features, receive pictures.
+
+Every call blocks and is made in a thread; a library's exceptions are raised as VendorError.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class VendorError(Exception):
+    """What a library says of a call that failed."""
+
+
+@dataclass(frozen=True)
+class FoundCamera:
+    """A camera that answers discovery. `key`: how its library names it; `free`: False when another program has it."""
+
+    vendor: str
+    model: str
+    serial: str
+    address: str
+    key: str
+    user_name: str = ""
+    free: bool = True
+
+    def is_named(self, name: str) -> bool:
+        """Whether a name in the settings is this camera's serial number, own name, address or key."""
+        return name in (self.serial, self.user_name, self.address, self.key)
+
+    def __str__(self) -> str:
+        return f"{self.vendor} {self.model}, serial number {self.serial}".strip()
+
+
+@dataclass(frozen=True, eq=False)
+class RawPicture:
+    """A buffer as received: bytes (n,), a PFNC code, bytes after each row; `complete` False when packets are missing.
+
+    `device_time_ns`: the camera's own clock at the exposure, None where it has none.
+    """
+
+    data: NDArray[np.uint8]
+    format_code: int
+    width: int
+    height: int
+    padding: int = 0
+    device_time_ns: int | None = None
+    complete: bool = True
+
+
+class OpenCamera(Protocol):
+    """A camera that is open for control. All methods may raise VendorError."""
+
+    def has(self, feature: str) -> bool:
+        """Whether the camera has the feature and it can be used now."""
+        ...
+
+    def read(self, feature: str) -> str: ...
+
+    def write(self, feature: str, value: str) -> None: ...
+
+    def bounds(self, feature: str) -> tuple[float, float]:
+        """Least and greatest value of a number."""
+        ...
+
+    def choices(self, feature: str) -> tuple[str, ...]:
+        """Values that an enumeration allows now."""
+        ...
+
+    def execute(self, feature: str) -> None: ...
+
+    def is_lost(self) -> bool:
+        """Whether the camera is gone, or controlled by another program."""
+        ...
+
+    def start_stream(self) -> None:
+        """Begin to receive pictures, none of them from before."""
+        ...
+
+    def stop_stream(self) -> None:
+        """Stop, and drop what was received; nothing when no stream runs."""
+        ...
+
+    def next_picture(self, limit_s: float) -> RawPicture | None:
+        """The next picture, as a copy; None when none comes in time."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class Library(Protocol):
+    """A vendor's library. Both methods raise LibraryMissing where it is not installed, and VendorError."""
+
+    def discover(self) -> list[FoundCamera]: ...
+
+    def open(self, camera: FoundCamera) -> OpenCamera:
+        """Open it for control. Raises DeviceTaken when another program controls it."""
+        ...

@@ -1,0 +1,229 @@
+"""Cameras of any vendor over its GenTL producer (.cti), by harvesters (the extra `genicam`)."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.cameras.genicam.address import CameraAddress
+from drivers.cameras.genicam.camera import LIMIT_S, GenICamCamera
+from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError
+from drivers.errors import DeviceTaken, DeviceUnreachable, LibraryMissing
+from drivers.timing import Timing
+
+PRODUCERS = "GENICAM_GENTL64_PATH"
+"""Folders of producers, as GenTL 1.6 section 6.1.1 says; vendors' installers set it."""
+HELD = frozenset({3, 4, 5, 6})
+"""DEVICE_ACCESS_STATUS of GenTL 1.6 without the right to control: no access, busy, open elsewhere."""
+
+
+class GenTLCamera(GenICamCamera):
+    """A camera that a GenTL producer finds; `producer` of the address, or all in GENICAM_GENTL64_PATH."""
+
+    def __init__(
+        self,
+        address: CameraAddress,
+        timing: Timing | None = None,
+        *,
+        image_size: tuple[int, int] | None = None,
+        limit_s: float = LIMIT_S,
+    ) -> None:
+        super().__init__(HarvestersLibrary(address.producer), address, timing, image_size=image_size, limit_s=limit_s)
+
+
+class HarvestersLibrary:
+    """drivers.cameras.genicam.device.Library. A process loads a producer once, until its camera is closed."""
+
+    def __init__(self, producer: str | None = None) -> None:
+        self._producer = producer
+        self._harvester: Any = None
+
+    def discover(self) -> list[FoundCamera]:
+        """Cameras of the producers. Raises LibraryMissing, DeviceUnreachable without a producer, VendorError."""
+        core = _import_harvesters()
+        files = self._files()
+        with vendor_errors():
+            if self._harvester is None:
+                self._harvester = core.Harvester()
+                for file in files:
+                    self._harvester.add_file(str(file))
+            self._harvester.update()
+            return [_found(info) for info in self._harvester.device_info_list]
+
+    def open(self, camera: FoundCamera) -> "OpenGenTLCamera":
+        """Open for control. Raises DeviceTaken, VendorError."""
+        core = _import_harvesters()
+        with vendor_errors():
+            try:
+                acquirer = self._harvester.create({"id_": camera.key})
+            except Exception as error:
+                if "AccessDenied" in type(error).__name__ or "ResourceInUse" in type(error).__name__:
+                    what = f"{camera} is controlled by another program"
+                    raise DeviceTaken(f"camera genicam:{camera.serial}", what) from error
+                raise
+            return OpenGenTLCamera(core, acquirer, self.release)
+
+    def release(self) -> None:
+        """Unload the producers."""
+        if self._harvester is not None:
+            harvester, self._harvester = self._harvester, None
+            with vendor_errors():
+                harvester.reset()
+
+    def _files(self) -> list[Path]:
+        if self._producer is not None:
+            if not Path(self._producer).is_file():
+                raise DeviceUnreachable(
+                    "camera genicam:", f"there is no producer {self._producer}", "correct `producer` in the address"
+                )
+            return [Path(self._producer)]
+        folders = [Path(folder) for folder in os.environ.get(PRODUCERS, "").split(os.pathsep) if folder]
+        files = [file for folder in folders for file in sorted(folder.glob("*.cti"))]
+        if not files:
+            raise DeviceUnreachable(
+                "camera genicam:",
+                "there is no GenTL producer",
+                f"install the vendor's, which sets {PRODUCERS}, or write ?producer=/path/file.cti",
+            )
+        return files
+
+
+class OpenGenTLCamera:
+    """drivers.cameras.genicam.device.OpenCamera."""
+
+    def __init__(self, core: Any, acquirer: Any, release: Any) -> None:
+        self._acquirer, self._release = acquirer, release
+        self._nodes = acquirer.remote_device.node_map
+        self._incomplete = _Counter(core)
+        acquirer.add_callback(acquirer.Events.INCOMPLETE_BUFFER, self._incomplete.callback)
+
+    def has(self, feature: str) -> bool:
+        from genicam.genapi import EAccessMode
+
+        with vendor_errors():
+            if not self._nodes.has_node(feature):
+                return False
+            mode = self._nodes.get_node(feature).node.get_access_mode()
+            return mode in (EAccessMode.RO, EAccessMode.RW, EAccessMode.WO)
+
+    def read(self, feature: str) -> str:
+        with vendor_errors():
+            return str(self._nodes.get_node(feature).to_string())
+
+    def write(self, feature: str, value: str) -> None:
+        with vendor_errors():
+            self._nodes.get_node(feature).from_string(value)
+
+    def bounds(self, feature: str) -> tuple[float, float]:
+        with vendor_errors():
+            node = self._nodes.get_node(feature)
+            return float(node.min), float(node.max)
+
+    def choices(self, feature: str) -> tuple[str, ...]:
+        with vendor_errors():
+            return tuple(self._nodes.get_node(feature).symbolics)
+
+    def execute(self, feature: str) -> None:
+        with vendor_errors():
+            self._nodes.get_node(feature).execute()
+
+    def is_lost(self) -> bool:
+        with vendor_errors():
+            self._nodes.get_node("Width").get_value(False, True)
+            return False
+
+    def start_stream(self) -> None:
+        with vendor_errors():
+            self._acquirer.start()
+
+    def stop_stream(self) -> None:
+        with vendor_errors():
+            self._acquirer.stop()
+
+    def next_picture(self, limit_s: float) -> RawPicture | None:
+        with vendor_errors():
+            incomplete_before = self._incomplete.count
+            buffer = self._acquirer.try_fetch(timeout=max(0.001, limit_s), is_raw=True)
+            if buffer is None:
+                incomplete = self._incomplete.count > incomplete_before
+                return RawPicture(np.empty(0, np.uint8), 0, 0, 0, complete=False) if incomplete else None
+            try:
+                return self._copy(buffer)
+            finally:
+                buffer.parent.queue_buffer(buffer)
+
+    def close(self) -> None:
+        with vendor_errors():
+            try:
+                self._acquirer.destroy()
+            finally:
+                self._release()
+
+    def _copy(self, buffer: Any) -> RawPicture:
+        code = _optional(lambda: buffer.pixel_format) or self._nodes.get_node("PixelFormat").get_int_value()
+        width = _optional(lambda: buffer.width) or int(self.read("Width"))
+        height = _optional(lambda: buffer.height) or int(self.read("Height"))
+        start = _optional(lambda: buffer.image_offset) or 0
+        data = np.frombuffer(buffer.raw_buffer, np.uint8)[start:].copy()
+        time_ns = _optional(lambda: buffer.timestamp_ns)
+        return RawPicture(data, code, width, height, _optional(lambda: buffer.padding_x) or 0, time_ns)
+
+
+class _Counter:
+    """Counts incomplete buffers, which harvesters drops."""
+
+    def __init__(self, core: Any) -> None:
+        self.count = 0
+        counter = self
+
+        class Count(core.Callback):  # type: ignore[misc]
+            def emit(self, context: Any) -> None:
+                counter.count += 1
+
+        self.callback = Count()
+
+
+def _import_harvesters() -> Any:
+    try:
+        from harvesters import core
+    except ImportError as error:
+        raise LibraryMissing(
+            "camera genicam:", f"harvesters is not installed ({error})", "pip install 'handeyed[genicam]'"
+        ) from error
+    return core
+
+
+@contextmanager
+def vendor_errors() -> Iterator[None]:
+    """Raise a library's exceptions as VendorError."""
+    from genicam import genapi, gentl
+
+    try:
+        yield
+    except (genapi.GenericException, gentl.GenericException, AttributeError, ValueError, OSError) as error:
+        raise VendorError(str(error).strip()) from error
+
+
+def _optional(read: Any) -> Any:
+    """What a producer tells of a buffer; None where it does not."""
+    from genicam import gentl
+
+    try:
+        return read()
+    except gentl.GenericException:
+        return None
+
+
+def _found(info: Any) -> FoundCamera:
+    return FoundCamera(
+        info.vendor,
+        info.model,
+        _optional(lambda: info.serial_number) or "",
+        _optional(lambda: info.display_name) or info.id_,
+        key=info.id_,
+        user_name=_optional(lambda: info.user_defined_name) or "",
+        free=(_optional(lambda: info.access_status) or 0) not in HELD,
+    )
