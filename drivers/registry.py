@@ -14,11 +14,12 @@ from typing import Any, TypeVar
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from calibration.transforms import Array
-from drivers.cameras.aravis_camera import AravisCamera
-from drivers.cameras.basler_camera import BaslerCamera
+from drivers.cameras.aravis_camera import AravisCamera, AravisLibrary
+from drivers.cameras.basler_camera import BaslerCamera, PylonLibrary
 from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.genicam.address import parse_camera_address
-from drivers.cameras.genicam_camera import GenTLCamera
+from drivers.cameras.genicam.device import Library
+from drivers.cameras.genicam_camera import GenTLCamera, HarvestersLibrary
 from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
@@ -224,6 +225,12 @@ CAMERAS: dict[str, tuple[Parse, MakeCamera]] = {
     "genicam": (parse_camera_address, GenTLCamera),
     "aravis": (parse_camera_address, AravisCamera),
 }
+LIBRARIES: dict[str, Callable[[], Library]] = {
+    "basler": PylonLibrary,
+    "genicam": HarvestersLibrary,
+    "aravis": AravisLibrary,
+}
+"""By scheme: what finds cameras."""
 SCANNERS: dict[str, tuple[Parse, MakeScanner]] = {
     "http": (_url, HttpScanner),
     "https": (_url, HttpScanner),

@@ -24,7 +24,7 @@ from daemon.config.settings import Settings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, NothingMeasured
-from drivers.interfaces import Camera, Scanner
+from drivers.interfaces import Camera, CaptureSettings, IdentifiedDevice, Scanner
 
 MAX_CONNECT_S = 4.0
 RETRY_S = 0.1
@@ -128,7 +128,7 @@ def _failure(name: str, error: DeviceError) -> CheckResult:
 async def _check_camera(camera: Camera, settings: Settings) -> CheckResult:
     frame = await camera.grab(Clock().monotonic_s())
     height, width = frame.image.shape[:2]
-    picture = f"a picture of {width} x {height}"
+    picture = f"{await _who(camera)}a picture of {width} x {height}{_how(frame.capture)}"
     expected = settings.camera.intrinsics
     if expected is not None and (width, height) != expected.image_size:
         size = f"{expected.image_size[0]} x {expected.image_size[1]}"
@@ -145,6 +145,23 @@ async def _check_camera(camera: Camera, settings: Settings) -> CheckResult:
     return CheckResult(
         "camera", True, f"{picture}; it shows {len(found.ids)} of the target's {len(target.points_mm)} points"
     )
+
+
+async def _who(camera: Camera) -> str:
+    """Vendor, model and serial number, with a semicolon; empty for a camera that does not report them."""
+    if not isinstance(camera, IdentifiedDevice):
+        return ""
+    who = await camera.identify()
+    return f"found {who.vendor} {who.model}, serial number {who.serial}; "
+
+
+def _how(capture: CaptureSettings | None) -> str:
+    """Bits, exposure and gain of a frame, after a comma; empty when they are not known."""
+    if capture is None:
+        return ""
+    exposure = "" if capture.exposure_us is None else f", exposed for {capture.exposure_us / 1e3:g} ms"
+    gain = "" if capture.gain_db is None else f" at {capture.gain_db:g} dB"
+    return f", {capture.bits} bits{exposure}{gain}"
 
 
 async def _check_vibration(gate: VibrationGate) -> CheckResult:

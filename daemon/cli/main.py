@@ -12,6 +12,7 @@ from daemon.cli.calibrate import calibrate
 from daemon.cli.check import check
 from daemon.cli.compare import compare
 from daemon.cli.demo import demo
+from daemon.cli.devices import devices
 from daemon.cli.export import export
 from daemon.cli.import_session import import_session
 from daemon.cli.keys import app as keys
@@ -46,6 +47,7 @@ TRY, CELL, OFFLINE = "Try it", "In the cell", "From files"
 app.command(rich_help_panel=TRY)(demo)
 app.command(rich_help_panel=TRY, context_settings=PASS_ARGUMENTS_ON)(mock)
 app.command(rich_help_panel=CELL)(check)
+app.command(rich_help_panel=CELL)(devices)
 app.command(rich_help_panel=CELL)(serve)
 app.command(rich_help_panel=CELL)(calibrate)
 app.command(rich_help_panel=CELL)(backup)

@@ -16,7 +16,7 @@ from calibration.transforms import Array
 from daemon.cell.recent_reading import RecentReading
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
-from drivers.interfaces import CameraFrame
+from drivers.interfaces import CameraFrame, CaptureSettings
 
 MAX_AGE_S = 0.5
 """The target is searched twice a second at most, however many ask."""
@@ -40,7 +40,10 @@ class Quality:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """The target in one picture; `missing`: a code and a sentence where it was not found. `of`: points it has."""
+    """The target in one picture; `missing`: a code and a sentence where it was not found. `of`: points it has.
+
+    `capture`: bits, exposure and gain, of a camera that reports them.
+    """
 
     taken_at: str
     size: tuple[int, int]
@@ -48,6 +51,7 @@ class Look:
     missing: tuple[str, str] | None
     of: int
     quality: Quality
+    capture: CaptureSettings | None = None
 
 
 def measure_quality(image: NDArray[np.uint8], corners_px: Array | None) -> Quality:
@@ -78,7 +82,7 @@ def look_at(frame: CameraFrame, target: Target, taken_at: str) -> Look:
         missing = (error.code, with_fix(error.what, error.fix))
     quality = measure_quality(image, None if detection is None else detection.corners_px)
     size = (int(image.shape[1]), int(image.shape[0]))
-    return Look(taken_at, size, detection, missing, len(target.points_mm), quality)
+    return Look(taken_at, size, detection, missing, len(target.points_mm), quality, frame.capture)
 
 
 def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

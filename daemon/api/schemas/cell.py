@@ -106,6 +106,7 @@ class LookDocument(Answer):
 
     `sharpness`: of the edges relative to the contrast; `saturated`: share of the pixels that are white; `fill`: share
     of the picture that the target takes. All three where the target is, else of the whole picture, with `fill` 0.
+    `bits` of a grey level, `exposure_us` and `gain_db`: null for a camera that does not report them.
     """
 
     taken_at: str
@@ -116,16 +117,22 @@ class LookDocument(Answer):
     sharpness: float
     saturated: float
     fill: float
+    bits: int | None = None
+    exposure_us: float | None = None
+    gain_db: float | None = None
 
     @classmethod
     def of_look(cls, look: Look) -> "LookDocument":
-        seen, quality = look.detection, look.quality
+        seen, quality, capture = look.detection, look.quality, look.capture
         rows = [] if seen is None else zip(seen.ids.tolist(), seen.corners_px.tolist(), strict=True)
         return cls(
             taken_at=look.taken_at, size=look.size, of=look.of,
             corners=[(point, round(u, 2), round(v, 2)) for point, (u, v) in rows],
             missing=MissingDocument.of(look.missing),
             sharpness=round(quality.sharpness, 4), saturated=round(quality.saturated, 4), fill=round(quality.fill, 4),
+            bits=None if capture is None else capture.bits,
+            exposure_us=None if capture is None else capture.exposure_us,
+            gain_db=None if capture is None else capture.gain_db,
         )  # fmt: skip
 
 

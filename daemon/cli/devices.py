@@ -1,0 +1,21 @@
+"""`handeyed devices`: list the cameras that answer discovery."""
+
+import typer
+
+from daemon.cli.output import Json
+
+
+def devices(json: Json = False) -> None:
+    """List cameras that answer: address for \\[camera], vendor, model, serial number, and what they can.
+
+    Looks for Basler, GenTL, GigE Vision, USB3 Vision and video devices. Free cameras are opened for a moment.
+    """
+    from daemon.tools.camera_discovery import discover
+
+    found = discover()
+    if json:
+        from json import dumps
+
+        typer.echo(dumps([vars(entry) for entry in found]))
+    else:
+        typer.echo("\n".join(entry.line() for entry in found))
