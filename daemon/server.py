@@ -36,9 +36,10 @@ KEEP_ALIVE_S = 10
 ENDING_SIGNALS = (signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM)
 """Signals that end a process unless it handles them; uvicorn handles SIGTERM and SIGINT only."""
 
-COLLECT_AFTER = (700, 5, 2)
-"""Thresholds of the garbage collector. Lower than Python's, since after `prepare` a collection takes milliseconds: a
-TLS connection that has ended keeps 100 kB until then."""
+COLLECT_AFTER = (700, 10, 50)
+"""Thresholds of the garbage collector. A collection of everything takes 60 ms when a thousand clients are connected, so
+there are few; requests and connections leave nothing for it.
+"""
 
 SWITCH_S = 0.0005
 """How long the event loop waits for Python in another thread; Python's 5 ms would add up over the turns of an abort."""

@@ -88,7 +88,9 @@ class Plant:
         if not viewers:
             return await self._abort(run)
         module = ("-m", "benchmarks.daemon.floods", str(self.client.base_url.port), str(viewers))
-        flood = await asyncio.create_subprocess_exec(sys.executable, *module, stdout=asyncio.subprocess.PIPE)
+        flood = await asyncio.create_subprocess_exec(
+            sys.executable, *module, stdout=asyncio.subprocess.PIPE, start_new_session=True
+        )  # Linux gives each session the same share of the processor, whatever the niceness of its processes
         try:
             assert flood.stdout is not None
             await flood.stdout.readline()

@@ -19,6 +19,7 @@ from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.disconnects import Disconnects
 from daemon.api.middleware.idempotency import Idempotency
 from daemon.api.middleware.request_checks import RequestChecks
+from daemon.api.robot_documents import RobotDocuments
 from daemon.api.route_table import ROUTERS
 from daemon.application import Application
 from daemon.errors import DaemonError
@@ -66,6 +67,7 @@ def routes(application: Application | None) -> FastAPI:
     app.state.application = application
     if application is not None:
         app.state.live = LiveFeed(application)
+        app.state.robot_documents = RobotDocuments(application)
     app.state.page_files = PageFiles()
     for router in ROUTERS:
         app.include_router(router)

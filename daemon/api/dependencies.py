@@ -41,7 +41,8 @@ MAX_JSON_VALUES = 4000
 """Commas of a JSON body. It bounds the time to check a body: 20 ms when each value is wrong."""
 
 
-def _application(request: Request) -> Application:
+async def _application(request: Request) -> Application:
+    """Asynchronous, as all dependencies: FastAPI calls others in its thread pool, which readers fill."""
     application: Application = request.app.state.application
     return application
 
@@ -142,7 +143,7 @@ def _json(content: bytes) -> Any:
         raise BodyMalformed("the body is JSON that nests too deep or holds an absurd number", "send less") from None
 
 
-def check_query_names(request: Request) -> None:
+async def check_query_names(request: Request) -> None:
     """Raises InvalidRequest for unknown query parameters, naming the nearest known one."""
     dependant = getattr(request.scope.get("route"), "dependant", None)
     if dependant is None:

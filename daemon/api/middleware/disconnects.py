@@ -98,17 +98,16 @@ class Client:
         if self._worker is not None:
             yield  # within such a block
             return
-        if (reason := self._reason()) is not None:
-            raise reason
+        if self._end is not None:
+            raise self._end
         task = self._worker = asyncio.current_task()
         assert task is not None
         timer = asyncio.get_running_loop().call_later(WATCH_AFTER_S, self._listen)
         try:
             yield
         except asyncio.CancelledError:
-            reason = self._reason()
-            if reason is not None and task.uncancel() == 0:
-                raise reason from None
+            if self._end is not None and task.uncancel() == 0:
+                raise self._end from None
             raise
         finally:
             self._worker = None
@@ -127,7 +126,8 @@ class Client:
             await answer(problem_of(error), {"Connection": "close"})(scope, self.receive, self.send)
 
     def close(self) -> None:
-        """Listen no more."""
+        """Listen no more. The error is let go of, since its traceback refers to this client."""
+        self._end = None
         if self._listener is not None:
             self._listener.cancel()
 
@@ -143,9 +143,6 @@ class Client:
         except DaemonError:  # a discarded body that is too large
             pass
         self._finish(ClientDisconnect())
-
-    def _reason(self) -> ClientDisconnect | KeyMissing | None:
-        return self._end
 
     def _finish(self, reason: ClientDisconnect | KeyMissing) -> None:
         self._gone.set()

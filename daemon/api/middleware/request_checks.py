@@ -66,8 +66,11 @@ class RequestChecks:
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
         request_id = _request_id(headers)
         exchange = _Exchange(receive, send, self._limit(scope["path"]), request_id)
-        with about_request(request_id):
-            await self._pass(scope, exchange, headers)
+        try:
+            with about_request(request_id):
+                await self._pass(scope, exchange, headers)
+        finally:
+            exchange.close()
 
     async def _pass(self, scope: Scope, exchange: "_Exchange", headers: dict[bytes, str]) -> None:
         answered = True
@@ -130,6 +133,17 @@ class _Exchange:
             headers = [*message.get("headers", ()), (b"x-request-id", self._request_id)]
             message = {**message, "headers": with_security_headers(headers)}
         await self._send(message)
+
+    def close(self) -> None:
+        """Let go of the server's request, which refers to this one: with its connection it is then freed at once."""
+        self._receive, self._send = _receive_nothing, _send_nowhere
+
+
+async def _receive_nothing() -> Message:
+    return {"type": "http.disconnect"}
+
+
+async def _send_nowhere(_message: Message) -> None: ...
 
 
 def _check_repeated(scope: Scope) -> None:

@@ -7,6 +7,7 @@ from daemon.api.device_checks import check_devices
 from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
 from daemon.api.plain_text import robot_text
 from daemon.api.problems import problem_responses
+from daemon.api.robot_documents import RobotDocuments
 from daemon.api.schemas.cell import ArmDocument, CheckList, DeviceDocument, LiveDevice, LookDocument, RobotDocument
 from daemon.application import Application
 from daemon.errors import CellBusy
@@ -24,8 +25,8 @@ router = APIRouter(tags=["cell"])
 )
 async def robot(request: Request, app: App) -> Response:
     """The pose of the arm, and the status of the controller, of at most the last 0.1 s."""
-    reading = await app.readings.robot.read()
-    document = RobotDocument.of(reading, app.cell.robot, app.cell.holder, app.operations.rules.arm)
+    documents: RobotDocuments = request.app.state.robot_documents
+    document = await documents.read()
     return respond(request, document, lambda: robot_text(document))
 
 

@@ -1,12 +1,16 @@
 """Readers share the devices' readings, and a run goes before them."""
 
 import asyncio
+import traceback
+from typing import Any
 
 import numpy as np
 import pytest
 
+from daemon.api.schemas.cell import RobotDocument
 from daemon.cell.camera_turns import CameraTurns
-from daemon.cell.recent_reading import MAX_AGE_S, RecentReading
+from daemon.cell.readings import RobotReading
+from daemon.cell.recent_reading import MAX_AGE_S, MAX_RESUMED_A_TURN, RecentReading
 from daemon.runtime.clock import Clock
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import CameraFrame, LinkHealth
@@ -90,6 +94,54 @@ async def test_an_error_is_for_those_who_waited(shared: RecentReading[int], sour
     assert await shared.read() == 7
 
 
+async def test_those_who_waited_go_on_a_few_in_each_turn_in_their_order(
+    shared: RecentReading[int], source: Source
+) -> None:
+    went_on: list[int] = []
+
+    async def read(reader: int) -> None:
+        await shared.read()
+        went_on.append(reader)
+
+    readers = [asyncio.create_task(read(reader)) for reader in range(5 * MAX_RESUMED_A_TURN)]
+    await settle()
+    source.answers.put_nowait(7)
+    most = 0
+    while len(went_on) < len(readers):
+        before = len(went_on)
+        await asyncio.sleep(0)
+        most = max(most, len(went_on) - before)
+    assert most == MAX_RESUMED_A_TURN
+    assert went_on == list(range(len(readers)))
+
+
+async def test_who_asks_as_a_reading_fails_gets_the_next_one(shared: RecentReading[int], source: Source) -> None:
+    first = asyncio.create_task(shared.read())
+    await settle()
+    source.answers.put_nowait(DeviceTimeout("robot", "no answer", "look"))
+    reading = shared._reading
+    assert reading is not None
+    while not reading.done():
+        await asyncio.sleep(0)
+    second = asyncio.create_task(shared.read())
+    await settle()
+    assert isinstance(first.exception(), DeviceTimeout)
+    assert not second.done()
+    source.answers.put_nowait(7)
+    assert await second == 7
+
+
+async def test_the_traceback_of_an_error_does_not_grow_with_those_who_waited(
+    shared: RecentReading[int], source: Source
+) -> None:
+    readers = [asyncio.create_task(shared.read()) for _ in range(READERS)]
+    await settle()
+    source.answers.put_nowait(DeviceTimeout("robot", "no answer", "look"))
+    error = (await asyncio.gather(*readers, return_exceptions=True))[0]
+    assert isinstance(error, DeviceTimeout)
+    assert len(traceback.extract_tb(error.__traceback__)) < 10
+
+
 class SlowCamera:
     """Gives a frame for each `release`; knows the grabs in progress, and those that were cancelled."""
 
@@ -164,6 +216,21 @@ async def test_many_requests_cost_a_device_few_readings(bench: Bench, path: str)
     answers = await asyncio.gather(*(bench.client.get(path) for _ in range(50)))
     assert {answer.status_code for answer in answers} == {200}
     assert bench.robot.requests + bench.camera.pictures - before <= 3
+
+
+async def test_many_requests_for_the_robot_make_one_document(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.application.readings.robot._monotonic_s = lambda: 0.0  # nothing becomes old
+    made: list[RobotReading] = []
+    of = RobotDocument.of
+
+    def count(reading: RobotReading, *known: Any) -> RobotDocument:
+        made.append(reading)
+        return of(reading, *known)
+
+    monkeypatch.setattr(RobotDocument, "of", count)
+    answers = await asyncio.gather(*(bench.client.get("/robot") for _ in range(50)))
+    assert {answer.status_code for answer in answers} == {200}
+    assert len(made) == 1
 
 
 async def test_a_reader_does_not_receive_an_older_frame_when_the_runs_grab_fails() -> None:

@@ -20,7 +20,7 @@ from drivers.timing import Timing
 
 log = logging.getLogger(__name__)
 
-OWN_LIMIT_S = 0.2
+OWN_LIMIT_S = 0.1
 """Time for the robot's own link to answer a stop. Without any stop the arm stops after 2 s of silence."""
 LINK_FAILED = (LinkLost, DeviceTimeout, DeviceUnreachable, GarbledAnswer)
 
