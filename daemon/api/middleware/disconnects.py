@@ -126,10 +126,10 @@ class Client:
             await answer(problem_of(error), {"Connection": "close"})(scope, self.receive, self.send)
 
     def close(self) -> None:
-        """Listen no more. The error is let go of, since its traceback refers to this client."""
-        self._end = None
-        if self._listener is not None:
-            self._listener.cancel()
+        """Listen no more. Listener and error are let go of, since their tracebacks refer to this client."""
+        listener, self._listener, self._end = self._listener, None, None
+        if listener is not None:
+            listener.cancel()
 
     def _listen(self) -> None:
         """Listen for the disconnect, unless the body is still being read by the request."""

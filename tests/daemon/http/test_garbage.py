@@ -10,8 +10,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from daemon.api.middleware import disconnects
 from tests.daemon.api.raw_requests import RawRequest
-from tests.daemon.cell_under_test import Parts, serving, settings_for
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import FakeRobot
 from tests.daemon.http.tls_files import certificate, trusting
 from tests.support.waiting import LIMIT_S, eventually
@@ -77,3 +78,14 @@ async def test_clients_that_hang_up_leave_no_cycles(tmp_path: Path) -> None:
             del asked, one
         silent.set()
         assert found["Client"] < ROUNDS / 2, found
+
+
+async def test_answers_that_were_listened_for_leave_no_cycles(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A request that takes long has a task that listens for its client's disconnect."""
+    monkeypatch.setattr(disconnects, "WATCH_AFTER_S", 0.0)
+    found: Counter[str] = Counter()
+    await bench.client.get("/robot")
+    with uncollected(found):
+        for _ in range(ROUNDS):
+            assert (await bench.client.get("/runs")).status_code == 200
+    assert found["Client"] < ROUNDS / 2, found
