@@ -23,7 +23,7 @@ from daemon.api.app import create_api, prepare, routes
 from daemon.application import Application
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.http.connections import limited_connection
-from daemon.http.listen_socket import open_listener
+from daemon.http.listen_socket import BACKLOG, open_listener
 from daemon.http.tls_handshake import PendingTlsConnection, TlsListener
 from daemon.runtime.durable_files import write_durably
 
@@ -59,6 +59,7 @@ class Server(uvicorn.Server):
                 create_api(self._routes, application),
                 http=partial(limited_connection, self._limiter),  # type: ignore[arg-type] # called, never subclassed
                 ws="none",
+                backlog=BACKLOG,
                 proxy_headers=False,  # anybody on this machine could give themselves another address
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=KEEP_ALIVE_S,

@@ -5,9 +5,10 @@ import socket
 
 from daemon.errors import PortTaken
 
-BACKLOG = 512
-"""Maximum number of connections that wait to be accepted."""
-
+BACKLOG = 4096
+"""Maximum number of connections that wait to be accepted: as many as there may be. The system drops what comes beyond,
+and a client asks again after 1, 3, 7, 15 s: so late an abort would be, too.
+"""
 
 PORT_TAKEN_FIX = "see who listens there already (ss -ltnp)"
 NO_PERMISSION_FIX = "ports below 1024 need a right that the service does not have: see docs/plc.md"
