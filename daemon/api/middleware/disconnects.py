@@ -7,6 +7,7 @@ carried out; only the waits among them end (`Client.until_disconnected`).
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Any
 
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -106,12 +107,16 @@ class Client:
         try:
             yield
         except asyncio.CancelledError:
-            if self._end is not None and task.uncancel() == 0:
-                raise self._end from None
+            self._raise_end_of(task)
             raise
         finally:
             self._worker = None
             timer.cancel()
+
+    def _raise_end_of(self, task: "asyncio.Task[Any]") -> None:
+        """Raise why the cancelled task has ended; no variable keeps the error, whose traceback refers to its frame."""
+        if self._end is not None and task.uncancel() == 0:
+            raise self._end from None
 
     def end(self, reason: KeyMissing) -> None:
         """End the work because the key has ended, unless a file is being sent."""

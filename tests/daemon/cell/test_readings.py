@@ -121,7 +121,7 @@ async def test_who_asks_as_a_reading_fails_gets_the_next_one(shared: RecentReadi
     source.answers.put_nowait(DeviceTimeout("robot", "no answer", "look"))
     reading = shared._reading
     assert reading is not None
-    while not reading.done():
+    while not reading.done():  # noqa: ASYNC110 - no turn of the loop may be missed
         await asyncio.sleep(0)
     second = asyncio.create_task(shared.read())
     await settle()
