@@ -5,6 +5,8 @@ import { createView } from './view.js';
 
 const COLOURS = { light: { camera: 0x2b3137, points: 0x7d8893, worst: 0x0a5299 }, dark: { camera: 0xdfe5ea, points: 0x98a3ad, worst: 0x8ec2ff } };
 
+const THINNEST = 0.006; // of the distance: thinner is not seen
+
 /** A scene on `canvas`, or null without WebGL 2. `show(points, times, dark)`: points as [{ camera_mm, axes, worst }]. */
 export function createEllipsoidScene(canvas) {
   const view = createView(canvas);
@@ -21,7 +23,7 @@ export function createEllipsoidScene(canvas) {
       for (const { camera_mm, axes, worst } of points) {
         const ball = new Mesh(new SphereGeometry(1, 32, 20), new MeshLambertMaterial({ color: worst ? colour.worst : colour.points }));
         ball.matrixAutoUpdate = false;
-        ball.matrix.set(...ellipsoidMatrix(axes, times, camera_mm));
+        ball.matrix.set(...ellipsoidMatrix(axes, times, camera_mm, THINNEST * far));
         group.add(ball);
       }
       group.rotation.x = -Math.PI / 2;
@@ -37,9 +39,9 @@ export function createEllipsoidScene(canvas) {
   };
 }
 
-/** The rows of the matrix from the unit sphere to the ellipsoid of these half axes, right-handed, at `place`. */
-function ellipsoidMatrix(axes, times, place) {
-  const [a, b, c] = axes.map(({ length_mm, direction }) => direction.map((value) => value * length_mm * times));
+/** The rows of the matrix from the unit sphere to the ellipsoid of these half axes, right-handed, at `place`; none is drawn thinner than `least_mm`. */
+function ellipsoidMatrix(axes, times, place, least_mm) {
+  const [a, b, c] = axes.map(({ length_mm, direction }) => direction.map((value) => value * Math.max(length_mm * times, least_mm)));
   const volume = a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
   const sign = volume < 0 ? -1 : 1;
   return [0, 1, 2].flatMap((row) => [a[row], b[row], sign * c[row], place[row]]).concat([0, 0, 0, 1]);

@@ -126,7 +126,7 @@ function PoseFacts({ document }) {
   const pose = document.flange_T_camera ?? document.base_T_camera;
   if (!pose) return html`<p>${t('pose.none')}</p>`;
   const { uncertainty } = document;
-  const U = (values) => values && html` <span class="quiet">± ${values.map((value) => fixed(2 * value, 3)).join(', ')}</span>`;
+  const U = (values) => values && html` <span class="quiet">± ${values.map((value) => fixed(2 * value, 3)).join(', ')} mm</span>`;
   return html`<${Facts} rows=${[
     [t('pose.translation'), html`<span class="mono">(${pose.translation_mm.map((value) => fixed(value, 3)).join(', ')}) mm</span>${U(uncertainty?.translation_mm)}`],
     [t('pose.quaternion'), html`<span class="mono">(${pose.quaternion_wxyz.map((value) => fixed(value, 7)).join(', ')})</span>`],

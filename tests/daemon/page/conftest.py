@@ -20,7 +20,7 @@ HARMLESS = (
     "GPU stall",
     "the server responded with a status of 4",
     "the server responded with a status of 503",
-    "net::ERR_FAILED",
+    "net::ERR_",
 )
 """Of the software renderer; and what Chromium writes of every refused request, which the page shows in words."""
 
@@ -70,9 +70,8 @@ def open_page(browser: Any, cell: tuple[Bench, dict[str, str]], cookies: dict[st
     async def opened(
         role: str | None = None, place: str = "cell", query: str = "lang=en", **context: Any
     ) -> AsyncIterator[Any]:
-        window = await browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **context})
-        wrong: list[str] = []
-        try:
+        async with page_of(browser, **context) as page:
+            window = page.context
             if role and role in cookies:
                 await window.add_cookies(cookies[role])
             elif role:
@@ -81,16 +80,26 @@ def open_page(browser: Any, cell: tuple[Bench, dict[str, str]], cookies: dict[st
                 )
                 assert answer.ok, await answer.text()
                 cookies[role] = await window.cookies()
-            page = await window.new_page()
-            page.set_default_timeout(60_000)
-            watch(page, wrong)
             await page.goto(f"{bench.url}/page/?{query}#/{place}")
             yield page
-        finally:
-            await window.close()
-        assert wrong == []
 
     return opened
+
+
+@asynccontextmanager
+async def page_of(browser: Any, **context: Any) -> AsyncIterator[Any]:
+    """An empty page in a window of its own; fails afterwards on any console error."""
+    window = await browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **context})
+    wrong: list[str] = []
+    try:
+        page = await window.new_page()
+        page.set_default_timeout(60_000)
+        window.on("page", lambda other: watch(other, wrong))
+        watch(page, wrong)
+        yield page
+    finally:
+        await window.close()
+    assert wrong == []
 
 
 def watch(page: Any, wrong: list[str]) -> None:
