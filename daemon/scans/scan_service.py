@@ -27,7 +27,8 @@ from daemon.store.store import Store
 from drivers.interfaces import ScannedCloud
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud, merge_clouds
-from registration.fusion.merging import EVERY_POINT, Merge
+from registration.fusion.merging import EVERY_POINT, Box, Merge
+from registration.fusion.view_surface import view_surface
 from registration.io.convert import move_file
 from registration.points.rigid_motion import RigidMotion
 from registration.scan import ScanView
@@ -151,6 +152,18 @@ class ScanService:
             target.unlink(missing_ok=True)
             raise
         return target
+
+    async def view_surface(
+        self, clouds: list[PlacedCloud], view: int, voxel_mm: float, box_mm: Box | None = None
+    ) -> bytes:
+        """One view's averaged points as records of `view_surface.SURFACE`. Raises RegistrationError, WorkersBusy."""
+        stop = threading.Event()
+        try:
+            found = await self.merge_workers.run_if_free(view_surface, clouds, view, voxel_mm, box_mm, stop.is_set)
+        except asyncio.CancelledError:
+            stop.set()
+            raise
+        return found.tobytes()
 
     async def assess_scanner(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
         """The scanner's errors from a scan of an artefact.

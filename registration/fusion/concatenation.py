@@ -4,9 +4,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from calibration.transforms import Array
 from registration.errors import MergeStopped
-from registration.fusion.merging import EVERY_POINT, Merge, Merger
+from registration.fusion.merging import EVERY_POINT, Box, Merge, Merger
 from registration.io.columns import Conversion, common_layout
 from registration.io.convert import move_blocks
 from registration.io.reading import open_cloud
@@ -53,7 +56,7 @@ def merge_clouds(
     """
     layout, lost = common_layout(_layout(cloud.file) for cloud in clouds)
     merger = Merger(merge, form_of(target, layout).layout)
-    finite = _FiniteBlocks(merger.shared, stopped)
+    finite = FiniteBlocks(merger.shared, stopped, merge.box_mm)
     with new_cloud(target, merger.layout, calibration_id=calibration_id) as writer:
         held = Conversion.between(merger.layout, writer.form.layout)
         for block in merger.merge_views((finite.of(cloud), cloud.base_T_cloud[:3, 3]) for cloud in clouds):
@@ -64,11 +67,14 @@ def merge_clouds(
     return MergedCloud(writer.points, finite.dropped, merger.averaged, merger.left_out, (*lost, *sorted(not_held)))
 
 
-class _FiniteBlocks:
-    """The finite points of clouds as blocks of `layout`, in base, in mm; `dropped` counts the others."""
+class FiniteBlocks:
+    """The finite points of clouds as blocks of `layout`, in base, in mm; `dropped` counts the others.
 
-    def __init__(self, layout: Layout, stopped: Callable[[], bool]) -> None:
-        self._layout, self._stopped = layout, stopped
+    With `box_mm` only those within it. Raises MergeStopped.
+    """
+
+    def __init__(self, layout: Layout, stopped: Callable[[], bool], box_mm: Box | None = None) -> None:
+        self._layout, self._stopped, self._box_mm = layout, stopped, box_mm
         self.dropped = 0
 
     def of(self, cloud: PlacedCloud) -> Iterator[Records]:
@@ -80,7 +86,13 @@ class _FiniteBlocks:
                 finite = self._layout.finite(block)
                 kept = block if finite.all() else block[finite]
                 self.dropped += len(block) - len(kept)
-                yield kept
+                yield kept if self._box_mm is None else kept[self._inside(kept, self._box_mm)]
+
+    def _inside(self, block: Records, box_mm: Box) -> NDArray[np.bool_]:
+        inside = np.ones(len(block), bool)
+        for name, low, high in zip(self._layout.xyz, *box_mm, strict=True):
+            inside &= (block[name] >= low) & (block[name] <= high)
+        return inside
 
 
 def _layout(file: Path) -> Layout:

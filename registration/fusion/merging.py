@@ -34,13 +34,19 @@ CAMERA = ("camera x", "camera y", "camera z")
 NORMALS = ("nx", "ny", "nz")
 
 
+Corner = tuple[float, float, float]
+Box = tuple[Corner, Corner]
+"""Least and largest x, y, z in base."""
+
+
 @dataclass(frozen=True)
 class Merge:
-    """Settings of a merge. `voxel_mm` None keeps every point. Raises ScanError."""
+    """Settings of a merge. `voxel_mm` None keeps every point; `box_mm`: only points within it. Raises ScanError."""
 
     voxel_mm: float | None = None
     normals: bool = False
     outliers: Outliers = "keep"
+    box_mm: Box | None = None
 
     def __post_init__(self) -> None:
         if self.outliers not in get_args(Outliers):

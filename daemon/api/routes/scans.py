@@ -53,7 +53,7 @@ from daemon.scans.scan_service import ReportTask
 from daemon.store.page_filters import PageFilters
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud
-from registration.fusion.merging import Merge, Outliers
+from registration.fusion.merging import Box, Merge, Outliers
 
 NamePart = Annotated[str | None, Query(min_length=1, max_length=200, description="a part of the name")]
 
@@ -142,6 +142,12 @@ Voxel = Annotated[
 ]
 Normals = Annotated[bool, Query(description="fit normals where the clouds bring none; needs voxel_mm")]
 Strays = Annotated[Outliers, Query(description="leave out averaged points that stand alone; needs voxel_mm")]
+SurfaceView = Annotated[int, Query(ge=0, description="which view, from 0"), IN_WHOLE_DIGITS]
+SurfaceVoxel = Annotated[float, Query(gt=0, le=1e4, description="edge of the cubes"), IN_DIGITS]
+OCTETS = "application/octet-stream"
+BOX = "only points within this box of the base, mm: least x, y, z, largest x, y, z, with commas"
+NUMBER = r"-?[0-9]{1,6}(\.[0-9]{1,6})?"
+BoxQuery = Annotated[str | None, Query(pattern=f"^{NUMBER}(,{NUMBER}){{5}}$", max_length=100, description=BOX)]
 STILL: dict[int | str, dict[str, Any]] = {
     202: {"description": "It is still in progress: ask again", "model": RegistrationState}
 }
@@ -185,10 +191,11 @@ async def cloud(
     voxel_mm: Voxel = None,
     normals: Normals = False,
     outliers: Strays = "keep",
+    box: BoxQuery = None,
     wait: Patience = 30.0,
 ) -> Response:
     """All views in one cloud, or one of them, in the robot's base frame: by the robot's poses, or refined."""
-    merge = Merge(voxel_mm, normals, outliers)
+    merge = Merge(voxel_mm, normals, outliers, _box_of(box))
     media_type = choose_media_type(request)
     document = await app.operations.calibration(calibration)
     found = None
@@ -208,6 +215,32 @@ async def cloud(
     finally:
         await app.service_workers.run(merged.unlink, missing_ok=True)
     return Response(content, media_type=JSON, headers=headers)
+
+
+@router.get(
+    "/{scan_id}/surface",
+    response_class=Response,
+    responses={200: {"description": "float32 x, y, z, deviation, nx, ny, nz of each point, little-endian, mm",
+                     "content": {OCTETS: BINARY}},
+               **problem_responses(404, 409, 415, 429, 500)},
+)  # fmt: skip
+async def surface(
+    app: App, scan_id: Identifier, view: SurfaceView, voxel_mm: SurfaceVoxel, calibration: Which = "current",
+    box: BoxQuery = None,
+) -> Response:  # fmt: skip
+    """One view's points in base, averaged by cubes of `voxel_mm`, each with its normal and its distance from the other
+    views: positive towards the camera, NaN where no other view is near."""
+    clouds = await app.scans.clouds(scan_id, await app.operations.calibration(calibration))
+    _one_of(clouds, view, scan_id)
+    content = await app.scans.view_surface(clouds, view, voxel_mm, _box_of(box))
+    return Response(content, media_type=OCTETS)
+
+
+def _box_of(text: str | None) -> Box | None:
+    if text is None:
+        return None
+    a, b, c, d, e, f = map(float, text.split(","))
+    return (a, b, c), (d, e, f)
 
 
 def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:

@@ -33,5 +33,5 @@ export function Missing({ asked, none }) {
   if (asked.error?.status === 404 && none) return html`<p class="quiet">${none}</p>`;
   if (asked.error?.status === 403) return html`<p class="quiet">${t('missing.role')}</p>`;
   if (asked.error) return html`<${ProblemNote} problem=${asked.error} again=${asked.again} />`;
-  return html`<p class="quiet">${t('missing.wait')}</p>`;
+  return html`<p class="quiet waiting">${t('missing.wait')}</p>`;
 }

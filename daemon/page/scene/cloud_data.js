@@ -17,6 +17,37 @@ export function joinParts(parts) {
   return { xyz, view, points: total };
 }
 
+export const MAX_SURFACE_POINTS = 250_000; // 7 MB at 28 bytes a point
+const FIELDS = 7; // x, y, z, deviation, nx, ny, nz
+
+/** As `joinParts`, with `deviation` and `normal`, from the records of GET /scans/{id}/surface. */
+export function joinSurfaces(parts) {
+  const total = parts.reduce((sum, { records }) => sum + records.length / FIELDS, 0);
+  const found = { xyz: new Float32Array(3 * total), view: new Float32Array(total), deviation: new Float32Array(total), normal: new Float32Array(3 * total), points: total };
+  let at = 0;
+  for (const { view, records } of parts) {
+    for (let from = 0; from < records.length; from += FIELDS, at += 1) {
+      found.xyz.set(records.subarray(from, from + 3), 3 * at);
+      found.normal.set(records.subarray(from + 4, from + 7), 3 * at);
+      found.deviation[at] = records[from + 3];
+      found.view[at] = view;
+    }
+  }
+  return found;
+}
+
+/** The end of a scale that nine of ten deviations lie within: 1, 2 or 5 times a power of ten; null when none is known. */
+export function deviationEnd(deviation) {
+  const known = deviation.filter(Number.isFinite).map(Math.abs).sort();
+  if (!known.length) return null;
+  const wanted = Math.max(known[Math.floor(0.9 * (known.length - 1))], 1e-3);
+  const power = 10 ** Math.floor(Math.log10(wanted));
+  return Number(([1, 2, 5, 10].find((factor) => factor * power >= wanted * (1 - 1e-6)) * power).toPrecision(1));
+}
+
+/** The text of the parameter `box` for the cube around `middle` with half its edge `reach`. */
+export const boxAround = (middle, reach) => [-1, 1].flatMap((sign) => middle.map((value) => (value + sign * reach).toFixed(2))).join(',');
+
 /** The edge of the cubes with which `points` at `voxel_mm` become about `budget`: the number goes with the edge squared. */
 export function finerVoxel(voxel_mm, points, budget = MAX_POINTS) {
   return Math.max(0.3, Number((voxel_mm * Math.sqrt(points / budget)).toPrecision(2)));

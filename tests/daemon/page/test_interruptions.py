@@ -19,6 +19,7 @@ from tests.support.waiting import LIMIT_S
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 
 LIVE = "● live"
+LEVEL = [1.0, 1.0, 0.0]
 
 
 async def test_a_daemon_that_ends_and_comes_back_is_followed_by_itself(browser: Any, tmp_path: Path) -> None:
@@ -89,7 +90,7 @@ async def test_clouds_sent_from_the_page_are_placed_and_shown(
 ) -> None:
     await apply_calibration(cell[0])
     files = [
-        {"name": f"part-{seed}.ply", "mimeType": "application/x-ply", "buffer": ply_of(cloud(4000, seed))}
+        {"name": f"part-{seed}.ply", "mimeType": "application/x-ply", "buffer": ply_of(cloud(4000, seed) * LEVEL)}
         for seed in (1, 2)
     ]
     async with open_page("operator", "scans") as page:
@@ -98,6 +99,14 @@ async def test_clouds_sent_from_the_page_are_placed_and_shown(
         await page.get_by_role("heading", name="door").wait_for()
         await page.get_by_text("points shown").wait_for()
         await page.get_by_role("columnheader", name="Overlap").wait_for()
+        async with page.expect_response("**/cloud?*box=*") as finer:
+            await page.locator("canvas").focus()
+            for _ in range(14):
+                await page.keyboard.press("+")
+        assert (await finer.value).status == 200
+        await page.get_by_role("button", name="By deviation").click()
+        await page.get_by_text("in front of them").wait_for()
+        await page.get_by_role("button", name="By normal").click()
 
 
 async def test_a_result_is_reported_exported_and_solved_again(

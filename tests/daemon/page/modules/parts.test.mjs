@@ -8,7 +8,7 @@ const { EventReader } = await import(join(page, 'state', 'sse.js'));
 const { wayToGo, compose, turn } = await import(join(page, 'parts', 'pose.js'));
 const { enlargement, halfAxes, pointCovariance } = await import(join(page, 'parts', 'ellipsoid.js'));
 const { ticks, logTicks } = await import(join(page, 'parts', 'ticks.js'));
-const { joinParts, finerVoxel, boundsOf, pickPoint } = await import(join(page, 'scene', 'cloud_data.js'));
+const { joinParts, joinSurfaces, deviationEnd, boxAround, finerVoxel, boundsOf, pickPoint } = await import(join(page, 'scene', 'cloud_data.js'));
 
 const near = (found, expected, off = 1e-9) => found.forEach((value, index) => assert.ok(Math.abs(value - expected[index]) < off, `${found}`));
 const HALF = Math.SQRT1_2;
@@ -72,4 +72,15 @@ test('half axes of a turned ellipsoid', () => {
   near(axes.map(({ length_mm }) => length_mm), [3, 2, 1]);
   near(axes[0].direction.map((value) => value * Math.sign(axes[0].direction[0])), [c, s, 0]);
   near([enlargement(0.2, 60), enlargement(3, 3), enlargement(0, 5)], [200, 1, 1]);
+});
+
+test('surfaces are joined with their deviations and normals', () => {
+  const cloud = joinSurfaces([{ view: 0, records: new Float32Array([1, 2, 3, 0.5, 0, 0, 1]) }, { view: 2, records: new Float32Array([4, 5, 6, NaN, 0, 1, 0]) }]);
+  assert.deepEqual([cloud.points, [...cloud.xyz], [...cloud.view], [...cloud.deviation], [...cloud.normal]], [2, [1, 2, 3, 4, 5, 6], [0, 2], [0.5, NaN], [0, 0, 1, 0, 1, 0]]);
+});
+
+test('the scale of deviations is round and holds nine of ten', () => {
+  const deviations = Float32Array.from({ length: 100 }, (_, index) => (index === 0 ? -40 : (index - 50) / 1000));
+  assert.deepEqual([deviationEnd(deviations), deviationEnd(new Float32Array([NaN]))], [0.05, null]);
+  assert.equal(boxAround([1, 2, -3], 1.5), '-0.50,0.50,-4.50,2.50,3.50,-1.50');
 });

@@ -1,0 +1,85 @@
+"""One view of a scan as a surface: averaged points, their normals, and how far they lie from the other views."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import scipy
+
+from registration.fusion.concatenation import FiniteBlocks, PlacedCloud
+from registration.fusion.merging import NORMALS, Box, Merge, Merger
+from registration.points.layout import XYZ_FLOAT32, Array, Records
+from registration.points.surface import NEIGHBOURS, planes_of
+from registration.points.voxel_grid import VoxelGrid
+
+SURFACE = np.dtype([(name, "<f4") for name in ("x", "y", "z", "deviation", *NORMALS)])
+"""A point in base, mm; `deviation` in mm, positive towards the view's camera, NaN where no other view is near."""
+
+NEAR_EDGES = 3.0
+"""Another view is near when one of its averaged points lies within this many voxel edges."""
+
+BLOCK_POINTS = 1 << 15
+
+
+def view_surface(
+    clouds: Sequence[PlacedCloud],
+    view: int,
+    voxel_mm: float,
+    box_mm: Box | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Records:
+    """The points of `clouds[view]` as SURFACE records (n,). Memory grows with the occupied voxels, not with the points.
+
+    Raises RegistrationError's leaves, MergeStopped.
+    """
+    own = _averaged(clouds[view], Merge(voxel_mm, normals=True, box_mm=box_mm), stopped)
+    found = np.empty(len(own), SURFACE)
+    for name in own.dtype.names or ():
+        found[name] = own[name]
+    points, normals = (np.stack([found[name] for name in names], axis=1) for names in (XYZ_FLOAT32.xyz, NORMALS))
+    others = [cloud for index, cloud in enumerate(clouds) if index != view]
+    found["deviation"] = _deviations(points, normals, _points_of(others, voxel_mm, box_mm, stopped), voxel_mm)
+    return found
+
+
+def _averaged(cloud: PlacedCloud, merge: Merge, stopped: Callable[[], bool]) -> Records:
+    merger = Merger(merge, XYZ_FLOAT32)
+    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, merge.box_mm).of(cloud)
+    return np.concatenate([
+        *merger.merge_views([(blocks, cloud.base_T_cloud[:3, 3])]), np.empty(0, merger.layout.dtype)
+    ])  # fmt: skip
+
+
+def _points_of(
+    clouds: Sequence[PlacedCloud], voxel_mm: float, box_mm: Box | None, stopped: Callable[[], bool]
+) -> Array:
+    """The averaged points (n, 3) of all these clouds, also of those a little outside the box."""
+    grid = VoxelGrid(voxel_mm, XYZ_FLOAT32)
+    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, None if box_mm is None else _grown(box_mm, NEAR_EDGES * voxel_mm))
+    for cloud in clouds:
+        for block in blocks.of(cloud):
+            grid.add(block)
+    found = np.concatenate([*grid.blocks(), np.empty(0, XYZ_FLOAT32.dtype)])
+    return np.stack([found[name].astype(float) for name in XYZ_FLOAT32.xyz], axis=1)
+
+
+def _grown(box_mm: Box, margin_mm: float) -> Box:
+    low, high = np.array(box_mm[0]) - margin_mm, np.array(box_mm[1]) + margin_mm
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+
+def _deviations(points: Array, normals: Array, others: Array, voxel_mm: float) -> Array:
+    """Signed distances (n,) from the planes through the nearest points of the others, along the own normal."""
+    found = np.full(len(points), np.nan)
+    count = min(NEIGHBOURS, len(others))
+    if count < 3:
+        return found
+    tree = scipy.spatial.cKDTree(others)
+    for start in range(0, len(points), BLOCK_POINTS):
+        piece = slice(start, start + BLOCK_POINTS)
+        distances, neighbours = tree.query(points[piece], count)
+        patches = others[neighbours]
+        planes, _ = planes_of(patches)
+        planes = np.where(np.sum(planes * normals[piece], axis=1, keepdims=True) < 0, -planes, planes)
+        offsets = np.sum((points[piece] - patches.mean(axis=1)) * planes, axis=1)
+        found[piece] = np.where(distances[:, 0] <= NEAR_EDGES * voxel_mm, offsets, np.nan)
+    return found
