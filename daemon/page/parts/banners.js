@@ -3,6 +3,7 @@ import { html, useEffect, useState } from '../vendor/preact.js';
 import { fixed } from '../state/numbers.js';
 import { age_s, changed, lost, ready, refused, running, session } from '../state/now.js';
 import { ask } from '../state/ask.js';
+import { Cause } from './problem.js';
 import { t } from '../state/words.js';
 
 const Banner = ({ kind = 'warn', role = 'alert', children }) =>
@@ -13,7 +14,7 @@ export function Banners() {
   const updated = useUpdated();
   return html`
     ${signedIn && lost.value && html`<${Banner}><p><b>${age_s.value === null ? t('lost.never') : t('lost', { s: fixed(age_s.value, 0) })}</b></p><p>${t('lost.arm')}</p></${Banner}>`}
-    ${signedIn && refused.value && html`<${Banner}><p lang="en">${refused.value.detail}</p><p lang="en">→ ${refused.value.fix}</p></${Banner}>`}
+    ${signedIn && refused.value && html`<${Banner}><${Cause} cause=${{ ...refused.value, what: refused.value.detail }} /></${Banner}>`}
     ${changed.value['end-unconfirmed'] && html`<${Banner}><p><b>${t('end.unconfirmed')}</b></p></${Banner}>`}
     ${ready.value?.warnings?.map((warning) => html`<${Banner}><p lang="en">${warning}</p></${Banner}>`)}
     ${updated && html`<${Banner} kind="info" role="status"><p>${t('updated')} <button type="button" onClick=${() => location.reload()}>${t('updated.load')}</button></p></${Banner}>`}`;

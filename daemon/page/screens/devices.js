@@ -3,6 +3,7 @@ import { html, useState } from '../vendor/preact.js';
 import { Act } from '../parts/act.js';
 import { Card, Facts } from '../parts/card.js';
 import { Missing, useAsked } from '../parts/loaded.js';
+import { Cause } from '../parts/problem.js';
 import { ask } from '../state/ask.js';
 import { moment } from '../state/numbers.js';
 import { may, old } from '../state/now.js';
@@ -37,7 +38,7 @@ function Device({ device: { name, kind, address, connected, detail, since, last_
       address && [t('device.address'), html`<span class="mono">${address}</span>`], since && [t('device.since'), moment(since)],
       detail && [t('device.detail'), html`<span lang="en">${detail}</span>`],
     ]} />
-    ${last_error && html`<div class="note warn"><p lang="en"><span class="mark" aria-hidden="true">!</span> ${last_error.what}</p><p class="quiet" lang="en">→ ${last_error.fix}</p>
+    ${last_error && html`<div class="note warn"><${Cause} cause=${last_error} />
       <p class="small quiet"><a href=${linkTo('help', last_error.code)}>${last_error.code}</a> · ${moment(last_error.at)}</p></div>`}
   </${Card}>`;
 }

@@ -6,7 +6,7 @@ import { Missing, useAsked } from '../parts/loaded.js';
 import { ask } from '../state/ask.js';
 import { may } from '../state/now.js';
 import { linkTo } from '../state/place.js';
-import { t } from '../state/words.js';
+import { causeWords, t } from '../state/words.js';
 
 const RULES = ['hold', 'end', 'age', 'U', 'keys'];
 
@@ -34,7 +34,11 @@ function Code({ code }) {
     ${found.data && html`<${Entry} entry=${found.data} />`}</${Card}>`;
 }
 
-const Entry = ({ entry }) => html`<p lang="en">${entry.what}</p>${entry.fix && html`<p class="quiet" lang="en">→ ${entry.fix}</p>`}`;
+const Entry = ({ entry }) => {
+  const { what, fix, detail } = causeWords(entry);
+  return html`<p lang=${what.lang}>${what.text}</p>${detail && html`<p class="small quiet" lang="en">${detail}</p>`}
+    ${fix.text && html`<p class="quiet" lang=${fix.lang}>→ ${fix.text}</p>`}`;
+};
 
 function Codes() {
   const [wanted, setWanted] = useState('');

@@ -6,6 +6,7 @@ import { UncertaintyCurve } from '../parts/chart.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { compose } from '../parts/pose.js';
+import { Cause } from '../parts/problem.js';
 import { ViewTable } from '../parts/view_table.js';
 import { mm, moment } from '../state/numbers.js';
 import { old, robot, run } from '../state/now.js';
@@ -67,7 +68,7 @@ export function Sentence({ shown }) {
     <p class="sentence" role="status">${sign} ${t(`state.${state}`)}${!over && stations ? `, ${t('run.view', { view: Math.min(station + 1, stations), of: stations })}` : ''}</p>
     <${StepBar} station=${over && state === 'finished' ? stations : station} stations=${stations} over=${over} />
     ${U && html`<p class="figure">${U}</p><p class="quiet">${t('U.predicted')}</p>`}
-    ${cause && html`<div class="note warn"><p><span class="mark" aria-hidden="true">!</span> <span lang="en">${cause.what}</span></p><p class="quiet" lang="en">→ ${cause.fix}</p>
+    ${cause && html`<div class="note warn"><${Cause} cause=${cause} />
       <p class="small"><a href=${linkTo('help', cause.code)}>${cause.code}</a></p></div>`}
     <${Facts} rows=${[
       shown.started_by && [t('run.started-by'), shown.started_by], [t('run.since'), moment(shown.created_at)],

@@ -4,6 +4,7 @@ import { Card, Facts } from '../parts/card.js';
 import { ControlChart } from '../parts/chart.js';
 import { HoldButton } from '../parts/hold_button.js';
 import { Missing, useAsked } from '../parts/loaded.js';
+import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask } from '../state/ask.js';
 import { fixed, mm, moment } from '../state/numbers.js';
@@ -51,7 +52,7 @@ function Last({ run }) {
   if (!run) return html`<p class="quiet">${t('verify.never')}</p>`;
   const found = run.result?.verification;
   return html`<${Facts} rows=${[[t('run.since'), html`<a href=${linkTo('run', run.id)}>${moment(run.created_at)}</a>`], [t('run.state'), t(`state.${run.state}`)]]} />
-    ${run.cause && html`<p class="note warn" lang="en">${run.cause.what} → ${run.cause.fix}</p>`}
+    ${run.cause && html`<div class="note warn"><${Cause} cause=${run.cause} /></div>`}
     ${found?.points && html`<${CrossTable} points=${found.points} />`}`;
 }
 

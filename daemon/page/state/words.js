@@ -55,3 +55,9 @@ function translated(table, id, params) {
     return null; // a part of it has no translation yet
   }
 }
+
+/** A refusal or cause { code, what, fix } as { what, fix, detail }: in another language what its code means, and the English detail. */
+export function causeWords({ id, code, params, what, fix }) {
+  const said = sentence({ id: id ?? `${code}.what`, params, message: what });
+  return { what: said, fix: sentence({ id: `${code}.fix`, message: fix }), detail: said.text === what ? null : what };
+}

@@ -2,9 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,46 +10,20 @@ import numpy as np
 import pytest
 
 from calibration.monitoring.control_chart import DriftStanding
-from calibration.transforms import Array, transform
+from calibration.transforms import transform
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.samples import VerificationHistory, belongs_to_chart
 from daemon.model.records import AppliedCalibration, RunRecord
 from daemon.model.run_states import RunState
-from drivers.interfaces import CameraFrame
 from protocols.plc.codes import ControlBit, DriftState, PlcVerdict, StatusBit
-from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
-from tests.daemon.fakes import FakeCamera, picture_of_the_board
+from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.knocked_camera import QUICK, calibrated
 from tests.daemon.plcs import MOVING, ladder, value_of
 from tests.support.waiting import LIMIT_S, eventually
-
-QUICK = {"learn": 2, "runs_between_false_alarms": 1000}
-
-
-@dataclass
-class KnockedCamera(FakeCamera):
-    """Somebody's elbow: the camera sits elsewhere on the flange than when it was calibrated."""
-
-    knock: Array = field(default_factory=lambda: np.eye(4))
-
-    async def grab(self, newer_than_s: float) -> CameraFrame:
-        frame = await super().grab(newer_than_s)
-        return CameraFrame(picture_of_the_board(self.robot.base_T_flange @ self.knock), frame.taken_at_s)
 
 
 def watch_of(bench: Bench) -> DriftMonitor:
     return next(companion for companion in bench.application.services if isinstance(companion, DriftMonitor))
-
-
-@asynccontextmanager
-async def calibrated(folder: Path, **changes: Any) -> AsyncIterator[tuple[Bench, KnockedCamera]]:
-    parts = Parts()
-    camera = KnockedCamera(parts.robot)
-    parts.camera = camera
-    settings = settings_for(folder, calibration={"policy": "auto"}, drift=QUICK, **changes)
-    async with serving(settings, parts) as bench:
-        run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
-        assert run["result"]["applied"], run
-        yield bench, camera
 
 
 async def alarms_in(bench: Bench) -> list[dict[str, Any]]:

@@ -11,8 +11,8 @@ from calibration.transforms import rotation_from_vector, transform
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.clouds import cloud
-from tests.daemon.drift.test_monitor import calibrated
 from tests.daemon.fakes import Gate, ply_of
+from tests.daemon.knocked_camera import calibrated
 from tests.daemon.page.conftest import Opened, page_of
 from tests.support.waiting import LIMIT_S
 

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from calibration.sentences.english import ENGLISH
+from daemon.api.routes.help_codes import _entries
 from daemon.page import FOLDER
 
+LANGUAGES = ("de", "es", "zh")
 TESTS = Path(__file__).parent / "modules"
 
 
@@ -20,11 +22,30 @@ async def test_pure_modules(node: str) -> None:
     assert run.returncode == 0, output.decode()
 
 
-@pytest.mark.parametrize("language", ["de", "es", "zh"])
-def test_sentences_of_the_daemon_have_ids_and_places_that_it_gives(language: str) -> None:
-    """A translation may leave a parameter out, and never asks for one that the English sentence has not."""
+UNLISTED = {"internal-error", "document-refused", "calibration-error", "http-error"}
+"""Codes of problems that no class of errors has."""
+
+
+def daemon_words(language: str) -> dict[str, str]:
     text = (FOLDER / "words" / f"daemon.{language}.js").read_text()
     rows = re.findall(r"^  '([^']+)': '(.*)',$", text, re.MULTILINE)
-    assert len(rows) > 20
-    for sentence_id, template in rows:
-        assert set(re.findall(r"{(\w+)", template)) <= set(re.findall(r"{(\w+)", ENGLISH[sentence_id])), sentence_id
+    assert len(dict(rows)) == len(rows), "an id stands twice"
+    return dict(rows)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_sentence_of_the_daemon_is_translated_with_places_that_it_gives(language: str) -> None:
+    """A translation may leave a parameter out, and never asks for one that the English sentence has not."""
+    words = daemon_words(language)
+    assert not ENGLISH.keys() - words.keys(), f"give them in daemon/page/words/daemon.{language}.js"
+    for sentence_id, template in ENGLISH.items():
+        places = set(re.findall(r"{(\w+)", words[sentence_id]))
+        assert places <= set(re.findall(r"{(\w+)", template)), sentence_id
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_code_of_an_error_says_what_it_means_and_what_to_do(language: str) -> None:
+    words = daemon_words(language)
+    codes = {code for code, entry in _entries().items() if entry.kind == "error"} | UNLISTED
+    missing = {name for code in codes for name in (f"{code}.what", f"{code}.fix")} - words.keys()
+    assert not missing, f"give them in daemon/page/words/daemon.{language}.js"
