@@ -99,7 +99,7 @@ def test_no_reader_hangs_or_fills_the_memory(tmp_path: Path, door: str, kind: st
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("kind", HOSTILE)
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind == "huge")) for kind in HOSTILE])
 def test_an_archive_and_a_support_bundle_go_on_beside_it(tmp_path: Path, kind: str) -> None:
     HOSTILE[kind](tmp_path / "a")
     try:

@@ -1,6 +1,7 @@
 """Damaged sessions: a refusal or an answer, no error of numpy's own, and nothing is accepted beyond its uncertainty."""
 
 import numpy as np
+import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -15,6 +16,7 @@ from tests.support.cases import cases
 COVERAGE_FACTOR = 3.0
 
 
+@pytest.mark.slow
 @settings(max_examples=cases(30), phases=(Phase.explicit, Phase.generate), deadline=None, derandomize=True)
 @given(st.integers(0, 2**32 - 1))
 def test_damage_ends_in_a_refusal_or_in_an_answer_within_its_uncertainty(seed: int) -> None:

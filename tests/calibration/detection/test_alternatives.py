@@ -44,7 +44,14 @@ SLIPS: dict[str, tuple[Target, Target]] = {
 }
 
 
-@pytest.mark.parametrize(("shown", "described"), SLIPS.values(), ids=SLIPS)
+SLOW = {"symmetric circles"}
+"""Takes about ten times as long as each of the others."""
+
+
+@pytest.mark.parametrize(
+    ("shown", "described"),
+    [pytest.param(*slip, id=name, marks=[pytest.mark.slow] * (name in SLOW)) for name, slip in SLIPS.items()],
+)
 def test_the_description_that_fits_is_named(shown: Target, described: Target) -> None:
     for picture in pictures(shown, 2, seed=3):
         with pytest.raises(DetectionError) as refusal:

@@ -64,7 +64,7 @@ def test_another_marker_is_not_taken_for_this_one(described: ArucoMarker) -> Non
     assert refusal.value.code == "not-found"
 
 
-@pytest.mark.parametrize("target", [GRID, MARKER], ids=str)
+@pytest.mark.parametrize("target", [GRID, pytest.param(MARKER, marks=pytest.mark.slow)], ids=str)
 def test_a_session_of_markers_is_solved(target: Target) -> None:
     flange_T_camera = transform(rotation_from_vector([0.1, -0.2, 1.4]), [35.0, -20.0, 90.0])
     base_T_target = transform(rotation_from_vector([3.1, 0.1, 0.0]), [900.0, 50.0, 100.0])

@@ -22,6 +22,7 @@ def test_neighbours_are_in_one_group() -> None:
     assert {tuple(sorted(group.tolist())) for group in split(places, 2)} == {(0, 2, 4), (1, 3, 5)}
 
 
+@pytest.mark.slow
 def test_under_the_model_the_ratio_is_one_in_the_mean() -> None:
     ratios, weights = [], []
     for number in range(16):

@@ -23,6 +23,7 @@ from tests.simulated.measured_sessions import (
 )
 
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
+QUICK_AND_SLOW_SETUPS = ("eye-in-hand", pytest.param("eye-to-hand", marks=pytest.mark.slow))
 MEASURES = {"poses": tracker(), "poses with covariance": tracker(known=True), "points": points()}
 
 
@@ -116,7 +117,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("setup", QUICK_AND_SLOW_SETUPS)
 @pytest.mark.parametrize(("where", "change", "code"), MISTAKES.values(), ids=MISTAKES)
 def test_a_mistake_is_named_and_refused(
     where: Callable[[Problem, Callable[[Array], Array]], Problem],
@@ -145,6 +146,7 @@ def test_points_in_metres_are_named() -> None:
     assert codes(solve_hand_eye(replace(problem, views=tuple(views)))) == ["points-in-metres"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("setup", SETUPS)
 def test_a_covariance_that_is_too_small_does_not_make_x_too_sure(setup: Setup) -> None:
     """Errors five times as large as their covariance: the excess is found."""

@@ -43,8 +43,14 @@ def deepened(folder: Path, deepen: Deepen) -> Path:
 
 @pytest.mark.parametrize(
     "deepen",
-    [of_bits(10), of_bits(12), of_bits(14), of_bits(16), dark, with_hot_pixels],
-    ids=["10 bits", "12 bits", "14 bits", "16 bits", "dark", "hot pixels"],
+    [
+        pytest.param(of_bits(10), id="10 bits"),
+        pytest.param(of_bits(12), id="12 bits", marks=pytest.mark.slow),
+        pytest.param(of_bits(14), id="14 bits", marks=pytest.mark.slow),
+        pytest.param(of_bits(16), id="16 bits"),
+        pytest.param(dark, id="dark"),
+        pytest.param(with_hot_pixels, id="hot pixels"),
+    ],
 )
 def test_every_picture_is_used(tmp_path: Path, deepen: Deepen) -> None:
     ran = handeyed("solve", deepened(tmp_path / "a", deepen), "--json")
@@ -68,6 +74,7 @@ def test_tiff_and_colour_are_read_as_well(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.data
+@pytest.mark.slow
 def test_real_pictures_of_twelve_bits_are_all_found(real_data: Path) -> None:
     ran = handeyed("solve", real_data / "odd_sessions" / "png16", "--json")
 

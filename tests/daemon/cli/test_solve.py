@@ -134,6 +134,7 @@ def test_numbers_in_a_row_are_joined() -> None:
 
 
 @pytest.mark.data
+@pytest.mark.slow
 def test_real_sessions_are_solved(real_data: Path) -> None:
     ran = handeyed("solve", real_data / "ic_charuco", real_data / "ic_circles", "--json")
 
@@ -143,6 +144,7 @@ def test_real_sessions_are_solved(real_data: Path) -> None:
 
 
 @pytest.mark.data
+@pytest.mark.slow
 def test_251_rendered_views_of_a_small_board_come_to_the_truth(real_data: Path) -> None:
     ran = handeyed("solve", real_data / "metric_1", "--json")
 

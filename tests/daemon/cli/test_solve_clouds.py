@@ -108,7 +108,7 @@ def folder_of(folder: Path, write: Write, suffix: str, unit: str, setup: Setup =
     return folder
 
 
-@pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
+@pytest.mark.parametrize("setup", ["eye-in-hand", pytest.param("eye-to-hand", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("write", "suffix", "unit"), FORMATS.values(), ids=FORMATS)
 def test_a_board_in_organised_clouds_gives_x(
     write: Write, suffix: str, unit: str, setup: Setup, tmp_path: Path

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.daemon.cli.running import handeyed
+from tests.daemon.cli.running import Ran, handeyed
 from tests.daemon.cli.sessions import with_corners, with_images
 
 MISTYPED, COVERED = 2, 4
@@ -32,8 +32,15 @@ def views_of(out: str) -> list[tuple[int, str]]:
     return [(int(line.split()[0]), line.split()[2]) for line in lines if re.match(r" *\d+ ", line)]
 
 
-def test_views_are_listed_worst_first(tmp_path: Path) -> None:
-    ran = handeyed("solve", spoilt_session(tmp_path / "a"), "--views")
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ran, Path]:
+    """What `handeyed solve --views --pictures` printed of the spoilt session, and the folder of its pictures."""
+    folder = tmp_path_factory.mktemp("solved")
+    return handeyed("solve", spoilt_session(folder / "a"), "--views", "--pictures", folder / "out"), folder / "out"
+
+
+def test_views_are_listed_worst_first(solved: tuple[Ran, Path]) -> None:
+    ran, _ = solved
 
     views = views_of(ran.out)
     assert views[:2] == [(COVERED, "rejected"), (MISTYPED, "rejected")]
@@ -48,10 +55,8 @@ def test_without_the_option_and_in_json_there_is_no_table(tmp_path: Path) -> Non
     assert json.loads(handeyed("solve", session, "--views", "--json").out)["views"]
 
 
-def test_every_picture_is_written_with_what_was_seen_in_it(tmp_path: Path) -> None:
-    session, out = spoilt_session(tmp_path / "a"), tmp_path / "out"
-
-    ran = handeyed("solve", session, "--pictures", out)
+def test_every_picture_is_written_with_what_was_seen_in_it(solved: tuple[Ran, Path]) -> None:
+    ran, out = solved
 
     assert str(out / "residuals.html") in ran.err
     page = (out / "residuals.html").read_text()

@@ -120,6 +120,7 @@ def test_views_that_do_not_fix_x_are_refused(poses: list[Array], noise_mm: float
 
 
 @pytest.mark.data
+@pytest.mark.slow
 def test_nine_real_views_of_a_sphere(real_data: Path) -> None:
     views = read_scan(real_data / "reghec_sphere")
     samples = sample_views(views)
@@ -133,6 +134,7 @@ def test_nine_real_views_of_a_sphere(real_data: Path) -> None:
 
 
 @pytest.mark.data
+@pytest.mark.slow
 def test_a_real_object_of_nine_views_comes_together(real_data: Path) -> None:
     spheres = read_scan(real_data / "reghec_sphere")
     fits = [find_artefact(sample.surface.points, 48.37) for sample in sample_views(spheres)]
