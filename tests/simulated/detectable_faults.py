@@ -8,8 +8,7 @@ is where faults begin to stand above the noise: a test that must find the same c
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import f as fisher
-from scipy.stats import ncx2
+from scipy.special import chdtri, chndtr, fdtri
 
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY
 from calibration.diagnosis.evidence import Evidence
@@ -163,7 +162,7 @@ def mistyped_reach(problem: Problem, slip: Slip, noise: Noise | None) -> Reach:
     spoilt = np.flatnonzero(np.any(poses_of(slip.at(1.0).problem) != poses_of(problem), axis=(1, 2)))[0]
     view = int(np.flatnonzero(linear.evidence.indices == problem.views[spoilt].index)[0])
     drawn, levels = _drawn(linear, degrees)
-    limit = float(fisher.isf(FALSE_ALARM_PROBABILITY / (7 * len(linear.evidence)), 1, degrees))
+    limit = float(fdtri(1, degrees, 1 - FALSE_ALARM_PROBABILITY / (7 * len(linear.evidence))))
     by_noise, by_slip, own = directions.T @ drawn, directions.T @ unit, unit @ drawn
     right = []
     for size in SIZES:
@@ -182,7 +181,7 @@ def moved_reach(problem: Problem, slip: Slip, noise: Noise | None) -> Reach:
     # The subspace that the slip itself lies in: its own side, its own view.
     right_one = int(np.argmax([np.linalg.norm(basis.T @ unit) for basis in bases]))
     drawn, levels = _drawn(linear, degrees)
-    limit = 6 * float(fisher.isf(FALSE_ALARM_PROBABILITY / len(bases), 6, degrees))
+    limit = 6 * float(fdtri(6, degrees, 1 - FALSE_ALARM_PROBABILITY / len(bases)))
     by_noise = np.array([basis.T @ drawn for basis in bases])
     by_slip = np.array([basis.T @ unit for basis in bases])[..., None]
     right = []
@@ -198,7 +197,7 @@ def scale_reach(problem: Problem, slip: Slip, noise: Noise | None) -> Reach:
     slope = linear.slope_of(problem, slip)
     degrees = linear.degrees(slope)
     drawn, levels = _drawn(linear, degrees)
-    own, limit = slope @ drawn / np.linalg.norm(slope), float(fisher.isf(FALSE_ALARM_PROBABILITY, 1, degrees))
+    own, limit = slope @ drawn / np.linalg.norm(slope), float(fdtri(1, degrees, 1 - FALSE_ALARM_PROBABILITY))
     right = [float(np.mean((own + size) ** 2 / levels > limit)) for size in SIZES]
     return Reach(np.array(right), 1 / float(np.linalg.norm(slope)))
 
@@ -213,6 +212,6 @@ def lens_reach(problem: Problem, change: Array, pixel: float) -> Reach:
     deviation = pixel / float(np.sqrt(change @ (sums.normal[:, 6:, 6:] - across).sum(axis=0) @ change))
     moved_mm = np.linalg.norm((by_change @ change)[:, 3:], axis=1)
     share = float(np.median(moved_mm / np.linalg.norm(prepared.camera_T_target[:, :3, 3], axis=1)))
-    limit = float(ncx2.isf(FALSE_ALARM_PROBABILITY, INTRINSICS, 1e-12))
-    right = [float(ncx2.sf(limit, INTRINSICS, size**2)) for size in SIZES]
+    limit = float(chdtri(INTRINSICS, FALSE_ALARM_PROBABILITY))
+    right = [float(1 - chndtr(limit, INTRINSICS, size**2)) for size in SIZES]
     return Reach(np.array(right), deviation, 2 * MIN_REPORTED_SHARE / (share * deviation))

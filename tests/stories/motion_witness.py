@@ -36,7 +36,6 @@ MAX_IDLE_S = 2.0
 SCHEDULE_H = 0.2 / 3600
 """A verification is due as often as the schedule checks."""
 NONE = ControlBit(0)
-POSES = [pose.model_dump(mode="json") for pose in poses_taught_for(7)[:3]]
 
 
 class Gate(Terminal):
@@ -137,6 +136,7 @@ class WatchedPlant:
     async def start(self) -> None:
         signals = [{"name": "gate closed", "address": 0}]
         interlocks = {"address": f"tcp://127.0.0.1:{self.gate.port}", "limit_s": 5.0, "signals": signals}
+        poses = [pose.model_dump(mode="json") for pose in poses_taught_for(7)[:3]]
         settings = settings_of(self.cell.announcement, self.folder).model_dump(mode="json", exclude_none=True)
         settings = type(settings_of(self.cell.announcement, self.folder)).model_validate(
             {
@@ -144,7 +144,7 @@ class WatchedPlant:
                 "interlocks": interlocks,
                 "plc": MOVING,
                 "drift": {"every_h": SCHEDULE_H},
-                "calibration": {**settings["calibration"], "poses": POSES},
+                "calibration": {**settings["calibration"], "poses": poses},
             }
         )
         arm = FakeRobot()
