@@ -1,5 +1,6 @@
 """Gate and part, read over Modbus TCP before each move."""
 
+import asyncio
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -12,6 +13,7 @@ from drivers.interlocks import Interlocks, InterlockSignal, check_interlock_addr
 from tests.daemon.fakes import FakeRobot
 from tests.drivers.modbus_terminal import Terminal, terminal
 from tests.support.serial_pair import cable
+from tests.support.waiting import LIMIT_S
 
 GATE = InterlockSignal("gate closed", "discrete-input", 0)
 PART = InterlockSignal("part present", "coil", 3)
@@ -78,8 +80,9 @@ async def test_a_device_that_says_nothing_forbids_motion_in_time_and_is_asked_ag
         device.mute = True
         assert "no answer in time" in (await interlocks.readings())[0].why
         device.mute = False
-        device_answers = [reading.allows for reading in await interlocks.readings()]
-        assert device_answers == [True]
+        async with asyncio.timeout(LIMIT_S):
+            while not (await interlocks.readings())[0].allows:  # a busy machine may be late more than once
+                pass
 
 
 async def test_a_device_that_is_gone_forbids_motion_and_may_come_back() -> None:

@@ -7,6 +7,8 @@ import importlib
 import json
 import sys
 
+from tests.support.waiting import LIMIT_S
+
 
 def main(client: str, count: int) -> None:
     """Say the port, then COUNT samples."""
@@ -14,7 +16,7 @@ def main(client: str, count: int) -> None:
     print(json.dumps({"port": egm.socket.getsockname()[1]}), flush=True)
     samples = []
     while len(samples) < count:
-        received, state = egm.receive_from_robot(timeout=5.0)
+        received, state = egm.receive_from_robot(timeout=LIMIT_S)
         assert received, "nothing came"
         position, quaternion = _pose(state.cartesian)
         samples.append(
