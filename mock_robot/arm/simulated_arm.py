@@ -13,7 +13,7 @@ from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_errors import Postures
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
 from mock_robot.arm.built_arm import BuiltArm
-from mock_robot.arm.paths import JointPath, LinePath, Path
+from mock_robot.arm.paths import CirclePath, JointPath, LinePath, Path
 from mock_robot.arm.speed_profile import Braked, Profile, Trapezoid
 
 IN_POSITION_S = 0.3
@@ -77,12 +77,14 @@ def plan_motion(
     linear: bool,
     now_s: float,
     turn_rad_s: float = REORIENTATION_RAD_S,
+    via_mm: Array | None = None,
 ) -> ArmMotion:
     """Move between two joint vectors at that flange speed and reorientation, up to where the path is blocked.
 
-    The axes' speeds limit it, too.
+    The axes' speeds limit it, too. `via_mm` (3,): a point of the flange's arc, in the base frame.
     """
-    path: Path = LinePath(arm, start, end) if linear else JointPath(start, end)
+    straight: Path = LinePath(arm, start, end) if linear else JointPath(start, end)
+    path = straight if via_mm is None else CirclePath(arm, start, end, via_mm)
     if path.reachable_fraction <= 0.0:
         return ArmMotion(JointPath(start, start, reachable_fraction=0.0), Trapezoid(0.0, 1.0, 1.0), now_s)
     along = np.linspace(0.0, path.reachable_fraction, 9)
@@ -122,12 +124,18 @@ class SimulatedArm:
         return self._motion.end_s
 
     def depart(
-        self, joints: Array, speed_mm_s: float, linear: bool, now_s: float, turn_rad_s: float = REORIENTATION_RAD_S
+        self,
+        joints: Array,
+        speed_mm_s: float,
+        linear: bool,
+        now_s: float,
+        turn_rad_s: float = REORIENTATION_RAD_S,
+        via_mm: Array | None = None,
     ) -> float:
         """Start a move from the current position; returns the fraction of its path that can be followed (1: all)."""
         here = self.joints_at(now_s)
         self._come_from(here, joints)
-        self._motion = plan_motion(self.arm, here, joints, speed_mm_s, linear, now_s, turn_rad_s)
+        self._motion = plan_motion(self.arm, here, joints, speed_mm_s, linear, now_s, turn_rad_s, via_mm)
         self._departures += 1
         return self._motion.path.reachable_fraction
 
@@ -141,6 +149,11 @@ class SimulatedArm:
         profile = Trapezoid(1.0, 1.25 / in_s, 6.25 / in_s**2)  # a tenth of the time each to speed up and to brake
         self._motion = ArmMotion(JointPath(self.joints_at(now_s), joints), profile, now_s)
         self._departures += 1
+
+    def guide(self, joints: Array, in_s: float, now_s: float) -> None:
+        """Go on to `joints` (6,) within `in_s`, as a part of one guided move."""
+        profile = Trapezoid(1.0, 1.25 / in_s, 6.25 / in_s**2)
+        self._motion = ArmMotion(JointPath(self.joints_at(now_s), joints), profile, now_s)
 
     def stop(self, now_s: float) -> None:
         """Brake to standstill on the path; no effect at standstill."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from calibration.transforms import Array
 from mock_robot.arm.simulated_arm import SimulatedArm
+from mock_robot.cabinet.disk import Disk
 from mock_robot.cabinet.mounting import Mounting
 from mock_robot.cabinet.panel import Mode, Panel
 from protocols.cb import messages as cb
@@ -66,6 +67,7 @@ class Cabinet(ABC):
     external_axes: tuple[float, ...] = (UNUSED_AXIS,) * 6
     settles: bool = True
     mounting: Mounting = field(default_factory=Mounting)
+    disk: Disk = field(default_factory=Disk)
     armed: bool = field(default=False, init=False)
     moves_accepted: int = field(default=0, init=False)
     log: deque[LogEntry] = field(default_factory=lambda: deque(maxlen=1000), init=False)

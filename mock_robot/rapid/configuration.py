@@ -7,7 +7,7 @@ from pathlib import Path
 from mock_robot.rapid.cfg_types import FACTORY_TASK, HEADERS, TASK_ARGUMENTS, attributes_of, signal_attribute
 from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.program import Source
-from mock_robot.rapid.signals import DigitalSignal
+from mock_robot.rapid.signals import Signal
 from protocols.cfg_file import parse_cfg
 
 Instance = dict[str, str]
@@ -44,6 +44,10 @@ class Fragments:
                 raise RapidProgramError(path.name, each.line, f"{each.kind} has no attribute {', '.join(unknown)}")
             found.setdefault(each.kind, []).append(each.attributes)
         return found
+
+    def egm_port(self, device: Instance) -> int | None:
+        """Port of this machine that a program's EGM sends to."""
+        return None
 
     def text(self, module: str) -> str:
         """Text of a module's file."""
@@ -89,13 +93,13 @@ def _source(fragments: Fragments, module: Instance) -> Source:
 SystemOutput = Callable[[str], bool]
 
 
-def signals(fragments: Fragments, outputs: Mapping[str, SystemOutput]) -> dict[str, DigitalSignal]:
+def signals(fragments: Fragments, outputs: Mapping[str, SystemOutput]) -> dict[str, Signal]:
     """Digital signals of EIO.cfg by name; those of a system output mirror it.
 
     Raises RapidProgramError for an unknown status or signal, and for a task in an argument that is not a task's.
     """
     inputs = fragments.read("EIO")
-    found = {each["Name"]: DigitalSignal(each["Name"], each["SignalType"]) for each in inputs.get("EIO_SIGNAL", [])}
+    found = {each["Name"]: Signal(each["Name"], each["SignalType"]) for each in inputs.get("EIO_SIGNAL", [])}
     for output in inputs.get("SYSSIG_OUT", []):
         status, signal_name = output["Status"], output[signal_attribute(fragments.robotware)]
         if status not in outputs:
@@ -114,10 +118,13 @@ def _bind(output: SystemOutput, argument: str) -> Callable[[], bool]:
     return lambda: output(argument)
 
 
-def egm_devices(fragments: Fragments) -> frozenset[str]:
-    """Names of the devices to which Externally Guided Motion can send, of SIO.cfg and egm/SIO.cfg."""
+def egm_devices(fragments: Fragments) -> dict[str, int | None]:
+    """Ports of the devices to which Externally Guided Motion can send, of SIO.cfg and egm/SIO.cfg.
+
+    None: the mock's own sender sends for it (`--egm`).
+    """
     found = [*fragments.read("egm/SIO").items(), *fragments.read("SIO").items()]
-    return frozenset(each["Name"] for kind, many in found for each in many if _is_egm(kind, each))
+    return {each["Name"]: fragments.egm_port(each) for kind, many in found for each in many if _is_egm(kind, each)}
 
 
 def _is_egm(kind: str, instance: Instance) -> bool:

@@ -18,9 +18,10 @@ from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.home import HomeFragments
 from mock_robot.rapid.interrupts import Interrupts
+from mock_robot.rapid.messages import MessageQueues
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices, Services
-from mock_robot.rapid.signals import DigitalSignal
+from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.symbols import LiveSymbol
 from mock_robot.rapid.tasks import ERROR, ErrorEvent, ProgramTask
 from mock_robot.rapid.unit import MotionUnit
@@ -60,8 +61,9 @@ class RapidController(Cabinet):
     board: FrameFaultBoard = field(default_factory=lambda: FrameFaultBoard(FAULTS))
     devices: OpenDevices = field(default_factory=OpenDevices)
     memory: PersistentMemory = field(default_factory=PersistentMemory, init=False)
+    queues: MessageQueues = field(default_factory=MessageQueues, init=False)
     unit: MotionUnit = field(init=False)
-    signals: dict[str, DigitalSignal] = field(default_factory=dict, init=False)
+    signals: dict[str, Signal] = field(default_factory=dict, init=False)
     _loaded: list[Loaded] = field(default_factory=list, init=False)
     _error: set[str] = field(default_factory=set, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
@@ -109,6 +111,9 @@ class RapidController(Cabinet):
                 loaded.task.end()
             self._loaded.clear()
             self.devices.close()
+            for session in self.unit.egm.values():
+                session.end()
+            self.unit.egm.clear()
 
     def whereabouts(self) -> dict[str, list[str]]:
         """Statements each task is at, innermost first, for debugging."""
@@ -182,7 +187,11 @@ class RapidController(Cabinet):
             self.max_clock_s,
             self.signals,
             egm_devices(self._fragments),
+            self._fragments.read,
+            self.queues,
+            self.disk,
         )
+        self.queues.tasks.add(plan.name)
         task.main = program.main()
         return Loaded(plan, task, interrupts)
 
@@ -252,10 +261,12 @@ class RapidController(Cabinet):
         for loaded in self._loaded:
             if loaded.plan.name.casefold() != task:
                 continue
-            names = [source.name.rpartition(".")[0].casefold() for source in loaded.plan.sources]
-            if module and module not in names:
+            files = {source.name.rpartition(".")[0].casefold(): source.name for source in loaded.plan.sources}
+            if module and module not in files:
                 return None
-            return self.memory.symbol(f"{loaded.plan.name}/{name}") or self.memory.symbol(name)
+            own = f"{loaded.plan.name}/"
+            places = (*((f"{own}{files[module]}/{name}",) if module else ()), own + name, name)
+            return next((found for place in places if (found := self.memory.symbol(place)) is not None), None)
         return None
 
     def _executes(self, task_name: str) -> bool:

@@ -10,8 +10,9 @@ from lark import Token, Tree
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.operators import BINARY, COMPARISONS, MINUS
 from mock_robot.rapid.scope import Builtin, CompileContext, Data, Frame, Part, Routine, Slot
+from mock_robot.rapid.signals import number_of
 from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
-from mock_robot.rapid.types import BOOL, BYTE, DNUM, NUM, STRING, Array, Record, Type
+from mock_robot.rapid.types import BOOL, BYTE, DNUM, NUM, SIGNALS, STRING, Array, Record, Type
 from mock_robot.rapid.values import short, single
 
 Evaluate = Callable[[Frame], Any]
@@ -28,9 +29,19 @@ class Expression:
 def expression(context: CompileContext, node: Node, wanted: Type | None = None) -> Expression:
     """Compile an expression; `wanted` decides what a number or an aggregate is. Raises RapidProgramError."""
     found = _KINDS[node.data](context, node, wanted)
+    if wanted is NUM:
+        found = as_value(context, found)
     if wanted is not None and found.type != wanted:
         raise context.wrong(line_of(node), f"{wanted.name} is wanted here, this is {found.type.name}")
     return found
+
+
+def as_value(context: CompileContext, found: Expression) -> Expression:
+    """A signal in an expression stands for its number; anything else for itself."""
+    if found.type not in SIGNALS:
+        return found
+    evaluate = found.evaluate
+    return Expression(NUM, lambda frame: number_of(evaluate(frame)))
 
 
 def _number(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
@@ -97,6 +108,7 @@ def _wish(context: CompileContext, node: Node, wanted: Type | None) -> Type | No
 
 
 def _combine(context: CompileContext, operator: str, left: Expression, right: Expression, line: int) -> Expression:
+    left, right = as_value(context, left), as_value(context, right)
     entry = BINARY.get((operator, left.type.name, right.type.name))
     if entry is None and operator in ("=", "<>") and left.type == right.type and not getattr(left.type, "device", 0):
         entry = (BOOL, COMPARISONS[operator])

@@ -9,7 +9,7 @@ from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.instructions.table import DOES, LEFT_OUT
 from mock_robot.rapid.scope import Builtin, CompileContext, ErrorNumbers, Parameter, Scope, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, parse_system, part, parts
-from mock_robot.rapid.types import ATOMS, Record, Type
+from mock_robot.rapid.types import ATOMS, OPEN, Array, Record, Type
 
 SYSTEM = "system.rapid"
 
@@ -33,27 +33,31 @@ def parameters_of(context: CompileContext, node: Node | None) -> tuple[Parameter
 
 def _parameter(context: CompileContext, node: Node, optional: bool = False, alternative: int = 0) -> Parameter:
     mode = "in" if node.children[0] is None else name(node, 0)
-    kind = context.require_type(name(node, 1), line_of(node))
-    return Parameter(
-        name(node, 2), kind, mode, optional, alternative, len(node.children) > 3 and bool(node.children[3])
-    )
+    kind: Type = context.require_type(name(node, 1), line_of(node))
+    for _ in [star for star in node.children[3:] if star is not None]:
+        kind = Array(kind, OPEN)
+    return Parameter(name(node, 2), kind, mode, optional, alternative)
 
 
-def declare_types(context: CompileContext, module: Node) -> None:
-    """Declare the records and aliases of a module."""
+def declare_types(context: CompileContext, module: Node, everywhere: Scope) -> None:
+    """Declare the records and aliases of a module `everywhere`, LOCAL ones in the module's scope."""
     for node in parts(module):
+        if node.data not in ("record", "alias"):
+            continue
+        local = node.children[0] is not None and name(node, 0) == "local"
+        types = (context.scope if local else everywhere).types
         if node.data == "record":
             components = tuple((name(c, 1), context.require_type(name(c, 0), line_of(c))) for c in parts(node))
-            context.scope.types[name(node, 1)] = Record(name(node, 1), components)
-        elif node.data == "alias":
-            context.scope.types[name(node, 2)] = context.require_type(name(node, 1), line_of(node))
+            types[name(node, 1)] = Record(name(node, 1), components)
+        else:
+            types[name(node, 2)] = context.require_type(name(node, 1), line_of(node))
 
 
 @cache
 def system_types() -> Mapping[str, Type]:
     """Types a controller provides."""
     scope = Scope(types={atom.name: atom for atom in (*ATOMS, *DEVICES)})
-    declare_types(_bare(scope), parse_system())
+    declare_types(_bare(scope), parse_system(), scope)
     return scope.types
 
 

@@ -14,13 +14,13 @@ from mock_robot.rapid.cfg_types import FACTORY_TASK
 from mock_robot.rapid.configuration import Fragments, Instance, TaskPlan
 from mock_robot.rapid.errors import RapidProgramError, RapidSyntaxError
 from mock_robot.rapid.program import PersistentMemory, Program, Source
-from mock_robot.rapid.signals import DigitalSignal
+from mock_robot.rapid.signals import SIGNAL_TYPES, Signal
 from mock_robot.rapid.syntax import parse_module
 from mock_robot.rapid.tasks import ProgramTask
 from protocols.cfg_file import parse_cfg
 
 MODULES = (".mod", ".sys", ".modx", ".sysx", ".prg")
-DIGITAL = ("DI", "DO")
+EGM_PORT = 6510
 _PRELUDE = re.compile(r"\A(?:\s*%%%.*?%%%)?", re.DOTALL)
 _BACKUP_TASK = re.compile(r"TASK(\d+)", re.IGNORECASE)
 
@@ -46,6 +46,11 @@ class HomeFragments(Fragments):
                 for each in file.instances:
                     found.setdefault(each.kind, []).append(each.attributes)
         return found
+
+    def egm_port(self, device: Instance) -> int | None:
+        """The device's port, at the loopback address instead of its own: the mock sends nothing into a plant."""
+        port = device.get("RemotePortNumber", "")
+        return int(port) if port.isdigit() else EGM_PORT
 
     def text(self, module: str) -> str:
         """Text of a module's file, found by its name. Raises RapidProgramError."""
@@ -93,12 +98,12 @@ class HomeFragments(Fragments):
             elif not (backup or named):
                 yield FACTORY_TASK, path
 
-    def signals(self) -> dict[str, DigitalSignal]:
-        """Digital signals by name; system outputs are left low."""
+    def signals(self) -> dict[str, Signal]:
+        """Signals by name; system outputs are left low."""
         return {
-            each["Name"]: DigitalSignal(each["Name"], each["SignalType"])
+            each["Name"]: Signal(each["Name"], each["SignalType"])
             for each in self.read("EIO").get("EIO_SIGNAL", [])
-            if each.get("SignalType") in DIGITAL and "Name" in each
+            if each.get("SignalType") in SIGNAL_TYPES and "Name" in each
         }
 
 
@@ -123,9 +128,7 @@ def load_problems(folder: Path) -> tuple[int, list[LoadProblem]]:
     return count, problems
 
 
-def load_module(
-    path: Path, beside: Iterable[Path] = (), signals: Mapping[str, DigitalSignal] = MappingProxyType({})
-) -> None:
+def load_module(path: Path, beside: Iterable[Path] = (), signals: Mapping[str, Signal] = MappingProxyType({})) -> None:
     """Parse and compile one module with those beside it. Raises RapidSyntaxError, RapidProgramError."""
     own = Source(path.name, module_text(path))
     try:
@@ -147,7 +150,7 @@ def _parsed(path: Path) -> Source | None:
     return source
 
 
-def _compile_all(sources: list[Source], signals: Mapping[str, DigitalSignal], only: Source | None = None) -> None:
+def _compile_all(sources: list[Source], signals: Mapping[str, Signal], only: Source | None = None) -> None:
     task = ProgramTask(FACTORY_TASK, _Nobody(), True)
     Program(task, PersistentMemory(), signals).load(sources, only=only)
 

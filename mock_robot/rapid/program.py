@@ -6,10 +6,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from mock_robot.rapid.calls import call
+from mock_robot.rapid.cfg_types import FACTORY_TASK
 from mock_robot.rapid.errors import CycleLeft, LongJump, ProgramStopped, RaisedFurther, RapidProgramError
 from mock_robot.rapid.expressions import expression
 from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
 from mock_robot.rapid.scope import (
+    LONG_JUMP_ALL,
     CompileContext,
     Data,
     ErrorNumbers,
@@ -19,11 +21,12 @@ from mock_robot.rapid.scope import (
     Scope,
     Slot,
 )
+from mock_robot.rapid.signals import SIGNAL_TYPES, Signal
 from mock_robot.rapid.statements import Run, block
 from mock_robot.rapid.symbols import LiveSymbol
 from mock_robot.rapid.syntax import Node, line_of, name, optional_part, parse_module, parse_system, part, parts
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
-from mock_robot.rapid.types import NUM, SIGNALDI, SIGNALDO, Array, Type
+from mock_robot.rapid.types import NUM, TASKID, Array, Type
 
 
 @dataclass(frozen=True)
@@ -71,9 +74,10 @@ class Program:
 
     task: ProgramTask
     memory: PersistentMemory
-    signals: Mapping[str, object]
+    signals: Mapping[str, Signal]
     scope: Scope = field(init=False)
     errors: ErrorNumbers = field(init=False)
+    _scopes: dict[str, Scope] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         self.scope = Scope(types=dict(system_types()))
@@ -92,9 +96,16 @@ class Program:
         self.scope.symbols["c_motset"] = replace(settings, storage="read only")
         self.task.settings = settings.slot
         for signal, device in self.signals.items():
-            kind = SIGNALDI if getattr(device, "kind", "DO") == "DI" else SIGNALDO
+            kind = SIGNAL_TYPES[device.kind]
             self.scope.symbols[signal.casefold()] = Data(signal.casefold(), kind, "var", Slot(device))
+        for each in {FACTORY_TASK, self.task.name}:
+            self.scope.symbols[f"{each}id".casefold()] = Data(f"{each}id", TASKID, "var", Slot(each))
         self.scope = Scope(self.scope)
+        self.task.procedures = self._procedure
+
+    def _procedure(self, name: str) -> Routine | None:
+        found = self.scope.find(name)
+        return found if isinstance(found, Routine) and found.kind == "proc" else None
 
     def load(self, sources: Sequence[Source], only: Source | None = None) -> None:
         """Declare every module, then compile every routine, or those of `only`.
@@ -105,15 +116,17 @@ class Program:
         pending: list[tuple[CompileContext, Routine, Node]] = []
         for source, module in loaded:  # a type may be of a type that a later module declares
             with suppress(RapidProgramError):
-                declare_types(self._context(source.name), module)
+                declare_types(self._context(source.name), module, self.scope)
         for source, module in loaded:
-            declare_types(self._context(source.name), module)
+            declare_types(self._context(source.name), module, self.scope)
         for source, module in loaded:
             context = self._context(source.name)
             for node in parts(module):
-                if node.data in ("proc", "func", "trap"):
+                local = node.data == "local"
+                inner = part(node, 0) if local else node
+                if inner.data in ("proc", "func", "trap"):
                     with _clash_allowed(only, source):
-                        pending.append((context, self._declare_routine(context, node), node))
+                        pending.append((context, self._declare_routine(context, inner, local), inner))
         waiting = [(source, node) for source, module in loaded for node in parts(module, "data")]
         while waiting:  # a value may be made of one that a later module declares
             waiting = self._declare_all(waiting, only)
@@ -155,35 +168,39 @@ class Program:
         return run
 
     def _context(self, module: str) -> CompileContext:
-        return CompileContext(self.task, module, self.scope, self.errors, call)
+        """With a scope of its own for the module's LOCAL names, which hide those of the task."""
+        scope = self._scopes.setdefault(module, Scope(self.scope))
+        return CompileContext(self.task, module, scope, self.errors, call)
 
-    def _declare_routine(self, context: CompileContext, node: Node) -> Routine:
+    def _declare_routine(self, context: CompileContext, node: Node, local: bool) -> Routine:
         function = node.data == "func"
         place = int(function)
         parameters = () if node.data == "trap" else parameters_of(context, optional_part(node, place + 1))
         result = context.require_type(name(node, 0), line_of(node)) if function else None
         where = f"{context.module}:{line_of(node)}"
         routine = Routine(name(node, place), str(node.data), parameters, result, where)
-        self.scope.declare(routine, context.module, line_of(node))
+        (context.scope if local else self.scope).declare(routine, context.module, line_of(node))
         return routine
 
     def _declare_data(self, context: CompileContext, node: Node, shared: bool = False) -> None:
         storage, called, line = name(node, 1), name(node, 3), line_of(node)
+        reach = "" if node.children[0] is None else name(node, 0)
         kind, initial = _type_and_initial(context, node)
         if storage == "var" and shared:
             raise context.wrong(line, f"VAR {called} in a shared module: only PERS and CONST are shared here")
-        if storage != "var" and initial is None and (storage == "const" or node.children[0] is not None):
+        if storage != "var" and initial is None and (storage == "const" or reach):
             raise context.wrong(line, f"{storage.upper()} {called} needs an initial value")
 
         def value() -> Any:
             return kind.initial() if initial is None else kind.copy(initial([None]))
 
         if storage == "pers":
-            private = node.children[0] is not None
-            slot: Slot = self.memory.slot(f"{self.task.name}/{called}" if private else called, kind, value)
+            within = {"local": f"{self.task.name}/{context.module}/", "task": f"{self.task.name}/"}.get(reach, "")
+            slot: Slot = self.memory.slot(within + called, kind, value)
         else:
             slot = Slot(value())
-        context.scope.declare(Data(called, kind, storage, slot), context.module, line)
+        scope = context.scope if reach == "local" else self.scope
+        scope.declare(Data(called, kind, storage, slot), context.module, line)
 
 
 def _clash_allowed(only: Source | None, source: Source) -> AbstractContextManager[None]:
@@ -234,7 +251,7 @@ def _compile(context: CompileContext, routine: Routine, node: Node) -> None:
 
     def run_as_recovery_point(frame: Frame) -> Any:
         points = context.task.recovery_points
-        points.append(lambda number: any(listed(frame) == number for listed in routine.listed))
+        points.append(lambda number: any(listed(frame) in (number, LONG_JUMP_ALL) for listed in routine.listed))
         try:
             return inside(frame)
         finally:

@@ -5,12 +5,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from mock_robot.cabinet.disk import Disk
 from mock_robot.cabinet.panel import Panel
 from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
+from mock_robot.rapid.messages import MessageQueues
 from mock_robot.rapid.scope import ErrorNumbers
-from mock_robot.rapid.signals import DigitalSignal
+from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.unit import MotionUnit
 
 
@@ -60,7 +62,11 @@ MAX_CLOCK_S = 4_294_967.0
 
 @dataclass(frozen=True)
 class Services:
-    """Services of one task. `max_clock_s`: the age at which its clocks overflow."""
+    """Services of one task. `max_clock_s`: the age at which its clocks overflow.
+
+    `egm_devices`: by name the port they send to, None where the mock's own sender does; `configuration`: instances of a
+    domain by type.
+    """
 
     unit: MotionUnit
     panel: Panel
@@ -70,5 +76,8 @@ class Services:
     errors: ErrorNumbers
     note: Callable[[int, str], None]
     max_clock_s: float = MAX_CLOCK_S
-    signals: Mapping[str, DigitalSignal] = field(default_factory=dict)
-    egm_devices: frozenset[str] = frozenset()
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+    egm_devices: Mapping[str, int | None] = field(default_factory=dict)
+    configuration: Callable[[str], dict[str, list[dict[str, str]]]] = lambda domain: {}
+    queues: MessageQueues = field(default_factory=MessageQueues)
+    disk: Disk = field(default_factory=Disk)

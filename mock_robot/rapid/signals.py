@@ -1,18 +1,60 @@
-"""Digital signals of a controller: set by programs, by tests, or mirroring a system output."""
+"""Signals of a controller: set by programs, by tests, or mirroring a system output or a world zone."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
+
+from mock_robot.rapid.errors import RapidError
+from mock_robot.rapid.types import SIGNALAI, SIGNALAO, SIGNALDI, SIGNALDO, SIGNALGI, SIGNALGO, Atom
+
+SIGNAL_TYPES: dict[str, Atom] = {
+    "DI": SIGNALDI,
+    "DO": SIGNALDO,
+    "GI": SIGNALGI,
+    "GO": SIGNALGO,
+    "AI": SIGNALAI,
+    "AO": SIGNALAO,
+}
+"""RAPID type by SignalType of EIO.cfg."""
+DIGITAL = ("DI", "DO")
 
 
-@dataclass
-class DigitalSignal:
-    """A signal of EIO.cfg; `kind` is DI or DO. `source`: the system output it mirrors."""
+class Signal:
+    """A signal of EIO.cfg. `kind`: DI, DO, GI, GO, AI or AO. `source`: what it mirrors; programs only read it then.
 
-    name: str
-    kind: str
-    source: Callable[[], bool] | None = None
-    value: bool = False
+    A digital one is a bool, the others are numbers. `watchers` are called with the new number at every change.
+    """
 
-    def read(self) -> bool:
+    def __init__(
+        self, name: str, kind: str, source: Callable[[], bool] | None = None, value: bool | float = False
+    ) -> None:
+        self.name, self.kind, self.source = name, kind, source
+        self.watchers: tuple[Callable[[float], None], ...] = ()
+        self._value: Any = value if kind in DIGITAL else float(value)
+
+    @property
+    def value(self) -> Any:
+        """Its state, without a source's."""
+        return self._value
+
+    @value.setter
+    def value(self, value: bool | float) -> None:
+        changed, self._value = value != self._value, value
+        if changed:
+            for notice in self.watchers:
+                notice(float(value))
+
+    def read(self) -> Any:
         """Its state now."""
-        return self.value if self.source is None else self.source()
+        return self._value if self.source is None else self.source()
+
+
+def signal_of(value: Any) -> Signal:
+    """The signal behind a name. Raises ERR_NO_ALIASIO_DEF for one that AliasIO has not connected."""
+    if not isinstance(value, Signal):
+        raise RapidError("ERR_NO_ALIASIO_DEF", "the signal was declared, but AliasIO has not connected it")
+    return value
+
+
+def number_of(value: Any) -> float:
+    """Number of a signal as an expression has it."""
+    return float(signal_of(value).read())

@@ -45,6 +45,7 @@ class ProgramTask:
 
     As on a controller, an interrupt that comes while the task is stopped is lost. `now_s` is wire time; `handled` is
     the error whose handler runs; `settings` holds C_MOTSET; `event` is what called the current trap;
+    `procedures` finds a procedure by its name;
     `booked` counts BookErrNo; `recovery_points` say for a number whether a routine under way lists it, outermost first.
     """
 
@@ -57,6 +58,7 @@ class ProgramTask:
     attention: bool = field(default=True, init=False)
     running: bool = field(default=False, init=False)
     main: Callable[[], Any] | None = field(default=None, init=False)
+    procedures: Callable[[str], Routine | None] = field(default=lambda name: None, init=False)
     settings: Any = field(default=None, init=False)
     recovery_points: list[Callable[[float], bool]] = field(default_factory=list, init=False)
     event: ErrorEvent | None = field(default=None, init=False)
@@ -168,6 +170,16 @@ class ProgramTask:
                 return True
             if ends_s is not None and self.now_s() >= ends_s:
                 return until is not None and until()
+
+    def call(self, name: str) -> None:
+        """Call a procedure without arguments by its name. Raises ERR_REFUNKPRC."""
+        routine = self.procedures(name.casefold())
+        if routine is None or routine.body is None or any(not each.optional for each in routine.parameters):
+            raise RapidError("ERR_REFUNKPRC", f"no procedure without arguments is named {name}")
+        try:
+            routine.body([None] * (routine.places + 1))
+        except RaisedFurther as raised:
+            raise raised.error from None
 
     def _listen(self, seconds: float | None, fileno: int | None = None) -> bool:
         """Wait until the descriptor is readable (True), the task is woken, or a timeout."""

@@ -49,6 +49,10 @@ class Record:
         return tuple(kind for _, kind in self.components)
 
 
+OPEN = -1
+"""Length of the array of a parameter `{*}`, which takes one of any length."""
+
+
 @dataclass(frozen=True)
 class Array:
     """`length` elements, counted from 1."""
@@ -64,7 +68,7 @@ class Array:
     @property
     def parts(self) -> tuple["Type", ...]:
         """Types of the elements."""
-        return (self.element,) * self.length
+        return (self.element,) * max(self.length, 0)
 
     def initial(self) -> list[Any]:
         """Elements as in a VAR without initial value."""
@@ -91,15 +95,21 @@ RAWBYTES = Atom("rawbytes", RawBytes, device=True)
 CLOCK = Atom("clock", StopWatch, device=True)
 SIGNALDO = Atom("signaldo", Nothing, device=True)
 SIGNALDI = Atom("signaldi", Nothing, device=True)
+SIGNALGO = Atom("signalgo", Nothing, device=True)
+SIGNALGI = Atom("signalgi", Nothing, device=True)
+SIGNALAO = Atom("signalao", Nothing, device=True)
+SIGNALAI = Atom("signalai", Nothing, device=True)
+SIGNALS = (SIGNALDO, SIGNALDI, SIGNALGO, SIGNALGI, SIGNALAO, SIGNALAI)
 TRAPDATA = Atom("trapdata", Nothing, device=True)
 MECUNIT = Atom("mecunit", Nothing, device=True)
 EGMIDENT = Atom("egmident", Nothing, device=True)
 TASKID = Atom("taskid", Nothing, device=True)
+SYNCIDENT = Atom("syncident", Nothing, device=True)
 ANYTYPE = Atom("anytype", Nothing)
 CONDITION = Atom("condition", Nothing)
 SWITCH = Atom("switch", Nothing)
 
 ATOMS = (
-    *(NUM, DNUM, BYTE, BOOL, STRING, RAWBYTES, CLOCK, SIGNALDO, SIGNALDI),
-    *(TRAPDATA, MECUNIT, EGMIDENT, TASKID, ANYTYPE, CONDITION, SWITCH),
+    *(NUM, DNUM, BYTE, BOOL, STRING, RAWBYTES, CLOCK, *SIGNALS),
+    *(TRAPDATA, MECUNIT, EGMIDENT, TASKID, SYNCIDENT, ANYTYPE, CONDITION, SWITCH),
 )

@@ -27,6 +27,7 @@ class MoveOrder:
     speed_mm_s: float
     turn_rad_s: float
     linear: bool
+    via_mm: Array | None = None
     departed: bool = False
     reachable_fraction: float = 1.0
 
@@ -36,8 +37,10 @@ class MotionUnit:
     """The motion task's arm. `held`: program stopped or motors off; `stopped_by`: tasks that called StopMove.
 
     An interrupted move continues from where the arm stands once nothing prevents it, as on a controller; only ClearPath
-    (or leaving the program) ends it. `egm`: state of each EGM identity that is
-    taken. `active`: name and value of the tool, work object and load in use, by type.
+    (or leaving the program) ends it. `egm`: sessions of the EGM identities that are
+    taken. `active`: name and value of the tool, work object and load in use, by type. `forbidden`: world zones that
+    the tool must not enter, each a test of a point (3,) in the world. `concurrent`: the program does
+    not wait for the move.
     """
 
     cabinet: Cabinet
@@ -47,9 +50,11 @@ class MotionUnit:
     external: list[float] = field(default_factory=list)
     override_percent: float = 100.0
     max_speed_mm_s: float = 5000.0
-    egm: dict[int, str] = field(default_factory=dict)
+    egm: dict[int, Any] = field(default_factory=dict)
     active: dict[str, tuple[str, Any]] = field(default_factory=dict)
+    forbidden: dict[int, Callable[[Array], bool]] = field(default_factory=dict)
     stopped_by: set[str] = field(default_factory=set, init=False)
+    concurrent: bool = field(default=False, init=False)
     held: bool = field(default=True, init=False)
     _order: MoveOrder | None = field(default=None, init=False)
     _left_at: Array | None = field(default=None, init=False)
@@ -74,10 +79,12 @@ class MotionUnit:
 
     # --- called by the program ---
 
-    def order(self, joints: Array, speed_mm_s: float, turn_rad_s: float, linear: bool) -> None:
-        """Start a move; `arrived` reports its end."""
+    def order(
+        self, joints: Array, speed_mm_s: float, turn_rad_s: float, linear: bool, via_mm: Array | None = None
+    ) -> None:
+        """Start a move; `has_arrived` reports its end. `via_mm` (3,): the flange's arc passes there, in the base."""
         with self._turn:
-            self._order, self._left_at = MoveOrder(joints, speed_mm_s, turn_rad_s, linear), None
+            self._order, self._left_at = MoveOrder(joints, speed_mm_s, turn_rad_s, linear, via_mm), None
             self._depart()
             self.cabinet.moves_accepted += 1
             self.cabinet.external_axes = tuple(self.external)
@@ -124,7 +131,7 @@ class MotionUnit:
         """Drop the move."""
         with self._turn:
             self._brake()
-            self._order = None
+            self._order, self.concurrent = None, False
 
     # --- called by the cabinet ---
 
@@ -153,6 +160,18 @@ class MotionUnit:
     def stands_in_s(self) -> float:
         """Wire time to the end of the motion; at most a second, since it may change."""
         return min(max(self.cabinet.arm.end_s - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
+
+    def ends_in_s(self) -> float:
+        """The arm's own time to the end of its motion."""
+        return max(self.cabinet.arm.end_s - self.now_s(), 0.0)
+
+    def tool_mm(self) -> Array:
+        """Position (3,) of the active tool's centre point in the world, mm."""
+        _, tool = self.active.get("tooldata", ("tool0", None))
+        offset_mm = np.zeros(3) if tool is None else np.array(tool[1][0])
+        world_T_flange = self.world_T_flange(self.joints_now(), self.external_axes())
+        place: Array = world_T_flange[:3, :3] @ offset_mm + world_T_flange[:3, 3]
+        return place
 
     def is_settled(self, seconds: float, since_s: float) -> bool:
         """Whether the arm has stood still for `seconds` of its own time, counted from `since_s` at the earliest."""
@@ -194,7 +213,7 @@ class MotionUnit:
         panel = self.cabinet.panel
         turn_rad_s = order.turn_rad_s * max(panel.speed_override, MIN_OVERRIDE)
         order.reachable_fraction = self.cabinet.arm.depart(
-            order.joints, self._speed(order), order.linear, self.now_s(), turn_rad_s
+            order.joints, self._speed(order), order.linear, self.now_s(), turn_rad_s, order.via_mm
         )
 
     def _speed(self, order: MoveOrder) -> float:

@@ -1,37 +1,16 @@
-"""The controller's disk in memory: HOME, TEMP and the RAM disk, under all names clients use for them."""
+"""The controller's disk as the file service lists it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from mock_robot.cabinet.disk import RAMDISK_PATH, Disk, NoVolume
 from mock_robot.rws.exchange import Item
 
-RAMDISK_PATH = "/bd0/ramdisk"
-_VOLUMES = {"home": "HOME", "temp": "TEMP", "ramdisk": "RAMDISK", "bd0/ramdisk": "RAMDISK"}
-
-
-class NoVolume(Exception):
-    """The first part of the path is not a volume."""
+__all__ = ["RAMDISK_PATH", "NoVolume", "Volumes"]
 
 
 @dataclass
-class Volumes:
-    """Files by canonical path such as `HOME/handeyed/CELL_shared.sys`, and the folders that were made."""
-
-    files: dict[str, bytes] = field(default_factory=dict)
-    folders: set[str] = field(default_factory=set)
-
-    def canonical(self, path: str) -> str:
-        """Canonical key of `$HOME/x`, `HOME:/x`, `HOME/x` or `/bd0/ramdisk/x`. Raises NoVolume."""
-        parts = [part for part in path.replace("\\", "/").split("/") if part]
-        for taken in (1, 2):
-            volume = _VOLUMES.get("/".join(parts[:taken]).strip("$:").lower())
-            if volume is not None:
-                return "/".join([volume, *parts[taken:]])
-        raise NoVolume(path)
-
-    def has_folder(self, path: str) -> bool:
-        """Whether the folder exists: a volume, or one that was made or holds a file."""
-        holds = any(each.startswith(path + "/") for each in (*self.files, *self.folders))
-        return path in _VOLUMES.values() or path in self.folders or holds
+class Volumes(Disk):
+    """The disk, with listings of its folders."""
 
     def listing(self, folder: str) -> list[Item] | None:
         """Entries of a folder; None when it does not exist."""

@@ -35,7 +35,6 @@ class World:
     faults: FaultBoard
     clock: Callable[[], float]
     memory: RwsMemory = field(default_factory=RwsMemory)
-    volumes: Volumes = field(default_factory=Volumes)
     mastership: Mastership = field(default_factory=Mastership)
     equipment: Equipment = field(default_factory=Equipment)
     tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4), "tGripper": _shift_z(150.0)})
@@ -45,6 +44,7 @@ class World:
     programs: list[Callable[[], None]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self.volumes = Volumes(self.cabinet.disk.files, self.cabinet.disk.folders)
         self.elog = ControllerEventLog.starting_at(self.cabinet, self.clock())
 
     def take_configuration(self) -> None:

@@ -10,6 +10,9 @@ from mock_robot.rapid.tasks import ProgramTask
 MODES: Mapping[Mode, float] = MappingProxyType({Mode.AUTO: 1.0, Mode.MANR: 2.0, Mode.MANF: 3.0})
 """OP_AUTO, OP_MAN_PROG and OP_MAN_TEST of system.rapid."""
 
+SYSTEM = ("mock-0001", "6.16.0202", "6.16.02.02", "mock", "mock", "en", "mock")
+"""Serial number, version, its name, type of robot, controller's id, language and name of the system."""
+
 
 def op_mode(task: ProgramTask) -> float:
     return MODES[task.services.panel.mode]
@@ -19,12 +22,14 @@ def speed_override(task: ProgramTask, current_task: bool | None) -> float:
     return round(100 * float(task.services.panel.speed_override), 2)
 
 
-def system_info(task: ProgramTask, lan_ip: bool | None) -> str:
-    """Address of the controller; a virtual one answers VC."""
-    if not lan_ip:
-        raise RapidError("ERR_ARGVALERR", "GetSysInfo needs one of its switches")
+def system_info(task: ProgramTask, *switches: bool | None) -> str:
+    """By its switch; the LAN address of a virtual controller is VC."""
     devices = task.services.devices
-    return "VC" if devices.virtual else str(devices.host)
+    known = (*SYSTEM[:5], "VC" if devices.virtual else str(devices.host), *SYSTEM[5:])
+    asked = [text for text, switch in zip(known, switches, strict=True) if switch]
+    if len(asked) != 1:
+        raise RapidError("ERR_ARGVALERR", "GetSysInfo needs one of its switches")
+    return asked[0]
 
 
 def runs_on_robot_controller(task: ProgramTask) -> bool:

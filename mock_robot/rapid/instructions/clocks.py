@@ -20,7 +20,8 @@ def clk_stop(task: ProgramTask, clock: Slot) -> None:
     clock.value.stop(task.now_s())
 
 
-def clk_read(task: ProgramTask, clock: Slot) -> float:
+def clk_read(task: ProgramTask, clock: Slot, fine: bool | None) -> float:
+    """Milliseconds, or microseconds with \\HighRes; the mock's clocks are as fine with and without."""
     return _read_s(task, clock)
 
 

@@ -9,14 +9,11 @@ import numpy as np
 
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion
 from mock_robot.rapid.errors import ProgramStopped
-from mock_robot.rapid.instructions.signals import read, set_do
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.symbols import value_of
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
 from mock_robot.rapid.types import Type
-from mock_robot.rapid.values import short, single
-
-POLL_S = 0.02
+from mock_robot.rapid.values import single
 
 
 def add(task: ProgramTask, name: Slot, value: float) -> None:
@@ -146,25 +143,7 @@ def c_time(task: ProgramTask) -> str:
     return f"{datetime.now():%H:%M:%S}"
 
 
-# --- outputs and inputs, the program's end ---
-
-
-def set_output(task: ProgramTask, signal: Slot) -> None:
-    set_do(task, signal, 1.0)
-
-
-def reset_output(task: ProgramTask, signal: Slot) -> None:
-    set_do(task, signal, 0.0)
-
-
-def pulse(task: ProgramTask, signal: Slot) -> None:
-    """The pulse is over at once."""
-    set_do(task, signal, 0.0)
-
-
-def wait_signal(task: ProgramTask, signal: Any, value: float) -> None:
-    while read(task, signal) != value:
-        task.wait(POLL_S)
+# --- the program's end ---
 
 
 def erase(task: ProgramTask) -> None:
@@ -173,10 +152,6 @@ def erase(task: ProgramTask) -> None:
 
 def stop_program(task: ProgramTask) -> None:
     raise ProgramStopped(EXECUTION_ERROR, task.name, "Stop, Break or EXIT")
-
-
-def string_of_byte(task: ProgramTask, value: int) -> str:
-    return short(str(value))
 
 
 DOES = MappingProxyType(
@@ -202,11 +177,6 @@ DOES = MappingProxyType(
         "StrToVal": str_to_val,
         "CDate": c_date,
         "CTime": c_time,
-        "Set": set_output,
-        "Reset": reset_output,
-        "PulseDO": pulse,
-        "WaitDI": wait_signal,
-        "WaitDO": wait_signal,
         "TPErase": erase,
         "Stop": stop_program,
         "Break": stop_program,

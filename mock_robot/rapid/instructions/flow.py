@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from mock_robot.rapid.errors import CycleLeft, RapidError
+from mock_robot.rapid.instructions.conditions import wait_for
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.values import single
@@ -44,16 +45,7 @@ def wait_until(
     poll_s = POLL_S if poll_rate is None else poll_rate
     if poll_s < single(MIN_POLL_S):
         raise RapidError("ERR_ARGVALERR", f"\\PollRate is {MIN_POLL_S} s at least")
-    ends_s = None if max_time is None else task.now_s() + max_time
-    if time_flag is not None:
-        time_flag.value = False
-    while not condition():
-        if ends_s is not None and task.now_s() >= ends_s:
-            if time_flag is None:
-                raise RapidError("ERR_WAIT_MAXTIME", f"not within {max_time:g} s")
-            time_flag.value = True
-            return
-        task.wait(poll_s if ends_s is None else min(poll_s, max(0.0, ends_s - task.now_s())))
+    wait_for(task, condition, max_time, time_flag, poll_s)
 
 
 def skip_warn(task: ProgramTask) -> None:

@@ -35,6 +35,22 @@ def i_enable(task: ProgramTask) -> None:
     task.rouse()
 
 
+def i_sleep(task: ProgramTask, interrupt: Slot) -> None:
+    task.services.interrupts.mute(interrupt.value, True)
+
+
+def i_watch(task: ProgramTask, interrupt: Slot) -> None:
+    task.services.interrupts.mute(interrupt.value, False)
+
+
 DOES = MappingProxyType(
-    {"IPers": i_pers, "ITimer": i_timer, "IDelete": i_delete, "IDisable": i_disable, "IEnable": i_enable}
+    {
+        "IPers": i_pers,
+        "ITimer": i_timer,
+        "IDelete": i_delete,
+        "IDisable": i_disable,
+        "IEnable": i_enable,
+        "ISleep": i_sleep,
+        "IWatch": i_watch,
+    }
 )

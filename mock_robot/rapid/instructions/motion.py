@@ -1,78 +1,285 @@
-"""Moves, and stopping them. All moves are `fine`: the program continues when the arm has arrived."""
+"""Moves, and stopping them. The program goes on when the arm has arrived, also at a fly-by point.
 
+A fly-by point is passed at standstill: the path lies within every zone, the cycle takes longer than a controller's.
+"""
+
+from collections.abc import Sequence
 from math import radians
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
+from calibration.transforms import Array, inverse
 from mock_robot.rapid.errors import ProgramStopped, RapidError
+from mock_robot.rapid.instructions.conditions import POLL_S, wait_for
 from mock_robot.rapid.instructions.settings import note_move
 from mock_robot.rapid.postures import flange_of, joints_rad
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
+from mock_robot.rapid.triggers import Trigger
 
 OUTSIDE_REACH, OTHER_CONFIGURATION, JOINT_OUT_OF_RANGE, NEAR_SINGULARITY = 50050, 50080, 50027, 50026
 """ABB's event numbers."""
 
 
-def _move_to_target(
-    task: ProgramTask, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Any
-) -> Any:
-    unit = _own_unit(task, zone)
+class Pace(NamedTuple):
+    """Speed of a move: `speeddata`, \\V mm/s in place of its speed, or \\T seconds for the whole move.
+
+    `concurrent`: the program goes on while the arm moves; the next move waits for it.
+    """
+
+    speed: list[float]
+    v_mm_s: float | None = None
+    seconds: float | None = None
+    concurrent: bool = False
+
+
+def _flange(target: list[Any], tool: Slot, wobj: Slot | None) -> Array:
+    """world_T_flange (4, 4)."""
+    return flange_of(target, tool.value, None if wobj is None else wobj.value)
+
+
+def _reach(task: ProgramTask, target: list[Any], tool: Slot, wobj: Slot | None) -> Any:
+    unit = own_unit(task)
     try:
-        flange = flange_of(target, tool.value, None if wobj is None else wobj.value)
-        joints = unit.joints_for(flange, target[2], target[3])
+        joints = unit.joints_for(_flange(target, tool, wobj), target[2], target[3])
     except UnreachablePoseError as error:
         code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH
         raise ProgramStopped(code, task.name, error.what) from error
     note_move(task, tool, wobj)
-    unit.external = [have if have >= 8.9e9 else want for have, want in zip(unit.external, target[3], strict=True)]
-    return unit, joints
+    _take_along(unit, target[3])
+    return joints
+
+
+def _take_along(unit: Any, wanted: list[float]) -> None:
+    """External axes; those that the controller does not have, or the target leaves out (9E9), stay."""
+    unit.external = [
+        have if have >= 8.9e9 or want >= 8.9e9 else want for have, want in zip(unit.external, wanted, strict=True)
+    ]
 
 
 def move_j(
-    task: ProgramTask, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None
+    task: ProgramTask,
+    concurrent: bool | None,
+    target: list[Any],
+    number: float | None,
+    speed: list[float],
+    v: float | None,
+    t: float | None,
+    zone: list[Any],
+    z: float | None,
+    stop_point: list[Any] | None,
+    tool: Slot,
+    wobj: Slot | None,
 ) -> None:
-    unit, joints = _move_to_target(task, target, speed, zone, tool, wobj)
-    _travel(task, unit, joints, speed, linear=False)
+    _travel(task, _reach(task, target, tool, wobj), Pace(speed, v, t, bool(concurrent)), linear=False)
 
 
 def move_l(
-    task: ProgramTask, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None
+    task: ProgramTask,
+    concurrent: bool | None,
+    target: list[Any],
+    number: float | None,
+    speed: list[float],
+    v: float | None,
+    t: float | None,
+    zone: list[Any],
+    z: float | None,
+    stop_point: list[Any] | None,
+    tool: Slot,
+    wobj: Slot | None,
 ) -> None:
-    unit, joints = _move_to_target(task, target, speed, zone, tool, wobj)
-    _travel(task, unit, joints, speed, linear=True)
+    _travel(task, _reach(task, target, tool, wobj), Pace(speed, v, t, bool(concurrent)), linear=True)
+
+
+def move_c(
+    task: ProgramTask,
+    concurrent: bool | None,
+    via: list[Any],
+    target: list[Any],
+    number: float | None,
+    speed: list[float],
+    v: float | None,
+    t: float | None,
+    zone: list[Any],
+    z: float | None,
+    stop_point: list[Any] | None,
+    tool: Slot,
+    wobj: Slot | None,
+) -> None:
+    """The flange's arc passes where it is at the circle point; it turns evenly from start to end."""
+    joints = _reach(task, target, tool, wobj)
+    _travel(task, joints, Pace(speed, v, t, bool(concurrent)), linear=True, via_mm=_via_mm(task, via, tool, wobj))
+
+
+def _via_mm(task: ProgramTask, via: list[Any], tool: Slot, wobj: Slot | None) -> Array:
+    unit = task.services.unit
+    world_T_base = unit.cabinet.mounting.reported_world_T_base(tuple(unit.external))
+    point: Array = (inverse(world_T_base) @ _flange(via, tool, wobj))[:3, 3]
+    return point
 
 
 def move_abs_j(
-    task: ProgramTask, target: list[Any], speed: list[float], zone: list[Any], tool: Slot, wobj: Slot | None
+    task: ProgramTask,
+    concurrent: bool | None,
+    target: list[Any],
+    number: float | None,
+    no_offsets: bool | None,
+    speed: list[float],
+    v: float | None,
+    t: float | None,
+    zone: list[Any],
+    z: float | None,
+    stop_point: list[Any] | None,
+    tool: Slot,
+    wobj: Slot | None,
 ) -> None:
-    unit, joints = _own_unit(task, zone), joints_rad(target)
+    """There are no offsets of external axes here, so \\NoEoffs changes nothing."""
+    unit, joints = own_unit(task), joints_rad(target)
     try:
         unit.arm.require_within_limits(joints)
     except UnreachablePoseError as error:
         raise ProgramStopped(JOINT_OUT_OF_RANGE, task.name, error.what) from error
     note_move(task, tool, wobj)
-    unit.external = [have if have >= 8.9e9 else want for have, want in zip(unit.external, target[1], strict=True)]
-    _travel(task, unit, joints, speed, linear=False)
+    _take_along(unit, target[1])
+    _travel(task, joints, Pace(speed, v, t, bool(concurrent)), linear=False)
 
 
-def _own_unit(task: ProgramTask, zone: list[Any]) -> Any:
+def trigg_j(
+    task: ProgramTask,
+    target: list[Any],
+    number: float | None,
+    speed: list[float],
+    t: float | None,
+    first: Slot,
+    *rest: Any,
+) -> None:
+    *more, _zone, _stop_point, tool, wobj = rest
+    joints = _reach(task, target, tool, wobj)
+    _travel(task, joints, Pace(speed, None, t), linear=False, triggers=_triggers(first, more))
+
+
+def trigg_l(
+    task: ProgramTask,
+    target: list[Any],
+    number: float | None,
+    speed: list[float],
+    t: float | None,
+    first: Slot,
+    *rest: Any,
+) -> None:
+    *more, _zone, _stop_point, tool, wobj = rest
+    joints = _reach(task, target, tool, wobj)
+    _travel(task, joints, Pace(speed, None, t), linear=True, triggers=_triggers(first, more))
+
+
+def trigg_c(
+    task: ProgramTask,
+    via: list[Any],
+    target: list[Any],
+    number: float | None,
+    speed: list[float],
+    t: float | None,
+    first: Slot,
+    *rest: Any,
+) -> None:
+    *more, _zone, _stop_point, tool, wobj = rest
+    joints, through = _reach(task, target, tool, wobj), _via_mm(task, via, tool, wobj)
+    _travel(task, joints, Pace(speed, None, t), linear=True, via_mm=through, triggers=_triggers(first, more))
+
+
+def _triggers(first: Slot, more: Sequence[Slot | None]) -> tuple[Trigger, ...]:
+    return tuple(slot.value for slot in (first, *more) if slot is not None)
+
+
+def own_unit(task: ProgramTask) -> Any:
+    """The arm of a motion task. Raises ERR_NORUNUNIT in another one."""
     if not task.motion:
         raise RapidError("ERR_NORUNUNIT", f"{task.name} moves no arm")
-    if not zone[0]:
-        raise RapidError("ERR_ARGVALERR", "the mock moves to stop points: zone fine")
     return task.services.unit
 
 
-def _travel(task: ProgramTask, unit: Any, joints: Any, speed: list[float], *, linear: bool) -> None:
-    unit.order(joints, speed[0], radians(speed[1]), linear)
+def _travel(
+    task: ProgramTask,
+    joints: Array,
+    pace: Pace,
+    *,
+    linear: bool,
+    via_mm: Array | None = None,
+    triggers: Sequence[Trigger] = (),
+) -> None:
+    unit = task.services.unit
+    _await_concurrent(task)
+    began_mm, ends_mm = unit.tool_mm(), None
+    unit.order(joints, *_speed(unit, joints, pace), linear, via_mm)
+    if pace.concurrent:
+        unit.concurrent = True
+        return
+    waiting = list(triggers)
+    if waiting or unit.forbidden:
+        ends_mm = _tool_mm_at(unit, joints)
     while not unit.has_arrived():
-        task.wait(unit.arrives_in_s(), until=unit.has_arrived)
+        wait_s = unit.arrives_in_s()
+        if ends_mm is not None:
+            here = unit.tool_mm()
+            waiting = [each for each in waiting if not each.fire(task, here, began_mm, ends_mm, unit.ends_in_s())]
+            _require_allowed(task, here)
+            wait_s = min(wait_s, POLL_S)
+        task.wait(wait_s, until=unit.has_arrived)
+    for each in waiting:
+        each.do(task)
+    _require_followed(task)
+
+
+def _await_concurrent(task: ProgramTask) -> None:
+    """Wait for a move that the program did not wait for."""
+    unit = task.services.unit
+    if unit.concurrent:
+        wait_for(task, unit.has_arrived)
+        unit.concurrent = False
+        _require_followed(task)
+
+
+def _require_followed(task: ProgramTask) -> None:
+    unit = task.services.unit
     if unit.is_blocked():
         unit.clear()
         text = "the arm cannot follow the line: it comes close to a singularity, or to another posture"
         raise ProgramStopped(NEAR_SINGULARITY, task.name, text)
+
+
+def _speed(unit: Any, joints: Array, pace: Pace) -> tuple[float, float]:
+    """mm/s, and rad/s of reorientation."""
+    turn_rad_s = radians(pace.speed[1])
+    if pace.seconds is None:
+        return pace.speed[0] if pace.v_mm_s is None else pace.v_mm_s, turn_rad_s
+    way_mm = float(np.linalg.norm(_tool_mm_at(unit, joints) - unit.tool_mm()))
+    return max(way_mm / max(pace.seconds, 1e-3), 1e-3), turn_rad_s
+
+
+def _tool_mm_at(unit: Any, joints: Array) -> Array:
+    """Position (3,) of the tool in the world at the end of a move."""
+    now = unit.world_T_flange(unit.joints_now(), unit.external_axes())
+    end = unit.world_T_flange(joints, unit.external_axes())
+    place: Array = end[:3, :3] @ now[:3, :3].T @ (unit.tool_mm() - now[:3, 3]) + end[:3, 3]
+    return place
+
+
+def _require_allowed(task: ProgramTask, here: Array) -> None:
+    """A world zone stops the arm, and the program."""
+    unit = task.services.unit
+    if any(inside(here) for inside in unit.forbidden.values()):
+        unit.clear()
+        raise ProgramStopped(EXECUTION_ERROR, task.name, "the tool entered a world zone that is supervised")
+
+
+def wait_rob(task: ProgramTask, in_position: bool | None, zero_speed: bool | None) -> None:
+    """Every move of the mock ends at a stop point: until the arm stands."""
+    unit = own_unit(task)
+    _await_concurrent(task)
+    wait_for(task, lambda: not unit.is_moving())
 
 
 def stop_move(task: ProgramTask, all_tasks: bool | None) -> None:
@@ -112,7 +319,12 @@ DOES = MappingProxyType(
     {
         "MoveJ": move_j,
         "MoveL": move_l,
+        "MoveC": move_c,
         "MoveAbsJ": move_abs_j,
+        "TriggJ": trigg_j,
+        "TriggL": trigg_l,
+        "TriggC": trigg_c,
+        "WaitRob": wait_rob,
         "StopMove": stop_move,
         "StartMove": start_move,
         "ClearPath": clear_path,

@@ -13,13 +13,18 @@ from mock_robot.rapid.instructions import (
     flow,
     interrupts,
     mathematics,
+    message_queues,
     motion,
+    names,
     poses,
     rawbytes,
     serial,
     settings,
     signals,
     sockets,
+    texts,
+    triggers,
+    world_zones,
 )
 
 _TABLES = (
@@ -31,45 +36,49 @@ _TABLES = (
     flow,
     interrupts,
     mathematics,
+    message_queues,
     motion,
+    names,
     poses,
     rawbytes,
     serial,
     settings,
     signals,
     sockets,
+    texts,
+    triggers,
+    world_zones,
 )
 
 DOES: Mapping[str, Callable[..., Any]] = MappingProxyType(
     {name.casefold(): does for table in _TABLES for name, does in table.DOES.items()}
 )
 
-_MOVE = "conc id v t z inpos"
 LEFT_OUT: Mapping[str, frozenset[str]] = MappingProxyType(
     {
         name: frozenset(options.split())
         for name, options in {
-            "movej": _MOVE,
-            "movel": _MOVE,
-            "moveabsj": f"{_MOVE} noeoffs",
+            "triggj": "conc",
+            "triggl": "conc",
+            "triggc": "conc",
             "waituntil": "visualize header message wrap icon image visualizetime uiactivesignal",
             "ipers": "singlesafe",
             "itimer": "singlesafe",
-            "clkread": "highres",
+            "isignaldi": "singlesafe",
+            "isignaldo": "singlesafe",
+            "isignalgi": "singlesafe",
+            "isignalgo": "singlesafe",
             "socketcreate": "udp",
             "socketreceive": "data",
             "socketsend": "data",
-            "open": "file",
-            "getsysinfo": "serialno swversion swversionname robottype ctrlid ctrllang systemname",
+            "readnum": "delim time",
+            "readstr": "delim removecr discardheaders time line",
+            "isfile": "fifo regfile blockspec charspec",
             "getsysdata": "taskref",
-            "setdo": "sdelay sync",
-            "pulsedo": "high plength",
-            "waitdi": "maxtime timeflag",
-            "waitdo": "maxtime timeflag",
             "stop": "noregain allmovetasks",
-            "crobt": "taskref",
-            "cjointt": "taskref",
             "calcjointt": "usecurwobjpos",
+            "getnextmechunit": "mecref drivemodule oktodeact",
+            "readcfgdata": "listno",
         }.items()
     }
 )

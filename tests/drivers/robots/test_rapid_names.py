@@ -7,7 +7,7 @@ import pytest
 from drivers.robots.abb.rapid_names import RapidNames
 from mock_robot.rapid.program import PersistentMemory, Program, Source
 from mock_robot.rapid.rules import offences
-from mock_robot.rapid.signals import DigitalSignal
+from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.tasks import ProgramTask
 from tests.mock_robot.rapid.snippets import Nobody
 
@@ -45,7 +45,7 @@ def test_the_sets_of_two_arms_load_beside_each_other() -> None:
     ]
     for names, arm in ((LEFT, left), (RIGHT, right)):
         prefix = names.prefix
-        signals = {f"{prefix}_do_{what}": DigitalSignal(what, "DO") for what in ("motors", "estop", "running", "error")}
+        signals = {f"{prefix}_do_{what}": Signal(what, "DO") for what in ("motors", "estop", "running", "error")}
         for task, modules in ((names.motion_task, ("motion", "main")), (names.link_task, ("comm",))):
             own = [Source(m, arm[f"{prefix.upper()}_{m}.mod"]) for m in modules]
             program = Program(ProgramTask(task, Nobody(), task == names.motion_task), memory, signals)

@@ -18,7 +18,7 @@ from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices
-from mock_robot.rapid.signals import DigitalSignal
+from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.statements import HANDLED_ERROR
 from mock_robot.rapid.tasks import ProgramTask
 from protocols.cb import messages as cb
@@ -61,7 +61,7 @@ class Controller:
 
     def __post_init__(self) -> None:
         self.task = SimulatedTask(self.until_s, self._meanwhile)
-        on, off = DigitalSignal("on", "DO", value=True), DigitalSignal("off", "DO")
+        on, off = Signal("on", "DO", value=True), Signal("off", "DO")
         program = Program(self.task, self.memory, dict(zip(SIGNALS, (on, off, on, off), strict=True)))
         plan = next(plan for plan in task_plans(Fragments(DEPLOYED, 6)) if plan.name == "T_COMM")
         program.load(plan.sources)

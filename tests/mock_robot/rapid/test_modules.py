@@ -13,6 +13,7 @@ from mock_robot.rapid.headers import builtins
 from mock_robot.rapid.instructions.table import DOES
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.rules import offences
+from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.syntax import parse_module
 from mock_robot.rapid.tasks import ProgramTask
 from tests.mock_robot.rapid.snippets import Nobody
@@ -48,7 +49,9 @@ def test_a_module_is_read_and_keeps_the_rules(path: Path) -> None:
 
 def test_every_name_type_and_argument_is_known_to_the_controller() -> None:
     for plan in task_plans(Fragments(RAPID, 6)):
-        signals = dict.fromkeys(("cell_do_motors", "cell_do_estop", "cell_do_running", "cell_do_error"), object())
+        signals = dict.fromkeys(
+            ("cell_do_motors", "cell_do_estop", "cell_do_running", "cell_do_error"), Signal("any", "DO")
+        )
         program = Program(ProgramTask(plan.name, Nobody(), plan.motion), PersistentMemory(), signals)
         program.load(plan.sources)
         assert callable(program.main())

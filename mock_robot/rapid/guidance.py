@@ -1,0 +1,219 @@
+"""Externally Guided Motion of a RAPID program: a stream of positions to a sensor, and its corrections of the arm."""
+
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from calibration.kinematics.arm import UnreachablePoseError
+from calibration.transforms import (
+    Array,
+    inverse,
+    quaternion_from_rotation,
+    rotation_from_vector,
+    transform,
+    transform_from_quaternion,
+    vector_from_rotation,
+)
+from mock_robot.rapid.unit import MotionUnit
+from protocols.egm.corrections import Correction, decode_correction
+from protocols.egm.messages import NotEgm, RobotSample, encode
+
+PERIOD_S = 0.004
+MAX_SPEED_DEG_S, MAX_DEVIATION_DEG = 1.0, 1000.0
+"""\\MaxSpeedDeviation and \\MaxPosDeviation as delivered."""
+LOOPBACK = "127.0.0.1"
+
+
+@dataclass
+class Guide:
+    """How corrections move the arm: what they give the axes, and how fast. `target` returns joints (6,) in rad."""
+
+    target: Callable[[Correction], Array | None]
+    max_speed_rad_s: float
+    within: Callable[[Array], bool]
+    start: Array
+    max_deviation_rad: float
+
+
+@dataclass
+class EgmSession:
+    """One EGM identity, from EGMGetId to EGMReset. It sends from its own thread while it streams or guides.
+
+    `target`: port on this machine that it sends to, whatever address the device has; None sends nothing. `state`:
+    taken, set up, streams, activated or runs.
+    """
+
+    unit: MotionUnit
+    clock: Callable[[], float]
+    state: str = "taken"
+    kind: str = "joint"
+    target: int | None = None
+    timeout_s: float = 1.0
+    every: int = 1
+    settings: dict[str, Any] = field(default_factory=dict)
+    guide: Guide | None = None
+    settled_since_s: float | None = None
+    newest: Correction | None = None
+    heard_s: float = 0.0
+    failed: str = ""
+    _ended: threading.Event = field(default_factory=threading.Event)
+    _thread: threading.Thread | None = None
+
+    def begin(self) -> None:
+        """Start sending; a no-op while it sends."""
+        self.heard_s = monotonic()
+        if self._thread is None:
+            self._ended.clear()
+            self._thread = threading.Thread(target=self._live, name="rapid EGM", daemon=True)
+            self._thread.start()
+
+    def end(self) -> None:
+        """Stop sending and guiding."""
+        self.guide = None
+        self._ended.set()
+        thread, self._thread = self._thread, None
+        if thread is not None and thread is not threading.current_thread():
+            thread.join()
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the sensor has sent nothing for the time that was allowed."""
+        return monotonic() - self.heard_s > self.timeout_s
+
+    def _live(self) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+            own.bind((LOOPBACK, 0))
+            own.setblocking(False)
+            turn = 0
+            while not self._ended.wait(PERIOD_S):
+                turn += 1
+                if self.target is not None and turn % self.every == 0:
+                    with suppress(OSError):
+                        own.sendto(encode(self._sample(turn)), (LOOPBACK, self.target))
+                self._hear(own)
+                self._follow()
+
+    def _hear(self, own: socket.socket) -> None:
+        while True:
+            try:
+                data = own.recv(2048)
+            except OSError:
+                return
+            with suppress(NotEgm):
+                self.newest, self.heard_s = decode_correction(data), monotonic()
+
+    def _follow(self) -> None:
+        """Move the arm by as much as one period allows."""
+        guide, newest, unit = self.guide, self.newest, self.unit
+        if guide is None or newest is None or unit.held or unit.stopped_by:
+            return
+        here = unit.joints_now()
+        try:
+            wanted = guide.target(newest)
+            if wanted is None:
+                return
+            wanted = guide.start + np.clip(wanted - guide.start, -guide.max_deviation_rad, guide.max_deviation_rad)
+            unit.arm.require_within_limits(wanted)
+        except UnreachablePoseError as error:
+            self.failed = error.what
+            return
+        period_s = PERIOD_S * unit.time_scale
+        step = guide.max_speed_rad_s * period_s
+        unit.cabinet.arm.guide(here + np.clip(wanted - here, -step, step), period_s, unit.now_s())
+        if not guide.within(wanted - here):
+            self.settled_since_s = None
+        elif self.settled_since_s is None:
+            self.settled_since_s = unit.now_s()
+
+    def _sample(self, number: int) -> RobotSample:
+        """Pose of the tool in the work object that the program named: of the flange in the world without them."""
+        unit, now_s = self.unit, self.clock()
+        pose = inverse(self.settings.get("world_T_object", np.eye(4))) @ self.world_T_tool()
+        w, i, j, k = (float(np.float32(value)) for value in quaternion_from_rotation(pose[:3, :3]))
+        x, y, z = (float(np.float32(value)) for value in pose[:3, 3])
+        panel = unit.cabinet.panel
+        return RobotSample(
+            seqno=number,
+            robot_ms=int(now_s * 1000) % 2**32,
+            joints_deg=tuple(float(np.float32(angle)) for angle in np.degrees(unit.joints_now())),
+            position_mm=(x, y, z),
+            quaternion_wxyz=(w, i, j, k),
+            time_us=int(now_s * 1e6),
+            motors_on=panel.motors_on,
+            program_running=panel.program_running,
+        )
+
+    def world_T_tool(self) -> Array:
+        """Pose (4, 4) of the program's tool now."""
+        world_T_flange = self.unit.world_T_flange(self.unit.joints_now(), self.unit.external_axes())
+        pose: Array = world_T_flange @ self.settings.get("flange_T_tool", np.eye(4))
+        return pose
+
+
+def guide_joints(session: EgmSession, axes: list[bool], within: list[tuple[float, float]]) -> Guide:
+    """Corrections are angles of the axes; those that are not named stay."""
+    start, moves = session.unit.joints_now(), np.array(axes)
+
+    def target(correction: Correction) -> Array | None:
+        if len(correction.joints_deg) < len(start):
+            return None
+        joints: Array = np.where(moves, np.radians(correction.joints_deg[: len(start)]), start)
+        return joints
+
+    bounds = np.radians(np.array(within))
+
+    def inside(rest: Array) -> bool:
+        return bool(np.all((bounds[:, 0] <= rest) & (rest <= bounds[:, 1]) | ~moves))
+
+    return _guide(session, target, inside, start)
+
+
+def guide_pose(session: EgmSession, parts: list[bool], within: list[tuple[float, float]]) -> Guide:
+    """Corrections are poses in the sensor's frame; the parts of the correction frame that are not named stay."""
+    unit, settings = session.unit, session.settings
+    world_T_start = session.world_T_tool()
+    corrected, sensed = settings["world_T_correction"](world_T_start), settings["world_T_sensor"](world_T_start)
+    tool, external, moves = settings.get("flange_T_tool", np.eye(4)), unit.external_axes(), np.array(parts)
+    first, bounds = inverse(corrected) @ world_T_start, np.array(within)
+    goal = [first]
+
+    def target(correction: Correction) -> Array | None:
+        if len(correction.position_mm) != 3:
+            return None
+        turned = correction.quaternion_wxyz
+        wanted = transform_from_quaternion(correction.position_mm, turned if len(turned) == 4 else (1.0, 0, 0, 0))
+        wanted = inverse(corrected) @ sensed @ wanted
+        shift = np.where(moves[:3], wanted[:3, 3], first[:3, 3])
+        turn = np.where(moves[3:], vector_from_rotation(wanted[:3, :3] @ first[:3, :3].T), 0.0)
+        goal[0] = transform(rotation_from_vector(turn) @ first[:3, :3], shift)
+        world_T_flange = corrected @ goal[0] @ inverse(tool)
+        base_T_flange = inverse(unit.cabinet.mounting.reported_world_T_base(tuple(external))) @ world_T_flange
+        joints: Array = unit.arm.nearest(base_T_flange, unit.joints_now())
+        return joints
+
+    def inside(rest: Array) -> bool:
+        here = inverse(corrected) @ session.world_T_tool()
+        turn_deg = np.degrees(vector_from_rotation(goal[0][:3, :3] @ here[:3, :3].T))
+        left = np.concatenate([goal[0][:3, 3] - here[:3, 3], turn_deg])
+        return bool(np.all((bounds[:, 0] <= left) & (left <= bounds[:, 1]) | ~moves))
+
+    return _guide(session, target, inside, unit.joints_now())
+
+
+def _guide(
+    session: EgmSession, target: Callable[[Correction], Array | None], inside: Callable[[Array], bool], start: Array
+) -> Guide:
+    speed, deviation = (session.settings.get(name) for name in ("max_speed", "max_deviation"))
+    return Guide(
+        target,
+        float(np.radians(MAX_SPEED_DEG_S if speed is None else speed)),
+        inside,
+        start,
+        float(np.radians(MAX_DEVIATION_DEG if deviation is None else deviation)),
+    )
