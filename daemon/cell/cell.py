@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from daemon.cell.camera_turns import CameraTurns
+from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.safe_stop import SafeStop
 from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
@@ -42,6 +43,7 @@ class Devices:
     camera: Camera
     scanner: Scanner | None
     vibration_gate: VibrationGate | None = None
+    outputs: CaptureOutputs | None = None
 
 
 class Cell:
@@ -59,6 +61,7 @@ class Cell:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
         self._camera, self._scanner, self._vibration_gate = devices.camera, devices.scanner, devices.vibration_gate
+        self._outputs = devices.outputs
         self._settling, self._clock, self._at = settling, clock, at
         self._holder: str | None = None
         self._external_axes: tuple[float, ...] | None = None
@@ -159,7 +162,8 @@ class Cell:
         Raises NotStill, StaleCaptureError, DeviceError.
         """
         self._at.reach("before capture")
-        frame = await self.grab(before.taken_at_s)
+        newer_than_s = before.taken_at_s
+        frame = await (self._outputs.capture(self.grab, newer_than_s) if self._outputs else self.grab(newer_than_s))
         self._at.reach("after capture")
         check_still(before, await self.robot.read_pose(), self._settling)
         self._camera_staleness.check_frame(frame, before)

@@ -1,11 +1,13 @@
 """Open the devices at the settings' addresses; they connect in the background."""
 
+from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.cell import Devices
 from daemon.cell.vibration import VibrationGate
 from daemon.config.settings import EgmSettings, Settings
 from daemon.runtime.clock import Clock
 from drivers.interfaces import Scanner
 from drivers.registry import open_camera, open_robot, open_scanner, open_vibration_monitor
+from drivers.robots.base_frame import configured
 from drivers.timing import Timing
 
 MAX_PICTURE_WAIT_S = 5.0
@@ -16,13 +18,16 @@ def open_devices(settings: Settings, clock: Clock, *, camera_limit_s: float = MA
     """Open the devices in a running event loop. Raises AddressNotUnderstood, DeviceUnreachable (EGM port in use)."""
     timing = Timing(clock.monotonic_s, clock.sleep)
     intrinsics = settings.camera.intrinsics
+    robot = open_robot(
+        settings.robot.address,
+        timing,
+        stop_address=settings.robot.stop_address,
+        world_T_base=settings.robot.world_T_base,
+    )
+    program = configured(robot)
+    outputs = settings.robot.outputs
     return Devices(
-        robot=open_robot(
-            settings.robot.address,
-            timing,
-            stop_address=settings.robot.stop_address,
-            world_T_base=settings.robot.world_T_base,
-        ),
+        robot=robot,
         camera=open_camera(
             settings.camera.address,
             timing,
@@ -31,6 +36,7 @@ def open_devices(settings: Settings, clock: Clock, *, camera_limit_s: float = MA
         ),
         scanner=_open_scanner(settings, timing),
         vibration_gate=_open_vibration_gate(settings.robot.egm, timing) if settings.robot.egm else None,
+        outputs=CaptureOutputs(program, outputs, clock) if program is not None and outputs is not None else None,
     )
 
 

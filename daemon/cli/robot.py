@@ -8,7 +8,7 @@ import typer
 from daemon.cli.errors import CommandError
 from daemon.cli.output import CommandGroup
 from daemon.cli.robot_acceptance import acceptance
-from daemon.cli.robot_files import module_files
+from daemon.cli.robot_files import module_files, program_files
 from daemon.cli.robot_frame import write_frame
 from daemon.cli.robot_jog import jog
 from daemon.cli.robot_setup import remove, setup
@@ -39,9 +39,13 @@ def upload(
     address: Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")],
     folder: Annotated[Path, typer.Argument(help="The RAPID modules, as deploy/rapid.")],
     to: Annotated[str, typer.Option(help="The folder within HOME: on the controller.")] = "handeyed",
+    called: Annotated[bool, typer.Option("--called", help="A main of yours calls cell_motion: no CELL_main.")] = False,
+    egm: Annotated[str | None, typer.Option(metavar="HOST", help="EGM is wanted, sent to this PC's address.")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")] = False,
 ) -> None:
     """Copy the robot program to the controller, with the configuration fragments of its RobotWare (FOLDER/rw6, rw7).
+
+    With --called without CELL_main; CELL_egm and its device only with --egm.
 
     Nothing is written before you consent; nothing is loaded or started.
 
@@ -54,9 +58,10 @@ def upload(
 
     if not address.startswith("rws://"):
         raise AddressNotUnderstood(address, "modules are copied over Robot Web Services", "write rws://host")
-    where, files = RwsAddress.parse(address), module_files(folder)
+    where = RwsAddress.parse(address)
+    module_files(folder)  # refused before the controller is asked
     state, robotware = asyncio.run(_state(where))
-    files |= module_files(folder / f"rw{robotware}", modules=False)
+    files = program_files(folder, robotware, called=called, egm=egm)
     typer.echo(f"{where.address}: {state}")
     for name, content in files.items():
         typer.echo(f"  HOME:/{to}/{name}  {len(content)} bytes")

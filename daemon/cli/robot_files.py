@@ -35,3 +35,26 @@ def module_files(folder: Path, *, modules: bool = True) -> dict[str, bytes]:
     if modules and not any(name.endswith((".mod", ".sys")) for name in found):
         raise CommandError(str(folder), "no RAPID module is in it", "name deploy/rapid", ExitStatus.UNREADABLE)
     return found
+
+
+EGM_HOST = b"192.168.125.99"
+"""The PC's address in the fragments for EGM, as delivered."""
+
+
+def program_files(folder: Path, robotware: int, *, called: bool, egm: str | None) -> dict[str, bytes]:
+    """Modules and fragments that an installation loads, by name.
+
+    `called`: a main of the customer's calls the motion part, so that there is no CELL_main; `egm`: this PC's address
+    for position streams, None without them. Raises CommandError.
+    """
+    fragments = folder / f"rw{robotware}"
+    files = module_files(folder) | module_files(fragments, modules=False)
+    if called:
+        files |= module_files(fragments / "called", modules=False)
+        files.pop("CELL_main.mod", None)
+    if egm is None:
+        files.pop("CELL_egm.mod", None)
+        return files
+    for name, content in module_files(fragments / "egm", modules=False).items():
+        files[name.replace(".cfg", "_egm.cfg")] = content.replace(EGM_HOST, egm.encode("ascii", "replace"))
+    return files

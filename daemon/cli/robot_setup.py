@@ -10,7 +10,7 @@ import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json
-from daemon.cli.robot_files import module_files, module_folder
+from daemon.cli.robot_files import module_folder, program_files
 
 if TYPE_CHECKING:
     from drivers.robots.abb.rws.address import RwsAddress
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from drivers.robots.abb.setup.survey import ControllerSurvey
 
 RECORD = "setup.json"
-EGM_HOST = b"192.168.125.99"
-"""Address of the PC in the shipped fragment."""
 Address = Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")]
 
@@ -257,19 +255,9 @@ def _package(modules: Path, folder: str, robotware: int, choice: _Choice, unit: 
     from drivers.robots.abb.rapid_names import RapidNames
     from drivers.robots.abb.setup.plan import Package
 
-    fragments = modules / f"rw{robotware}"
-    files = module_files(modules) | module_files(fragments, modules=False)
-    if choice.called:
-        files |= module_files(fragments / "called", modules=False)
-    left_out = {"CELL_main.mod"} if choice.called else set()
-    if choice.egm is None:
-        left_out.add("CELL_egm.mod")
-    for name, content in (module_files(fragments / "egm", modules=False) if choice.egm else {}).items():
-        files[name.replace(".cfg", "_egm.cfg")] = content.replace(
-            EGM_HOST, (choice.egm or "").encode("ascii", "replace")
-        )
+    files = program_files(modules, robotware, called=choice.called, egm=choice.egm)
     names = RapidNames(choice.task, choice.link_task, unit, choice.port, choice.prefix)
-    return Package.of(folder, {name: content for name, content in files.items() if name not in left_out}, names)
+    return Package.of(folder, files, names)
 
 
 def _backup_folder(name: str) -> Path:

@@ -81,6 +81,17 @@ class EgmSettings(Document):
     rotation_deg: Annotated[float, Field(gt=0, le=1)] = 0.01
 
 
+class OutputSettings(Document):
+    """Outputs of the controller around each frame, by the names that the robot program has for them.
+
+    `light_s`: a lamp is switched on this long before the frame, and off after it; `trigger_s`: a signal is high for
+    this long while the camera waits for its trigger. None leaves one out.
+    """
+
+    light_s: Annotated[float, Field(ge=0, le=10)] | None = None
+    trigger_s: Annotated[float, Field(ge=0.01, le=1)] | None = None
+
+
 class LoadSettings(Document):
     """The load on the flange, camera and bracket: mass, centre of gravity from the flange, moments of inertia."""
 
@@ -107,6 +118,13 @@ class RobotSettings(Document):
     joint_travel_deg: Annotated[float, Field(gt=0, le=720)] = 270.0
     settling: SettlingSettings = SettlingSettings()
     egm: EgmSettings | None = None
+    outputs: OutputSettings | None = None
+
+    @model_validator(mode="after")
+    def _outputs_have_a_link(self) -> "RobotSettings":
+        if self.outputs is not None and self.address.startswith("rws:"):
+            raise ValueError("outputs are switched over the CB link (tcp:// or a serial line), not over rws://")
+        return self
 
     @model_validator(mode="after")
     def _box_has_room(self) -> "RobotSettings":

@@ -152,6 +152,7 @@ class SimulatedArm:
 
     def guide(self, joints: Array, in_s: float, now_s: float) -> None:
         """Go on to `joints` (6,) within `in_s`, as a part of one guided move."""
+        self._come_from(self.joints_at(now_s), joints)
         profile = Trapezoid(1.0, 1.25 / in_s, 6.25 / in_s**2)
         self._motion = ArmMotion(JointPath(self.joints_at(now_s), joints), profile, now_s)
 

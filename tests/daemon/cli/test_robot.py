@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from daemon.cli.main import app
+from daemon.cli.robot_files import program_files
 from mock_robot.cabinet.panel import Mode
 from tests.daemon.cli.running import handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
@@ -24,8 +25,16 @@ def test_the_shipped_modules_are_written_when_somebody_consents(version: int) ->
         assert done.exit_code == 0, done.stderr
         assert "motoron, AUTO" in done.stdout
         fragments = MODULES / ("rw6" if version == 1 else "rw7")
-        sent = [*MODULES.glob("CELL_*"), *fragments.glob("*.cfg")]
+        sent = [path for path in (*MODULES.glob("CELL_*"), *fragments.glob("*.cfg")) if path.name != "CELL_egm.mod"]
         assert written(cell) == {f"HOME/handeyed/{path.name}": path.read_bytes() for path in sent}
+
+
+def test_only_what_is_wanted_is_copied() -> None:
+    everything = program_files(MODULES, 6, called=False, egm="10.0.0.9")
+    called = program_files(MODULES, 6, called=True, egm=None)
+    assert everything.keys() - called.keys() == {"CELL_main.mod", "CELL_egm.mod", "SIO_egm.cfg"}
+    assert b'"10.0.0.9"' in everything["SIO_egm.cfg"]
+    assert called["SYS.cfg"] == (MODULES / "rw6" / "called" / "SYS.cfg").read_bytes() != everything["SYS.cfg"]
 
 
 def test_files_are_written_while_the_pendant_has_the_controller() -> None:
