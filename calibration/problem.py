@@ -22,6 +22,10 @@ from calibration.transforms import Array, inverse
 
 Setup = Literal["eye-in-hand", "eye-to-hand"]
 
+MOUNTS: dict[Setup, Literal["flange", "base"]] = {"eye-in-hand": "flange", "eye-to-hand": "base"}
+ANCHORS: dict[Setup, Literal["base", "flange"]] = {"eye-in-hand": "base", "eye-to-hand": "flange"}
+"""Names of the two frames in each set-up, as fields of documents have them."""
+
 
 def anchor_T_mount_of(setup: Setup, base_T_flange: Array) -> Array:
     """anchor_T_mount (..., 4, 4) of robot poses base_T_flange (..., 4, 4)."""

@@ -153,6 +153,7 @@ class Operations:
 
         async def prepare() -> RunPlan:
             calibration = await self.current_document()
+            self._check_setup(calibration)
             await self._check_ready(await self.cell.obstacles())
             run = VerificationRun(self.workers, calibration, request.tolerance_mm or settings.tolerance_mm)
             session = self._session("verify", target, calibration.camera)
@@ -226,7 +227,7 @@ class Operations:
         document = (
             await self.current_document() if which == "current" else (await self.store.calibration(which)).document
         )
-        if document.flange_T_camera is None:
+        if document.mount_T_camera is None:
             raise CalibrationUnusable(
                 f"calibration {document.id} holds no transform", "calibrate again with other poses"
             )
@@ -242,6 +243,15 @@ class Operations:
         if tolerance_mm is not None and settings.forbids(tolerance_mm):
             raise ToleranceLoosened(tolerance_mm, settings.verdict_limits().tolerance_mm)
 
+    def _check_setup(self, calibration: CalibrationDocument) -> None:
+        """Raises CalibrationUnusable for a calibration of the other set-up."""
+        if calibration.setup != self.settings.camera.setup:
+            raise CalibrationUnusable(
+                f"calibration {calibration.id} is {calibration.setup}, but [camera] setup is"
+                f" {self.settings.camera.setup}",
+                "calibrate this cell, and apply the result",
+            )
+
     async def _check_ready(self, reasons: tuple[str, ...]) -> None:
         if reasons:
             await self.cell.require_interlocks()
@@ -253,7 +263,8 @@ class Operations:
             current = await self.current_document()
         except NoCalibration:
             current = None
-        return SceneGuess.of(self.settings.calibration, intrinsics.camera() if intrinsics else None, current)
+        camera = intrinsics.camera() if intrinsics else None
+        return SceneGuess.of(self.settings.calibration, self.settings.camera.setup, camera, current)
 
     async def _check_poses(self, poses: tuple[TaughtPose, ...] = ()) -> None:
         """Check where the arm stands, and every move to and between the poses. Raises PoseRefused, DeviceError."""
@@ -268,7 +279,7 @@ class Operations:
         """`compared`: the verdict compares the poses with planned ones."""
         settings = self.settings.calibration
         better = PlanComparison(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
-        auto, expected = settings.policy == "auto", mount_expectation(settings)
+        auto, expected = settings.policy == "auto", mount_expectation(settings, self.settings.camera.setup)
         return CalibrationRun(
             self.store, self.workers, self.clock, auto, better if compared else None, expected,
             settings.verdict_limits(request.tolerance_mm), self.settings.part.named_points(),
@@ -280,7 +291,10 @@ class Operations:
 
         def open_session(log: RunLog) -> SessionWriter:
             source = f"{kind} run {log.id}"
-            return SessionWriter(self.store.run_folder(log.id), source, target, intrinsics, self.store, self.workers)
+            return SessionWriter(
+                self.store.run_folder(log.id), source, self.settings.camera.setup, target, intrinsics, self.store,
+                self.workers,
+            )  # fmt: skip
 
         return open_session
 
@@ -308,7 +322,7 @@ def _solve_without(
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
     """Raises CalibrationUnusable for a calibration without a transform, or rejected without `despite_verdict`."""
-    if calibration.document.flange_T_camera is None:
+    if calibration.document.mount_T_camera is None:
         raise CalibrationUnusable(
             f"calibration {calibration.id} holds no transform", "calibrate again with other poses"
         )

@@ -31,6 +31,7 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", help="start the cell; print one JSON line with every address when it is ready")
     run.add_argument("--seed", type=int, default=7)
+    _add_setup(run)
     run.add_argument("--time-scale", type=_positive, default=1.0, help="how many times faster than real the arm moves")
     run.add_argument("--host", type=_own_address, default="127.0.0.1", help="an address of this machine")
     run.add_argument("--robot-port", type=_port, default=0, help="0: chosen by the system")
@@ -70,10 +71,12 @@ def _parser() -> argparse.ArgumentParser:
     truth = commands.add_parser("truth", help="print what is hidden from the daemon, as JSON")
     truth.add_argument("--seed", type=int, default=7)
     truth.add_argument("--arm", choices=ARM_CLASSES, default="perfect", help="the arm as built")
+    _add_setup(truth)
     truth.set_defaults(command=_truth)
 
     score = commands.add_parser("score", help="compare results with the truth, as JSON")
     score.add_argument("--seed", type=int, default=7)
+    _add_setup(score)
     score.add_argument("--cloud", type=Path, metavar="PLY", help="a merged cloud in the robot's base frame")
     score.add_argument("--calibration", type=Path, metavar="JSON", help="a calibration.json")
     score.set_defaults(command=_score)
@@ -82,6 +85,13 @@ def _parser() -> argparse.ArgumentParser:
     faults.add_argument("--json", action="store_true")
     faults.set_defaults(command=_faults)
     return parser
+
+
+def _add_setup(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--setup", choices=("eye-in-hand", "eye-to-hand"), default="eye-in-hand",
+        help="camera on the flange, or on a stand with the target on the flange",
+    )  # fmt: skip
 
 
 def _positive(text: str) -> float:
@@ -143,7 +153,8 @@ def _truth(options: argparse.Namespace) -> int:
     from mock_robot.truth.truth import CellTruth
     from mock_robot.truth.truth_sheet import truth_document
 
-    _print(json.dumps(truth_document(CellTruth.from_seed(options.seed, arm_class=options.arm)), indent=2))
+    truth = CellTruth.from_seed(options.seed, arm_class=options.arm, setup=options.setup)
+    _print(json.dumps(truth_document(truth), indent=2))
     return 0
 
 
@@ -151,20 +162,21 @@ def _score(options: argparse.Namespace) -> int:
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from calibration.errors import CalibrationError
+    from calibration.problem import MOUNTS
     from mock_robot.truth.score import score_calibration, score_cloud
     from mock_robot.truth.truth import CellTruth
 
     if options.cloud is None and options.calibration is None:
         raise MockError("nothing to score: give --cloud PLY, --calibration JSON, or both")
-    truth = CellTruth.from_seed(options.seed)
+    truth = CellTruth.from_seed(options.seed, setup=options.setup)
     scores: dict[str, Any] = {"seed": options.seed}
     try:
         if options.calibration is not None:
             path = options.calibration
             calibration = parse_document(CalibrationDocument, path.read_bytes(), str(path))
-            if calibration.flange_T_camera is None:
-                raise MockError(f"{path} holds no flange_T_camera: only an eye-in-hand calibration can be scored")
-            scores["calibration"] = score_calibration(truth, calibration.flange_T_camera.transform())
+            if calibration.setup != truth.setup or calibration.mount_T_camera is None:
+                raise MockError(f"{path} holds no {MOUNTS[truth.setup]}_T_camera, which the truth of this cell has")
+            scores["calibration"] = score_calibration(truth, calibration.mount_T_camera.transform())
         if options.cloud is not None:
             scores["cloud"] = score_cloud(truth, options.cloud.read_bytes())
     except (ValueError, CalibrationError) as error:

@@ -20,7 +20,7 @@ def run_cell(options: argparse.Namespace) -> int:
 
 async def _run(options: argparse.Namespace) -> int:
     cell = MockCell(
-        CellTruth.from_seed(options.seed, arm_class=options.arm),
+        CellTruth.from_seed(options.seed, arm_class=options.arm, setup=options.setup),
         time_scale=options.time_scale,
         program=options.controller or default_program(),
         home=options.home,

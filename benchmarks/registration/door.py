@@ -35,7 +35,7 @@ def _one(seed: int) -> float:
     truth, random = CellTruth.from_seed(1), np.random.default_rng(seed)
     nominal = truth.nominal
     said = [
-        nominal.base_T_part @ _looking_at(x, y) @ inverse(nominal.flange_T_camera) for y in ROWS_MM for x in COLUMNS_MM
+        nominal.base_T_part @ _looking_at(x, y) @ inverse(nominal.mount_T_camera) for y in ROWS_MM for x in COLUMNS_MM
     ]
     true = [pose @ _error(random) for pose in said]
     part_T_base, x = inverse(truth.base_T_part), truth.flange_T_camera

@@ -1,6 +1,6 @@
 """calibration.json: what `handeyed solve DIR --json` prints and the daemon stores (mm, degrees, w first)."""
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from pydantic import JsonValue, model_validator
@@ -10,17 +10,14 @@ from calibration.documents.requirement import LimitsInForceDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import Document
 from calibration.documents.version_1 import upgrade_calibration
-from calibration.problem import Setup
+from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.sentences.english import ENGLISH
 from calibration.sentences.sentence import Sentence, as_sentence
 from calibration.solution import COVERAGE_FACTOR, Finding, GroupedBy, Noise, PointFrame, Solution, ViewResult
 from calibration.transforms import Array
 from calibration.verdict import Verdict
 
-TRANSFORM_NAMES = {
-    "eye-in-hand": ("flange_T_camera", "base_T_target"),
-    "eye-to-hand": ("base_T_camera", "flange_T_target"),
-}
+TRANSFORM_NAMES = {setup: (f"{MOUNTS[setup]}_T_camera", f"{ANCHORS[setup]}_T_target") for setup in get_args(Setup)}
 """Document keys of `mount_T_camera` and `anchor_T_target` in each set-up."""
 
 
@@ -225,6 +222,16 @@ class CalibrationDocument(Document):
     observability: ObservabilityDocument
     hold_out: HoldOutDocument | None
     verdict: CalibrationVerdictDocument
+
+    @property
+    def mount_T_camera(self) -> PoseDocument | None:
+        """X: of a camera on the flange in the flange, of one beside the robot in the base."""
+        return self.flange_T_camera if self.setup == "eye-in-hand" else self.base_T_camera
+
+    @property
+    def anchor_T_target(self) -> PoseDocument | None:
+        """The target's pose: beside the robot in the base, on the flange in the flange."""
+        return self.base_T_target if self.setup == "eye-in-hand" else self.flange_T_target
 
     @model_validator(mode="before")
     @classmethod

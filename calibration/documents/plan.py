@@ -1,6 +1,6 @@
 """plan.json: in and out of `handeyed plan FILE --json` and `handeyed assess FILE --json`."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
@@ -12,8 +12,10 @@ from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from calibration.kinematics.robot_accuracy import PLANNING_NOISE
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
+from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.plan import Plan
 from calibration.planning.viewpoints import ViewpointLimits
+from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.solution import Uncertainty
 
 
@@ -64,8 +66,11 @@ class PlanDocument(Document):
     schema_version: Literal[1]
     target: TargetDocument
     camera: CameraDocument
-    flange_T_camera_guess: PoseDocument
-    base_T_target_guess: PoseDocument
+    setup: Setup = "eye-in-hand"
+    flange_T_camera_guess: PoseDocument | None = None
+    base_T_target_guess: PoseDocument | None = None
+    base_T_camera_guess: PoseDocument | None = None
+    flange_T_target_guess: PoseDocument | None = None
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
     limits: LimitsDocument = LimitsDocument()
     poses: Annotated[int, Field(ge=3, le=60)] = 3
@@ -73,16 +78,36 @@ class PlanDocument(Document):
     part: PointsDocument = PointsDocument()
     views: list[PoseDocument] | None = None
 
+    @model_validator(mode="after")
+    def _check_guesses(self) -> "PlanDocument":
+        """Exactly the two guesses of the set-up."""
+        for setup in get_args(Setup):
+            for name in (f"{MOUNTS[setup]}_T_camera_guess", f"{ANCHORS[setup]}_T_target_guess"):
+                if (getattr(self, name) is not None) != (setup == self.setup):
+                    needed = "is missing" if setup == self.setup else f"belongs to {setup}"
+                    raise ValueError(f"{name} {needed}: the set-up is {self.setup}")
+        return self
+
     def scene(self) -> Scene:
+        in_hand = self.setup == "eye-in-hand"
+        camera = self.flange_T_camera_guess if in_hand else self.base_T_camera_guess
+        target = self.base_T_target_guess if in_hand else self.flange_T_target_guess
+        assert camera is not None  # _check_guesses
+        assert target is not None
         return Scene(
-            "eye-in-hand",
+            self.setup,
             self.target.target(),
             self.camera.camera(),
-            self.flange_T_camera_guess.transform(),
-            self.base_T_target_guess.transform(),
+            camera.transform(),
+            target.transform(),
             self.noise.noise(),
             points=self.part.named_points(),
         )
+
+    def sight(self) -> LineOfSight | None:
+        """Of a camera beside the robot, by the guesses."""
+        scene = self.scene()
+        return LineOfSight.of(scene.setup, scene.target, scene.mount_T_camera, scene.anchor_T_target)
 
 
 class PredictedDocument(Document):

@@ -91,14 +91,14 @@ class ChartPoint:
         return float(np.linalg.norm(self.average_mm))
 
 
-def sample_of(points_base_mm: Array, points_target_mm: Array, middle_mm: Array) -> ChartSample:
-    """The sample of points (positions, points, 3) in the base that lie at (points, 3) on the target.
+def sample_of(points_anchor_mm: Array, points_target_mm: Array, middle_mm: Array) -> ChartSample:
+    """The sample of points (positions, points, 3) in base or flange that lie at (points, 3) on the target.
 
     `middle_mm` (3,) on the target is the charted centre; it does not depend on which points were seen.
     """
     flat = points_target_mm - points_target_mm.mean(axis=0)
     centres = []
-    for seen in points_base_mm:
+    for seen in points_anchor_mm:
         mean = seen.mean(axis=0)
         # Kabsch: the rotation nearest to the product of both; for a flat target, too.
         rotation, _ = nearest_rotation((seen - mean).T @ flat)

@@ -1,11 +1,13 @@
-"""Scatter of the target's points in the base over several positions, as in Tab. 1 of Song et al.
+"""Scatter of the target's points in its anchor's frame over several positions, as in Tab. 1 of Song et al.
 
 Eq. (10) of the paper, with X in the direction that the paper's numbers show:
-P_base = base_T_flange @ flange_T_camera @ P_camera.
+P_base = base_T_flange @ flange_T_camera @ P_camera; with the target on the flange and the camera beside the robot
+P_flange = flange_T_base @ base_T_camera @ P_camera.
 """
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.errors import CalibrationError
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import candidate_poses
-from calibration.problem import Problem
+from calibration.problem import ANCHORS, Problem, anchor_T_mount_of
 from calibration.transforms import Array, map_points
 
 
@@ -24,16 +26,20 @@ class VerificationError(CalibrationError):
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """`points_base_mm` (positions, points, 3) of the target points `ids` (points,) seen from every position."""
+    """`points_mm` (positions, points, 3) of the target points `ids` (points,) seen from every position.
+
+    `frame`: in which they stand still.
+    """
 
     stations: tuple[int, ...]
     ids: NDArray[np.intp]
-    points_base_mm: Array
+    frame: Literal["base", "flange"]
+    points_mm: Array
 
     @property
     def sigma_per_point_mm(self) -> Array:
         """(points, 3) standard deviation over the positions, n - 1."""
-        sigma: Array = np.std(self.points_base_mm, axis=0, ddof=1)
+        sigma: Array = np.std(self.points_mm, axis=0, ddof=1)
         return sigma
 
     @property
@@ -43,8 +49,8 @@ class Verification:
         return sigma
 
     def cross(self) -> NDArray[np.intp]:
-        """Up to five columns of `points_base_mm` for a report: four corners of the target and its middle."""
-        mean = self.points_base_mm.mean(axis=0)
+        """Up to five columns of `points_mm` for a report: four corners of the target and its middle."""
+        mean = self.points_mm.mean(axis=0)
         offset = mean - mean.mean(axis=0)
         _, _, axes = np.linalg.svd(offset, full_matrices=False)
         along = offset @ axes[:2].T
@@ -54,18 +60,19 @@ class Verification:
 
 
 def verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
-    """The target's points in the base, from each view by `calibration`. Raises VerificationError."""
+    """The target's points in its anchor's frame, from each view by `calibration`. Raises VerificationError."""
     assert problem.camera is not None
-    assert calibration.flange_T_camera is not None
+    assert calibration.mount_T_camera is not None
     seen, _ = observe(problem)
     poses, _ = candidate_poses(seen, problem.camera)
-    base_T_target = seen.base_T_flange @ calibration.flange_T_camera.transform() @ poses[:, 0]
+    anchor_T_mount = anchor_T_mount_of(calibration.setup, seen.base_T_flange)
+    anchor_T_target = anchor_T_mount @ calibration.mount_T_camera.transform() @ poses[:, 0]
     ids = _common_ids(problem, seen.positions)
-    points = map_points(base_T_target, problem.target.points_mm[ids])
+    points = map_points(anchor_T_target, problem.target.points_mm[ids])
     stations = tuple(problem.views[position].index + 1 for position in seen.positions)
     if not isfinite(float(points.sum())):
         raise VerificationError("a view's pose of the target is not finite: look at the pictures")
-    return Verification(stations, ids, points)
+    return Verification(stations, ids, ANCHORS[calibration.setup], points)
 
 
 def _common_ids(problem: Problem, positions: NDArray[np.intp]) -> NDArray[np.intp]:

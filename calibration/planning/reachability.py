@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from calibration.kinematics.arm import LIMIT_SLACK_RAD, Arm
 from calibration.kinematics.joint_path import FLANGE, Box, stay_in_box
+from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
 
@@ -18,12 +19,13 @@ def reachable_by(
     travel_rad: float = np.inf,
     box: Box | None = None,
     points_mm: Array = FLANGE,
+    sight: LineOfSight | None = None,
 ) -> Reachable:
     """A function that marks the poses (n, 4, 4) with a solution within the joint limits, clear of singularities.
 
     With `joints_now_rad` (6,) only in the arm's present posture (cfx), so that no move flips elbow or wrist, with a
     travel of at most `travel_rad` for every joint, and with a joint move that keeps `points_mm` (k, 3) of the flange's
-    frame in `box`.
+    frame in `box`. With `sight` only where no link stands between camera and target.
     """
 
     def reachable(base_T_flange: Array) -> NDArray[np.bool_]:
@@ -32,12 +34,16 @@ def reachable_by(
         joints = np.where(solved[:, :, None], joints, 0.0)
         possible = solved & (arm.singularity_clearance(joints) >= MIN_SINGULARITY_CLEARANCE)
         if joints_now_rad is None:
+            if sight is not None:
+                possible[possible] = sight.is_clear(arm, joints[possible])
             return np.asarray(possible.any(axis=-1))
         posture = arm.configuration(joints_now_rad).cfx
         joints, possible = joints[:, posture], possible[:, posture]
         result: NDArray[np.bool_] = possible & (np.abs(joints - joints_now_rad).max(axis=-1) <= travel_rad)
         if box is not None and result.any():
             result[result] = stay_in_box(arm, joints_now_rad, joints[result], box, points_mm=points_mm)
+        if sight is not None and result.any():
+            result[result] = sight.is_clear(arm, joints[result])
         return result
 
     return reachable

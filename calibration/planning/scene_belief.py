@@ -20,7 +20,7 @@ from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, p
 from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import target_pose
-from calibration.problem import Problem, Setup, View
+from calibration.problem import MOUNTS, Problem, Setup, View
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
 from calibration.targets import Target
@@ -227,8 +227,8 @@ def _rough_mount(prior: ScenePrior, anchor_T_mount: Array, camera_T_target: Arra
         if motion.distinct < 3 or motion.axis_angle_rad < MIN_EXPLORING_AXIS_ANGLE_RAD:
             raise UndeterminedError(
                 "mount-unknown",
-                Sentence("mount-unknown"),
-                Sentence("turn-or-guess"),
+                Sentence("mount-unknown" if prior.setup == "eye-in-hand" else "stand-unknown"),
+                Sentence("turn-or-guess", setting=f"{MOUNTS[prior.setup]}_T_camera_guess"),
             )
         return kronecker(anchor_T_mount, camera_T_target)
     if len(anchor_T_mount) < 2:

@@ -53,12 +53,13 @@ def _verification_lines(table: dict[str, Any]) -> Iterable[str]:
     """A table as Tab. 1 of the paper: the five points of the cross from each position, and their sigma."""
     by_id = {point["id"]: point for point in table["points"]}
     rows = [by_id[point] for point in table["cross"]]
-    yield f"points of the target in base coordinates [mm], with calibration {table['calibration_id']}"
+    frame = table.get("frame", "base")  # runs stored before the camera could stand beside the robot have none
+    yield f"points of the target in {frame} coordinates [mm], with calibration {table['calibration_id']}"
     for position, station in enumerate(table["stations"]):
         yield f"({chr(ord('a') + position % 26)}) Position {station}"
         yield _row("point", [str(row["id"]) for row in rows])
         for axis, name in enumerate("xyz"):
-            yield _row(name, [f"{row['base_mm'][position][axis]:.4f}" for row in rows])
+            yield _row(name, [f"{row[f'{frame}_mm'][position][axis]:.4f}" for row in rows])
     yield "standard deviation over the positions [mm]"
     for axis, name in enumerate("xyz"):
         yield _row(f"sigma {name}", [f"{row['sigma_mm'][axis]:.4f}" for row in rows])

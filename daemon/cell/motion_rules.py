@@ -9,6 +9,7 @@ import numpy as np
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.joint_path import Box, leaves_box
+from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.reachability import reachable_by
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.transforms import Array
@@ -72,13 +73,13 @@ class MotionRules:
                 "choose another pose, or correct [robot] box_mm",
             )
 
-    def fastest_mm_s(self, reach_mm: float, flange_T_camera: Array | None) -> float:
-        """Largest speed of flange, camera and carried points in a move, however the flange turns.
+    def fastest_mm_s(self, reach_mm: float, on_flange: Array | None) -> float:
+        """Largest speed of flange, camera or target on it (4, 4), and carried points, however the flange turns.
 
         The robot program moves no point within `reach_mm` of the flange faster than the move's speed: its travel and
         `reach_mm` times its turn share it. A point farther out may be faster in proportion.
         """
-        points = [self.robot.points_mm, *([] if flange_T_camera is None else [flange_T_camera[:3, 3]])]
+        points = [self.robot.points_mm, *([] if on_flange is None else [on_flange[:3, 3]])]
         farthest_mm = float(np.linalg.norm(np.vstack(points), axis=-1).max())
         return self.robot.speed_mm_s * max(1.0, farthest_mm / reach_mm)
 
@@ -185,12 +186,15 @@ class MotionRules:
             found.append(joints)
         return found
 
-    def reachable_from(self, joints_now_rad: Array | None) -> Reachable | None:
-        """Test of which poses the arm can take without a long turn of a joint; None when the arm is not known."""
+    def reachable_from(self, joints_now_rad: Array | None, sight: LineOfSight | None = None) -> Reachable | None:
+        """Test of which poses the arm can take without a long turn of a joint; None when the arm is not known.
+
+        `sight`: of a camera beside the robot, which the arm must not hide the target from.
+        """
         if self.arm is None or joints_now_rad is None:
             return None
         travel_rad = np.radians(min(self.robot.joint_travel_deg, MAX_PLANNED_TRAVEL_DEG))
-        return reachable_by(self.arm, joints_now_rad, travel_rad, self._box, self.robot.points_mm)
+        return reachable_by(self.arm, joints_now_rad, travel_rad, self._box, self.robot.points_mm, sight)
 
 
 def _text(xyz_mm: Iterable[float]) -> str:

@@ -22,7 +22,7 @@ def plan(
     from calibration.planning.reachability import reachable_by
 
     question = read_plan(file)
-    reachable = None if question.robot is None else reachable_by(_arm(question.robot, file))
+    reachable = None if question.robot is None else reachable_by(_arm(question.robot, file), sight=question.sight())
     chosen = plan_poses(question.scene(), question.limits.limits(), question.poses, reachable=reachable)
     answer = PlannedDocument.of(chosen)
     typer.echo(answer.model_dump_json() if json else _text(answer))

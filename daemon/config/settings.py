@@ -17,6 +17,7 @@ from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
 from calibration.kinematics.abb_arms import find_arm
+from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.transforms import Array
 from calibration.verdict import VerdictLimits
 from daemon.config.plc_settings import InterlockSettings, PlcSettings
@@ -151,8 +152,12 @@ class RobotSettings(Document):
 
 
 class CameraSettings(Document):
-    """The camera on the flange. Without intrinsics the calibration estimates them."""
+    """The camera. Without intrinsics the calibration estimates them.
 
+    `setup`: eye-in-hand for a camera on the flange, eye-to-hand for one beside the robot with the target on the flange.
+    """
+
+    setup: Setup = "eye-in-hand"
     address: Annotated[str, _address_validator(check_camera_address)]
     intrinsics: CameraDocument | None = None
 
@@ -174,7 +179,8 @@ class CalibrationSettings(Document):
     """The poses of a calibration, its stopping rule, and whether the operator or the daemon applies the result.
 
     `tolerance_mm`: largest U (k = 2) at the worst of the points that matter; a run stops when it is met.
-    `requests_may_loosen`: whether a request may state a larger one than is in force without it.
+    `requests_may_loosen`: whether a request may state a larger one than is in force without it. The guesses are
+    flange_T_camera and base_T_target of an eye-in-hand cell, base_T_camera and flange_T_target of an eye-to-hand one.
     """
 
     count: Annotated[int, Field(ge=3, le=100)] = 3
@@ -185,12 +191,22 @@ class CalibrationSettings(Document):
     poses: tuple[TaughtPose, ...] = ()
     flange_T_camera_guess: PoseDocument | None = None
     base_T_target_guess: PoseDocument | None = None
+    base_T_camera_guess: PoseDocument | None = None
+    flange_T_target_guess: PoseDocument | None = None
     guess_mm: Annotated[float, Field(gt=0, le=1000)] = 25.0
     guess_deg: Annotated[float, Field(gt=0, le=45)] = 5.0
     manual_wait_s: Annotated[float, Field(gt=0, le=86_400)] = 900.0
     limits: LimitsDocument = LimitsDocument()
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
     verdict: VerdictSettings = VerdictSettings()
+
+    def mount_T_camera_guess(self, setup: Setup) -> PoseDocument | None:
+        """The guess of X in this set-up."""
+        return self.flange_T_camera_guess if setup == "eye-in-hand" else self.base_T_camera_guess
+
+    def anchor_T_target_guess(self, setup: Setup) -> PoseDocument | None:
+        """The guess of the target's pose in this set-up."""
+        return self.base_T_target_guess if setup == "eye-in-hand" else self.flange_T_target_guess
 
     def verdict_limits(self, tolerance_mm: float | None = None) -> VerdictLimits:
         """The limits in force of a request with this tolerance."""
@@ -240,6 +256,18 @@ class Settings(Document):
     interlocks: InterlockSettings | None = None
     drift: DriftSettings = DriftSettings()
     report: ReportSettings = ReportSettings()
+
+    @model_validator(mode="after")
+    def _check_setup(self) -> "Settings":
+        """Refuse what belongs to the other set-up."""
+        setup = self.camera.setup
+        other: Setup = "eye-to-hand" if setup == "eye-in-hand" else "eye-in-hand"
+        for name in (f"{MOUNTS[other]}_T_camera_guess", f"{ANCHORS[other]}_T_target_guess"):
+            if getattr(self.calibration, name) is not None:
+                raise ValueError(f"[calibration] {name} belongs to {other}, but [camera] setup is {setup}")
+        if setup == "eye-to-hand" and self.scanner is not None and self.scanner.poses:
+            raise ValueError("[scanner] poses are for a scanner on the flange, but [camera] setup is eye-to-hand")
+        return self
 
 
 def load_settings(path: Path) -> Settings:

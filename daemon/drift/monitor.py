@@ -92,7 +92,7 @@ class DriftMonitor:
         """The chart of one that was in force, from when it was first applied. Raises NotFound, StorageError."""
         document = (await self.store.calibration(calibration_id)).document
         applied = [row for row in await self.store.history(MAX_HISTORY) if row.calibration_id == calibration_id]
-        if not applied or document.flange_T_camera is None:
+        if not applied or document.mount_T_camera is None:
             raise NotFound(f"calibration {calibration_id} was never in force", "GET /calibrations lists what was")
         verifications = VerificationHistory(self.store, self.workers, self.settings.target.target().points_mm)
         entries = await verifications.of(applied[-1])
@@ -136,7 +136,7 @@ class DriftMonitor:
             applied, record = await self.store.current()
         except NoCalibration:
             return DriftChart()
-        if record.document.flange_T_camera is None:
+        if record.document.mount_T_camera is None:
             return DriftChart(DriftReport(calibration_id=record.id))
         entries = await self._verifications.of(applied)
         return await self.workers.run(chart_of, entries, record.document, self.settings)

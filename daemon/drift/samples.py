@@ -52,10 +52,11 @@ def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points:
 def chart_entry(run: RunRecord, target_points_mm: Array) -> ChartEntry:
     """The chart's entry of a run that `belongs_to_chart`."""
     assert run.result is not None
-    points: list[dict[str, Any]] = run.result["verification"]["points"]
+    verification: dict[str, Any] = run.result["verification"]
+    points, frame = verification["points"], verification.get("frame", "base")
     ids = [point["id"] for point in points]
-    base_mm = np.array([point["base_mm"] for point in points]).transpose(1, 0, 2)
-    sample = sample_of(base_mm, target_points_mm[ids], target_points_mm.mean(axis=0))
+    anchor_mm = np.array([point[f"{frame}_mm"] for point in points]).transpose(1, 0, 2)
+    sample = sample_of(anchor_mm, target_points_mm[ids], target_points_mm.mean(axis=0))
     return ChartEntry(run.id, run.updated_at, sample)
 
 
@@ -64,9 +65,11 @@ def robot_noise_mm(document: CalibrationDocument, settings: CalibrationSettings)
     noise, expected = document.noise, settings.noise
     translation_mm = noise.robot_translation_mm or expected.robot_translation_mm
     rotation_deg = noise.robot_rotation_deg or expected.robot_rotation_deg
-    assert document.flange_T_camera is not None
+    on_flange = document.flange_T_camera or document.flange_T_target
+    assert on_flange is not None
     near, far = settings.limits.distance_mm
-    lever_mm = float(np.linalg.norm(document.flange_T_camera.translation_mm)) + (near + far) / 2
+    from_flange_mm = (near + far) / 2 if document.setup == "eye-in-hand" else 0.0
+    lever_mm = float(np.linalg.norm(on_flange.translation_mm)) + from_flange_mm
     return sqrt(3 * translation_mm**2 + 2 * (radians(rotation_deg) * lever_mm) ** 2)
 
 

@@ -52,8 +52,8 @@ def registration_result(
 def base_result(command: PlcCommand, run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
     """The fields common to all results: run, X, its uncertainty, U at the worst of the points that matter, and age."""
     camera = sigma = worst_mm = None
-    if document.flange_T_camera is not None:
-        camera = CameraPose(document.flange_T_camera.translation_mm, document.flange_T_camera.quaternion_wxyz)
+    if document.mount_T_camera is not None:
+        camera = CameraPose(document.mount_T_camera.translation_mm, document.mount_T_camera.quaternion_wxyz)
     if document.uncertainty is not None:
         uncertainty = document.uncertainty
         sigma = Sigma(uncertainty.translation_mm, uncertainty.rotation_deg, uncertainty.point_mm)

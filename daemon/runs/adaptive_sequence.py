@@ -9,12 +9,13 @@ import numpy as np
 from calibration.documents.pose import PoseDocument
 from calibration.errors import UndeterminedError
 from calibration.planning.exploration import Exploration, turn_flange
+from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.next_view import NextView, StoppingRule, next_view, plan_ahead
 from calibration.planning.plan import Plan, PlanningError
 from calibration.planning.reachability import reachable_by
-from calibration.planning.scene_belief import ScenePrior
+from calibration.planning.scene_belief import SceneBelief, ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
-from calibration.problem import Problem, View
+from calibration.problem import MOUNTS, Problem, View
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
@@ -61,6 +62,7 @@ class _Progress:
     stations: int = 0
     misses: int = 0
     foreseen: Plan | None = None
+    belief: SceneBelief | None = None
     planning: Planning = field(default_factory=Planning)
 
 
@@ -124,7 +126,8 @@ class AdaptiveSequence:
         if not exploration.is_complete:
             raise TargetNotSeen(
                 f"the target left the picture in {len(exploration.tried)} small turns of the flange",
-                "bring the target nearer to the middle of the picture, or state flange_T_camera_guess",
+                "bring the target nearer to the middle of the picture, or state"
+                f" {MOUNTS[self.parameters.guess.setup]}_T_camera_guess",
             )
 
     async def _is_reachable(self, robot: Robot, base_T_flange: Array) -> bool:
@@ -135,6 +138,13 @@ class AdaptiveSequence:
             return False
         return True
 
+    def _sight(self) -> LineOfSight | None:
+        """As the newest belief has camera and target, else as the guesses have them."""
+        known = self._progress.belief.scene if self._progress.belief else self.parameters.guess
+        if known.mount_T_camera is None or known.anchor_T_target is None:
+            return None
+        return LineOfSight.of(known.setup, known.target, known.mount_T_camera, known.anchor_T_target)
+
     async def _plan_next(self, robot: Robot) -> NextView:
         """Plan the next view in a worker thread."""
         rules, at = self.parameters.rules, self._progress
@@ -142,21 +152,25 @@ class AdaptiveSequence:
         here = (await robot.read_pose()).base_T_flange
         problem = self.session.problem(at.views)
         try:
-            return await self.workers.run(
+            found: NextView = await self.workers.run(
                 next_view, self.parameters.guess, problem, self.parameters.limits, at.wish,
-                base_T_flange_now=here, reachable=rules.reachable_from(joints), misses=at.misses, prepared=at.foreseen,
+                base_T_flange_now=here, reachable=rules.reachable_from(joints, self._sight()), misses=at.misses,
+                prepared=at.foreseen,
             )  # fmt: skip
         except PlanningError as error:
             raise NoPoses(error.what, error.fix) from None
         except UndeterminedError as error:
             raise TargetNotSeen(error.what, error.fix) from None
+        at.belief = found.belief
+        return found
 
     async def _visit_and_plan_ahead(self, robot: Robot, found: NextView) -> View:
         """Move to the next view, and plan the one after it in a worker thread at the same time."""
         rules, at, pose = self.parameters.rules, self._progress, found.base_T_flange
         assert pose is not None
         joints = await robot.read_joints() if rules.arm else None
-        reachable = None if rules.arm is None or joints is None else reachable_by(rules.arm, joints)
+        arm, sight = rules.arm, self._sight()
+        reachable = None if arm is None or joints is None else reachable_by(arm, joints, sight=sight)
         problem = self.session.problem(at.views)
         ahead = asyncio.create_task(
             self.workers.run(plan_ahead, found, problem, self.parameters.limits, at.wish, reachable=reachable)

@@ -12,6 +12,7 @@ from calibration.likelihood.mapped_points import NamedPoint
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.scene_belief import ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
+from calibration.problem import Setup
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import CalibrationSettings, TaughtPose
 from daemon.errors import NoPoses
@@ -22,29 +23,35 @@ from daemon.runs.adaptive_sequence import AdaptiveParameters
 class SceneGuess:
     """Rough knowledge of the scene: the settings' guesses, else the calibration in force."""
 
+    setup: Setup
     camera: CameraModel | None
-    flange_T_camera: PoseDocument | None
-    base_T_target: PoseDocument | None
+    mount_T_camera: PoseDocument | None
+    anchor_T_target: PoseDocument | None
 
     @classmethod
     def of(
-        cls, settings: CalibrationSettings, camera: CameraModel | None, current: CalibrationDocument | None
+        cls,
+        settings: CalibrationSettings,
+        setup: Setup,
+        camera: CameraModel | None,
+        current: CalibrationDocument | None,
     ) -> "SceneGuess":
-        found = cls(camera, settings.flange_T_camera_guess, settings.base_T_target_guess)
-        if current is None:
+        """`current` of another set-up says nothing of this scene."""
+        found = cls(setup, camera, settings.mount_T_camera_guess(setup), settings.anchor_T_target_guess(setup))
+        if current is None or current.setup != setup:
             return found
         return replace(
             found,
             camera=found.camera or (current.camera.camera() if current.camera else None),
-            flange_T_camera=found.flange_T_camera or current.flange_T_camera,
-            base_T_target=found.base_T_target or current.base_T_target,
+            mount_T_camera=found.mount_T_camera or current.mount_T_camera,
+            anchor_T_target=found.anchor_T_target or current.anchor_T_target,
         )
 
     @classmethod
     def from_calibration(cls, calibration: CalibrationDocument) -> "SceneGuess":
         """The scene according to a calibration, for its verification."""
         camera = calibration.camera.camera() if calibration.camera else None
-        return cls(camera, calibration.flange_T_camera, calibration.base_T_target)
+        return cls(calibration.setup, camera, calibration.mount_T_camera, calibration.anchor_T_target)
 
 
 def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:
@@ -77,11 +84,11 @@ def adaptive_parameters(
     `points`: where the uncertainty counts; the working volume without any.
     """
     guess = ScenePrior(
-        "eye-in-hand",
+        known.setup,
         target.target(),
         known.camera,
-        known.flange_T_camera.transform() if known.flange_T_camera else None,
-        known.base_T_target.transform() if known.base_T_target else None,
+        known.mount_T_camera.transform() if known.mount_T_camera else None,
+        known.anchor_T_target.transform() if known.anchor_T_target else None,
         settings.noise.noise(),
         radians(settings.guess_deg),
         settings.guess_mm,
@@ -91,9 +98,9 @@ def adaptive_parameters(
     return AdaptiveParameters(guess, planning_limits(settings, rules), wish, rules, assumed)
 
 
-def mount_expectation(settings: CalibrationSettings) -> ExpectedMount | None:
+def mount_expectation(settings: CalibrationSettings, setup: Setup) -> ExpectedMount | None:
     """The expected mount of the camera, when the settings give one."""
-    guess = settings.flange_T_camera_guess
+    guess = settings.mount_T_camera_guess(setup)
     if guess is None:
         return None
     sigma = settings.verdict.mount_sigma

@@ -1,4 +1,4 @@
-"""The verification run: view the target again, and compute its points in base with the calibration in force."""
+"""The verification run: view the target again, and compute its points with the calibration in force."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -57,19 +57,22 @@ def _verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
 def document_of(
     found: Verification, calibration: CalibrationDocument, tolerance_mm: float | None = None
 ) -> dict[str, Any]:
-    """The points in base and their standard deviations, rounded to 0.1 um (Tab. 1 of the paper).
+    """The points in `frame` and their standard deviations, rounded to 0.1 um (Tab. 1 of the paper).
+
+    `frame`: base, or flange when the target is on the flange and the camera beside the robot.
 
     `expanded_mm`: twice the largest standard deviation; `within_tolerance` when it and the calibration's U at the worst
     of the points that matter are, null without a tolerance.
     """
-    points, sigma = found.points_base_mm.round(4), found.sigma_per_point_mm.round(4)
+    points, sigma = found.points_mm.round(4), found.sigma_per_point_mm.round(4)
     expanded_mm = float(COVERAGE_FACTOR * sigma.max())
     worst_mm = calibration.uncertainty.worst_expanded_mm if calibration.uncertainty else None
     return {
         "calibration_id": calibration.id,
         "stations": list(found.stations),
+        "frame": found.frame,
         "points": [
-            {"id": int(point), "base_mm": points[:, column].tolist(), "sigma_mm": sigma[column].tolist()}
+            {"id": int(point), f"{found.frame}_mm": points[:, column].tolist(), "sigma_mm": sigma[column].tolist()}
             for column, point in enumerate(found.ids)
         ],
         "cross": found.ids[found.cross()].tolist(),

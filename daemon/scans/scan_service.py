@@ -14,7 +14,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
 from daemon.config.settings import ScannerSettings
-from daemon.errors import NoCalibration, ScanEmpty, StorageError
+from daemon.errors import CalibrationUnusable, NoCalibration, ScanEmpty, StorageError
 from daemon.model.records import ScanRecord, ScanViewRecord, Unit
 from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
@@ -199,13 +199,28 @@ class ScanService:
                 wanted = await self._registration_request(scan_id, current.document, refine=True)
                 self.registration_jobs.start(wanted, only_if_free=False)
 
+    def base_T_scanner(self, calibration: CalibrationDocument, base_T_flange: Array) -> Array:
+        """The scanner's pose (4, 4) in mm; one beside the robot stands wherever the flange is."""
+        mount_T_scanner = self._mount_T_scanner(calibration)
+        return base_T_flange @ mount_T_scanner if calibration.setup == "eye-in-hand" else mount_T_scanner
+
     def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
-        """flange_T_camera, (4, 4) in mm; times camera_T_scanner when the settings give one."""
-        assert calibration.flange_T_camera is not None  # Operations.calibration refuses any other
-        flange_T_camera = calibration.flange_T_camera.transform()
+        """The pose (4, 4) of a scanner on the flange, mm. Raises CalibrationUnusable for one beside the robot."""
+        if calibration.setup == "eye-to-hand":
+            raise CalibrationUnusable(
+                f"calibration {calibration.id} is of a camera beside the robot: a part that the arm carries past it"
+                " has no one place in base",
+                "move single clouds into base with POST /register",
+            )
+        return self._mount_T_scanner(calibration)
+
+    def _mount_T_scanner(self, calibration: CalibrationDocument) -> Array:
+        """mount_T_camera (4, 4) in mm; times camera_T_scanner when the settings give one."""
+        assert calibration.mount_T_camera is not None  # Operations.calibration refuses any other
+        mount_T_camera = calibration.mount_T_camera.transform()
         if self.scanner is None or self.scanner.camera_T_scanner is None:
-            return flange_T_camera
-        return flange_T_camera @ self.scanner.camera_T_scanner.transform()
+            return mount_T_camera
+        return mount_T_camera @ self.scanner.camera_T_scanner.transform()
 
     async def _update_document(self, scan_id: str) -> None:
         """Write scan.json; a StorageError is only logged, since the view itself is stored."""

@@ -9,7 +9,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
 from calibration.errors import DetectionError
-from calibration.problem import Problem, View
+from calibration.problem import Problem, Setup, View
 from calibration.sentences.sentence import with_fix
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
@@ -29,8 +29,8 @@ class SessionWriter:
     """Writes the session folder of one run."""
 
     def __init__(
-        self, folder: Path, source: str, target: TargetDocument, camera: CameraDocument | None, store: Store,
-        workers: Workers,
+        self, folder: Path, source: str, setup: Setup, target: TargetDocument, camera: CameraDocument | None,
+        store: Store, workers: Workers,
     ) -> None:  # fmt: skip
         self.folder = folder
         self._store, self._workers = store, workers
@@ -39,7 +39,7 @@ class SessionWriter:
         self._detections = DetectionsDocument()
         self._taken: dict[int, DetectionDocument] = {}
         self._document = SessionDocument(
-            schema_version=1, source=source, setup="eye-in-hand", target=target, camera=camera, views=[]
+            schema_version=1, source=source, setup=setup, target=target, camera=camera, views=[]
         )
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:

@@ -39,10 +39,8 @@ class Exposure:
 
 def picture(truth: CellTruth, exposure: Exposure, hidden: bool, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Camera image (h, w), smeared when the flange moved. `hidden`: the target is covered."""
-    camera_T_flange = inverse(truth.flange_T_camera)
     poses = [
-        BEHIND if hidden else camera_T_flange @ inverse(base_T_flange) @ truth.base_T_target
-        for base_T_flange in exposure.poses(SMEARED_POSES)
+        BEHIND if hidden else truth.camera_T_target(base_T_flange) for base_T_flange in exposure.poses(SMEARED_POSES)
     ]
     if len(poses) == 1:
         return render(truth.camera, truth.target, poses[0], truth.optics, rng, truth.sheet)
@@ -52,7 +50,7 @@ def picture(truth: CellTruth, exposure: Exposure, hidden: bool, rng: np.random.G
 def cloud(truth: CellTruth, exposure: Exposure, rng: np.random.Generator) -> NDArray[np.float32]:
     """Points (n, 3) in the scanner frame, mm; sheared when the flange moved."""
     part_T_base = inverse(truth.base_T_part)
-    poses = [part_T_base @ pose @ truth.flange_T_scanner for pose in exposure.poses(SCAN_BANDS)]
+    poses = [part_T_base @ truth.base_T_scanner(pose) for pose in exposure.poses(SCAN_BANDS)]
     return scan(ScannerModel(noise_mm=truth.noise.scanner_mm), poses, rng)
 
 

@@ -13,13 +13,13 @@ ROWS_MM = (-155.0, 155.0)
 
 
 def scan_poses_of(truth: CellTruth) -> list[Array]:
-    """base_T_flange of each taught view, from nominal data only: reveals nothing of the truth."""
-    return scan_poses(truth.nominal)
+    """base_T_flange of each taught view, from nominal data only. None of a scanner that stands."""
+    return scan_poses(truth.nominal) if truth.setup == "eye-in-hand" else []
 
 
 def scan_poses(nominal: Nominal, door: Door = DOOR) -> list[Array]:
     """Poses row by row in alternating direction, for a short path; the camera looks along the skin's normal."""
-    camera_T_flange = inverse(nominal.flange_T_camera)
+    camera_T_flange = inverse(nominal.mount_T_camera)
     poses = []
     for row, y in enumerate(ROWS_MM):
         for x in COLUMNS_MM if row % 2 == 0 else COLUMNS_MM[::-1]:

@@ -49,16 +49,16 @@ def score_cloud(truth: CellTruth, ply: bytes, door: Door = DOOR) -> dict[str, An
 
 
 def score_calibration(
-    truth: CellTruth, flange_T_camera: Array, distance_mm: float = WORKING_DISTANCE_MM
+    truth: CellTruth, mount_T_camera: Array, distance_mm: float = WORKING_DISTANCE_MM
 ) -> dict[str, float]:
     """Error of X, and the RMS error over the working volume of points mapped from the camera to the base.
 
     The volume is that of `point_mm` in calibration.json: 3×3 pixels over the central 80 % of the image at 0.9, 1.0 and
     1.1 times the distance. The robot's pose does not change the error's size.
     """
-    translation_mm, rotation_rad = difference(truth.flange_T_camera, flange_T_camera)
+    translation_mm, rotation_rad = difference(truth.mount_T_camera, mount_T_camera)
     volume = _working_volume(truth, distance_mm)
-    off = map_points(flange_T_camera, volume) - map_points(truth.flange_T_camera, volume)
+    off = map_points(mount_T_camera, volume) - map_points(truth.mount_T_camera, volume)
     return {
         "translation_mm": translation_mm,
         "rotation_deg": float(np.degrees(rotation_rad)),

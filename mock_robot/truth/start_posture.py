@@ -1,4 +1,4 @@
-"""Posture of the arm at start: the camera looks straight down at the target's centre."""
+"""Posture of the arm at start: the camera looks straight at the target's centre."""
 
 import numpy as np
 
@@ -25,9 +25,18 @@ def base_T_camera_above(truth: CellTruth, distance_mm: float, roll_rad: float) -
     return transform(base_R_camera, target_middle_mm(truth) - distance_mm * base_R_target[:, 2])
 
 
+def _looking(truth: CellTruth, roll_rad: float) -> Array:
+    """base_T_flange at which the camera sees the target's centre on its axis, square on, turned by the roll."""
+    if truth.setup == "eye-in-hand":
+        return base_T_camera_above(truth, START_DISTANCE_MM, roll_rad) @ inverse(truth.flange_T_camera)
+    turn = rotation_from_vector([0.0, 0.0, -roll_rad])
+    middle = np.append(print_target(truth.target, truth.sheet).outline_mm.mean(axis=0), 0.0)
+    camera_T_target = transform(turn, [0.0, 0.0, START_DISTANCE_MM] - turn @ middle)
+    return truth.mount_T_camera @ camera_T_target @ inverse(truth.anchor_T_target)
+
+
 def start_joints(arm: Arm, truth: CellTruth) -> Array:
     """Joints (6,) for that view, at the roll farthest from limits and singularities."""
-    camera_T_flange = inverse(truth.flange_T_camera)
     middle_rad = (np.array(arm.lower_rad) + np.array(arm.upper_rad)) / 2
     half_rad = (np.array(arm.upper_rad) - np.array(arm.lower_rad)) / 2
 
@@ -37,9 +46,12 @@ def start_joints(arm: Arm, truth: CellTruth) -> Array:
 
     candidates: list[Array] = []
     for roll_rad in np.linspace(-np.pi, np.pi, ROLLS, endpoint=False):
-        pose = base_T_camera_above(truth, START_DISTANCE_MM, float(roll_rad)) @ camera_T_flange
         try:
-            candidates += [joints for joints in arm.inverse(pose) if arm.configuration(joints).cfx in (0, 1)]
+            candidates += [
+                joints
+                for joints in arm.inverse(_looking(truth, float(roll_rad)))
+                if arm.configuration(joints).cfx in (0, 1)
+            ]
         except UnreachablePoseError:
             continue
     if not candidates:

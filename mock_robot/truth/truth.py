@@ -9,8 +9,9 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.kinematics.abb_arms import find_arm
+from calibration.problem import Setup, anchor_T_mount_of
 from calibration.targets import Charuco, Target
-from calibration.transforms import Array, rotation_from_vector, transform
+from calibration.transforms import Array, inverse, rotation_from_vector, transform
 from mock_robot.arm.built_arm import ArmClass, BuiltArm, build_arm
 from mock_robot.scene.optics import Optics
 from mock_robot.scene.printed_target import PrintOptions, print_target
@@ -23,6 +24,15 @@ DEFAULT_TARGET = Charuco(12, 9, 20.0, 15.0, "DICT_5X5_100")
 TARGET_MIDDLE_MM = (950.0, 0.0, 250.0)
 PART_MIDDLE_MM = (0.0, 1550.0, 650.0)
 """The door stands on a rack at the robot's left, so that target and part are both in reach."""
+
+STAND_MM, STAND_AIM_MM = np.array([1450.0, 0.0, 1150.0]), np.array([980.0, 0.0, 750.0])
+"""A camera on a stand, and where it looks: to where the arm holds the target up."""
+
+HOLDER_MM = np.array([0.0, 0.0, 30.0])
+"""The target's middle on the flange."""
+
+PART_DISTANCE_MM = 700.0
+"""The part's middle from the camera on the stand."""
 
 TARGET_FACING_UP = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 PART_FACING_THE_ROBOT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -45,22 +55,26 @@ DEFAULT_OPTICS = Optics(black=35.0, white=175.0, blur_px=1.4, read_noise=7.0, el
 
 @dataclass(frozen=True, eq=False)
 class Nominal:
-    """Nominal poses, as from drawings and a tape measure."""
+    """Nominal poses, as from drawings and a tape measure; `mount` and `anchor` as in `calibration.problem`."""
 
-    flange_T_camera: Array
-    base_T_target: Array
+    mount_T_camera: Array
+    anchor_T_target: Array
     base_T_part: Array
 
 
 @dataclass(frozen=True, eq=False)
 class CellTruth:
-    """The true cell. `flange_T_scanner` equals `flange_T_camera` when both are one device, as in seeded cells."""
+    """The true cell. Camera and scanner are one device in seeded cells.
+
+    `mount_T_camera`, `anchor_T_target`: as in `calibration.problem`, by the set-up.
+    """
 
     seed: int
     arm: str
-    flange_T_camera: Array
-    flange_T_scanner: Array
-    base_T_target: Array
+    setup: Setup
+    mount_T_camera: Array
+    mount_T_scanner: Array
+    anchor_T_target: Array
     base_T_part: Array
     camera: CameraModel
     target: Target
@@ -81,18 +95,22 @@ class CellTruth:
         sheet: PrintOptions | None = None,
         arm: str = IRB_1600,
         arm_class: ArmClass = "perfect",
+        setup: Setup = "eye-in-hand",
     ) -> "CellTruth":
         """Build the cell of a seed; the same arguments give the same cell, to the last bit."""
         rng = np.random.default_rng([seed, 0x5EED])
         sheet = sheet or PrintOptions()
-        nominal = Nominal(_bracket(rng), _table(rng, target, sheet), transform(PART_FACING_THE_ROBOT, PART_MIDDLE_MM))
-        flange_T_camera = _displace(nominal.flange_T_camera, rng, 4.0, 1.5)
+        nominal = _with_camera_on_flange(rng, target, sheet)
+        if setup == "eye-to-hand":
+            nominal = _with_camera_on_stand(target, sheet)
+        mount_T_camera = _displace(nominal.mount_T_camera, rng, 4.0, 1.5)
         return cls(
             seed=seed,
             arm=arm,
-            flange_T_camera=flange_T_camera,
-            flange_T_scanner=flange_T_camera,
-            base_T_target=_displace(nominal.base_T_target, rng, 8.0, 2.0),
+            setup=setup,
+            mount_T_camera=mount_T_camera,
+            mount_T_scanner=mount_T_camera,
+            anchor_T_target=_displace(nominal.anchor_T_target, rng, 8.0, 2.0),
             base_T_part=_displace(nominal.base_T_part, rng, 10.0, 1.5),
             camera=camera or _camera(rng),
             target=target,
@@ -106,6 +124,51 @@ class CellTruth:
     def built_arm(self) -> BuiltArm | None:
         """The arm with its errors; None for one as drawn."""
         return None if self.arm_class == "perfect" else build_arm(find_arm(self.arm), self.arm_class, self.seed)
+
+    @property
+    def flange_T_camera(self) -> Array:
+        """Of a camera on the flange."""
+        return self._of("eye-in-hand", self.mount_T_camera)
+
+    @property
+    def flange_T_scanner(self) -> Array:
+        """Of a scanner on the flange."""
+        return self._of("eye-in-hand", self.mount_T_scanner)
+
+    @property
+    def base_T_target(self) -> Array:
+        """Of a target beside the robot."""
+        return self._of("eye-in-hand", self.anchor_T_target)
+
+    def camera_T_target(self, base_T_flange: Array) -> Array:
+        """(4, 4) while the flange is there."""
+        return inverse(anchor_T_mount_of(self.setup, base_T_flange) @ self.mount_T_camera) @ self.anchor_T_target
+
+    def base_T_scanner(self, base_T_flange: Array) -> Array:
+        """(4, 4) while the flange is there."""
+        scanner: Array = self.mount_T_scanner if self.setup == "eye-to-hand" else base_T_flange @ self.mount_T_scanner
+        return scanner
+
+    def _of(self, setup: Setup, pose: Array) -> Array:
+        assert self.setup == setup, f"this cell is {self.setup}"
+        return pose
+
+
+def _with_camera_on_flange(rng: np.random.Generator, target: Target, sheet: PrintOptions) -> Nominal:
+    part = transform(PART_FACING_THE_ROBOT, PART_MIDDLE_MM)
+    return Nominal(_bracket(rng), _table(rng, target, sheet), part)
+
+
+def _with_camera_on_stand(target: Target, sheet: PrintOptions) -> Nominal:
+    """A camera on a stand in front of the robot, the target on the flange, and the part where the camera looks."""
+    ahead = np.array(STAND_AIM_MM) - STAND_MM
+    ahead /= np.linalg.norm(ahead)
+    right = np.array([0.0, 1.0, 0.0])
+    base_T_camera = transform(np.column_stack([right, np.cross(ahead, right), ahead]), STAND_MM)
+    middle = np.append(print_target(target, sheet).outline_mm.mean(axis=0), 0.0)
+    flange_T_target = transform(TARGET_FACING_UP, HOLDER_MM - TARGET_FACING_UP @ middle)
+    part = base_T_camera @ transform(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, PART_DISTANCE_MM])
+    return Nominal(base_T_camera, flange_T_target, part)
 
 
 def _bracket(rng: np.random.Generator) -> Array:

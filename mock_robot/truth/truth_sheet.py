@@ -7,9 +7,10 @@ import numpy as np
 
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
+from calibration.problem import ANCHORS, MOUNTS
 from calibration.targets import Target
 from calibration.transforms import Array
-from mock_robot.truth.part_views import scan_poses
+from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.truth import CellTruth
 
 BOX_MM = ((-900.0, -700.0, 200.0), (1400.0, 1150.0, 1500.0))
@@ -24,9 +25,10 @@ def truth_document(truth: CellTruth) -> dict[str, Any]:
         "arm": truth.arm,
         "arm_class": truth.arm_class,
         "arm_errors": _arm_errors(truth),
-        "flange_T_camera": _pose(truth.flange_T_camera),
-        "flange_T_scanner": _pose(truth.flange_T_scanner),
-        "base_T_target": _pose(truth.base_T_target),
+        "setup": truth.setup,
+        f"{MOUNTS[truth.setup]}_T_camera": _pose(truth.mount_T_camera),
+        f"{MOUNTS[truth.setup]}_T_scanner": _pose(truth.mount_T_scanner),
+        f"{ANCHORS[truth.setup]}_T_target": _pose(truth.anchor_T_target),
         "base_T_part": _pose(truth.base_T_part),
         "target": target_document(truth.target),
         "camera": CameraDocument.of(truth.camera).model_dump(mode="json"),
@@ -45,10 +47,11 @@ def cell_sheet(truth: CellTruth) -> dict[str, Any]:
         "arm": truth.arm,
         "target": target_document(truth.target),
         "camera": CameraDocument.of(truth.camera).model_dump(mode="json"),
-        "flange_T_camera_guess": _pose(_round_to_mm(truth.nominal.flange_T_camera)),
-        "base_T_target_guess": _pose(_round_to_mm(truth.nominal.base_T_target)),
+        "setup": truth.setup,
+        f"{MOUNTS[truth.setup]}_T_camera_guess": _pose(_round_to_mm(truth.nominal.mount_T_camera)),
+        f"{ANCHORS[truth.setup]}_T_target_guess": _pose(_round_to_mm(truth.nominal.anchor_T_target)),
         "box_mm": [list(corner) for corner in BOX_MM],
-        "scan_poses": [_pose(pose) for pose in scan_poses(truth.nominal)],
+        "scan_poses": [_pose(pose) for pose in scan_poses_of(truth)],
     }
 
 

@@ -59,7 +59,11 @@ def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
             "speed_mm_s": 250,
             "settling": {"gap_s": 0.01, "translation_mm": 0.5, "rotation_deg": 0.05},
         },
-        "camera": {"address": f"{cell.devices_url}/camera/snapshot.png", "intrinsics": sheet["camera"]},
+        "camera": {
+            "address": f"{cell.devices_url}/camera/snapshot.png",
+            "setup": sheet["setup"],
+            "intrinsics": sheet["camera"],
+        },
         "scanner": {
             "address": f"{cell.devices_url}/scanner/cloud.ply",
             "poses": sheet["scan_poses"],
@@ -67,8 +71,7 @@ def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
         },
         "target": sheet["target"],
         "calibration": {
-            "flange_T_camera_guess": sheet["flange_T_camera_guess"],
-            "base_T_target_guess": sheet["base_T_target_guess"],
+            **{name: guess for name, guess in sheet.items() if name.endswith("_guess")},
             "policy": "auto",
         },
         "server": {"port": 0},

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
+from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of, respond_page
 from daemon.api.middleware.disconnects import client_of
@@ -137,13 +138,19 @@ async def _status(app: Application) -> CalibrateStatus:
         poses=_poses_text(app.settings.calibration),
         how_to_start=HOW_TO_START,
         warnings=[*app.operations.rules.warnings(), *await _frame_warnings(app)],
-        fastest_mm_s=await _fastest_mm_s(app, None if in_force is None else record.document.flange_T_camera),
+        fastest_mm_s=await _fastest_mm_s(app, None if in_force is None else _on_flange(record.document)),
     )
 
 
+def _on_flange(document: CalibrationDocument) -> PoseDocument | None:
+    """The camera, or the target, that the arm carries."""
+    return document.flange_T_camera or document.flange_T_target
+
+
 async def _fastest_mm_s(app: Application, applied: PoseDocument | None) -> float | None:
-    """Largest speed of what moves; the camera is where the calibration in force, or else the guess, has it."""
-    camera = applied or app.settings.calibration.flange_T_camera_guess
+    """Largest speed of what moves; camera or target is where the calibration in force, or else the guess, has it."""
+    guesses = app.settings.calibration
+    on_flange = applied or guesses.flange_T_camera_guess or guesses.flange_T_target_guess
     if not app.cell.robot.link.connected:
         return None
     try:
@@ -152,7 +159,7 @@ async def _fastest_mm_s(app: Application, applied: PoseDocument | None) -> float
         return None
     if setup is None:
         return None
-    return app.operations.rules.fastest_mm_s(setup.reach_mm, None if camera is None else camera.transform())
+    return app.operations.rules.fastest_mm_s(setup.reach_mm, None if on_flange is None else on_flange.transform())
 
 
 async def _frame_warnings(app: Application) -> list[str]:

@@ -39,7 +39,7 @@ async def register(
     media_type = media_type_of(request)
     document = await app.operations.calibration(calibration)
     base_T_flange = await app.readings.flange_pose() if pose == "now" else parse_pose(pose)
-    base_T_scanner = base_T_flange.transform() @ app.scans.flange_T_scanner(document)
+    base_T_scanner = app.scans.base_T_scanner(document, base_T_flange.transform())
     numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers)}
     if media_type == LAZ:  # its index is at the end, so it cannot be streamed

@@ -63,7 +63,7 @@ function Verdict({ document, current, inForce }) {
       <a class="button" href=${`${path}/report`} target="_blank" rel="noreferrer">${t('result.report')}</a>
       <a class="button" href=${path} download=${`${document.id}.json`}>${t('result.json')}</a>
     </div>
-    ${!accepted && !inForce && document.flange_T_camera && may('admin') && html`<${Despite} document=${document} apply=${apply} />`}
+    ${!accepted && !inForce && (document.flange_T_camera ?? document.base_T_camera) && may('admin') && html`<${Despite} document=${document} apply=${apply} />`}
     ${said && html`<p class="small quiet" lang=${said.lang}>${said.text}</p>`}`;
 }
 

@@ -30,6 +30,8 @@ MEANINGS: Mapping[str, str] = {
     # session.json, scan.json, plan.json
     "schema_version": "Version of the format.",
     "source": "Where it came from, for people.",
+    "base_T_camera_guess": "Where the camera stands in the base, roughly, mm; of an eye-to-hand plan.",
+    "flange_T_target_guess": "Where the target is on the flange, roughly, mm; of an eye-to-hand plan.",
     "setup": "eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell.",
     "target": "The board; may be left out where every view holds camera_T_target.",
     "SessionDocument.camera": "Intrinsics; null to have them estimated; may be left out where views need none.",

@@ -18,7 +18,7 @@ def verified_points(run: RunRecord) -> VerifiedPoints:
     """The result of a finished verification."""
     assert run.result is not None
     found: dict[str, Any] = run.result["verification"]
-    by_id = {point["id"]: point for point in found["points"]}
+    by_id, frame = {point["id"]: point for point in found["points"]}, found.get("frame", "base")
     cross = [by_id[point] for point in found["cross"] if point in by_id]
     return VerifiedPoints(
         run_id=run.id,
@@ -28,7 +28,7 @@ def verified_points(run: RunRecord) -> VerifiedPoints:
         points=len(found["points"]),
         sigma_mm=tuple(found["sigma_mm"]),
         rows=tuple((f"point {point['id']}", tuple(point["sigma_mm"])) for point in cross),
-        positions=tuple((f"point {point['id']}", tuple(map(tuple, point["base_mm"]))) for point in cross),
+        positions=tuple((f"point {point['id']}", tuple(map(tuple, point[f"{frame}_mm"]))) for point in cross),
         expected_mm=found.get("expected_point_mm"),
     )
 

@@ -29,7 +29,7 @@ def a_problem(views: int = 3, seen: int = 88) -> Problem:
 def test_a_true_calibration_puts_every_point_where_it_is_from_everywhere() -> None:
     found = verify(a_problem(), a_calibration("c"))
     truth = map_points(BASE_T_TARGET, BOARD.points_mm)
-    np.testing.assert_allclose(found.points_base_mm, np.broadcast_to(truth, (3, 88, 3)), atol=1e-5)
+    np.testing.assert_allclose(found.points_mm, np.broadcast_to(truth, (3, 88, 3)), atol=1e-5)
     np.testing.assert_allclose(found.sigma_mm, 0, atol=1e-5)
     assert found.stations == (1, 2, 3)
 
@@ -42,7 +42,7 @@ def test_a_wrong_calibration_shows_in_sigma() -> None:
         map_points(view.base_T_flange @ wrong @ inverse(view.base_T_flange @ FLANGE_T_CAMERA) @ BASE_T_TARGET,
                    BOARD.points_mm) for view in a_problem().views
     ]  # fmt: skip
-    np.testing.assert_allclose(found.points_base_mm, expected, atol=1e-4)
+    np.testing.assert_allclose(found.points_mm, expected, atol=1e-4)
     np.testing.assert_allclose(found.sigma_per_point_mm, np.std(expected, axis=0, ddof=1), atol=1e-4)
     assert found.sigma_mm.max() > 0.5
 

@@ -18,6 +18,8 @@ EVERYTHING = re.sub("^#(?! |$)", "", EXAMPLE.read_text(), flags=re.MULTILINE)
 """The example with all that it leaves out."""
 
 
+OF_THE_OTHER_SETUP = {"base_T_camera_guess", "flange_T_target_guess"}
+
 CHESSBOARD = """kind = "chessboard"
 columns = 11
 rows = 8
@@ -66,9 +68,10 @@ def test_the_example_loads() -> None:
 def test_the_example_shows_every_key_of_the_model_and_no_other() -> None:
     shown = tomllib.loads(EVERYTHING)
     of_other_targets = set().union(*map(keys_of, models_in(TargetDocument))) - set(shown["target"])
-    assert keys_in(shown) == keys_of(Settings) - of_other_targets
+    assert keys_in(shown) == keys_of(Settings) - of_other_targets - OF_THE_OTHER_SETUP
     comments = "\n".join(line for line in EXAMPLE.read_text().splitlines() if line.startswith("# "))
     assert [key for key in sorted(of_other_targets) if key not in comments] == []
+    assert [key for key in sorted(OF_THE_OTHER_SETUP) if key not in comments] == []
 
 
 def test_the_example_with_all_that_it_leaves_out_is_understood() -> None:
@@ -85,6 +88,18 @@ def test_the_example_differs_from_the_defaults_in_nothing_but_what_a_cell_must_s
     given = {"address", "box_mm", "model"}
     assert example.robot.model_dump(exclude=given) == smallest.robot.model_dump(exclude=given)
     assert example.camera.model_dump(exclude=given) == smallest.camera.model_dump(exclude=given)
+
+
+@pytest.mark.parametrize(
+    ("setup", "name"),
+    [("eye-in-hand", "base_T_camera_guess"), ("eye-in-hand", "flange_T_target_guess"),
+     ("eye-to-hand", "flange_T_camera_guess"), ("eye-to-hand", "base_T_target_guess")],
+)  # fmt: skip
+def test_a_guess_of_the_other_set_up_is_refused(setup: str, name: str) -> None:
+    pose = "{ translation_mm = [0.0, 0.0, 1.0], quaternion_wxyz = [1.0, 0.0, 0.0, 0.0] }"
+    text = SMALLEST.replace("[camera]", f'[camera]\nsetup = "{setup}"') + f"[calibration]\n{name} = {pose}\n"
+    with pytest.raises(DocumentError, match=f"{name} belongs to"):
+        parse_settings(text.encode(), "settings")
 
 
 @pytest.mark.parametrize(

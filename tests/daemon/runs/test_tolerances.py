@@ -72,5 +72,5 @@ def test_without_a_tolerance_of_the_settings_the_default_is_compared(
 def test_how_far_the_mount_may_be_off_is_a_limit() -> None:
     guess = {"translation_mm": [0.0, 0.0, 100.0], "quaternion_wxyz": [1.0, 0.0, 0.0, 0.0]}
     settings = {"flange_T_camera_guess": guess, "guess_mm": 10.0, "verdict": {"mount_sigma": 3.0}}
-    expected = mount_expectation(CalibrationSettings.model_validate(settings))
+    expected = mount_expectation(CalibrationSettings.model_validate(settings), "eye-in-hand")
     assert expected is not None and expected.within_mm == 30.0

@@ -11,11 +11,13 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import CharucoDocument
 from calibration.kinematics.abb_arms import find_arm
+from calibration.problem import Setup
 from calibration.targets import AprilTagGrid, Chessboard, CircleGrid
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.camera_view import render
 from mock_robot.scene.printed_target import print_target
 from mock_robot.truth.part_views import scan_poses_of
+from mock_robot.truth.start_posture import start_joints
 from mock_robot.truth.truth import TARGET_MIDDLE_MM, CellTruth
 from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet, target_document, truth_document
 
@@ -51,8 +53,8 @@ def test_guesses_are_off_by_millimetres_and_degrees_but_not_more() -> None:
     for seed in SEEDS:
         truth = CellTruth.from_seed(seed)
         for true, guess in (
-            (truth.flange_T_camera, truth.nominal.flange_T_camera),
-            (truth.base_T_target, truth.nominal.base_T_target),
+            (truth.flange_T_camera, truth.nominal.mount_T_camera),
+            (truth.base_T_target, truth.nominal.anchor_T_target),
             (truth.base_T_part, truth.nominal.base_T_part),
         ):
             off_mm, off_rad = difference(true, guess)
@@ -71,14 +73,31 @@ def test_the_sheet_says_what_an_integrator_knows_and_nothing_of_the_truth() -> N
     assert cell_sheet(replace(truth, **hidden)) == cell_sheet(truth), "hidden poses must not leave a trace"
 
 
-HIDDEN = ("flange_T_camera", "flange_T_scanner", "base_T_target", "base_T_part")
+HIDDEN = ("mount_T_camera", "mount_T_scanner", "anchor_T_target", "base_T_part")
 
 
-def test_the_truth_is_printed_as_poses_that_read_back() -> None:
-    truth = CellTruth.from_seed(7)
+@pytest.mark.parametrize(
+    ("setup", "names"),
+    [
+        ("eye-in-hand", ("flange_T_camera", "flange_T_scanner", "base_T_target", "base_T_part")),
+        ("eye-to-hand", ("base_T_camera", "base_T_scanner", "flange_T_target", "base_T_part")),
+    ],
+)
+def test_the_truth_is_printed_as_poses_that_read_back(setup: Setup, names: tuple[str, ...]) -> None:
+    truth = CellTruth.from_seed(7, setup=setup)
     document = json.loads(json.dumps(truth_document(truth)))
-    for name in HIDDEN:
-        assert PoseDocument.model_validate(document[name]).transform() == pytest.approx(getattr(truth, name), abs=1e-9)
+    for name, hidden in zip(names, HIDDEN, strict=True):
+        printed = PoseDocument.model_validate(document[name]).transform()
+        assert printed == pytest.approx(getattr(truth, hidden), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_camera_on_a_stand_sees_the_target_that_the_arm_holds_up(seed: int) -> None:
+    truth = CellTruth.from_seed(seed, setup="eye-to-hand")
+    arm = find_arm(truth.arm)
+    seen = map_points(truth.camera_T_target(arm.forward(start_joints(arm, truth))), truth.target.points_mm)
+    pixels = truth.camera.project(seen)
+    assert np.all((pixels > 0) & (pixels < truth.camera.image_size))
 
 
 @pytest.mark.parametrize(
