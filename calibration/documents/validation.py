@@ -56,16 +56,16 @@ def validate_document(model: type[Model], data: Any, origin: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         details = error.errors(include_url=False, include_context=False)
-        raise DocumentError(origin, _with_heading(model, _problems(model, details))) from None
+        raise DocumentError(origin, with_heading(model, _problems(model, details))) from None
 
 
 def _syntax_error(model: type[BaseModel], origin: str, place: str, what: str) -> DocumentError:
     return DocumentError(
-        origin, _with_heading(model, [DocumentProblem(place, what, "restore the file, or write it again")])
+        origin, with_heading(model, [DocumentProblem(place, what, "restore the file, or write it again")])
     )
 
 
-def _with_heading(model: type[BaseModel], problems: list[DocumentProblem]) -> list[DocumentProblem]:
+def with_heading(model: type[BaseModel], problems: list[DocumentProblem]) -> list[DocumentProblem]:
     """The problems, the last of which names where the file is described."""
     heading: str = getattr(model, "heading", "")
     if not heading or not problems:

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from calibration.documents.session import SessionDocument, ViewDocument
-from calibration.documents.validation import parse_document
+from calibration.documents.validation import parse_document, with_heading
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, MeasuredPoints, MeasuredPose, Measurement, Problem, View
 from calibration.sentences.sentence import with_fix
@@ -50,7 +50,7 @@ def open_session(path: Path) -> SessionFolder:
     document = parse_document(SessionDocument, read_document(file), str(file))
     problems = [problem for check in _CHECKS for problem in check(document)]
     if problems:
-        raise DocumentError(str(file), problems)
+        raise DocumentError(str(file), with_heading(SessionDocument, problems))
     return SessionFolder(folder, document)
 
 
@@ -82,9 +82,11 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
             what = f"'{document.views[index].image}' is {_by(size)} pixels where the session has {_by(expected)}"
             problems[index] = DocumentProblem(f"views[{index}].image", what, TAKE_AGAIN)
     if problems:
-        raise DocumentError(str(session.file), [problems[index] for index in sorted(problems)])
+        found = [problems[index] for index in sorted(problems)]
+        raise DocumentError(str(session.file), with_heading(SessionDocument, found))
     if expected is None:
-        raise _document_error(str(session.file), "image_size", "missing, and no image shows it", "add it")
+        missing = DocumentProblem("image_size", "missing, and no image shows it", "add it")
+        raise DocumentError(str(session.file), with_heading(SessionDocument, [missing]))
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     return Problem(document.setup, target, camera, expected, tuple(views))

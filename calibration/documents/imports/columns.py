@@ -48,6 +48,7 @@ UNITS: dict[str, LengthUnit] = {
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
 }  # fmt: skip
 ANGLES = {"deg": True, "degree": True, "degrees": True, "°": True, "rad": False, "radian": False, "radians": False}
+AXIS_WORDS = frozenset("xyzw")
 AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
 """Names of three angles in the order of their rotations."""
@@ -106,6 +107,8 @@ class _Named:
         if element is not None:
             self.elements[int(element[1]), int(element[2])] = index
             return
+        if len(words) > 1 and words[0] in AXIS_WORDS and {words[-1]} <= LENGTH_WORDS | TURN_WORDS:
+            words = [*words[1:], words[0]]  # x_pos, w_rot
         if short := _SHORT.fullmatch(words[-1]):
             words = [*words[:-1], short[1], short[2]]
         slot = AXES.get(words[-1], words[-1])

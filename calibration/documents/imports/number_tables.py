@@ -18,6 +18,12 @@ Cell = float | str
 WIDTHS = "6 (x, y, z and three angles), 7 (x, y, z and a quaternion), 8 (with a time before), 12 or 16 (a matrix)"
 
 
+MAX_ANGLE_DEG = 360.0
+"""Larger numbers are no angles of an orientation."""
+
+TURN_FIRST = "the orientation stands before the place: the last three numbers of the rows can be no orientation"
+
+
 def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
     """The table of rows with named columns. Raises DocumentError."""
     columns = recognise_columns(names, origin)
@@ -105,14 +111,25 @@ def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None,
         names, rows, width = tuple(str(int(number)) for number in rows[:, 0]), rows[:, 1:], 6
     if width not in (6, 7):
         raise refusal(origin, "rows", f"{width} numbers a row without names", f"give {WIDTHS}, or a header")
+    notes: tuple[str, ...] = ()
+    if _turn_stands_first(rows):
+        rows, notes = np.concatenate([rows[:, width - 3 :], rows[:, : width - 3]], axis=1), (TURN_FIRST,)
     if width == 7 and not _unit_norms(rows[:, 3:]):
         norm = float(np.linalg.norm(rows[0, 3:]))
         what = f"seven numbers a row, of which the last four have norm {norm:.4g}, not 1"
         raise refusal(origin, "pose 1", what, "give a quaternion of norm 1, or a header that says what stands there")
     kind = "quaternion" if width == 7 else "angles"
     return PoseTable(
-        origin, names, rows[:, :3], rows[:, 3:], kind, said, times_s=times,  # type: ignore[arg-type]
+        origin, names, rows[:, :3], rows[:, 3:], kind, said, times_s=times, notes=notes,  # type: ignore[arg-type]
     ).checked()  # fmt: skip
+
+
+def _turn_stands_first(rows: Array) -> bool:
+    """Whether only the first numbers of the rows (n, 6 or 7) can be the orientation, and the last three the place."""
+    if rows.shape[1] == 7:
+        return _unit_norms(rows[:, :4]) and not _unit_norms(rows[:, 3:])
+    first, last = np.abs(rows[:, :3]).max(), np.abs(rows[:, 3:]).max()
+    return bool(last > MAX_ANGLE_DEG >= first)
 
 
 def _twelve(origin: str, labels: Sequence[str], rows: Array, layout: str) -> PoseTable:

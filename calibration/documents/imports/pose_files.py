@@ -30,7 +30,8 @@ def _yaml(content: bytes, origin: str) -> PoseTable:
     return table_of_data(read_yaml(content, origin), origin)
 
 
-_RAPID = re.compile(r"\b(robtarget|jointtarget)\b|\bMODULE\s|\[\s*\[[^][]*\]\s*,\s*\[[^][]*\]", re.IGNORECASE)
+_THREE_AND_FOUR = r"\[\s*\[(?:[^][,]*,){2}[^][,]*\]\s*,\s*\[(?:[^][,]*,){3}[^][,]*\]"
+_RAPID = re.compile(rf"\b(robtarget|jointtarget)\b|\bMODULE\s|{_THREE_AND_FOUR}", re.IGNORECASE)
 _KEYED = re.compile(r"\bp\s*\[|\b[xX]\s*[=:]?\s*[-+.\d]+[^;\n]*\b[yY]\s*[=:]?\s*[-+.\d]+|^\s*[xX]\s*[=:]", re.MULTILINE)
 _HALCON = re.compile(r"^\s*[rt]\s+[-+.\d]|ParGroup", re.MULTILINE)
 

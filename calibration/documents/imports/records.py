@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.documents.imports.columns import TURN_WORDS
 from calibration.documents.imports.number_tables import Cell, table_of_columns, table_of_rows
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
@@ -166,7 +167,9 @@ def _flatten(record: Any, origin: str, name: str = "", depth: int = 0) -> Iterat
     record = _opencv_matrix(record)
     if isinstance(record, dict | list):
         grid = array_of(record)
-        if grid is not None and grid.size <= MAX_CELLS:
+        if grid is not None and grid.shape == (3, 3) and name.rsplit(".", 1)[-1].lower() in TURN_WORDS:
+            record = {f"r{row}{column}": grid[row, column] for row in range(3) for column in range(3)}
+        elif grid is not None and grid.size <= MAX_CELLS:
             record = grid.ravel().tolist()
         pairs = record.items() if isinstance(record, dict) else enumerate(record)
         if len(record) > MAX_CELLS:

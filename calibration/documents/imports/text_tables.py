@@ -12,11 +12,14 @@ from calibration.transforms import Array
 _COMMENT = re.compile(r"^\s*(#|%|//|;\s*#)")
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eEdD][-+]?\d+)?")
 _SEPARATORS = (";", "\t", ",")
+_NESTED = re.compile(r"\[\s*\[|\[[^][]*\d\s*[;\n]\s*[-+.\d][^][]*\]")
+_BRACKETS = re.compile(r"\[([^][]*)\]")
+_LABELLED = re.compile(r"\s*([A-Za-z_][^][]*?)?\s*[:=,;]?\s*\[([^][]*)\]\s*[,;]?\s*")
 
 
 def read_text_table(content: bytes, origin: str) -> PoseTable:
     """The poses of a text of rows. Raises DocumentError."""
-    lines = decode(content, origin).splitlines()
+    lines = _without_brackets(decode(content, origin))
     comments = [line.lstrip("#%/ \t") for line in lines if _COMMENT.match(line)]
     rows = [line for line in lines if line.strip() and not _COMMENT.match(line)]
     if not rows:
@@ -29,6 +32,22 @@ def read_text_table(content: bytes, origin: str) -> PoseTable:
             raise refusal(origin, f"row {wrong + 1}", what, "give every row the cells of the header")
         return table_of_columns(origin, names, cells)
     return _without_names(origin, cells)
+
+
+def _without_brackets(text: str) -> list[str]:
+    """The lines of a text; of numbers in brackets, as Python, numpy and MATLAB print them, one line for each row."""
+    if not _NESTED.search(text):
+        lines = ((_LABELLED.fullmatch(line), line) for line in text.splitlines())
+        return [line if found is None else _joined(found[1], found[2]) for found, line in lines]
+    within = _BRACKETS.findall(text)
+    if re.search(r"\[\s*\[", text):  # rows have brackets of their own: a line break within one is only a wrapped line
+        return [" ".join(row.split()) for row in within if row.strip()]
+    return [row.strip() for matrix in within for row in re.split(r"[;\n]", matrix) if row.strip()]
+
+
+def _joined(label: str | None, numbers: str) -> str:
+    separator = "," if "," in numbers else " "
+    return f"{label.replace(separator, '_')}{separator}{numbers}" if label else numbers
 
 
 def read_named_columns(content: bytes, origin: str, wanted: list[str]) -> Array:
@@ -80,6 +99,7 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
     labels: list[str] | None = None
     if all(isinstance(row[0], str) and len(row) > 1 for row in cells):
         labels, cells = [str(row[0]) for row in cells], [row[1:] for row in cells]
+        labels = labels if len(set(labels)) == len(labels) else None
     wrong = next(((at, cell) for at, row in enumerate(cells) for cell in row if isinstance(cell, str)), None)
     if wrong is not None:
         what = f"{wrong[1][:40]!r} is no number"

@@ -7,6 +7,7 @@ from calibration.documents.imports.conventions import Convention, LengthUnit
 from calibration.documents.imports.intrinsics import Intrinsics
 from calibration.documents.imports.pose_table import Frame
 from calibration.documents.imports.readings import Reading
+from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets.folder import Chosen
 from calibration.documents.imports.sets.imported import ImportedSet
 from calibration.documents.session import CameraDocument
@@ -58,3 +59,10 @@ class Understood:
     def is_scan(self) -> bool:
         """Whether the clouds are those of a part, without a target."""
         return bool(self.images) and self.target is None
+
+
+def require_cloud_unit(unit: LengthUnit | None, request: ImportRequest) -> LengthUnit:
+    """The unit. Raises DocumentError when neither set nor user states it: it is never guessed."""
+    if unit is None:
+        raise refusal(request.folder.name, "clouds", "their unit is not stated", "give --cloud-unit m or mm", "clouds")
+    return unit

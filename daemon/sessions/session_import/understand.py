@@ -21,7 +21,7 @@ from calibration.problem import Problem, Setup
 from calibration.transforms import Array
 from daemon.sessions.session_files import ImageError, read_grey
 from daemon.sessions.session_import.folder_files import FolderFiles
-from daemon.sessions.session_import.request import ImportRequest, Understood
+from daemon.sessions.session_import.request import ImportRequest, Understood, require_cloud_unit
 from daemon.sessions.session_reader import SessionFolder, load_problem
 from registration.io.regular_file import read_regular
 
@@ -49,7 +49,7 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     readings = _readings(request, imported, is_scan=bool(images) and target is None)
     evidence, missing = None, ""
     if len(readings) > 1 and (target is not None or seen is not None):
-        document = _document(images, seen, target, camera, request)
+        document = _document(images, seen, target, camera, request.cloud_unit or imported.cloud_unit, request)
         problem = _load(SessionFolder(request.folder, document), progress)
         evidence, missing = evidence_of_views(problem), _missing(problem)
     compared = compare(imported.poses, readings, evidence)
@@ -173,6 +173,7 @@ def _document(
     seen: Array | None,
     target: TargetDocument | None,
     camera: CameraDocument | None,
+    unit: LengthUnit | None,
     request: ImportRequest,
 ) -> SessionDocument:
     """A session whose robot poses are yet unknown: the identity in every view."""
@@ -180,16 +181,13 @@ def _document(
     if seen is not None:
         views = [ViewDocument(base_T_flange=still, camera_T_target=PoseDocument.of(pose)) for pose in seen]
     elif _are_clouds(images):
-        views = [ViewDocument(base_T_flange=still, cloud=str(image), unit=_cloud_unit(request)) for image in images]
+        views = [
+            ViewDocument(base_T_flange=still, cloud=str(image), unit=require_cloud_unit(unit, request))
+            for image in images
+        ]
     else:
         views = [ViewDocument(base_T_flange=still, image=str(image)) for image in images]
     return SessionDocument(schema_version=1, setup="eye-in-hand", target=target, camera=camera, views=views)
-
-
-def _cloud_unit(request: ImportRequest) -> LengthUnit:
-    if request.cloud_unit is None:
-        raise refusal(request.folder.name, "clouds", "their unit is not stated", "give --cloud-unit m or mm", "clouds")
-    return request.cloud_unit
 
 
 def _undecided(table: PoseTable, readings: Sequence[Reading], decision: Decision, missing: str) -> Undecided:

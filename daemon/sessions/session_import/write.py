@@ -13,7 +13,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import SessionDocument
 from calibration.documents.validation import validate_document
 from daemon.sessions.session_files import SESSION_FILE
-from daemon.sessions.session_import.request import Understood
+from daemon.sessions.session_import.request import Understood, require_cloud_unit
 from registration.documents import ScanDocument
 
 SCAN_FILE = "scan.json"
@@ -25,7 +25,8 @@ def write_session(understood: Understood, folder: Path) -> Path:
         raise refusal(str(folder), "--out", "not an empty folder", "name a new one", "import")
     scan = understood.is_scan
     clouds = scan or all(image.suffix.lower() in (".ply", ".pcd", ".npz") for image in understood.images)
-    unit = _cloud_unit(understood) if clouds and understood.images else None
+    stated = understood.request.cloud_unit or understood.imported.cloud_unit
+    unit = require_cloud_unit(stated, understood.request) if clouds and understood.images else None
     names = _names(understood.images)
     document = _document(understood, names, unit)
     validate_document(ScanDocument if scan else SessionDocument, document, str(folder))
@@ -54,13 +55,6 @@ def _names(images: Sequence[Path]) -> list[str]:
     if len({name.lower() for name in own}) == len(own):
         return own
     return [f"view_{at:03}{image.suffix.lower()}" for at, image in enumerate(images)]
-
-
-def _cloud_unit(understood: Understood) -> LengthUnit:
-    if understood.request.cloud_unit is None:
-        where = understood.request.folder.name
-        raise refusal(where, "clouds", "their unit is not stated", "give --cloud-unit m or mm", "clouds")
-    return understood.request.cloud_unit
 
 
 def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | None) -> dict[str, Any]:

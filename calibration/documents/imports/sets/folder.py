@@ -1,8 +1,11 @@
 """Any folder: pictures or clouds, and poses in one file or one file a pose; the last of the kinds."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
+
+import numpy as np
 
 from calibration.documents.imports.intrinsics import Intrinsics, read_intrinsics
 from calibration.documents.imports.pairing import natural, pair, shown
@@ -85,10 +88,11 @@ def find_poses(files: Files) -> PoseTable:
             refused.append((name, error))
             continue
         if len(table) > 1:
-            several.append(table)
+            if not any(_are_same(table, other) for other in several):
+                several.append(table)
         else:
             path = PurePosixPath(name)
-            stem = path.stem.rstrip("0123456789")
+            stem = re.sub(r"\d+", "", path.stem)
             single.setdefault((f"{path.parent}/{stem}", path.suffix), []).append(name)
     groups = sorted((names for names in single.values() if len(names) > 1), key=len)
     if len(several) + len(groups) == 1:
@@ -100,6 +104,14 @@ def find_poses(files: Files) -> PoseTable:
     if refused:
         raise refused[0][1]
     raise refusal(files.origin, "poses", "no file with poses", "name it by --poses")
+
+
+def _are_same(one: PoseTable, other: PoseTable) -> bool:
+    """Whether two files hold the same numbers, such as poses.txt and poses.npz."""
+    if one.kind != other.kind or len(one) != len(other):
+        return False
+    pairs = ((one.lengths, other.lengths), (one.numbers, other.numbers))
+    return all(np.allclose(mine, its, rtol=1e-5, atol=1e-6) for mine, its in pairs)
 
 
 def _camera(files: Files) -> Intrinsics | None:

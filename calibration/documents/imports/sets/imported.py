@@ -6,6 +6,7 @@ from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
 from typing import Any, Protocol
 
+from calibration.documents.imports.conventions import LengthUnit
 from calibration.documents.imports.intrinsics import Intrinsics
 from calibration.documents.imports.pairing import natural
 from calibration.documents.imports.pose_files import read_poses
@@ -42,7 +43,7 @@ class ImportedSet:
     images : pictures or clouds, one for each pose once `pairing` says how they were paired; else those of the folder.
     camera_poses : the target's pose in the camera, one for each pose, instead of images; a PoseTable of
         camera_T_target.
-    target : as in session.json.
+    target : as in session.json; cloud_unit: of the clouds' points, where the set states it.
     """
 
     kind: str
@@ -54,6 +55,7 @@ class ImportedSet:
     camera: Intrinsics | None = None
     setup: Setup | None = None
     notes: tuple[str, ...] = ()
+    cloud_unit: LengthUnit | None = None
 
 
 def of_suffix(names: Sequence[str], suffixes: frozenset[str]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from calibration.documents.imports.sets import (
     industrial_calibration,
     joint_states,
     metric,
+    own,
     pose_pairs,
     tabb,
     visp,
@@ -36,6 +37,7 @@ KINDS = (
     SetKind("ViSP", visp.recognise, visp.read),
     SetKind("Zivid", zivid.recognise, zivid.read),
     SetKind("samples of pose pairs", pose_pairs.recognise, pose_pairs.read),
+    SetKind("handeyed", own.recognise, own.read),
 )
 
 

@@ -22,6 +22,7 @@ from tests.calibration.documents.imports.written import (
     WXYZ,
     lines,
     matrices,
+    npy,
     ros_poses,
     rows,
 )
@@ -134,6 +135,19 @@ SETS: dict[str, tuple[dict[str, bytes], str | None]] = {
         },
         None,
     ),
+    "handeyed": (
+        {
+            "session.json": json.dumps({
+                "schema_version": 1, "setup": "eye-in-hand", "camera": None,
+                "target": {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 23.6},
+                "views": [{"image": f"view_{at}.png", "base_T_flange": {
+                    "translation_mm": mm.tolist(), "quaternion_wxyz": wxyz.tolist()}}
+                    for at, (mm, wxyz) in enumerate(zip(MM, WXYZ, strict=True))],
+            }).encode(),
+            **_pictures("view_{}.png"),
+        },
+        None,
+    ),
     "samples of pose pairs": (
         {"cell.samples": json.dumps({
             "parameters": {"calibration_type": "eye_in_hand"},
@@ -178,7 +192,37 @@ def test_targets_of_the_sets() -> None:
         "dataset_spec": target_of_text("chessboard:9x6:23.6"),
         "METRIC": target_of_text("chessboard:3x4:50"),
         "RWHE": target_of_text("chessboard:8x6:28.5"),
+        "handeyed": target_of_text("chessboard:9x6:23.6"),
     }
+
+
+def test_our_own_session_may_state_its_poses_as_matrices() -> None:
+    views = [{"cloud": f"{at}.ply", "unit": "m", "base_T_flange": {"matrix": pose.tolist()}}
+             for at, pose in enumerate(matrices())]  # fmt: skip
+    imported = read_set(Held({"scan.json": json.dumps({"views": views}).encode()}), None, Chosen())
+    np.testing.assert_allclose(poses_of(imported), POSES, atol=1e-5)
+    assert (imported.cloud_unit, imported.images) == ("m", ("0.ply", "1.ply", "2.ply"))
+
+
+def test_a_session_of_points_is_solved_as_it_is() -> None:
+    views = [{"points_mm": [], "base_T_flange": {}}]
+    with pytest.raises(DocumentError, match="run handeyed solve set"):
+        read_set(Held({"session.json": json.dumps({"views": views}).encode()}), None, Chosen())
+
+
+def test_two_files_with_the_same_poses_are_one() -> None:
+    files = {"poses.txt": lines(*rows(MM, WXYZ)), "poses.npy": npy(np.concatenate([MM, WXYZ], axis=1))}
+    assert len(read_set(Held(files | _pictures("{}.png")), None, Chosen()).poses) == 3
+    files["other.txt"] = lines(*rows(MM + 1, WXYZ))
+    with pytest.raises(DocumentError, match="poses in several files"):
+        read_set(Held(files | _pictures("{}.png")), None, Chosen())
+
+
+def test_a_file_for_each_pose_is_known_by_the_number_anywhere_in_its_name() -> None:
+    files = {f"{at}_frame.txt": f"np.array({pose.tolist()})".encode() for at, pose in enumerate(matrices())}
+    imported = read_set(Held(files | _pictures("{}_frame.png")), None, Chosen())
+    np.testing.assert_allclose(imported.poses.lengths, MM, atol=1e-5)
+    assert imported.images == ("0_frame.png", "1_frame.png", "2_frame.png")
 
 
 def test_set_ups_of_the_sets() -> None:

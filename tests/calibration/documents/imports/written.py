@@ -107,6 +107,18 @@ FILES: dict[str, tuple[str, bytes, str]] = {
     "4 x 4 blocks": ("a.txt", lines(*("\n".join(" ".join(map(str, row)) for row in pose) for pose in POSES)), ""),
     "counted blocks": ("a.txt", lines("3", *("\n".join(" ".join(map(str, r)) for r in pose) for pose in POSES)), ""),
     "Franka's columns": ("a.txt", lines(*rows(np.swapaxes(POSES, 1, 2).reshape(3, 16), separator=" ")), ""),
+    "Python's brackets": ("a.txt", lines(*(f"T{at} = np.array({pose.tolist()})" for at, pose in enumerate(POSES))), ""),
+    "numpy as it prints": ("a.txt", lines(*(f"[{pose!s}]" for pose in POSES)), ""),
+    "MATLAB": ("a.txt", lines(*(f"T{at} = [" + "; ".join(" ".join(map(str, row)) for row in pose) + "];"
+                                for at, pose in enumerate(POSES))), ""),
+    "a label and brackets": ("a.txt", lines(*(f"pose: [{row}]" for row in rows(MM, VECTORS))), "rotation-vector"),
+    "a picture and brackets": ("a.txt", lines(*(f"img_{at}.png [{row}]" for at, row in enumerate(rows(MM, VECTORS)))),
+                               "rotation-vector"),
+    "axis before the word": ("a.csv", lines("x_pos,y_pos,z_pos,w_rot,x_rot,y_rot,z_rot", *rows(MM, WXYZ)), ""),
+    "angles first": ("a.csv", lines(*rows(euler("ZYX"), MM)), "kuka"),
+    "quaternion first": ("a.csv", lines(*rows(WXYZ, MM)), "abb"),
+    "nested rotation": ("a.json", json.dumps([{"rotation": pose[:3, :3].tolist(), "translation": pose[:3, 3].tolist()}
+                                              for pose in POSES]).encode(), ""),
     "JSON of ROS": ("a.json", json.dumps(ros_poses()).encode(), ""),
     "JSON by name": ("a.json", json.dumps({f"v{at}": pose for at, pose in enumerate(ros_poses())}).encode(), ""),
     "JSON matrices": ("a.json", json.dumps({"poses": POSES.tolist()}).encode(), ""),
