@@ -19,15 +19,15 @@ CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENODEV)
 class GuardedFile:
     """A binary file whose OSErrors become CloudIOError with the cloud's name and the position."""
 
-    def __init__(self, file: BinaryIO, name: str) -> None:
-        self._file = file
+    def __init__(self, file: BinaryIO, name: str, path: Path) -> None:
+        self._file, self._path = file, path
         self.name = name
 
     @classmethod
     def reading(cls, path: Path, name: str) -> Self:
         """Open for reading. Raises CloudIOError."""
         try:
-            return cls(open_regular(path), name)
+            return cls(open_regular(path), name, path)
         except OSError as error:
             raise _error(name, "file", "opened", error) from None
 
@@ -72,6 +72,10 @@ class GuardedFile:
         """As `readinto`, from a position; thread-safe."""
         filled = 0
         try:
+            if not hasattr(os, "preadv"):  # Windows: a handle of its own has a position of its own
+                with self._path.open("rb") as file:
+                    file.seek(position)
+                    return file.readinto(buffer)
             while filled < len(buffer) and (
                 more := os.preadv(self._file.fileno(), [buffer[filled:]], position + filled)
             ):
@@ -84,6 +88,11 @@ class GuardedFile:
         """Write all of `data` at a position; thread-safe."""
         view, done = memoryview(data), 0
         try:
+            if not hasattr(os, "pwrite"):
+                with self._path.open("r+b") as file:
+                    file.seek(position)
+                    file.write(view)
+                return
             while done < len(view):
                 done += os.pwrite(self._file.fileno(), view[done:], position + done)
         except OSError as error:
@@ -91,6 +100,8 @@ class GuardedFile:
 
     def reserve(self, length: int) -> None:
         """Reserve `length` bytes: reports a full disk before the work, and halves the cost of writing."""
+        if not hasattr(os, "posix_fallocate"):  # Windows, macOS
+            return
         try:
             os.posix_fallocate(self._file.fileno(), 0, length)
         except OSError as error:
@@ -125,7 +136,7 @@ def new_file(path: Path, *, durable: bool = True) -> Iterator[GuardedFile]:
         raise _error(path.name, "file", "created", error) from None
     try:
         with raw:
-            yield GuardedFile(raw, path.name)
+            yield GuardedFile(raw, path.name, part)
             if durable:
                 _settle(lambda: os.fsync(raw.fileno()), path.name)
         _settle(lambda: part.replace(path), path.name)
@@ -143,6 +154,8 @@ def _settle(step: Callable[[], object], name: str) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
+    if not hasattr(os, "O_DIRECTORY"):
+        return  # Windows opens no folders
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
