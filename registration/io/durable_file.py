@@ -131,6 +131,8 @@ def new_file(path: Path, *, durable: bool = True) -> Iterator[GuardedFile]:
     """
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
+        if path.exists() and not path.is_file():  # a rename would replace a device such as /dev/null, for everybody
+            raise OSError(errno.EINVAL, "it is a folder or a device, not a file")
         raw = part.open("xb", buffering=0)
     except OSError as error:
         raise _error(path.name, "file", "created", error) from None

@@ -30,7 +30,7 @@ async def test_a_retry_is_answered_with_the_same_run(bench: Bench) -> None:
     assert (again.status_code, again.content) == (first.status_code, first.content)
     assert again.headers["location"] == first.headers["location"]
     assert (replayed(first), replayed(again)) == (False, True)
-    other = await bench.client.post("/calibrate?wait=20", headers=OTHER, json={"count": 3})
+    other = await bench.client.post("/calibrate?wait=200", headers=OTHER, json={"count": 3})
     assert other.json()["id"] != first.json()["id"]
     assert len((await bench.client.get("/runs")).json()["runs"]) == 2
 
@@ -52,14 +52,14 @@ async def test_while_the_first_is_in_flight_the_second_learns_whose_run_to_follo
     parts = Parts()
     parts.robot.before_move = gate
     async with serving(settings_for(tmp_path), parts) as bench:
-        first = asyncio.create_task(bench.client.post("/calibrate?wait=30", headers=KEY))
+        first = asyncio.create_task(bench.client.post("/calibrate?wait=200", headers=KEY))
         await gate.reached.wait()
-        second = await bench.client.post("/calibrate?wait=30", headers=KEY)
+        second = await bench.client.post("/calibrate?wait=200", headers=KEY)
         assert (second.status_code, second.json()["code"]) == (409, "request-in-flight")
         run = second.json()["holder"]
         gate.open.set()
         assert (await first).json()["id"] == run
-        third = await bench.client.post("/calibrate?wait=30", headers=KEY)
+        third = await bench.client.post("/calibrate?wait=200", headers=KEY)
         assert replayed(third)
         assert third.json()["state"] == "finished"
 
@@ -131,9 +131,9 @@ async def _apply_another(bench: Bench) -> None:
 async def test_the_answer_survives_a_restart(tmp_path: Path) -> None:
     settings = settings_for(tmp_path)
     async with serving(settings) as bench:
-        first = await bench.client.post("/calibrate?wait=20", headers=KEY)
+        first = await bench.client.post("/calibrate?wait=200", headers=KEY)
     async with serving(settings) as bench:
-        again = await bench.client.post("/calibrate?wait=20", headers=KEY)
+        again = await bench.client.post("/calibrate?wait=200", headers=KEY)
         assert replayed(again)
         assert again.json() == first.json()
         assert not bench.robot.goals
@@ -169,5 +169,5 @@ async def test_a_key_that_was_only_noted_is_free_after_a_restart(tmp_path: Path)
         keyed = bench.application.store.idempotency_keys
         assert await keyed.begin("local", KEY["idempotency-key"], "head", "2026-11-21T09:00:00.000Z") is None
     async with serving(settings) as bench:
-        answer = await bench.client.post("/calibrate?wait=20", headers=KEY)
+        answer = await bench.client.post("/calibrate?wait=200", headers=KEY)
         assert (answer.status_code, replayed(answer)) == (200, False)

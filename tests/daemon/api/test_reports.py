@@ -32,7 +32,7 @@ async def test_the_report_of_the_one_in_force(tmp_path: Path) -> None:
 
 
 async def test_a_run_s_calibration_is_reported_with_its_pictures_and_then_verified(bench: Bench) -> None:
-    run = await bench.client.post("/calibrate", json={"count": 4}, params={"wait": 60})
+    run = await bench.client.post("/calibrate", json={"count": 4}, params={"wait": 200})
     calibration_id = run.json()["result"]["calibration_id"]
     before = (await bench.client.get(f"/calibrations/{calibration_id}/report")).text
     assert "data:image/jpeg;base64," in before

@@ -89,7 +89,7 @@ def test_ctrl_c_stops_the_arm(running: Running) -> None:
         asking.communicate(timeout=LIMIT_S)
 
     assert asking.returncode == 130
-    assert httpx.get(f"{running.url}/runs/{run['id']}?wait=20", timeout=LIMIT_S).json()["state"] == "aborted"
+    assert httpx.get(f"{running.url}/runs/{run['id']}?wait=200", timeout=LIMIT_S).json()["state"] == "aborted"
     assert httpx.get(f"{running.url}/robot", timeout=LIMIT_S).json()["armed"] is False
 
 

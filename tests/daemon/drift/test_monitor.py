@@ -94,7 +94,7 @@ async def test_the_chart_is_reported_over_rest_with_every_verification_that_is_o
         for turn in range(5):
             if turn == 4:
                 camera.knock = transform(np.eye(3), [0.0, 3.0, 0.0])
-            run = (await bench.client.post("/verify?wait=60")).json()
+            run = (await bench.client.post("/verify?wait=200")).json()
             told = (await bench.client.get("/drift")).json()
             runs.append(run["id"])
             assert [point["run_id"] for point in told["points"]] == runs

@@ -49,7 +49,7 @@ async def test_while_abort_is_held_nobody_starts(tmp_path: Path) -> None:
         assert value_of(await plc.image(), "error_code") == 23
         assert not bench.robot.goals
         await plc.sets(C(0))
-        assert (await bench.client.post("/calibrate", params={"wait": 30})).json()["state"] == "finished"
+        assert (await bench.client.post("/calibrate", params={"wait": 200})).json()["state"] == "finished"
 
 
 @pytest.mark.parametrize("words", [(C.ABORT,), (C.ABORT, C(0))], ids=["held", "a pulse"])

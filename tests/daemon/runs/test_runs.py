@@ -101,14 +101,14 @@ async def test_a_device_that_never_answers_ends_the_run_though_its_driver_has_no
     else:
         monkeypatch.setattr(parts.camera, "grab", waits_for_ever)
     async with serving(settings_for(tmp_path), parts) as bench:
-        run = (await bench.client.post("/calibrate?wait=20")).json()
+        run = (await bench.client.post("/calibrate?wait=200")).json()
         assert (run["state"], run["cause"]["code"]) == ("failed", "run-stalled")
         assert f"while {'moving' if hangs == 'move' else 'capturing'}" in run["cause"]["what"]
         assert (bench.robot.armed, bench.robot.stops) == (False, 1)
         never.set()
         monkeypatch.undo()
         parts.robot.before_move = None
-        assert (await bench.client.post("/calibrate?wait=20")).json()["state"] == "finished"
+        assert (await bench.client.post("/calibrate?wait=200")).json()["state"] == "finished"
 
 
 async def test_two_calibrates_in_the_same_moment_start_one_run(bench: Bench) -> None:

@@ -92,7 +92,7 @@ async def test_a_scanner_that_fails_fails_the_run(tmp_path: Path) -> None:
             raise DeviceTimeout("PhoXi 10.0.0.5", "no cloud within 60 s", "look at the projector")
 
         bench.scanner.scan = late  # type: ignore[method-assign]
-        answer = await bench.client.post("/scans", params={"wait": 10}, json={"capture": True})
+        answer = await bench.client.post("/scans", params={"wait": 200}, json={"capture": True})
         run = answer.json()["run"]
         assert run["state"] == "failed"
         assert "no cloud within 60 s" in run["cause"]["what"]

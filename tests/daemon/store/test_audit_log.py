@@ -110,7 +110,7 @@ async def test_what_was_done_is_reported_with_who_did_it(tmp_path: Path) -> None
         record = CalibrationRecord("good", None, document.created_at, True, document)
         await bench.application.store.save_calibration(record)
         mes = bearer(keys["operator"])
-        run = (await bench.client.post("/calibrate?wait=20", headers=mes)).json()
+        run = (await bench.client.post("/calibrate?wait=200", headers=mes)).json()
         await bench.client.post("/calibrations/good/apply", headers=mes)
         await bench.client.post("/scans", headers=mes, json={"name": "door"})
         await bench.client.post("/calibrate", headers=mes, json={"count": 1})  # refused: nothing was done

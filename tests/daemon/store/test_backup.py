@@ -43,9 +43,9 @@ async def test_a_restored_store_gives_the_same_answers(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path / "here" / "store", calibration={"policy": "auto"})) as bench:
         key, _ = await bench.application.key_service.add("Ann", Role.ADMIN, TEST)
         headers = bearer(key)
-        run = (await bench.client.post("/calibrate?wait=30", headers=headers)).json()
+        run = (await bench.client.post("/calibrate?wait=200", headers=headers)).json()
         assert run["result"]["applied"]
-        verified = (await bench.client.post("/verify?wait=30", headers=headers)).json()
+        verified = (await bench.client.post("/verify?wait=200", headers=headers)).json()
         assert verified["state"] == "finished"
         scan = (await bench.client.post("/scans", headers=headers)).json()
         link, sent = scan["links"]["views"], {**headers, **PLY}

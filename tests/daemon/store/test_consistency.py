@@ -181,7 +181,7 @@ async def test_a_run_in_a_store_that_is_moved_away_ends_and_the_arm_stands(tmp_p
                 move_store(folder)
 
         bench.robot.before_move = move
-        run = (await bench.client.post("/calibrate?wait=30", json={"count": 3})).json()
+        run = (await bench.client.post("/calibrate?wait=200", json={"count": 3})).json()
         assert (run["state"], run["cause"]["code"]) == ("failed", "storage-inconsistent")
 
 

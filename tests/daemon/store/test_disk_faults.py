@@ -46,7 +46,7 @@ async def test_what_cannot_be_saved_is_reported_and_the_daemon_goes_on(
         else:
             assert (first.status_code, first.headers["content-type"]) == (status, "application/problem+json")
             assert first.json()["fix"]
-        run = await bench.client.post("/calibrate?wait=30", json={"count": 3})
+        run = await bench.client.post("/calibrate?wait=200", json={"count": 3})
         if run.status_code == 200:  # it began, and could not keep its first picture
             assert run.json()["state"] == "failed"
             assert run.json()["cause"]["code"] in ("storage-error", "storage-full")
@@ -56,7 +56,7 @@ async def test_what_cannot_be_saved_is_reported_and_the_daemon_goes_on(
         assert await bench.application.work_is_alive()
         disk.broken = False
         assert (await bench.client.post(scan["links"]["views"], **view)).status_code == 201
-        done = (await bench.client.post("/calibrate?wait=30", json={"count": 3})).json()
+        done = (await bench.client.post("/calibrate?wait=200", json={"count": 3})).json()
         assert done["state"] == "finished"
         listed = (await bench.client.get(scan["links"]["self"])).json()["views"]
         assert [each["view"] for each in listed] == [*range(1 + first.is_success)]

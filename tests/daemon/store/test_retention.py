@@ -169,8 +169,8 @@ async def test_a_full_disk_is_foreseen(tmp_path: Path, monkeypatch: pytest.Monke
 
 async def test_a_picture_that_was_removed_is_reported(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, storage={"keep_runs": 1})) as bench:
-        first = (await bench.client.post("/calibrate?wait=30", json={"count": 3})).json()
-        await bench.client.post("/calibrate?wait=30", json={"count": 3})
+        first = (await bench.client.post("/calibrate?wait=200", json={"count": 3})).json()
+        await bench.client.post("/calibrate?wait=200", json={"count": 3})
         (keeper,) = (each for each in bench.application.services if isinstance(each, Retention))
         assert len(await keeper.tidy()) == 3
         gone = await bench.client.get(first["links"]["frame 0"])
@@ -189,7 +189,7 @@ async def test_a_clock_that_jumps_an_hour_in_mid_run_changes_nothing(bench: Benc
 
     bench.robot.before_move = jump
     runs = [
-        (await bench.client.post("/calibrate?wait=30", json={"count": 3}, headers={"idempotency-key": key})).json()
+        (await bench.client.post("/calibrate?wait=200", json={"count": 3}, headers={"idempotency-key": key})).json()
         for key in ("a", "b", "a")
     ]
     assert [run["state"] for run in runs] == ["finished"] * 3

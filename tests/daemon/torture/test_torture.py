@@ -33,7 +33,7 @@ async def test_every_failpoint_that_is_named_is_reached_by_the_daemon_itself(tmp
             seen.append(place)
 
     async with serving(settings_for(tmp_path), at=Seen()) as bench:
-        await bench.client.post("/calibrate?wait=30", json={"count": 3})
+        await bench.client.post("/calibrate?wait=200", json={"count": 3})
         assert set(seen) == set(PLACES)
         assert [seen.count(f"{when} {what}") for when in ("before", "after") for what in ("move", "capture")] == [3] * 4
         await bench.client.post("/scans", json={"capture": True, "poses": TWO_POSES})

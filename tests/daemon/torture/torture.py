@@ -120,7 +120,7 @@ class Torture:
         scan = self._send(client, Request("scan", "/scans", {"name": "part"}))
         for _ in range(2):
             self._send(client, Request("view", f"/scans/{scan['id']}/views?pose={POSE}", self._cloud()))
-        run = self._send(client, Request("run", "/calibrate?wait=60", {"count": STATIONS}))
+        run = self._send(client, Request("run", "/calibrate?wait=200", {"count": STATIONS}))
         if run["state"] == "finished":
             self._send(client, Request("apply", f"/calibrations/{run['id']}/apply", {"despite_verdict": True}))
 

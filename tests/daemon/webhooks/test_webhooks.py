@@ -152,9 +152,9 @@ async def test_a_run_and_a_view_are_reported_by_the_running_daemon(tmp_path: Pat
         settings = settings_for(tmp_path)
         settings = settings.model_copy(update={"webhooks": (WebhookSettings.model_validate(hook),)})
         async with serving(settings) as bench:
-            run = (await bench.client.post("/scans?wait=20", json={"capture": True, "poses": None})).json()
+            run = (await bench.client.post("/scans?wait=200", json={"capture": True, "poses": None})).json()
             assert run["code"] == "no-poses"
-            done = (await bench.client.post("/calibrate?wait=20")).json()
+            done = (await bench.client.post("/calibrate?wait=200")).json()
             bodies = await mes.has(2)
             assert {body["type"] for body in bodies} == {"calibration.stored", "run.ended"}
             ended = next(body["data"] for body in bodies if body["type"] == "run.ended")
