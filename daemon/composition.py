@@ -12,7 +12,7 @@ import uvloop
 from daemon.application import Application
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.device_watch import DeviceWatch
-from daemon.cell.devices import open_devices
+from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings
@@ -67,7 +67,9 @@ def build(
     store.publish = events.publish
     workers, service_workers, merge_workers = Workers(clock), Workers(clock), Workers(clock, threads=1)
     interlocks = settings.interlocks.open() if settings.interlocks else None
-    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks, at, events.publish)
+    devices = open_devices(settings, clock)
+    exposure = open_exposure_control(settings, devices, clock)
+    cell = Cell(devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure)
     supervisor = Supervisor(cell, store, events, clock, new_id)
     scans = ScanService(
         store,

@@ -5,6 +5,7 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from daemon.cell.camera_turns import CameraTurns
@@ -23,6 +24,7 @@ from drivers.interfaces import Camera, CameraFrame, MoveGoal, PoseReading, Robot
 from drivers.interlocked_robot import InterlockedRobot
 
 if TYPE_CHECKING:
+    from daemon.cell.exposure_control import ExposureControl
     from drivers.interlocks import Interlocks
 
 log = logging.getLogger(__name__)
@@ -57,12 +59,13 @@ class Cell:
         interlocks: "Interlocks | None" = None,
         at: Failpoints = NO_FAILPOINTS,
         publish: Publish = lambda kind, data: None,
+        exposure: "ExposureControl | None" = None,
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
         self._camera, self._scanner, self._vibration_gate = devices.camera, devices.scanner, devices.vibration_gate
         self._outputs = devices.outputs
-        self._settling, self._clock, self._at = settling, clock, at
+        self._settling, self._clock, self._at, self._exposure = settling, clock, at, exposure
         self._holder: str | None = None
         self._external_axes: tuple[float, ...] | None = None
         self._leased = False
@@ -157,13 +160,14 @@ class Cell:
         return before, frame
 
     async def capture_frame(self, before: PoseReading) -> CameraFrame:
-        """Take a frame after the reading `before`, and check that the arm has not moved since.
+        """Take a frame after the reading `before`, well exposed, and check that the arm has not moved since.
 
         Raises NotStill, StaleCaptureError, DeviceError.
         """
         self._at.reach("before capture")
+        take = partial(self._outputs.capture, self.grab) if self._outputs else self.grab
         newer_than_s = before.taken_at_s
-        frame = await (self._outputs.capture(self.grab, newer_than_s) if self._outputs else self.grab(newer_than_s))
+        frame = await (self._exposure.expose(take, newer_than_s) if self._exposure else take(newer_than_s))
         self._at.reach("after capture")
         check_still(before, await self.robot.read_pose(), self._settling)
         self._camera_staleness.check_frame(frame, before)

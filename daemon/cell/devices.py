@@ -2,6 +2,7 @@
 
 from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.cell import Devices
+from daemon.cell.exposure_control import ExposureControl, ExposureLimits
 from daemon.cell.vibration import VibrationGate
 from daemon.config.settings import EgmSettings, Settings
 from daemon.runtime.clock import Clock
@@ -38,6 +39,15 @@ def open_devices(settings: Settings, clock: Clock, *, camera_limit_s: float = MA
         vibration_gate=_open_vibration_gate(settings.robot.egm, timing) if settings.robot.egm else None,
         outputs=CaptureOutputs(program, outputs, clock) if program is not None and outputs is not None else None,
     )
+
+
+def open_exposure_control(settings: Settings, devices: Devices, clock: Clock) -> ExposureControl | None:
+    """The choice of the camera's exposure within the settings' limits; None without them."""
+    limits = settings.camera.exposure
+    if limits is None:
+        return None
+    wanted = ExposureLimits(limits.exposure_us, limits.gain_db)
+    return ExposureControl(devices.camera, settings.target.target(), wanted, clock)
 
 
 def _open_vibration_gate(egm: EgmSettings, timing: Timing) -> VibrationGate:

@@ -151,8 +151,21 @@ class RobotSettings(Document):
         return bool(np.all((points >= low) & (points <= high)))
 
 
+class ExposureSettings(Document):
+    """Limits, each least and greatest, within which exposure and gain are chosen for the target, view by view."""
+
+    exposure_us: tuple[Annotated[float, Field(ge=1, le=1e7)], Annotated[float, Field(ge=1, le=1e7)]] = (20.0, 100_000.0)
+    gain_db: tuple[Annotated[float, Field(ge=0, le=60)], Annotated[float, Field(ge=0, le=60)]] = (0.0, 6.0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "ExposureSettings":
+        if self.exposure_us[0] > self.exposure_us[1] or self.gain_db[0] > self.gain_db[1]:
+            raise ValueError("exposure_us and gain_db are [least, greatest]")
+        return self
+
+
 class CameraSettings(Document):
-    """The camera. Without intrinsics the calibration estimates them.
+    """The camera. Without intrinsics the calibration estimates them; without `exposure` it stays.
 
     `setup`: eye-in-hand for a camera on the flange, eye-to-hand for one beside the robot with the target on the flange.
     """
@@ -160,6 +173,7 @@ class CameraSettings(Document):
     setup: Setup = "eye-in-hand"
     address: Annotated[str, _address_validator(check_camera_address)]
     intrinsics: CameraDocument | None = None
+    exposure: ExposureSettings | None = None
 
 
 class ScannerSettings(Document):
