@@ -5,6 +5,7 @@ import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { HoldButton } from '../parts/hold_button.js';
 import { Missing, useAsked } from '../parts/loaded.js';
+import { placesOf } from '../parts/places.js';
 import { compose } from '../parts/pose.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask, newKey } from '../state/ask.js';
@@ -74,11 +75,12 @@ function WhatMoves({ how, body, arm, plan, setPlan }) {
   const inForce = useAsked('/calibrations/current', ['applied']);
   const x = inForce.data?.calibration?.flange_T_camera;
   const now = robot.value;
+  const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => {
     const camera = ({ base_T_flange }) => (x ? compose(base_T_flange, x) : base_T_flange);
     return {
       skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm?.box_mm, outline_mm: arm?.target_points_mm,
-      target: inForce.data?.calibration?.base_T_target, planned: (plan?.poses ?? []).map(camera),
+      target: places.target, here: inForce.data?.calibration?.base_T_camera, planned: (plan?.poses ?? []).map(camera),
     };
   }, [now, arm, plan, x, inForce.data]);
   const look = async () => setPlan((await ask('/plan', { method: 'POST', body, limit_s: 60 })).data);

@@ -5,7 +5,7 @@ import { CellScene } from '../parts/cell_scene.js';
 import { Uncertainty } from '../parts/in_force.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
-import { compose } from '../parts/pose.js';
+import { placesOf } from '../parts/places.js';
 import { Reasons } from '../parts/reasons.js';
 import { mm, moment } from '../state/numbers.js';
 import { devices, old, robot } from '../state/now.js';
@@ -18,14 +18,15 @@ export function Cell() {
   const drift = useAsked('/drift', ['drift', 'applied', 'run']);
   const calibration = inForce.data?.calibration;
   const now = robot.value;
+  const places = placesOf(calibration, now?.base_T_flange);
   const parts = useMemo(
     () => ({
       skeleton_mm: now?.skeleton_mm,
       flange_mm: now?.base_T_flange?.translation_mm,
       box_mm: arm.data?.box_mm,
       outline_mm: arm.data?.target_points_mm,
-      target: calibration?.base_T_target,
-      here: now && calibration?.flange_T_camera ? compose(now.base_T_flange, calibration.flange_T_camera) : null,
+      target: places.target,
+      here: places.camera,
     }),
     [now, arm.data, calibration],
   );

@@ -5,6 +5,7 @@ import { Card } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { useAsked } from '../parts/loaded.js';
 import { LivePicture } from '../parts/live_picture.js';
+import { placesOf } from '../parts/places.js';
 import { compose } from '../parts/pose.js';
 import { WayToGo, isNear } from '../parts/way_to_go.js';
 import { ask, newKey } from '../state/ask.js';
@@ -20,9 +21,10 @@ export function Jog({ shown }) {
   const next = planning?.next_pose;
   const x = inForce.data?.calibration?.flange_T_camera;
   const here = now?.base_T_flange;
+  const places = placesOf(inForce.data?.calibration, here);
   const parts = useMemo(() => ({
     skeleton_mm: now?.skeleton_mm, flange_mm: here?.translation_mm, box_mm: arm.data?.box_mm, outline_mm: arm.data?.target_points_mm,
-    target: inForce.data?.calibration?.base_T_target, next: next && x ? compose(next, x) : next, here: here && x ? compose(here, x) : here,
+    target: places.target, next: next && x ? compose(next, x) : next, here: places.camera ?? here,
   }), [now, arm.data, inForce.data, next, x]);
   const near = here && next && isNear(here, next, planning.near) && look.value?.corners?.length > 0;
   const act = (what) => async () => {
