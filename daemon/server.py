@@ -23,7 +23,7 @@ from daemon.api.app import create_api, prepare, routes
 from daemon.application import Application
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.http.connections import limited_connection
-from daemon.http.listen_socket import BACKLOG, open_listener
+from daemon.http.listen_socket import BACKLOG, MAX_ACCEPTED_A_TURN, open_listener
 from daemon.http.tls_handshake import PendingTlsConnection, TlsListener
 from daemon.runtime.durable_files import write_durably
 
@@ -59,7 +59,7 @@ class Server(uvicorn.Server):
                 create_api(self._routes, application),
                 http=partial(limited_connection, self._limiter),  # type: ignore[arg-type] # called, never subclassed
                 ws="none",
-                backlog=BACKLOG,
+                backlog=MAX_ACCEPTED_A_TURN,  # asyncio accepts so many in a turn, and lets no more wait; see startup
                 proxy_headers=False,  # anybody on this machine could give themselves another address
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=KEEP_ALIVE_S,
@@ -95,6 +95,8 @@ class Server(uvicorn.Server):
         self._loop = asyncio.get_running_loop()
         if self._tls is None or self._listener is None:
             await super().startup(sockets)
+            if self._listener is not None:
+                self._listener.listen(BACKLOG)
         else:
             await super().startup([])
             secured = TlsListener(

@@ -11,7 +11,10 @@ import socket
 import ssl
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import count
 from typing import Protocol
+
+from daemon.http.listen_socket import MAX_ACCEPTED_A_TURN
 
 log = logging.getLogger(__name__)
 
@@ -102,7 +105,9 @@ class TlsListener:
 
     async def _accept(self) -> None:
         loop = asyncio.get_running_loop()
-        while True:
+        for accepted in count(1):
+            if accepted % MAX_ACCEPTED_A_TURN == 0:
+                await asyncio.sleep(0)
             try:
                 connection, address = await loop.sock_accept(self._listener)
             except OSError as error:

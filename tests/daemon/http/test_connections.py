@@ -3,6 +3,7 @@
 import asyncio
 import json
 import socket
+import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -12,7 +13,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from daemon.http.connection_limiter import ConnectionLimiter, HttpLimits
-from daemon.http.listen_socket import open_listener
+from daemon.http.listen_socket import BACKLOG, MAX_ACCEPTED_A_TURN, open_listener
 from daemon.http.request_pacing import RequestPacing
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.support.waiting import LIMIT_S, eventually
@@ -49,6 +50,21 @@ def test_no_answer_waits_for_the_client_to_acknowledge_its_first_half() -> None:
         accepted, _ = listener.accept()
         with accepted:
             assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
+def most_of_the_system() -> int:
+    """How many connections Linux lets wait at any listening socket."""
+    return int(Path("/proc/sys/net/core/somaxconn").read_text())
+
+
+async def test_many_connections_may_wait_though_few_are_accepted_in_a_turn(tmp_path: Path) -> None:
+    """asyncio sets both to one number: as many as it accepts in a turn of the event loop may wait."""
+    async with serving(settings_for(tmp_path)) as bench:
+        listener = bench.server._listener
+        assert listener is not None
+        longest_queue = int.from_bytes(listener.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 32)[28:], sys.byteorder)
+        assert longest_queue == min(BACKLOG, most_of_the_system())
+        assert bench.server.config.backlog == MAX_ACCEPTED_A_TURN < 100
 
 
 MALFORMED = [
