@@ -27,7 +27,7 @@ export default {
   'nothing-unless-many': 'nichts, wenn es wenige sind; sonst die Bilder auf Spiegelungen und Unschärfe ansehen',
   'check-these-poses': 'diese Posen prüfen: Tippfehler, ein Arm in Bewegung, ein verschobenes Target',
   'none-needed': 'nichts zu tun',
-  'rule': 'angenommen, wenn kein Befund ein Fehler ist; U (k = {coverage_factor:g}) am schlechtesten der Punkte über {tolerance_mm:g} mm ist einer',
+  'rule': 'angenommen, wenn kein Befund ein Fehler ist; ein U (k = {coverage_factor:g}) über {tolerance_mm:g} mm am schlechtesten der Punkte ist ein Fehler',
   'compared-apart': 'sie liegen {translation_mm:.3g} mm und {rotation_deg:.2g} Grad auseinander',
   'compared-at-points': '{apart}; bei {point} {difference_mm:.3g} mm',
   'compared-at-known-points': '{apart}; bei {point} {difference_mm:.3g} mm, wo beide es auf U = {expanded_mm:.2g} mm (k = 2) wissen',
