@@ -70,7 +70,9 @@ def test_every_room_is_in_the_wheel_and_every_import_contract() -> None:
 
 def test_every_import_is_a_declared_dependency() -> None:
     """A library that is only there because another one brings it would vanish with it."""
-    declared = {canonicalize_name(Requirement(line).name) for line in PYPROJECT["project"]["dependencies"]}
+    project = PYPROJECT["project"]
+    given = (project["dependencies"], *project["optional-dependencies"].values())
+    declared = {canonicalize_name(Requirement(line).name) for lines in given for line in lines}
     providers = metadata.packages_distributions()
     missing: dict[str, set[str]] = {}
     for room in ROOMS:

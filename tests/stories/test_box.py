@@ -1,6 +1,7 @@
 """The flange stays in the box on its way, measured at the shipped RAPID by an independent chain of links."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,11 +25,9 @@ def moves(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Array, Array]]:
     made: list[tuple[Array, Array]] = []
     depart = SimulatedArm.depart
 
-    def recorded(
-        arm: SimulatedArm, joints: Array, speed_mm_s: float, linear: bool, now_s: float, turn_rad_s: float
-    ) -> float:
+    def recorded(arm: SimulatedArm, joints: Array, speed_mm_s: float, linear: bool, now_s: float, *more: Any) -> float:
         made.append((arm.joints_at(now_s), joints))
-        return depart(arm, joints, speed_mm_s, linear, now_s, turn_rad_s)
+        return depart(arm, joints, speed_mm_s, linear, now_s, *more)
 
     monkeypatch.setattr(SimulatedArm, "depart", recorded)
     return made

@@ -101,6 +101,8 @@ async def longest_while(bench: Bench, path: str, url: str) -> float:
     query: dict[str, Any] = {"limit": ROWS} if any(one["name"] == "limit" for one in parameters) else {}
     if path.endswith("/compare"):
         query = {"with": "copy-0"}
+    if path.endswith("/surface"):
+        query = {"view": 0, "voxel_mm": 1.0}
     answer = await bench.client.get(url, params=query)
     assert answer.status_code in (200, 503), answer.text
     await asyncio.sleep(2 * PERIOD_S)
