@@ -361,8 +361,8 @@ PARTS = {
     "columns-and-rows-exchanged": "columns and rows are exchanged",
     "columns-and-rows": "they lie as those of {columns} columns and {rows} rows",
     "ids-from-one": "their ids are counted from 1",
-    "rule": "accepted when no finding is an error; a U (k = {coverage_factor:g}) above {tolerance_mm:g} mm at the worst of"
-    " the points is an error",
+    "rule": "accepted when no finding is an error; a U (k = {coverage_factor:g}) above {tolerance_mm:g} mm at the worst"
+    " of the points is an error",
 }
 
 ENGLISH: Mapping[str, str] = MappingProxyType(
