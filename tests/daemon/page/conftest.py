@@ -12,6 +12,7 @@ import pytest_asyncio
 
 from tests.daemon.access_keys import with_keys
 from tests.daemon.cell_under_test import Bench
+from tests.support.waiting import LIMIT_S
 
 CHROMIUM = "/usr/bin/chromium"
 ARGUMENTS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -93,7 +94,7 @@ async def page_of(browser: Any, **context: Any) -> AsyncIterator[Any]:
     wrong: list[str] = []
     try:
         page = await window.new_page()
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(1000 * LIMIT_S)
         window.on("page", lambda other: watch(other, wrong))
         watch(page, wrong)
         yield page
