@@ -39,7 +39,7 @@ class ExposureLimits:
     gain_db: tuple[float, float]
 
     def within(self, camera: ExposureRange) -> ExposureRange:
-        """What both allow; the camera's own range where they do not meet."""
+        """What both allow; where they do not meet, what the camera can that is nearest to the user's limits."""
         return ExposureRange(_overlap(self.exposure_us, camera.exposure_us), _overlap(self.gain_db, camera.gain_db))
 
 
@@ -112,8 +112,7 @@ def _target_part(image: NDArray[np.uint8], corners_px: Array | None) -> NDArray[
 
 
 def _overlap(user: tuple[float, float], camera: tuple[float, float]) -> tuple[float, float]:
-    low, high = max(user[0], camera[0]), min(user[1], camera[1])
-    return (low, high) if low <= high else camera
+    return _clamped(user[0], camera), _clamped(user[1], camera)
 
 
 def _clamped(value: float, bounds: tuple[float, float]) -> float:

@@ -6,8 +6,8 @@ import socket
 from daemon.errors import PortTaken
 
 BACKLOG = 4096
-"""Maximum number of connections that wait to be accepted: as many as there may be. The system drops what comes beyond,
-and a client asks again after 1, 3, 7, 15 s: so late an abort would be, too.
+"""Maximum number of connections that wait to be accepted. The system drops what comes beyond, and the client asks again
+after a second or more.
 """
 
 MAX_ACCEPTED_A_TURN = 16

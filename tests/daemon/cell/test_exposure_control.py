@@ -118,3 +118,15 @@ def test_the_next_exposure(level, now, wanted):
         assert found is None
     else:
         assert (found.exposure_us, found.gain_db) == (pytest.approx(wanted.exposure_us), pytest.approx(wanted.gain_db))
+
+
+@pytest.mark.parametrize(
+    ("user", "both"),
+    [((100.0, 500.0), (100.0, 500.0)), ((1.0, 1e6), (50.0, 1000.0)), ((1.0, 20.0), (50.0, 50.0)),
+     ((5000.0, 9000.0), (1000.0, 1000.0))],
+)  # fmt: skip
+def test_limits_that_the_camera_cannot_keep_are_kept_as_nearly_as_it_can(
+    user: tuple[float, float], both: tuple[float, float]
+) -> None:
+    found = ExposureLimits(user, (0.0, 6.0)).within(ExposureRange((50.0, 1000.0), (0.0, 20.0)))
+    assert (found.exposure_us, found.gain_db) == (both, (0.0, 6.0))
