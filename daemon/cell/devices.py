@@ -11,11 +11,8 @@ from drivers.registry import open_camera, open_robot, open_scanner, open_vibrati
 from drivers.robots.base_frame import configured
 from drivers.timing import Timing
 
-MAX_PICTURE_WAIT_S = 5.0
-"""Seconds after which a camera that sends no fresh picture has failed."""
 
-
-def open_devices(settings: Settings, clock: Clock, *, camera_limit_s: float = MAX_PICTURE_WAIT_S) -> Devices:
+def open_devices(settings: Settings, clock: Clock) -> Devices:
     """Open the devices in a running event loop. Raises AddressNotUnderstood, DeviceUnreachable (EGM port in use)."""
     timing = Timing(clock.monotonic_s, clock.sleep)
     intrinsics = settings.camera.intrinsics
@@ -33,7 +30,7 @@ def open_devices(settings: Settings, clock: Clock, *, camera_limit_s: float = MA
             settings.camera.address,
             timing,
             image_size=intrinsics.image_size if intrinsics else None,
-            limit_s=camera_limit_s,
+            limit_s=settings.camera.limit_s,
         ),
         scanner=_open_scanner(settings, timing),
         vibration_gate=_open_vibration_gate(settings.robot.egm, timing) if settings.robot.egm else None,

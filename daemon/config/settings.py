@@ -168,10 +168,12 @@ class CameraSettings(Document):
     """The camera. Without intrinsics the calibration estimates them; without `exposure` it stays.
 
     `setup`: eye-in-hand for a camera on the flange, eye-to-hand for one beside the robot with the target on the flange.
+    `limit_s`: a camera that sends no fresh picture for so long has failed.
     """
 
     setup: Setup = "eye-in-hand"
     address: Annotated[str, _address_validator(check_camera_address)]
+    limit_s: Annotated[float, Field(gt=0, le=600)] = 5.0
     intrinsics: CameraDocument | None = None
     exposure: ExposureSettings | None = None
 

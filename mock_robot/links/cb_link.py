@@ -89,9 +89,10 @@ class ControllerLink:
                 return [*self._faults.outgoing(None, event.answer)]
             case BadChecksum():
                 return [Send(event.answer)]
-            case DuplicatePending():
+            case DuplicatePending():  # it came in one piece with its request, which has been answered since
                 self._alive(now_s)
-                return []
+                stored = self._session.reply_to(event.seq)
+                return [] if stored is None else [*self._faults.outgoing(None, stored)]
             case GarbageSkipped():
                 return []
             case FramingBroken():

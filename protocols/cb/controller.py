@@ -124,6 +124,11 @@ class ControllerSession:
             self._advance(_TRIGGER_OF_ANSWER.get(Command(request.command)))
         return answer
 
+    def reply_to(self, seq: int) -> bytes | None:
+        """The stored reply to the newest request when its number is `seq` and it has been answered; else None."""
+        last = self._last
+        return last.reply if last is not None and last.request.seq == seq else None
+
     def announce(self, answer: Answer) -> bytes:
         """Encode a message that answers no request: sequence number 0."""
         return self._encode(0, COMMAND_OF[type(answer)], answer)

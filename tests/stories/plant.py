@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +62,7 @@ def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
         "camera": {
             "address": f"{cell.devices_url}/camera/snapshot.png",
             "setup": sheet["setup"],
+            "limit_s": LIMIT_S,
             "intrinsics": sheet["camera"],
         },
         "scanner": {
@@ -175,13 +176,9 @@ class Plant:
 
 
 @asynccontextmanager
-async def daemon_for(
-    cell: RunningCell, folder: Path, *, camera_limit_s: float = LIMIT_S, **changes: Any
-) -> AsyncIterator[Plant]:
+async def daemon_for(cell: RunningCell, folder: Path, **changes: Any) -> AsyncIterator[Plant]:
     """The daemon beside a cell that runs already."""
-    application = build(
-        settings_of(cell.announcement, folder, **changes), partial(open_devices, camera_limit_s=camera_limit_s)
-    )
+    application = build(settings_of(cell.announcement, folder, **changes), open_devices)
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     server = Server(application, announced.set_result)
     task = asyncio.create_task(server.listen())

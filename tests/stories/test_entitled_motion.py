@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from daemon.cell.cell import Cell
+from daemon.drift import schedule
 from daemon.drift.schedule import DriftSchedule
 from daemon.model.records import RunRecord
 from daemon.runs.supervisor import Supervisor
@@ -72,8 +73,11 @@ async def test_the_schedule_moves_the_arm_after_a_finished_run_only(tmp_path: Pa
 
 async def test_a_schedule_that_asks_nobody_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(DriftSchedule, "_skip_reason", lambda self: "")
-    wrong, _ = await history((P.operator_starts, P.operator_aborts, P.waits_for_the_schedule), tmp_path)
-    assert any("nobody's request" in each for each in wrong)
+    monkeypatch.setattr(schedule, "RETRY_S", 0.2)  # however long the run took
+    async with watched_plant(tmp_path) as plant:
+        await plant.operator_starts()
+        await plant.operator_aborts()
+        await eventually(lambda: any("nobody's request" in each for each in plant.witness.wrong))
 
 
 async def test_an_abort_that_stops_nothing_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,7 +32,7 @@ async def test_what_a_fault_does(row: Row, tmp_path: Path) -> None:
         time_scale=40,
         truth=small_pictures(7),
         serial=row.serial,
-        camera_limit_s=limit_s,
+        camera={"limit_s": limit_s},
         scanner={"limit_s": limit_s},
     ) as story:
         ended = await _struck_by(row, story)

@@ -14,7 +14,12 @@ def settings_text(announcement: dict[str, Any], port: int) -> str:
             "speed_mm_s": 250.0,
             "box_mm": cell["box_mm"],
         },
-        "camera": {"address": announcement["camera"], "setup": cell["setup"], "intrinsics": cell["camera"]},
+        "camera": {
+            "address": announcement["camera"],
+            "setup": cell["setup"],
+            "limit_s": 60.0,  # its pictures are rendered beside everything else on this PC
+            "intrinsics": cell["camera"],
+        },
         "scanner": {"address": announcement["scanner"], "unit": "mm", "poses": cell["scan_poses"]},
         "target": cell["target"],
         "calibration": {

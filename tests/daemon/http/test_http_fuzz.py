@@ -14,9 +14,6 @@ from tests.daemon.http.tls_files import certificate, trusting
 from tests.support.cases import cases
 from tests.support.waiting import eventually
 
-MAX_STALL_S = 0.1
-"""Processor time of one turn of the event loop."""
-
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("heap_of_a_new_process")
@@ -27,9 +24,7 @@ async def test_random_and_damaged_streams(tmp_path: Path, secured: bool) -> None
         key, _ = await bench.application.key_service.add("viewer", Role.VIEWER, TEST)
         target = Target(urlsplit(bench.url).port or 0, key, trusting(tmp_path / "tls") if secured else None)
         answers = Answers()
-        bench.application.loop_monitor.reset()
         await asyncio.to_thread(asyncio.run, send_streams([target], range(cases(300)), 1, answers))
-        assert bench.application.loop_monitor.longest().processor_s < MAX_STALL_S
         await eventually(lambda: not bench.server.server_state.connections and not bench.server.server_state.tasks)
     assert answers.failures == {}
     assert {200, 400, 401, 404} <= set(answers.by_status)

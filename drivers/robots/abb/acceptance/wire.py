@@ -91,14 +91,14 @@ class Wire:
         raise LinkLost(self.device, f"no reply for {REPLY_LIMIT_S:g} s", "look whether the communication task runs")
 
     async def close(self, *, politely: bool = True) -> None:
-        """Close, with BYE when `politely`; otherwise as a PC that is switched off."""
-        connection, self._connection = self._connection, None
+        """Close, after BYE and its answer when `politely`; otherwise as a PC that is switched off."""
+        connection = self._connection
         if connection is None:
             return
         if politely:
-            self._session.abandon()
             with suppress(DeviceError, NotAllowedNow):
-                await connection.send(self._session.request(Bye()))
+                await self.ask(Bye())
+        self._connection = None
         if self._receiving is not None:
             self._receiving.cancel()
             await asyncio.gather(self._receiving, return_exceptions=True)
