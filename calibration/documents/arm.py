@@ -80,7 +80,7 @@ def arm_document(
     joints = np.degrees(np.array([one for one in every if one is not None]))
     sigmas = np.sqrt(np.diagonal(fit.covariance)[6:])
     return ArmDocument(
-        arm=fit.model.arm.name,
+        arm=fit.model.arm.identifier,
         serial=serial,
         created_at=created_at,
         software=software,

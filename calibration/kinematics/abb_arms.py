@@ -10,15 +10,14 @@ wrist (CRB 15000), and any whose published lengths do not give its reach (IRB 67
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
-import numpy as np
-
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm_row import SLOWEST, read_arm_row
 
 _SHEET = """
 name                | forward height  lower  elbow forearm flange | axes 1 to 6
@@ -95,7 +94,6 @@ _SPEEDS = {
     "IRB 7600-150/3.5": "100 60 60 100 100 190",
 }
 """Speeds of axes 1 to 6 in deg/s where the sources have them; the others get the slowest. Only the mock uses them."""
-_SLOWEST = "90 60 60 100 100 190"
 
 
 _URDF = "ros-industrial abb, urdf"
@@ -142,45 +140,28 @@ def evidence_of(name: str) -> Evidence:
 
 
 def _arm(line: str) -> Arm:
-    name, lengths, limits = (part.strip() for part in line.split("|"))
-    forward, height, lower_arm, elbow_up, forearm, flange = map(float, lengths.split())
-    lower, upper = zip(*(_range(limit) for limit in limits.split()), strict=True)
-    return Arm(
-        name=name,
-        shoulder_forward_mm=forward,
-        shoulder_height_mm=height,
-        lower_arm_mm=lower_arm,
-        elbow_up_mm=elbow_up,
-        forearm_mm=forearm,
-        flange_mm=flange,
-        lower_rad=_radians(lower),
-        upper_rad=_radians(upper),
-        speed_rad_s=_radians(map(float, _SPEEDS.get(name, _SLOWEST).split())),
-    )
-
-
-def _range(limit: str) -> tuple[float, float]:
-    """Lower and upper limit: `170` means ± 170, `-75/125` from -75 to 125."""
-    lower, _, upper = limit.partition("/")
-    return (float(lower), float(upper)) if upper else (-float(lower), float(lower))
-
-
-def _radians(degrees: Iterable[float]) -> tuple[float, ...]:
-    return tuple(float(np.radians(angle)) for angle in degrees)
+    name = line.partition("|")[0].strip()
+    return read_arm_row(f"{line} | {_SPEEDS.get(name, SLOWEST)}")
 
 
 ARMS: Mapping[str, Arm] = MappingProxyType({arm.name: arm for arm in map(_arm, _SHEET.splitlines()[2:])})
 
 
 def find_arm(name: str) -> Arm:
-    """The arm of that name, ignoring case, spaces and trailing zeros. Raises GeometryError with the nearest names."""
+    """The arm of that name, ignoring case, spaces and trailing zeros, or of that line (`read_arm_row`).
+
+    Raises GeometryError with the nearest names, or with what is wrong in the line.
+    """
+    if "|" in name:
+        return replace(read_arm_row(name), row=name)
     known = {_plain(each): arm for each, arm in ARMS.items()}
     try:
         return known[_plain(name)]
     except KeyError:
         nearest = difflib.get_close_matches(_plain(name), known, n=3, cutoff=0.5)
         like = f"; near are {', '.join(known[each].name for each in nearest)}" if nearest else ""
-        raise GeometryError(f"no arm is named {name!r}{like} (`handeyed arms` lists all)") from None
+        others = "`handeyed arms` lists all, `handeyed arms --from FILE` describes one of your own"
+        raise GeometryError(f"no arm is named {name!r}{like} ({others})") from None
 
 
 def _plain(name: str) -> str:

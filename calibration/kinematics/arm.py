@@ -90,6 +90,7 @@ class Arm:
     """Lengths in mm, limits in rad, axis speeds in rad/s, as published for the arm.
 
     `shoulder_forward_mm`, `shoulder_height_mm`: axis 2 from the base; `elbow_up_mm`: axis 4 above axis 3.
+    `row`: the line that describes an arm of one's own; empty for a listed arm.
     """
 
     name: str
@@ -102,6 +103,12 @@ class Arm:
     lower_rad: tuple[float, ...]
     upper_rad: tuple[float, ...]
     speed_rad_s: tuple[float, ...]
+    row: str = ""
+
+    @property
+    def identifier(self) -> str:
+        """Text by which `find_arm` finds the arm again: its name, or its line."""
+        return self.row or self.name
 
     @cached_property
     def _elbow_to_wrist(self) -> tuple[float, float]:

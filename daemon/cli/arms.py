@@ -1,28 +1,41 @@
-"""`handeyed arms`: list the known arms."""
+"""`handeyed arms`: list the known arms, or describe one of one's own."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json
 
+if TYPE_CHECKING:
+    from calibration.kinematics.arm import Arm
 
-def arms(json: Json = False) -> None:
-    """List the arms whose reach and joint limits are known: names for \\[robot] model and plan.json."""
-    import numpy as np
 
+def arms(
+    description: Annotated[
+        Path | None, typer.Option("--from", metavar="FILE", help="URDF or Denavit-Hartenberg table (CSV) of an arm.")
+    ] = None,
+    tip: Annotated[str | None, typer.Option(metavar="LINK", help="The flange's link; by default tool0.")] = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Its name; by default the file's.")] = None,
+    json: Json = False,
+) -> None:
+    """List the arms whose reach and joint limits are known: names for \\[robot] model and plan.json.
+
+    With --from print the line of an arm of one's own, to be written in place of a name.
+
+    Exit status: 0 printed, 2 the file describes no arm with a spherical wrist.
+    """
+    if description is not None:
+        _describe(description, tip, name or description.stem, json=json)
+        return
     from calibration.kinematics.abb_arms import ARMS, evidence_of
 
     if json:
         from json import dumps
 
         listed = [
-            {
-                "name": arm.name,
-                "reach_mm": round(arm.reach_mm, 1),
-                "lower_deg": np.degrees(arm.lower_rad).round(3).tolist(),
-                "upper_deg": np.degrees(arm.upper_rad).round(3).tolist(),
-                "evidence": evidence_of(arm.name).state,
-                "source": evidence_of(arm.name).source,
-            }
+            {**_facts(arm), "evidence": evidence_of(arm.name).state, "source": evidence_of(arm.name).source}
             for arm in ARMS.values()
         ]
         typer.echo(dumps(listed))
@@ -31,3 +44,36 @@ def arms(json: Json = False) -> None:
             f"{arm.name:<21}reach {arm.reach_mm / 1e3:.2f} m  {evidence_of(arm.name).state}" for arm in ARMS.values()
         )
         typer.echo("\n".join(lines))
+
+
+def _describe(file: Path, tip: str | None, name: str, *, json: bool) -> None:
+    from calibration.documents.imports.arm_description import read_arm_description
+    from calibration.kinematics.arm_row import write_arm_row
+
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CommandError(str(file), f"cannot be read ({reason})", "check the path", ExitStatus.UNREADABLE) from None
+    arm = read_arm_description(content, file.name, name=name.replace("|", " "), tip=tip)
+    if json:
+        from json import dumps
+
+        typer.echo(dumps({**_facts(arm), "row": write_arm_row(arm)}))
+        return
+    typer.echo(write_arm_row(arm))
+    typer.echo(
+        f"reach {arm.reach_mm / 1e3:.2f} m; write this line as [robot] model, or give it wherever an arm is named",
+        err=True,
+    )
+
+
+def _facts(arm: "Arm") -> dict[str, Any]:
+    import numpy as np
+
+    return {
+        "name": arm.name,
+        "reach_mm": round(arm.reach_mm, 1),
+        "lower_deg": np.degrees(arm.lower_rad).round(3).tolist(),
+        "upper_deg": np.degrees(arm.upper_rad).round(3).tolist(),
+    }

@@ -101,7 +101,7 @@ def _with_names(context: "ReportContext", settings: Path) -> "ReportContext":
 
     loaded = load_settings(settings)
     names = loaded.report.model_dump()
-    return replace(context, robot_model=loaded.robot.model, target=context.target or loaded.target, **names)
+    return replace(context, robot_model=loaded.robot.model_name, target=context.target or loaded.target, **names)
 
 
 def _from_daemon(url: str, calibration_id: str, pdf: bool) -> bytes:

@@ -47,7 +47,7 @@ Box = tuple[Vector, Vector]
 
 def _validate_arm(name: str) -> str:
     try:
-        return find_arm(name).name
+        return find_arm(name).identifier
     except GeometryError as error:
         raise ValueError(f"{error}; leave it out for any other") from None
 
@@ -133,6 +133,11 @@ class RobotSettings(Document):
         if not all(a < b for a, b in zip(low, high, strict=True)):
             raise ValueError("box_mm is [[xmin, ymin, zmin], [xmax, ymax, zmax]], each minimum below its maximum")
         return self
+
+    @property
+    def model_name(self) -> str | None:
+        """Name of the arm, without the line that describes one of one's own."""
+        return None if self.model is None else find_arm(self.model).name
 
     @property
     def world_T_base(self) -> Array | None:

@@ -11,7 +11,7 @@ from daemon.model.records import RunRecord
 
 def context_of(settings: Settings) -> ReportContext:
     """Names, serials and target of the settings."""
-    return ReportContext(robot_model=settings.robot.model, target=settings.target, **settings.report.model_dump())
+    return ReportContext(robot_model=settings.robot.model_name, target=settings.target, **settings.report.model_dump())
 
 
 def verified_points(run: RunRecord) -> VerifiedPoints:

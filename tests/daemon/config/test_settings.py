@@ -108,7 +108,7 @@ def test_a_guess_of_the_other_set_up_is_refused(setup: str, name: str) -> None:
         (("pitch_mm", "pitchmm"), "target.chessboard.pitchmm", "did you mean 'pitch_mm'?"),
         (("[camera]", "[camra]"), "camra", "did you mean 'camera'?"),
         (("[camera]", "[camera]\nmatrix = 1"), "camera.matrix", "unknown key: move it to camera.intrinsics"),
-        (("[camera]", "[camera]\nlimit_s = 1"), "camera.limit_s", "scanner or interlocks or robot.settling"),
+        (("[camera]", "[camera]\nwindow_s = 1"), "camera.window_s", "robot.egm"),
         (("[camera]", "[camera]\nserver = 1"), "camera.server", "move it to the top level, or remove it"),
         (("pitch_mm", "square_mm"), "target.chessboard.square_mm", "move it to target.charuco, or remove it"),
         (
