@@ -23,8 +23,8 @@ from daemon.api.app import create_api, prepare, routes
 from daemon.application import Application
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.http.connections import limited_connection
-from daemon.http.listen_socket import BACKLOG, MAX_ACCEPTED_A_TURN, open_listener
-from daemon.http.tls_handshake import PendingTlsConnection, TlsListener
+from daemon.http.listen_socket import open_listener
+from daemon.http.listener import HttpListener, PendingConnection
 from daemon.runtime.durable_files import write_durably
 
 GRACE_S = 4
@@ -59,7 +59,6 @@ class Server(uvicorn.Server):
                 create_api(self._routes, application),
                 http=partial(limited_connection, self._limiter),  # type: ignore[arg-type] # called, never subclassed
                 ws="none",
-                backlog=MAX_ACCEPTED_A_TURN,  # asyncio accepts so many in a turn, and lets no more wait; see startup
                 proxy_headers=False,  # anybody on this machine could give themselves another address
                 timeout_graceful_shutdown=GRACE_S,
                 timeout_keep_alive=KEEP_ALIVE_S,
@@ -93,23 +92,18 @@ class Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Like uvicorn's, then announce the URL."""
         self._loop = asyncio.get_running_loop()
-        if self._tls is None or self._listener is None:
-            await super().startup(sockets)
-            if self._listener is not None:
-                self._listener.listen(BACKLOG)
-        else:
-            await super().startup([])
-            secured = TlsListener(
-                self._listener, self._tls, self._limiter.limits.head_s, self._limiter, self._tls_connection
-            )
-            self.servers.append(secured)  # type: ignore[arg-type] # it is closed, and waited for
+        await super().startup([])
+        if self._listener is not None:
+            limits = self._limiter.limits
+            accepts = HttpListener(self._listener, self._tls, limits.head_s, self._limiter, self._protocol)
+            self.servers.append(accepts)  # type: ignore[arg-type] # it is closed, and waited for
         if self.started:
             self._application.systemd.notify("READY=1")
             self._announce(self.url())
 
-    def _tls_connection(self, handshake: PendingTlsConnection) -> asyncio.BaseProtocol:
+    def _protocol(self, pending: PendingConnection) -> asyncio.BaseProtocol:
         return limited_connection(
-            self._limiter, handshake, config=self.config, server_state=self.server_state, app_state=self.lifespan.state
+            self._limiter, pending, config=self.config, server_state=self.server_state, app_state=self.lifespan.state
         )
 
     def url(self) -> str:

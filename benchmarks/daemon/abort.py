@@ -9,6 +9,8 @@ import argparse
 import asyncio
 import contextlib
 import json
+import os
+import signal
 import statistics
 import sys
 import tempfile
@@ -30,6 +32,7 @@ SEED = 7
 BAR_MS = 250.0
 WAYS = ("tcp", "serial", "rws")
 MAX_WAIT_S = 60.0
+NEW_CONNECTIONS = httpx.Limits(max_keepalive_connections=0)
 SPEED_MM_S = 2.0
 """Slow, so that the floods are at full strength while the arm is on its way."""
 
@@ -96,7 +99,7 @@ class Plant:
             await flood.stdout.readline()
             return await self._abort(run)
         finally:
-            flood.kill()
+            os.killpg(flood.pid, signal.SIGKILL)
             await flood.wait()
 
     async def _abort(self, run: dict[str, Any]) -> Sample:
@@ -138,7 +141,9 @@ async def plant(way: str, folder: Path) -> AsyncIterator[Plant]:
         started = asyncio.to_thread(_enter, start_child("daemon", ["daemon.cli", "serve", str(settings)], folder))
         child, leave = await started
         try:
-            async with httpx.AsyncClient(base_url=child.announcement["url"], timeout=MAX_WAIT_S) as client:
+            async with httpx.AsyncClient(
+                base_url=child.announcement["url"], timeout=MAX_WAIT_S, limits=NEW_CONNECTIONS
+            ) as client:
                 yield Plant(cell, client, way)
         finally:
             await asyncio.to_thread(leave)

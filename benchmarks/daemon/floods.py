@@ -7,13 +7,17 @@ since floods come from other machines and take none of the cell PC's time.
 import argparse
 import asyncio
 import contextlib
+import multiprocessing
 import os
+import socket
 import sys
 from collections.abc import Awaitable, Callable
 
 Flood = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
 RAMP_UP_S = 3.0
+CROWDS = 2
+"""Processes, which belong to the group of this one."""
 
 
 async def hang_up(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -88,6 +92,13 @@ async def repeat(port: int, flood: Flood) -> None:
         await asyncio.sleep(0.005)
 
 
+def crowd(port: int) -> None:
+    """Connect, ask for the robot and leave, as fast as it goes."""
+    while True:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=5.0) as connection:
+            connection.sendall(b"GET /robot HTTP/1.1\r\nHost: localhost\r\n\r\n")
+
+
 async def run(port: int, viewers: int) -> None:
     async with asyncio.TaskGroup() as group:
         for flood, clients in (
@@ -111,6 +122,8 @@ def main() -> int:
     parser.add_argument("viewers", type=int, nargs="?", default=1500)
     options = parser.parse_args()
     os.nice(19)
+    for _ in range(CROWDS):
+        multiprocessing.Process(target=crowd, args=(options.port,), daemon=True).start()
     asyncio.run(run(options.port, options.viewers))
     return 0
 

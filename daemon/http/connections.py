@@ -7,7 +7,6 @@ parsed in one turn of the event loop (see request_pacing.py), aborts first.
 """
 
 import asyncio
-import re
 import select
 from contextlib import suppress
 from typing import Any
@@ -16,11 +15,12 @@ import httptools
 from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from daemon.http.accepting import ABORT_LINE
 from daemon.http.connection_limiter import ConnectionLimiter
+from daemon.http.listener import PendingConnection
 from daemon.http.problem_details import MEDIA_TYPE, Problem
 from daemon.http.receive_buffer import BUFFER_BYTES, BufferedConnection
 from daemon.http.security_headers import with_security_headers
-from daemon.http.tls_handshake import PendingTlsConnection
 
 
 def _answer(status: int, code: str, detail: str, fix: str) -> bytes:
@@ -49,9 +49,6 @@ MAX_UNAUTHENTICATED_CHUNK_BYTES = 16_384
 HEAD_END = b"\r\n\r\n"
 """The end of a head and of a chunked body; llhttp takes no other."""
 
-ABORT_LINE = re.compile(rb"POST /runs/[^/ ]{1,64}/abort[ ?]")
-"""The beginning of a request that goes before all others."""
-
 ON_AUTHENTICATED = "on_authenticated"
 """Key in a scope's `state`: a function without arguments, to be called when the request has shown a valid key."""
 
@@ -59,9 +56,9 @@ ON_AUTHENTICATED = "on_authenticated"
 class LimitedConnection(HttpToolsProtocol):
     """uvicorn's HTTP connection with the limits of HttpLimits."""
 
-    def __init__(self, limiter: ConnectionLimiter, handshake: PendingTlsConnection | None, **arguments: Any) -> None:
+    def __init__(self, limiter: ConnectionLimiter, pending: PendingConnection | None, **arguments: Any) -> None:
         super().__init__(**arguments)
-        self._handshake = handshake
+        self._pending = pending
         self._limiter, self._limits = limiter, limiter.limits
         self._authenticated = False
         self._held = b""  # received, and not parsed before the request in progress is answered and a turn is free
@@ -92,8 +89,8 @@ class LimitedConnection(HttpToolsProtocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        if self._handshake is not None:
-            self._limiter.release(self._handshake)
+        if self._pending is not None:
+            self._limiter.release(self._pending)
         self._limiter.admit(self)
         self._last_progress_s = self._last_check_s = self.loop.time()
         self._start_head()
@@ -315,10 +312,10 @@ class _LingeringTransport:
 
 
 def limited_connection(
-    limiter: ConnectionLimiter, handshake: PendingTlsConnection | None = None, **arguments: Any
+    limiter: ConnectionLimiter, pending: PendingConnection | None = None, **arguments: Any
 ) -> BufferedConnection:
-    """The protocol of one connection, for `uvicorn.Config(http=...)`. `handshake`: its finished TLS handshake."""
-    return BufferedConnection(LimitedConnection(limiter, handshake, **arguments), limiter.buffer)
+    """The protocol of one connection, for `uvicorn.Config(http=...)`. `pending`: what it was until now."""
+    return BufferedConnection(LimitedConnection(limiter, pending, **arguments), limiter.buffer)
 
 
 def _next_end(data: bytes) -> int:

@@ -10,11 +10,6 @@ BACKLOG = 4096
 after a second or more.
 """
 
-MAX_ACCEPTED_A_TURN = 16
-"""Connections accepted in one turn of the event loop; each costs about 0.1 ms. A thousand that come together would hold
-up every other request, an abort among them.
-"""
-
 PORT_TAKEN_FIX = "see who listens there already (ss -ltnp)"
 NO_PERMISSION_FIX = "ports below 1024 need a right that the service does not have: see docs/plc.md"
 
