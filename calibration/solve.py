@@ -1,7 +1,8 @@
 """Hand-eye calibration of a session: `solve_hand_eye(problem) -> Solution`; pure, does not raise for bad data."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from calibration.solver.systematic_error_check import (
 from calibration.solver.target_scale_check import predicts_better, scale_error, with_scale
 from calibration.solver.view_outliers import Selection, agreeing_rows, select_views
 from calibration.transforms import Array
+
+if TYPE_CHECKING:
+    from calibration.pose_pairs.rig import RigSolution
 
 METHODS = ("auto", *CLOSED_FORMS)
 
@@ -126,6 +130,25 @@ def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, S
 
 def _reselect(prepared: PreparedSession, selection: Selection) -> Selection:
     return select_views(prepared, selection.used, selection.best.chain, selection.best.variances)
+
+
+def solve_rig(problems: Mapping[str, Problem]) -> "RigSolution":
+    """X of several sensors on one mount, each with its session of one target at one place, from one estimate.
+
+    Raises UndeterminedError where a session of images, or all of them, do not determine X, and GeometryError for
+    sessions that cannot be solved together.
+    """
+    from calibration.pose_pairs.rig import solve_sensors
+    from calibration.pose_pairs.sensor_views import imaging_sensor, measured_sensor
+
+    sensors = []
+    for name, problem in problems.items():
+        if problem.in_space:
+            sensors.append(measured_sensor(name, problem))
+        else:
+            prepared, _, selection = estimate_session(problem)
+            sensors.append(imaging_sensor(name, prepared, selection))
+    return solve_sensors(sensors)
 
 
 def identify_arm_session(arm: Arm, problems: Sequence[Problem], load: Load = NO_LOAD) -> ArmFit:

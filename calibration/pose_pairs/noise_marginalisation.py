@@ -9,6 +9,7 @@ earlier nodes: O. Cappé, A. Guillin, J. Marin & C. Robert, "Population Monte Ca
 """
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy.special import logsumexp, ndtri
@@ -17,7 +18,7 @@ from calibration.linear_algebra import scaled_inverse_and_log_determinant
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
 from calibration.pose_pairs.noise_models import RANDOM_WALK, Sources, cameras_of, sources_of
-from calibration.pose_pairs.noise_priors import WIDE_PRIOR_FACTOR, prior_of
+from calibration.pose_pairs.noise_priors import WIDE_PRIOR_FACTOR, NoisePrior, prior_of
 from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, linearise
 from calibration.transforms import Array
 
@@ -37,18 +38,53 @@ TEMPERS = np.geomspace(1.0, 0.02, 16)
 MIN_EFFECTIVE_NODES = 6
 """Least effective number of nodes per level for a proposal; likelihoods are tempered by TEMPERS until it is reached."""
 
-GENERATORS = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0])
-"""Square roots of primes, for quasi-random points in up to seven dimensions (R. Richtmyer, 1951)."""
+GENERATORS = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0])
+"""Square roots of primes, for quasi-random points in up to eleven dimensions (R. Richtmyer, 1951)."""
+
+
+class LinearModel(Protocol):
+    """Residuals (n, m), their derivatives (n, m, p) by the unknowns, and the covariance (n, m, m) of known errors."""
+
+    @property
+    def residuals(self) -> Array: ...
+    @property
+    def by_shared(self) -> Array: ...
+    @property
+    def floor(self) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
-class _Nodes:
+class LevelNodes:
     """Log weights (k,) of k nodes, logarithms of their `levels` (k, g), steps (k, p) and covariances (k, p, p)."""
 
     log_weights: Array
     levels: Array
     steps: Array
     covariances: Array
+
+    def weights(self) -> Array:
+        """(k,), of sum 1."""
+        return np.asarray(np.exp(self.log_weights - logsumexp(self.log_weights)), np.float64)
+
+    def mean_step(self) -> tuple[Array, Array]:
+        """The step (p,) and its covariance (p, p), averaged over the nodes."""
+        weights = self.weights()
+        step = weights @ self.steps
+        off = self.steps - step
+        return step, np.tensordot(weights, self.covariances, 1) + (weights[:, None] * off).T @ off
+
+    def mean_levels(self) -> Array:
+        """The mean level (g,) of each source."""
+        levels: Array = self.weights() @ np.exp(self.levels)
+        return levels
+
+
+def _joined(nodes: list[LevelNodes]) -> LevelNodes:
+    """The nodes of several models, without their levels, which differ in number."""
+    log_weights, steps, covariances = (
+        np.concatenate([getattr(one, name) for one in nodes]) for name in ("log_weights", "steps", "covariances")
+    )
+    return LevelNodes(log_weights, np.zeros((len(steps), 0)), steps, covariances)
 
 
 def marginalise_few(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
@@ -61,39 +97,49 @@ def marginalise(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
     """The fit with X averaged; `camera` and `variances` become those of the most likely kind of camera."""
     at = linearise(pairs, fitted.chain)
     cameras = {camera: sources_of(at, camera) for camera in cameras_of(pairs)}
-    found = {camera: _nodes(at, sources, _start(fitted, sources)) for camera, sources in cameras.items()}
-    log_weights = np.concatenate([nodes.log_weights for nodes in found.values()])
-    weights = np.exp(log_weights - logsumexp(log_weights))
-    steps = np.concatenate([nodes.steps for nodes in found.values()])
-    step = weights @ steps
-    off = steps - step
-    covariance = np.tensordot(weights, np.concatenate([nodes.covariances for nodes in found.values()]), 1)
+    found = {camera: _nodes(at, sources, fitted) for camera, sources in cameras.items()}
+    step, covariance = _joined(list(found.values())).mean_step()
     likeliest = max(found, key=lambda camera: float(logsumexp(found[camera].log_weights)))
-    nodes = found[likeliest]
-    deviations = np.exp(nodes.log_weights - logsumexp(nodes.log_weights)) @ np.exp(nodes.levels)
     return replace(
         fitted,
         chain=fitted.chain.apply_step(clip_step(step)),
-        covariance=covariance + (weights[:, None] * off).T @ off,
-        variances=dict(zip(cameras[likeliest], (deviations**2).tolist(), strict=True)),
+        covariance=covariance,
+        variances=dict(zip(cameras[likeliest], (found[likeliest].mean_levels() ** 2).tolist(), strict=True)),
         camera=likeliest,
     )
 
 
-def _nodes(at: LinearisedPairs, sources: Sources, start: Array) -> _Nodes:
-    """The nodes of the last round for one kind of camera; the proposal is adapted to the posterior in each round."""
-    prior = prior_of(list(sources))
+def draw_levels(
+    at: LinearModel, directions: list[Array], prior: NoisePrior, start: Array, known: Array | None = None
+) -> LevelNodes:
+    """The nodes of the last round; the proposal is adapted to the posterior in each round.
+
+    `directions`, `start`: of each source of noise (n, m, k), and the logarithms (g,) of their levels at first. `known`
+    (p, p + 1): what is known of the unknowns besides the residuals, as information and gradient.
+    """
     lowest, highest = (prior.mean + sign * MAX_PRIOR_SIGMA * prior.deviations for sign in (-1, 1))
-    spreads = np.array([one @ np.swapaxes(one, 1, 2) for one in sources.values()])  # (g, n, 6, 6), of one unit each
-    centre, root = start, INITIAL_SIGMA * np.eye(len(sources))
+    spreads = np.array([one @ np.swapaxes(one, 1, 2) for one in directions])  # (g, n, m, m), of one unit each
+    centre, root = start, INITIAL_SIGMA * np.eye(len(directions))
     for count in ROUNDS:
-        drawn = _normal_points(count, len(sources))
+        drawn = _normal_points(count, len(directions))
         levels = np.clip(centre + drawn @ root.T, lowest, highest)
-        log_likelihood, steps, covariances = _evaluate_levels(at, spreads, levels)
+        log_likelihood, steps, covariances = _evaluate_levels(at, spreads, levels, known)
         density = -0.5 * np.sum(drawn**2, axis=1) - float(np.linalg.slogdet(root)[1])
         log_weights = log_likelihood + prior.log_density(levels) - density - np.log(count)
         centre, root = _fit_proposal(log_weights, levels)
-    return _Nodes(log_weights, levels, steps, covariances)
+    return LevelNodes(log_weights, levels, steps, covariances)
+
+
+def step_at(at: LinearModel, directions: list[Array], levels: Array, known: Array | None = None) -> Array:
+    """The Gauss-Newton step (p,) at logarithms of levels (g,); the rest as in `draw_levels`."""
+    spreads = np.array([one @ np.swapaxes(one, 1, 2) for one in directions])
+    step: Array = _evaluate_levels(at, spreads, levels[None], known)[1][0]
+    return step
+
+
+def _nodes(at: LinearisedPairs, sources: Sources, fitted: PoseFit) -> LevelNodes:
+    prior = prior_of(list(sources))
+    return draw_levels(at, list(sources.values()), prior, _start(fitted, sources, prior))
 
 
 def _fit_proposal(log_weights: Array, levels: Array) -> tuple[Array, Array]:
@@ -110,13 +156,15 @@ def _fit_proposal(log_weights: Array, levels: Array) -> tuple[Array, Array]:
     return centre, PROPOSAL_FACTOR * np.linalg.cholesky(spread)
 
 
-def _evaluate_levels(at: LinearisedPairs, spreads: Array, levels: Array) -> tuple[Array, Array, Array]:
+def _evaluate_levels(at: LinearModel, spreads: Array, levels: Array, known: Array | None) -> tuple[Array, Array, Array]:
     """Restricted log-likelihood (k,), steps (k, p) and covariances (k, p, p) at logarithms of levels (k, g)."""
     k, p = len(levels), at.by_shared.shape[2]
-    noise = np.tensordot(np.exp(2 * levels), spreads, 1) + at.floor  # (k, n, 6, 6)
+    noise = np.tensordot(np.exp(2 * levels), spreads, 1) + at.floor  # (k, n, m, m)
     both = np.concatenate([at.by_shared, at.residuals[..., None]], axis=2)
     weighted = (np.linalg.inv(noise) @ both).reshape(k, -1, p + 1)
     total = both.reshape(-1, p + 1).T @ weighted
+    if known is not None:
+        total[:, :p] += known
     normal, gradient, square = total[:, :p, :p], total[:, :p, p], total[:, p, p]
     covariances, log_normal = scaled_inverse_and_log_determinant(normal)
     steps = -(covariances @ gradient[..., None])[..., 0]
@@ -125,9 +173,8 @@ def _evaluate_levels(at: LinearisedPairs, spreads: Array, levels: Array) -> tupl
     return log_likelihood, steps, covariances
 
 
-def _start(fitted: PoseFit, sources: Sources) -> Array:
+def _start(fitted: PoseFit, sources: Sources, prior: NoisePrior) -> Array:
     """Logarithms (g,) of the fitted levels, at least one standard deviation below the prior's mean."""
-    prior = prior_of(list(sources))
     known = np.array([fitted.variances.get(name, 0.0) for name in sources])
     start: Array = np.maximum(0.5 * np.log(np.maximum(known, 1e-300)), prior.mean - np.log(WIDE_PRIOR_FACTOR))
     return start

@@ -98,7 +98,7 @@ def linearise(pairs: PosePairs, chain: ScaledChain) -> LinearisedPairs:
     predicted[:, :3, 3] *= chain.scale
     turn = metric[:, :3, :3] @ np.swapaxes(pairs.camera_T_target[:, :3, :3], 1, 2)
     shift = predicted[:, :3, 3] - pairs.camera_T_target[:, :3, 3]
-    by_camera = _of_motion(metric, np.broadcast_to(np.eye(6), (len(pairs), 6, 6)), chain.scale)
+    by_camera = residuals_by_motion(metric, np.broadcast_to(np.eye(6), (len(pairs), 6, 6)), chain.scale)
     by_flange = by_camera @ derivative_by_flange(pairs.setup, metric, X, Y)
     columns = [by_camera @ derivative_by_shared(metric)]
     if not pairs.metric:
@@ -120,7 +120,7 @@ def _floor(pairs: PosePairs, scale: float) -> Array:
     return resolution if pairs.covariance is None else resolution + pairs.covariance
 
 
-def _of_motion(camera_T_target: Array, motion: Array, scale: float) -> Array:
+def residuals_by_motion(camera_T_target: Array, motion: Array, scale: float = 1.0) -> Array:
     """Derivative of the residuals for `exp(motion) @ camera_T_target`."""
     moved = scale * (motion[:, 3:] - skew(camera_T_target[:, :3, 3]) @ motion[:, :3])
     return np.concatenate([motion[:, :3], moved], axis=1)

@@ -4,11 +4,15 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
 
@@ -16,6 +20,16 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs inst
 def print_error(text: str) -> None:
     """Print a line on standard error."""
     typer.echo(text, err=True)
+
+
+def write_document(file: Path, document: "BaseModel") -> None:
+    """Write a document as JSON, in a folder that is made when it is missing. Raises CommandError."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(document.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise CommandError(str(file), f"cannot be written ({reason})", "choose another --out") from None
 
 
 class CommandGroup(typer.core.TyperGroup):

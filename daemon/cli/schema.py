@@ -15,11 +15,12 @@ class SchemaName(StrEnum):
     PLAN = "plan"
     CALIBRATION = "calibration"
     ARM = "arm"
+    RIG = "rig"
     REPORT = "report"
 
 
-def schema(name: Annotated[SchemaName, typer.Argument(metavar="session|scan|plan|calibration|arm|report")]) -> None:
-    """Print the JSON Schema of session.json, scan.json, plan.json, calibration.json, arm.json or a report."""
+def schema(name: Annotated[SchemaName, typer.Argument(metavar="session|scan|plan|calibration|arm|rig|report")]) -> None:
+    """Print the JSON Schema of session.json, scan.json, plan.json, calibration.json, arm.json, rig.json or a report."""
     from daemon.tools.file_schemas.schemas import schema_of
 
     typer.echo(json.dumps(schema_of(name.value), indent=1))

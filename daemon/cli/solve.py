@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, print_error, progress_bar
+from daemon.cli.output import Json, print_error, progress_bar, write_document
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -81,6 +81,14 @@ def solve(
             " with the target at another place; --out then gets arm.json, too.",
         ),
     ] = None,
+    together: Annotated[
+        bool,
+        typer.Option(
+            "--together",
+            help="Also solve the folders as cameras and scanners on one mount that look at one target at one place:"
+            " their poses relative to each other; --out then gets rig.json, too.",
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Calibrate from session folders: session.json and its images; with --artefact from scans.
@@ -92,6 +100,7 @@ def solve(
     from daemon.cli.camera_file import read_camera
     from daemon.cli.solve_arm import solve_arm
     from daemon.cli.solve_scan import check_options, solve_scan
+    from daemon.cli.solve_together import solve_together
     from registration.errors import RegistrationError
 
     if method not in METHODS:
@@ -104,7 +113,7 @@ def solve(
             raise CommandError(name, "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
     intrinsics = None if camera is None else read_camera(camera)
     required = requirement_of(tolerance, at)
-    status, problems = ExitStatus.OK, []
+    status, solved = ExitStatus.OK, []
     for folder in folders:
         try:
             if artefact is None:
@@ -120,17 +129,28 @@ def solve(
         _print(folder, document, json, views)
         name = folder.resolve().name
         if out is not None:
-            _write(out if len(folders) == 1 else out / name / RESULT_FILE, document)
+            write_document(out if len(folders) == 1 else out / name / RESULT_FILE, document)
         if shown is not None:
-            problems.append(shown[1])
+            solved.append((folder, *shown[1:]))
         if pictures is not None and shown is not None and shown[1].in_space:
             raise CommandError("--pictures", *FOR_IMAGES, ExitStatus.UNREADABLE)
         if pictures is not None and shown is not None:
             _write_pictures(pictures if len(folders) == 1 else pictures / name, document, *shown)
     if arm is not None:
-        if artefact is not None or len(problems) < len(folders):
+        if artefact is not None or len(solved) < len(folders):
             raise CommandError("--arm", "it needs every folder's images", "leave it out", ExitStatus.UNREADABLE)
+        problems = [problem for _, problem, _ in solved]
         solve_arm(arm, problems, out if out is None else (out.parent if len(folders) == 1 else out), json=json)
+    if together:
+        if len(solved) < max(len(folders), 2):
+            raise CommandError(
+                "--together",
+                "it needs two folders with session.json",
+                "name one for each sensor",
+                ExitStatus.UNREADABLE,
+            )
+        if not solve_together(solved, required[0].tolerance_mm, out, json=json) and status is ExitStatus.OK:
+            status = ExitStatus.NOT_ACCEPTED
     raise typer.Exit(status)
 
 
@@ -222,15 +242,6 @@ def _print(folder: Path, document: "CalibrationDocument", json: bool, views: boo
     typer.echo(summary(str(folder), document) + "\n")
     if views:
         typer.echo(view_table(document) + "\n")
-
-
-def _write(file: Path, document: "CalibrationDocument") -> None:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(document.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise CommandError(str(file), f"cannot be written ({reason})", "choose another --out") from None
 
 
 def _write_pictures(

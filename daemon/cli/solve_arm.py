@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import write_document
 
 if TYPE_CHECKING:
     from calibration.problem import Problem
@@ -31,11 +32,5 @@ def solve_arm(name: str, problems: "Sequence[Problem]", folder: Path | None, *, 
         raise CommandError("--arm", str(error), "no arm.json is written", ExitStatus.UNREADABLE) from None
     document = arm_document(fit, problems, created_at=Clock().timestamp(), software=SOFTWARE)
     typer.echo(document.model_dump_json() if json else arm_summary(document))
-    if folder is None:
-        return
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / ARM_FILE).write_text(document.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise CommandError(str(folder / ARM_FILE), f"cannot be written ({reason})", "choose another --out") from None
+    if folder is not None:
+        write_document(folder / ARM_FILE, document)

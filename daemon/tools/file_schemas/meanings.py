@@ -3,6 +3,30 @@
 from collections.abc import Mapping
 
 MEANINGS: Mapping[str, str] = {
+    # rig.json
+    "RigDocument.mount": "Frame that carries the sensors.",
+    "sensors": "The sensors, in the order of the command's folders.",
+    "RigSensorDocument.name": "Name of the session's folder.",
+    "RigSensorDocument.views": "Number of views that agree.",
+    "mount_T_sensor": "The sensor in the flange, or in the base, from all sensors together.",
+    "RigSensorDocument.uncertainty": "Of mount_T_sensor.",
+    "alone_expanded_mm": "U (k = 2) of the sensor's own views alone, mm; null where they do not determine its pose.",
+    "RigSensorDocument.probability": "That the sensor's own views alone are so far from the joint solution.",
+    "relative": "The pose of each sensor in each earlier one.",
+    "RelativePoseDocument.a": "Name of the sensor in whose frame the other is.",
+    "RelativePoseDocument.b": "Name of the other sensor.",
+    "a_T_b": "Maps coordinates in b to coordinates in a; with a camera and a scanner `[scanner] camera_T_scanner`.",
+    "RelativePoseDocument.uncertainty": "Of a_T_b; the robot's errors at shared stations do not enter it.",
+    "RigUncertaintyDocument.translation_mm": "One standard deviation along the sensor's axes, mm.",
+    "RigUncertaintyDocument.rotation_deg": "One standard deviation about the sensor's axes, degrees.",
+    "RigUncertaintyDocument.expanded_mm": "U (k = 2) of a mapped point at the worst place of the target, mm.",
+    "RigUncertaintyDocument.covariance": "Of pose @ exp(.), rotation (rad) then translation (mm).",
+    "anchor_T_target": "The target in the base, or in the flange.",
+    "RigDocument.robot_translation_mm": "Scatter of the robot's poses, one standard deviation per axis, mm.",
+    "RigDocument.robot_rotation_deg": "The same of its rotations, degrees.",
+    "stations": "Number of poses of the robot at which any sensor saw the target.",
+    "shared_stations": "Number of those at which several did.",
+    "RigDocument.tolerance_mm": "Largest U (k = 2) that is accepted, mm.",
     # arm.json
     "ArmDocument.arm": "Name of the arm (`handeyed arms`).",
     "ArmDocument.serial": "Serial number of the arm; null where it is not known.",

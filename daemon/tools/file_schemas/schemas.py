@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from calibration.documents.arm import ArmDocument
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.plan import PlanDocument
+from calibration.documents.rig import RigDocument
 from calibration.documents.session import SessionDocument
 from daemon.tools.file_schemas.examples import PLAN, SCAN, SESSION
 from daemon.tools.file_schemas.meanings import MEANINGS
@@ -33,6 +34,7 @@ FILES: Mapping[str, FileKind] = MappingProxyType({
     "plan": FileKind(PlanDocument, "validation", PLAN),
     "calibration": FileKind(CalibrationDocument, "serialization"),
     "arm": FileKind(ArmDocument, "serialization"),
+    "rig": FileKind(RigDocument, "serialization"),
     "report": FileKind(RegistrationReportDocument, "serialization"),
 })  # fmt: skip
 """By the name that `handeyed schema` takes."""

@@ -1,0 +1,200 @@
+"""rig.json: several cameras and scanners on one mount, solved together (mm, degrees, w first)."""
+
+from collections.abc import Iterable, Mapping
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from calibration.documents.calibration import (
+    COVARIANCE_ORDER,
+    FindingDocument,
+    Six,
+    VerdictDocument,
+)
+from calibration.documents.calibration_text import finding_line
+from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.validation import Document
+from calibration.likelihood.mapped_points import point_sigmas_mm
+from calibration.pose_pairs.rig import RigSolution
+from calibration.problem import MOUNTS, Setup
+from calibration.solution import COVERAGE_FACTOR, Solution
+from calibration.transforms import Array
+
+FALSE_ALARM_PROBABILITY = 1e-3
+"""Probability that a sensor in agreement with the others is reported as disagreeing."""
+
+
+class RigUncertaintyDocument(Document):
+    """One standard deviation of a pose, along and about the second frame's axes, and U (k = 2) at the worst of the
+    places where that sensor saw the target."""
+
+    translation_mm: Vector
+    rotation_deg: Vector
+    expanded_mm: float
+    covariance: tuple[Six, Six, Six, Six, Six, Six]
+    covariance_order: tuple[str, str, str, str, str, str] = COVARIANCE_ORDER
+    coverage_factor: float = COVERAGE_FACTOR
+
+
+class RigSensorDocument(Document):
+    """One sensor. `alone_expanded_mm`: U of its own views alone at the same places, null where they do not determine
+    it; `probability`: that its own X would be so far from the joint one."""
+
+    name: str
+    views: int
+    mount_T_sensor: PoseDocument
+    uncertainty: RigUncertaintyDocument
+    alone_expanded_mm: float | None
+    probability: float | None
+
+
+class RelativePoseDocument(Document):
+    """The pose of sensor `b` in the frame of sensor `a`."""
+
+    a: str
+    b: str
+    a_T_b: PoseDocument
+    uncertainty: RigUncertaintyDocument
+
+
+class RigDocument(Document):
+    """The whole of rig.json. `mount`: the frame that carries the sensors."""
+
+    schema_version: Literal[1] = 1
+    setup: Setup
+    mount: Literal["flange", "base"]
+    sensors: tuple[RigSensorDocument, ...]
+    relative: tuple[RelativePoseDocument, ...]
+    anchor_T_target: PoseDocument
+    robot_translation_mm: float
+    robot_rotation_deg: float
+    stations: int
+    shared_stations: int
+    tolerance_mm: float
+    verdict: VerdictDocument
+
+
+def rig_document(rig: RigSolution, alone: Mapping[str, Solution], tolerance_mm: float) -> RigDocument:
+    """The rig.json of a joint solution, beside the sensors' own solutions by name.
+
+    Accepted when U of every sensor and of every relative pose is within the tolerance and no sensor disagrees.
+    """
+    seen = [sensor.points_mm() for sensor in rig.sensors]
+    sensors = tuple(_sensor(rig, number, seen[number], alone[one.name]) for number, one in enumerate(rig.sensors))
+    relative = []
+    for a, b in combinations(range(len(rig.sensors)), 2):
+        found = rig.relative(a, b)
+        relative.append(
+            RelativePoseDocument(
+                a=rig.sensors[a].name,
+                b=rig.sensors[b].name,
+                a_T_b=PoseDocument.of(found.a_T_b),
+                uncertainty=_uncertainty(found.covariance, seen[b]),
+            )
+        )
+    findings = list(_findings(rig, sensors, relative, tolerance_mm))
+    return RigDocument(
+        setup=rig.setup,
+        mount=MOUNTS[rig.setup],
+        sensors=sensors,
+        relative=tuple(relative),
+        anchor_T_target=PoseDocument.of(rig.anchor_T_target),
+        robot_rotation_deg=float(np.degrees(rig.robot[0])),
+        robot_translation_mm=rig.robot[1],
+        stations=rig.stations,
+        shared_stations=rig.shared,
+        tolerance_mm=tolerance_mm,
+        verdict=VerdictDocument(accepted=all(finding.severity != "error" for finding in findings), findings=findings),
+    )
+
+
+def _sensor(rig: RigSolution, number: int, seen_mm: Array, alone: Solution) -> RigSensorDocument:
+    expanded, probability = None, None
+    if alone.mount_T_camera is not None and alone.uncertainty is not None:
+        own = alone.uncertainty.covariance
+        expanded = _expanded_mm(own, seen_mm)
+        probability = rig.disagreement(number, alone.mount_T_camera, own)
+    return RigSensorDocument(
+        name=rig.sensors[number].name,
+        views=len(rig.sensors[number].pairs),
+        mount_T_sensor=PoseDocument.of(rig.mount_T_sensor[number]),
+        uncertainty=_uncertainty(rig.covariance_of(number), seen_mm),
+        alone_expanded_mm=expanded,
+        probability=probability,
+    )
+
+
+def _expanded_mm(covariance: Array, points_mm: Array) -> float:
+    return COVERAGE_FACTOR * float(point_sigmas_mm(covariance, points_mm).max())
+
+
+def _uncertainty(covariance: Array, points_mm: Array) -> RigUncertaintyDocument:
+    sigmas = np.sqrt(np.diagonal(covariance))
+    return RigUncertaintyDocument.model_validate(
+        {
+            "translation_mm": sigmas[3:].tolist(),
+            "rotation_deg": np.degrees(sigmas[:3]).tolist(),
+            "expanded_mm": _expanded_mm(covariance, points_mm),
+            "covariance": covariance.tolist(),
+        }
+    )
+
+
+def _findings(
+    rig: RigSolution, sensors: tuple[RigSensorDocument, ...], relative: list[RelativePoseDocument], tolerance_mm: float
+) -> Iterable[FindingDocument]:
+    poses = [(one.name, one.uncertainty) for one in sensors]
+    poses += [(f"{one.b} in {one.a}", one.uncertainty) for one in relative]
+    for name, uncertainty in poses:
+        if not uncertainty.expanded_mm <= tolerance_mm:
+            what = f"{name}: a mapped point is uncertain by U = {uncertainty.expanded_mm:.2g} mm (k = 2)"
+            yield FindingDocument(
+                code="point-uncertain",
+                severity="error",
+                message=f"{what}; tolerance {tolerance_mm:g} mm",
+                fix="add stations at which the sensors see the target, turned about several axes",
+            )
+    for one in sensors:
+        if one.probability is not None and one.probability < FALSE_ALARM_PROBABILITY:
+            yield FindingDocument(
+                code="sensor-disagrees",
+                severity="error",
+                message=f"{one.name} alone contradicts the joint solution (probability {one.probability:.1g})",
+                fix="check that the target stood still between the sessions, is described alike in both, and that the"
+                " sensors are fixed to each other",
+            )
+    if rig.shared == 0:
+        yield FindingDocument(
+            code="no-shared-station",
+            severity="warning",
+            message="no two sensors saw the target at the same pose of the robot: its errors enter their relative pose",
+            fix="take the views of all sensors before the arm moves on, and write the same base_T_flange into each",
+        )
+
+
+def rig_text(document: RigDocument) -> str:
+    """rig.json as plain text."""
+    return "\n".join(_lines(document))
+
+
+def _lines(document: RigDocument) -> Iterable[str]:
+    word = "accepted" if document.verdict.accepted else "not accepted"
+    yield f"{' + '.join(one.name for one in document.sensors)}  {word}"
+    for one in document.sensors:
+        yield _pose_line(f"{document.mount}_T_{one.name}", one.mount_T_sensor, one.uncertainty)
+        if one.alone_expanded_mm is not None:
+            yield f"  {'':<24} alone U {one.alone_expanded_mm:.3g} mm, {one.views} views"
+    for pair in document.relative:
+        yield _pose_line(f"{pair.a}_T_{pair.b}", pair.a_T_b, pair.uncertainty)
+    yield f"  {'stations':<24} {document.stations}, {document.shared_stations} of them seen by several sensors"
+    yield (
+        f"  {'robot':<24} scatters by {document.robot_translation_mm:.2g} mm and {document.robot_rotation_deg:.2g} deg"
+    )
+    yield from (f"  {finding_line(finding)}" for finding in document.verdict.findings)
+
+
+def _pose_line(name: str, pose: PoseDocument, uncertainty: RigUncertaintyDocument) -> str:
+    place = ", ".join(format(value, ".3f") for value in pose.translation_mm)
+    turn = ", ".join(format(value, ".6f") for value in pose.quaternion_wxyz)
+    return f"  {name:<24} ({place}) mm   ({turn}) wxyz   U {uncertainty.expanded_mm:.3g} mm (k = 2)"

@@ -1,0 +1,82 @@
+"""What one sensor of a rig contributes: the target's pose in it at every view, and how exact that is."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.errors import UndeterminedError
+from calibration.linear_algebra import scaled_inverse
+from calibration.observations.measured_poses import measured_views
+from calibration.observations.observations import scale_target
+from calibration.observations.reprojection import pixel_statistics
+from calibration.observations.view_poses import refine_poses
+from calibration.pose_pairs.residuals import PosePairs, residuals_by_motion
+from calibration.pose_pairs.solve import fit_pose_pairs
+from calibration.preprocessing.prepare import PreparedSession
+from calibration.problem import Problem
+from calibration.solver.view_outliers import Selection
+from calibration.transforms import Array, map_points
+
+POSE = 6
+"""Numbers of a pose; the columns of intrinsics and scale follow them in `pixel_statistics`."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorViews:
+    """The n usable views of one sensor.
+
+    pairs : the robot's poses, and the target's in the sensor with its covariance where that is known.
+    by_common : (n, 6, k) derivative of the residuals (`pose_pairs.residuals`) by k unknowns that all views share, the
+        free intrinsics of a camera and its target's scale; k is 0 for other sensors.
+    information, gradient : (k, k), (k,) what the views alone say of those unknowns.
+    target_mm : (m, 3) the target's points.
+    """
+
+    name: str
+    pairs: PosePairs
+    by_common: Array
+    information: Array
+    gradient: Array
+    target_mm: Array
+
+    def points_mm(self) -> Array:
+        """The target's points (n m, 3) in the sensor's frame, in all views."""
+        return np.concatenate([map_points(pose, self.target_mm) for pose in self.pairs.camera_T_target])
+
+
+def measured_sensor(name: str, problem: Problem) -> SensorViews:
+    """The views of a session of points or poses that agree with each other.
+
+    Raises UndeterminedError where points are in another unit than the target.
+    """
+    seen, _ = measured_views(problem)
+    pairs = PosePairs(problem.setup, seen.base_T_flange, seen.camera_T_target, covariance=seen.covariance)
+    with suppress(UndeterminedError):  # views too few for an X of their own are determined beside another sensor
+        pairs = pairs.take(fit_pose_pairs(pairs)[1])
+    nothing = np.zeros((len(pairs), POSE, 0)), np.zeros((0, 0)), np.zeros(0)
+    return SensorViews(name, pairs, *nothing, problem.target.points_mm)
+
+
+def imaging_sensor(name: str, prepared: PreparedSession, selection: Selection) -> SensorViews:
+    """Each used view's own pose, at the intrinsics of the session's estimate; a change of them moves all poses.
+
+    With N the normal matrix of one view's pose p and of the intrinsics k: dp = -N_pp^-1 N_pk dk, and the information
+    that the pixels have on k beside the poses is N_kk - N_kp N_pp^-1 N_pk.
+    """
+    rows, best = prepared.take(selection.used), selection.best
+    seen = scale_target(rows.seen, best.scale)
+    poses = refine_poses(seen, best.camera, rows.camera_T_target)
+    found = pixel_statistics(seen, best.camera, poses, free_intrinsics=best.free[:-1], free_scale=bool(best.free[-1]))
+    pixel = best.variances.pixel
+    by_pose, by_both = found.normal[:, :POSE, :POSE], found.normal[:, :POSE, POSE:]
+    moved = scaled_inverse(by_pose)
+    slope = moved @ by_both
+    information = (found.normal[:, POSE:, POSE:] - np.swapaxes(by_both, 1, 2) @ slope).sum(axis=0) / pixel
+    gradient = (found.gradient[:, POSE:] - (np.swapaxes(slope, 1, 2) @ found.gradient[:, :POSE, None])[..., 0]).sum(
+        axis=0
+    )
+    turned = residuals_by_motion(poses, np.broadcast_to(np.eye(POSE), (len(poses), POSE, POSE)))
+    covariance = pixel * turned @ moved @ np.swapaxes(turned, 1, 2)
+    pairs = PosePairs(prepared.setup, rows.seen.base_T_flange, poses, covariance=covariance)
+    return SensorViews(name, pairs, turned @ slope, information, gradient / pixel, best.scale * rows.nominal_mm)
