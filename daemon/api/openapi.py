@@ -75,10 +75,28 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
         components["parameters"] = {"IdempotencyKey": IDEMPOTENCY_KEY}
         document["tags"] = [{"name": name, "description": about} for name, about in TAGS.items()]
         document["servers"] = [{"url": "http://127.0.0.1:8372", "description": "this machine, as it comes"}]
+        _make_portable(models)
         problems = _finish(document, bodies)
         components["responses"] = {str(status): _problem(status) for status in sorted(problems)}
         app.openapi_schema = document
     return app.openapi_schema
+
+
+def _make_portable(schema: Any) -> None:
+    """Write a schema so that OpenAPI Generator understands it, in the other of two ways that mean the same.
+
+    An array of a fixed number of equal items as `items`, not `prefixItems`, which it reads as items of any type; and
+    no default of a list or of a constant number, of which it makes R that is no R.
+    """
+    for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        _make_portable(inner)
+    if not isinstance(schema, dict):
+        return
+    first, *others = schema.get("prefixItems") or [None]
+    if isinstance(first, dict) and all(one == first for one in others) and "maxItems" in schema:
+        schema["items"] = schema.pop("prefixItems")[0]
+    if isinstance(schema.get("default"), list) or isinstance(schema.get("const"), int):
+        schema.pop("default", None)
 
 
 def _bodies() -> dict[tuple[str, str], type[BaseModel]]:
