@@ -142,7 +142,9 @@ async def test_a_link_that_breaks_in_a_move_stops_and_disarms(fault: str, progra
 async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None:
     async with (
         robot_only() as cell,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False, timeout=LIMIT_S) as client,
+        httpx.AsyncClient(
+            base_url=cell.announcement.control_url, trust_env=False, verify=False, timeout=LIMIT_S
+        ) as client,
     ):
         state = (await client.get("/state")).json()
         assert state["moves_commanded"] == 0
@@ -165,7 +167,9 @@ async def test_the_arm_is_jogged_at_the_control_port_while_it_is_not_armed(progr
     async with (
         robot_only(program=program) as cell,
         over_tcp(cell.announcement.robot_port) as client,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False, timeout=LIMIT_S) as control,
+        httpx.AsyncClient(
+            base_url=cell.announcement.control_url, trust_env=False, verify=False, timeout=LIMIT_S
+        ) as control,
     ):
         goal = np.degrees(HOME) + np.array([5.0, 0, 0, 0, 0, 10.0])
         jogged = await control.post("/jog", json={"joints_deg": goal.tolist(), "in_s": 0.1})
@@ -206,7 +210,9 @@ async def test_the_arm_is_jogged_at_the_control_port_while_it_is_not_armed(progr
 async def test_the_control_port_says_what_is_wrong(method: str, path: str, status: int, says: str) -> None:
     async with (
         robot_only() as cell,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False, timeout=LIMIT_S) as client,
+        httpx.AsyncClient(
+            base_url=cell.announcement.control_url, trust_env=False, verify=False, timeout=LIMIT_S
+        ) as client,
     ):
         response = await client.request(method, path)
         assert response.status_code == status
@@ -219,8 +225,12 @@ async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switc
     imprecise = CellTruth.from_seed(7, noise=CellNoise(robot_translation_mm=1.0, robot_rotation_deg=0.1))
     async with (
         running_cell(truth=imprecise) as cell,
-        httpx.AsyncClient(base_url=str(cell.announcement.devices_url), trust_env=False, timeout=LIMIT_S) as devices,
-        httpx.AsyncClient(base_url=cell.announcement.control_url, trust_env=False, timeout=LIMIT_S) as client,
+        httpx.AsyncClient(
+            base_url=str(cell.announcement.devices_url), trust_env=False, verify=False, timeout=LIMIT_S
+        ) as devices,
+        httpx.AsyncClient(
+            base_url=cell.announcement.control_url, trust_env=False, verify=False, timeout=LIMIT_S
+        ) as client,
     ):
         announced = cell.announcement.document()
         assert (await devices.get(announced["scanner"])).content.startswith(b"ply")

@@ -22,7 +22,7 @@ class SilentRobot(FakeRobot):
 
     def __init__(self) -> None:
         super().__init__()
-        self.waiting, self.answers = 0, asyncio.Event()
+        self.waiting, self.most_waiting, self.answers = 0, 0, asyncio.Event()
         self.answers.set()
 
     async def read_status(self) -> RobotStatus:
@@ -35,6 +35,7 @@ class SilentRobot(FakeRobot):
 
     async def _wait(self) -> None:
         self.waiting += 1
+        self.most_waiting = max(self.most_waiting, self.waiting)
         try:
             await self.answers.wait()
         finally:
@@ -89,12 +90,13 @@ async def test_uploads_seen_from_where_the_arm_stands_ask_the_robot_one_at_a_tim
     location = (await bench.client.post("/scans", json={"name": "part"})).headers["location"]
     before = len(asyncio.all_tasks())
     robot.answers.clear()
+    robot.most_waiting = 0
     head = f"POST {location}/views?pose=now\nContent-Type: model/ply"
     uploads = [await RawRequest.send(bench, head, b"ply\n", length=10_000_000) for _ in range(HUNG_UP)]
-    await eventually(lambda: len(asyncio.all_tasks()) >= before + HUNG_UP)
-    assert robot.waiting == 1
+    await eventually(lambda: len(asyncio.all_tasks()) >= before + HUNG_UP and robot.waiting == 1)
     for upload in uploads:
         await upload.hang_up()
+    assert robot.most_waiting == 1
     robot.answers.set()
     await eventually(lambda: len(asyncio.all_tasks()) <= before)
     assert (await bench.client.get("/robot")).status_code == 200

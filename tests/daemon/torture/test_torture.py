@@ -62,7 +62,7 @@ async def test_a_daemon_that_forgets_is_found_out(tmp_path: Path) -> None:
         def work() -> None:
             import httpx
 
-            with httpx.Client(base_url=bench.url, timeout=LIMIT_S) as client:
+            with httpx.Client(base_url=bench.url, verify=False, timeout=LIMIT_S) as client:
                 ledger.sent["scan"] += 1
                 ledger.acknowledged(scan, scan.send(client), client)
                 ledger.check(client, kept, None)
