@@ -1,4 +1,4 @@
-"""A running daemon with default settings, and a heap without what other tests left, for tests that need them."""
+"""A running daemon with default settings, its solver's results, and a heap without what other tests left."""
 
 import gc
 from collections.abc import AsyncIterator, Iterator
@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.support.computed_once import ComputedOnce
 
 
 @pytest.fixture
@@ -14,6 +15,41 @@ async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
     """A daemon whose store is `tmp_path`, with the fake cell's devices; stopped in order after the test."""
     async with serving(settings_for(tmp_path)) as running:
         yield running
+
+
+@pytest.fixture(scope="session")
+def computed_results() -> Iterator[list[ComputedOnce]]:
+    """Detections, solutions and comparisons with planned poses, kept for the runs that meet the same again.
+
+    The fake cell's pictures depend on nothing but its poses: without this every run would solve the same problem.
+    """
+    from calibration.detection import detect as detection
+    from calibration.planning.what_if import PlanComparison
+    from calibration.solve import solve_hand_eye
+
+    find = PlanComparison.findings
+    detect, solve = ComputedOnce(detection.detect), ComputedOnce(solve_hand_eye)
+    compare = ComputedOnce(lambda *arguments: tuple(find(*arguments)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(detection, "detect", detect)
+        patch.setattr("calibration.solve.solve_hand_eye", solve)
+        patch.setattr(PlanComparison, "findings", lambda *arguments: iter(compare(*arguments)))
+        yield [detect, solve, compare]
+
+
+@pytest.fixture(autouse=True)
+def each_problem_is_solved_once(computed_results: list[ComputedOnce]) -> None:
+    """For every test of this room."""
+
+
+@pytest.fixture
+def computed_each_time(computed_results: list[ComputedOnce]) -> Iterator[None]:
+    """For a test of what else happens while the daemon computes."""
+    for function in computed_results:
+        function.keeps = False
+    yield
+    for function in computed_results:
+        function.keeps = True
 
 
 @pytest.fixture

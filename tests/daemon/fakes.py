@@ -5,6 +5,7 @@ import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -178,7 +179,14 @@ class FakeCamera:
 
 
 def picture_of_the_board(base_T_flange: Array) -> Any:
+    """What the camera sees from a pose of the flange; not to be written to, since the next run sees it again."""
+    return _drawn_board(base_T_flange.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _drawn_board(base_T_flange_bytes: bytes) -> Any:
     """A drawn board through a homography, supersampled."""
+    base_T_flange = np.frombuffer(base_T_flange_bytes).reshape(4, 4)
     scale, fine = 10, 3
     columns, rows = BOARD.columns + 1, BOARD.rows + 1
     cell = int(BOARD.pitch_mm * scale) // 10
@@ -192,7 +200,9 @@ def picture_of_the_board(base_T_flange: Array) -> Any:
     finer = np.array([[fine, 0, (fine - 1) / 2], [0, fine, (fine - 1) / 2], [0, 0, 1]])
     size = (CAMERA.image_size[0] * fine, CAMERA.image_size[1] * fine)
     warped = cv2.warpPerspective(sheet, finer @ pixels @ target_from_sheet, size, borderValue=(128.0,))
-    return cv2.resize(warped, CAMERA.image_size, interpolation=cv2.INTER_AREA)
+    picture = cv2.resize(warped, CAMERA.image_size, interpolation=cv2.INTER_AREA)
+    picture.setflags(write=False)
+    return picture
 
 
 @dataclass

@@ -78,7 +78,7 @@ async def test_a_turn_that_computes_is_measured(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("heap_of_a_new_process")
+@pytest.mark.usefixtures("heap_of_a_new_process", "computed_each_time")
 async def test_no_answer_keeps_the_loop(tmp_path: Path) -> None:
     """Every GET route, each with the largest answer there is, of a store with hundreds of rows in each table."""
     async with serving(settings_for(tmp_path)) as bench:
