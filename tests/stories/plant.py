@@ -23,6 +23,7 @@ from daemon.application import Application
 from daemon.cell.devices import open_devices
 from daemon.composition import build
 from daemon.config.settings import Settings, TaughtPose
+from daemon.model.run_states import RunState
 from daemon.server import Server
 from mock_robot.announcement import Announcement
 from mock_robot.truth.truth import CellTruth
@@ -31,6 +32,7 @@ from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.support.waiting import LIMIT_S
 
 TEXT = {"accept": "text/plain"}
+OVER = (RunState.FINISHED, RunState.FAILED, RunState.ABORTED)
 
 
 def small_pictures(seed: int, **others: Any) -> CellTruth:
@@ -141,6 +143,7 @@ class Operator:
             async for line in events.aiter_lines():
                 if line.startswith("data:") and f'"station": {station},' in line and run["id"] in line:
                     return
+                _require_in_progress(line, run)
 
     async def waits_until(self, run: dict[str, Any], state: str, station: int, within_s: float = LIMIT_S) -> None:
         """Listens to the events until the run is in that state, with so many stations done."""
@@ -152,12 +155,19 @@ class Operator:
                 told = f'"state": "{state}", "station": {station},'
                 if line.startswith("data:") and told in line and run["id"] in line:
                     return
+                _require_in_progress(line, run)
 
     async def waits_until_ready(self, within_s: float = LIMIT_S) -> None:
         """The devices are dialled in the background."""
         async with asyncio.timeout(within_s):
             while not (await self.client.get("/ready")).json()["calibrate"]["ready"]:  # noqa: ASYNC110 - it happens behind HTTP
                 await asyncio.sleep(0.02)
+
+
+def _require_in_progress(line: str, run: dict[str, Any]) -> None:
+    """Fail when the event is the end of the run: what a test waits for cannot come any more."""
+    ended = any(f'"state": "{state}"' in line for state in OVER)
+    assert not (ended and line.startswith("data:") and run["id"] in line), line
 
 
 @dataclass

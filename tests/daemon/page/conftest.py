@@ -53,6 +53,10 @@ async def cell(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[tuple[
         yield running
 
 
+AXE_FINDINGS = """async () => (await axe.run()).violations.map(
+    ({ id, nodes }) => [id, nodes.map((one) => one.html.slice(0, 160))])"""
+"""What axe-core, evaluated before, finds wrong on a page: rule and elements."""
+
 Opened = Callable[..., Any]
 
 

@@ -13,7 +13,7 @@ from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.clouds import cloud
 from tests.daemon.fakes import Gate, ply_of
 from tests.daemon.knocked_camera import calibrated
-from tests.daemon.page.conftest import Opened, page_of
+from tests.daemon.page.conftest import AXE_FINDINGS, Opened, page_of
 from tests.support.waiting import LIMIT_S
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -22,7 +22,7 @@ LIVE = "● live"
 LEVEL = [1.0, 1.0, 0.0]
 
 
-async def test_a_daemon_that_ends_and_comes_back_is_followed_by_itself(browser: Any, tmp_path: Path) -> None:
+async def test_a_daemon_that_ends_and_comes_back_is_followed_by_itself(browser: Any, axe: str, tmp_path: Path) -> None:
     parts = Parts()
     parts.robot.before_move = gate = Gate(2)
     async with page_of(browser) as page:
@@ -36,6 +36,8 @@ async def test_a_daemon_that_ends_and_comes_back_is_followed_by_itself(browser: 
         await page.get_by_text("No connection to the daemon for").wait_for()
         assert await page.get_by_text(LIVE).count() == 0
         assert await page.locator(".line .dimmed").count() == 2, "robot and run are of before"
+        await page.evaluate(axe)
+        assert await page.evaluate(AXE_FINDINGS) == [], "what is old can still be read"
         async with serving(settings_for(tmp_path, server={"port": int(url.rsplit(":", 1)[1])})):
             await page.get_by_text(LIVE).wait_for()
             await page.get_by_text("ended before its end").or_(page.get_by_text("✕ failed")).first.wait_for()

@@ -7,15 +7,12 @@ import pytest
 
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import Gate, poses_around_the_target
-from tests.daemon.page.conftest import Opened
+from tests.daemon.page.conftest import AXE_FINDINGS, Opened
 from tests.support.waiting import LIMIT_S, eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 
 HOLD_MS = 1400
-
-AXE_FINDINGS = """async () => (await axe.run()).violations.map(
-    ({ id, nodes }) => [id, nodes.map((one) => one.html.slice(0, 160))])"""
 
 
 async def hold_by_mouse(page: Any, name: str) -> None:
