@@ -15,7 +15,7 @@ help:
 	@echo "make test     the tests, without the slow ones"
 	@echo "make test-all every test that needs nothing but the repository; .ci/run runs these"
 	@echo "make test-busy  the same while every core is kept busy: what fails then depends on the clock"
-	@echo "make test-opencv4  the calibration tests, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
+	@echo "make test-opencv4  the tests of what calls OpenCV, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
 	@echo "make test-deployed  what deployment depends on, with the Python and the libraries that are deployed, and the demo"
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
@@ -58,9 +58,12 @@ test-all: $(VENV)/developing
 test-busy: $(VENV)/developing
 	$(BIN)/python -m tests.support.busy $(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal
 
-# OpenCV 5 has no calibrateHandEye. OPENCV4_TESTS= and OPENCV4_CELLS= choose less, or more, than the default.
+# OpenCV 5 has no calibrateHandEye. The tests are those of what calls OpenCV; OPENCV4_TESTS= and OPENCV4_CELLS= choose
+# less, or more.
 OPENCV4 := .venv-opencv4
-OPENCV4_TESTS ?= tests/calibration
+OPENCV4_TESTS ?= $(addprefix tests/,calibration/detection calibration/observations calibration/preprocessing \
+	calibration/closed_forms calibration/test_solve.py calibration/test_targets.py registration/points \
+	drivers/cameras mock_robot/scene daemon/cli/test_target.py)
 OPENCV4_CELLS ?= 8
 
 test-opencv4: $(OPENCV4)/installed

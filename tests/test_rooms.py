@@ -1,8 +1,11 @@
 """The counts of `python -m tests.structure` stay within their limits."""
 
+import re
+
 import pytest
 
 from tests import structure
+from tests.conftest import ROOT
 
 GRAPH = structure.import_graph()
 
@@ -50,3 +53,16 @@ def test_a_circle_is_found() -> None:
 )
 def test_participles_are_recognised(word: str, expected: bool) -> None:
     assert structure.is_participle(word) is expected
+
+
+def test_the_rooms_that_call_opencv_are_tried_under_opencv_4() -> None:
+    chosen = re.search(r"OPENCV4_TESTS \?= \$\(addprefix tests/,(.*?)\)", (ROOT / "Makefile").read_text(), re.DOTALL)
+    assert chosen is not None
+    calling = {
+        file.parent.relative_to(ROOT).as_posix()
+        for room in ("calibration", "registration")
+        for file in (ROOT / room).glob("*/**/*.py")
+        if "import cv2" in file.read_text(encoding="utf-8")
+    }
+    assert calling
+    assert calling <= set(chosen[1].split())
