@@ -68,7 +68,7 @@ def build(
     workers, service_workers, merge_workers = Workers(clock), Workers(clock), Workers(clock, threads=1)
     interlocks = settings.interlocks.open() if settings.interlocks else None
     devices = open_devices(settings, clock)
-    exposure = open_exposure_control(settings, devices, clock)
+    exposure = open_exposure_control(settings, devices, workers, clock)
     cell = Cell(devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure)
     supervisor = Supervisor(cell, store, events, clock, new_id)
     scans = ScanService(

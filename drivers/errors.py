@@ -6,6 +6,7 @@ DeviceError
 ├── WrongDevice            another device answers than the settings name
 ├── LibraryMissing         the library that the driver needs is not installed
 ├── SettingRefused         the device does not have a setting, or refuses its value
+├── DeviceOverheated       the device is too hot to measure
 ├── DeviceTimeout          connected, but no answer (or no fresh one) in time
 │   └── StreamStalled      a camera is connected and sends no pictures
 ├── LinkLost               the connection broke during a request
@@ -81,6 +82,12 @@ class DeviceTimeout(DeviceError):
     """Connected, but no answer (or no fresh one) in time."""
 
     code = "device-timeout"
+
+
+class DeviceOverheated(DeviceError):
+    """The device is too hot to measure."""
+
+    code = "device-overheated"
 
 
 class StreamStalled(DeviceTimeout):

@@ -14,12 +14,13 @@ from typing import Any, TypeVar
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from calibration.transforms import Array
-from drivers.cameras.aravis_camera import AravisCamera, AravisLibrary
-from drivers.cameras.basler_camera import BaslerCamera, PylonLibrary
+from drivers.cameras.aravis_camera import AravisLibrary
+from drivers.cameras.basler_camera import PylonLibrary
 from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.genicam.address import parse_camera_address
+from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import Library
-from drivers.cameras.genicam_camera import GenTLCamera, HarvestersLibrary
+from drivers.cameras.genicam_camera import HarvestersLibrary
 from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
@@ -221,9 +222,9 @@ CAMERAS: dict[str, tuple[Parse, MakeCamera]] = {
     "video": (_video, VideoCamera),
     "rtsp": (_url, partial(VideoCamera, latency_s=STREAM_LATENCY_S)),
     "folder": (_folder, FolderCamera),
-    "basler": (parse_camera_address, BaslerCamera),
-    "genicam": (parse_camera_address, GenTLCamera),
-    "aravis": (parse_camera_address, AravisCamera),
+    "basler": (parse_camera_address, partial(GenICamCamera, lambda address: PylonLibrary())),
+    "genicam": (parse_camera_address, partial(GenICamCamera, lambda address: HarvestersLibrary(address.producer))),
+    "aravis": (parse_camera_address, partial(GenICamCamera, lambda address: AravisLibrary(address.name))),
 }
 LIBRARIES: dict[str, Callable[[], Library]] = {
     "basler": PylonLibrary,

@@ -6,6 +6,7 @@ from daemon.cell.exposure_control import ExposureControl, ExposureLimits
 from daemon.cell.vibration import VibrationGate
 from daemon.config.settings import EgmSettings, Settings
 from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
 from drivers.interfaces import Scanner
 from drivers.registry import open_camera, open_robot, open_scanner, open_vibration_monitor
 from drivers.robots.base_frame import configured
@@ -38,13 +39,15 @@ def open_devices(settings: Settings, clock: Clock) -> Devices:
     )
 
 
-def open_exposure_control(settings: Settings, devices: Devices, clock: Clock) -> ExposureControl | None:
+def open_exposure_control(
+    settings: Settings, devices: Devices, workers: Workers, clock: Clock
+) -> ExposureControl | None:
     """The choice of the camera's exposure within the settings' limits; None without them."""
     limits = settings.camera.exposure
     if limits is None:
         return None
     wanted = ExposureLimits(limits.exposure_us, limits.gain_db)
-    return ExposureControl(devices.camera, settings.target.target(), wanted, clock)
+    return ExposureControl(devices.camera, settings.target.target(), wanted, workers, clock.monotonic_s)
 
 
 def _open_vibration_gate(egm: EgmSettings, timing: Timing) -> VibrationGate:

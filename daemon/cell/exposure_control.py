@@ -3,7 +3,6 @@
 A sensor is linear, so one picture that is neither black nor saturated gives the factor to the wanted level.
 """
 
-import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from math import log10
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from calibration.errors import DetectionError
 from calibration.targets import Target
 from calibration.transforms import Array
-from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
 from drivers.interfaces import AdjustableCamera, Camera, CameraFrame, Exposure, ExposureRange
 
 WANTED_WHITE = 195.0
@@ -67,8 +66,11 @@ def next_exposure(
 class ExposureControl:
     """Adjusts a camera by the pictures that it takes; nothing for a camera that cannot be adjusted."""
 
-    def __init__(self, camera: Camera, target: Target, limits: ExposureLimits, clock: Clock) -> None:
-        self._camera, self._target, self._limits, self._clock = camera, target, limits, clock
+    def __init__(
+        self, camera: Camera, target: Target, limits: ExposureLimits, workers: Workers, monotonic_s: Callable[[], float]
+    ) -> None:
+        self._camera, self._target, self._limits = camera, target, limits
+        self._workers, self._monotonic_s = workers, monotonic_s
 
     async def expose(self, grab: Callable[[float], Awaitable[CameraFrame]], newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`, well exposed as far as the limits allow. Raises DeviceError."""
@@ -80,15 +82,12 @@ class ExposureControl:
             if state is None:
                 break
             now, camera_range = state
-            wanted = await self._wanted(frame, now, self._limits.within(camera_range))
+            wanted = await self._workers.run(self._search, frame.image, now, self._limits.within(camera_range))
             if wanted is None:
                 break
             await self._camera.set_exposure(wanted)
-            frame = await grab(self._clock.monotonic_s())
+            frame = await grab(self._monotonic_s())
         return frame
-
-    async def _wanted(self, frame: CameraFrame, now: Exposure, limits: ExposureRange) -> Exposure | None:
-        return await asyncio.to_thread(self._search, frame.image, now, limits)
 
     def _search(self, image: NDArray[np.uint8], now: Exposure, limits: ExposureRange) -> Exposure | None:
         from calibration.detection.detect import detect  # not needed where no limits are set

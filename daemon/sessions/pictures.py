@@ -1,6 +1,7 @@
 """Pictures in the sizes and formats of a screen: of the camera, shared by all who ask, and of stored views."""
 
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +13,7 @@ from daemon.cell.recent_reading import RecentReading
 from daemon.errors import NotFound, PictureUnusable
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_files import ImageError, read_grey
-from drivers.interfaces import CameraFrame
+from drivers.interfaces import CameraFrame, CaptureSettings
 
 PictureType = Literal["image/png", "image/jpeg", "image/webp"]
 Width = Literal[240, 480, 960, 1920]
@@ -50,6 +51,14 @@ def encode_file(file: Path, media_type: PictureType, width: int | None) -> bytes
         raise PictureUnusable(error.what, error.fix) from None
 
 
+@dataclass(frozen=True)
+class LivePicture:
+    """An encoded picture, and what the camera reports of it."""
+
+    content: bytes
+    capture: CaptureSettings | None
+
+
 class LivePictures:
     """What the camera sees: one grab and one encoding for all who ask within MAX_AGE_S."""
 
@@ -58,14 +67,15 @@ class LivePictures:
     ) -> None:
         self.frame = RecentReading(read_frame, monotonic_s, MAX_AGE_S)
         self._workers, self._monotonic_s = workers, monotonic_s
-        self._encoded: dict[tuple[PictureType, Width | None], RecentReading[bytes]] = {}
+        self._encoded: dict[tuple[PictureType, Width | None], RecentReading[LivePicture]] = {}
 
-    async def read(self, media_type: PictureType, width: Width | None) -> bytes:
+    async def read(self, media_type: PictureType, width: Width | None) -> LivePicture:
         """The picture as a file of that format. Raises DeviceError, PictureUnusable."""
 
-        async def encode() -> bytes:
+        async def encode() -> LivePicture:
             frame = await self.frame.read()
-            return await self._workers.run(encode_picture, frame.image, media_type, width)
+            content = await self._workers.run(encode_picture, frame.image, media_type, width)
+            return LivePicture(content, frame.capture)
 
         key = media_type, width
         reading = self._encoded.setdefault(key, RecentReading(encode, self._monotonic_s, MAX_AGE_S))

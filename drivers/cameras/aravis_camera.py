@@ -4,31 +4,14 @@ import ipaddress
 
 import numpy as np
 
-from drivers.cameras.genicam.address import CameraAddress
 from drivers.cameras.genicam.aravis_library import Aravis, Handle
-from drivers.cameras.genicam.camera import LIMIT_S, GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError
 from drivers.errors import DeviceTaken
-from drivers.timing import Timing
 
 BUFFERS = 4
 PROTOCOLS = ("GigEVision", "USB3Vision")
 SUCCESS = 0
 """ArvBufferStatus of a whole picture."""
-
-
-class AravisCamera(GenICamCamera):
-    """A camera that aravis finds, or one at an IP address that discovery does not reach."""
-
-    def __init__(
-        self,
-        address: CameraAddress,
-        timing: Timing | None = None,
-        *,
-        image_size: tuple[int, int] | None = None,
-        limit_s: float = LIMIT_S,
-    ) -> None:
-        super().__init__(AravisLibrary(address.name), address, timing, image_size=image_size, limit_s=limit_s)
 
 
 class AravisLibrary:

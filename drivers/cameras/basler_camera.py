@@ -6,27 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.cameras.genicam.address import CameraAddress
-from drivers.cameras.genicam.camera import LIMIT_S, GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError
 from drivers.errors import DeviceTaken, LibraryMissing
-from drivers.timing import Timing
 
 BUFFERS = 4
-
-
-class BaslerCamera(GenICamCamera):
-    """A camera that pylon finds: GigE, USB3 or emulated (PYLON_CAMEMU=1)."""
-
-    def __init__(
-        self,
-        address: CameraAddress,
-        timing: Timing | None = None,
-        *,
-        image_size: tuple[int, int] | None = None,
-        limit_s: float = LIMIT_S,
-    ) -> None:
-        super().__init__(PylonLibrary(), address, timing, image_size=image_size, limit_s=limit_s)
 
 
 class PylonLibrary:

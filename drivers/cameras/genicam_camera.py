@@ -8,30 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from drivers.cameras.genicam.address import CameraAddress
-from drivers.cameras.genicam.camera import LIMIT_S, GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError
 from drivers.errors import DeviceTaken, DeviceUnreachable, LibraryMissing
-from drivers.timing import Timing
 
 PRODUCERS = "GENICAM_GENTL64_PATH"
 """Folders of producers, as GenTL 1.6 section 6.1.1 says; vendors' installers set it."""
 HELD = frozenset({3, 4, 5, 6})
 """DEVICE_ACCESS_STATUS of GenTL 1.6 without the right to control: no access, busy, open elsewhere."""
-
-
-class GenTLCamera(GenICamCamera):
-    """A camera that a GenTL producer finds; `producer` of the address, or all in GENICAM_GENTL64_PATH."""
-
-    def __init__(
-        self,
-        address: CameraAddress,
-        timing: Timing | None = None,
-        *,
-        image_size: tuple[int, int] | None = None,
-        limit_s: float = LIMIT_S,
-    ) -> None:
-        super().__init__(HarvestersLibrary(address.producer), address, timing, image_size=image_size, limit_s=limit_s)
 
 
 class HarvestersLibrary:

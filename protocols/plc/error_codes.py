@@ -56,6 +56,7 @@ ERROR_CODES: dict[str, tuple[int, str]] = {
     "setting-refused": (47, "a device refuses a setting"),
     "stream-stalled": (48, "the camera is connected and sends no pictures"),
     "incomplete-picture": (49, "parts of a picture are missing"),
+    "device-overheated": (59, "a device is too hot to measure"),
     # what was seen
     "target-not-seen": (50, "too few stations saw the target"),
     "target-not-found": (51, "the target was not found in a picture"),

@@ -19,6 +19,7 @@ from calibration.transforms import Array, inverse, rotation_from_vector, transfo
 from drivers.errors import DeviceError, LinkLost
 from drivers.interfaces import (
     CameraFrame,
+    CaptureSettings,
     LinkHealth,
     MoveGoal,
     PoseReading,
@@ -155,6 +156,7 @@ class FakeCamera:
     pictures: int = 0
     asked: list[tuple[float, float]] = field(default_factory=list)
     """When the arm was last moved, and how new a picture was asked for."""
+    capture: CaptureSettings | None = None
 
     @property
     def link(self) -> LinkHealth:
@@ -172,7 +174,7 @@ class FakeCamera:
         image: Any = np.full(self.size[::-1], 128, np.uint8)
         if not self.blind(self.pictures):
             image = picture_of_the_board(self.robot.base_T_flange)
-        return CameraFrame(image, taken_at_s)
+        return CameraFrame(image, taken_at_s, capture=self.capture)
 
     async def close(self) -> None:
         pass

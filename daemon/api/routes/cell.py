@@ -16,6 +16,7 @@ from daemon.model.run_states import RunState
 from daemon.sessions.pictures import PictureType, Width, encode_file
 from daemon.sessions.session_writer import image_name
 from daemon.tools.support_bundle.redaction import redact
+from drivers.interfaces import CaptureSettings
 
 router = APIRouter(tags=["cell"])
 
@@ -82,19 +83,30 @@ PICTURES = {"description": "A picture", "content": {media_type: {} for media_typ
 async def camera_picture(request: Request, app: App, width: WidthQuery = None) -> Response:
     """What the camera sees, as Accept prefers: one grab for all who ask within 0.5 s.
 
+    `Handeyed-Bits`, `Handeyed-Exposure-Us` and `Handeyed-Gain-Db`: of the picture, where the camera reports them.
+
     While a run works, its last picture, and never one taken for this; 409 before its first.
     """
     media_type = choose_picture_type(request)
     headers = {"Cache-Control": "no-store", "Vary": "Accept"}
     run = working_run(app)
     if run is None:
-        content = await app.pictures.read(media_type, width)
-        return Response(content, media_type=media_type, headers={**headers, "Handeyed-Source": "camera"})
+        picture = await app.pictures.read(media_type, width)
+        headers = {**headers, "Handeyed-Source": "camera", **_capture_headers(picture.capture)}
+        return Response(picture.content, media_type=media_type, headers=headers)
     if run.kind == "scan" or run.pictures == 0:
         raise CellBusy(f"run {run.id}, which has taken no picture yet")
     content = await stored_picture(app, run.id, run.pictures - 1, media_type, width)
     source = f"/runs/{run.id}/frames/{run.pictures - 1}"
     return Response(content, media_type=media_type, headers={**headers, "Handeyed-Source": source})
+
+
+def _capture_headers(capture: CaptureSettings | None) -> dict[str, str]:
+    """Bits, exposure and gain as headers, as far as the camera reports them."""
+    if capture is None:
+        return {}
+    values = {"Bits": capture.bits, "Exposure-Us": capture.exposure_us, "Gain-Db": capture.gain_db}
+    return {f"Handeyed-{name}": f"{value:g}" for name, value in values.items() if value is not None}
 
 
 @router.get("/camera/look", response_model=LookDocument, responses=problem_responses(409, 502, 503, 504))

@@ -503,6 +503,8 @@ export default {
   'library-missing.fix': 'sie auf dem Rechner der Zelle einrichten',
   'setting-refused.what': 'das Gerät kennt eine Einstellung nicht oder lehnt ihren Wert ab',
   'setting-refused.fix': 'die genannte Einstellung ändern',
+  'device-overheated.what': 'das Gerät ist zum Messen zu heiß',
+  'device-overheated.fix': 'das Gerät kühlen, auf Metall montieren',
   'stream-stalled.what': 'eine Kamera ist verbunden und schickt keine Bilder',
   'stream-stalled.fix': 'Kabel, Netz und Auslöser prüfen',
   'incomplete-picture.what': 'Teile eines Bildes fehlen',

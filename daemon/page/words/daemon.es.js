@@ -503,6 +503,8 @@ export default {
   'library-missing.fix': 'instalarla en el ordenador de la celda',
   'setting-refused.what': 'el dispositivo no tiene un ajuste o rechaza su valor',
   'setting-refused.fix': 'cambiar el ajuste indicado',
+  'device-overheated.what': 'el dispositivo está demasiado caliente para medir',
+  'device-overheated.fix': 'enfriarlo y montarlo sobre metal',
   'stream-stalled.what': 'una cámara está conectada y no envía imágenes',
   'stream-stalled.fix': 'comprobar cable, red y disparo',
   'incomplete-picture.what': 'faltan partes de una imagen',

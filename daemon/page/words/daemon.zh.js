@@ -503,6 +503,8 @@ export default {
   'library-missing.fix': '在单元计算机上安装',
   'setting-refused.what': '设备没有该设置或拒绝其值',
   'setting-refused.fix': '修改所指设置',
+  'device-overheated.what': '设备过热，无法测量',
+  'device-overheated.fix': '冷却设备并安装在金属上',
   'stream-stalled.what': '相机已连接但不发送图像',
   'stream-stalled.fix': '检查电缆、网络和触发',
   'incomplete-picture.what': '图像缺少部分数据',

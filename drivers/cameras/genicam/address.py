@@ -9,7 +9,7 @@ from urllib.parse import parse_qsl, unquote
 
 from drivers.errors import AddressNotUnderstood
 
-NUMBERS = ("exposure_us", "gain_db")
+NUMBERS = ("exposure_us", "gain_db", "max_temperature_c")
 WORDS = ("pixel_format", "trigger", "producer", "serial")
 COUNTS = ("packet_bytes",)
 FIX = (
@@ -24,6 +24,7 @@ class CameraAddress:
 
     `trigger`: "software", "off" or an input as "Line1"; None: by software where the camera can. `features`: the
     camera's own features and their values, written in this order before the rest. `producer`: a GenTL library (.cti).
+    `max_temperature_c`: no picture is taken of a camera that is hotter.
     """
 
     text: str
@@ -36,6 +37,7 @@ class CameraAddress:
     producer: str | None = None
     serial: str | None = None
     features: tuple[tuple[str, str], ...] = ()
+    max_temperature_c: float | None = None
 
 
 def parse_camera_address(text: str) -> CameraAddress:
@@ -70,6 +72,7 @@ def parse_camera_address(text: str) -> CameraAddress:
         options.get("producer"),
         options.get("serial"),
         tuple(features),
+        numbers.get("max_temperature_c"),
     )
 
 

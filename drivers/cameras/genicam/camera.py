@@ -42,11 +42,12 @@ class GenICamCamera(PolledDevice):
     """drivers.interfaces.Camera, AdjustableCamera and IdentifiedDevice. Each frame is exposed after it was asked for:
 
     triggered by software where the camera can, else the first of a stream that begins with the request.
+    `make_library` gives the vendor's library for the address.
     """
 
     def __init__(
         self,
-        library: Library,
+        make_library: Callable[[CameraAddress], Library],
         address: CameraAddress,
         timing: Timing | None = None,
         *,
@@ -55,7 +56,7 @@ class GenICamCamera(PolledDevice):
         name: str = "camera",
     ) -> None:
         super().__init__(f"{name} {address.text.partition('?')[0]}", timing or Timing())
-        self._library, self._address = library, address
+        self._library, self._address = make_library(address), address
         self._image_size, self._limit_s = image_size, limit_s
         self._thread = FileThread(f"calls of {self.device}", self._timing)
         self._session: CameraSession | None = None

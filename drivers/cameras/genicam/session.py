@@ -12,12 +12,23 @@ from drivers.cameras.genicam.address import CameraAddress
 from drivers.cameras.genicam.device import FoundCamera, OpenCamera, RawPicture, VendorError
 from drivers.cameras.genicam.pixel_formats import Image, find_format, read_pixels
 from drivers.cameras.pixel_depth import to_8_bit
-from drivers.errors import DeviceError, IncompletePicture, LinkLost, SettingRefused, StreamStalled, WrongDevice
+from drivers.errors import (
+    DeviceError,
+    DeviceOverheated,
+    IncompletePicture,
+    LinkLost,
+    SettingRefused,
+    StreamStalled,
+    WrongDevice,
+)
 from drivers.interfaces import CameraFrame, CaptureSettings, DeviceIdentity, Exposure, ExposureRange
 
 EXPOSURE_US = ("ExposureTime", "ExposureTimeAbs")
 GAIN_DB = ("Gain",)
 TEMPERATURE_C = ("DeviceTemperature", "DeviceTemperatureAbs", "TemperatureAbs")
+TEMPERATURE_STATE = ("TemperatureState", "BslTemperatureStatus")
+TOO_HOT = "Error"
+"""Value of a Basler's temperature state at which it stops working."""
 PACKET_BYTES = ("GevSCPSPacketSize",)
 SERIAL = ("DeviceSerialNumber", "DeviceID")
 AUTOMATIC = ("ExposureAuto", "GainAuto", "GainRawAuto")
@@ -26,6 +37,8 @@ MAX_TRIES = 3
 MIN_TRIGGER_WAIT_S = 0.3
 """Wait beside twice the exposure before a trigger is repeated."""
 NETWORK_FIX = "check cable and switch; it is opened again by itself"
+MAX_EXPOSURE_CHANGE = 0.05
+"""Relative; cameras round an exposure time to the lines of their sensors."""
 PNG_LEVEL = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
@@ -38,6 +51,8 @@ class CameraSession:
         self._device, self._found, self._camera, self._clock = device, found, camera, clock
         self._streaming = False
         self._by_software = False
+        self._max_temperature_c = address.max_temperature_c
+        self._exposure_us: float | None = None
         self._configure(address)
 
     @property
@@ -46,7 +61,11 @@ class CameraSession:
         return str(self._found)
 
     def take(self, limit_s: float) -> CameraFrame:
-        """A frame exposed after this call. Raises StreamStalled, IncompletePicture, GarbledAnswer, LinkLost."""
+        """A frame exposed after this call.
+
+        Raises StreamStalled, IncompletePicture, GarbledAnswer, DeviceOverheated, SettingRefused for an exposure that
+        another program has changed, and LinkLost.
+        """
         try:
             return self._take(limit_s)
         except VendorError as error:
@@ -100,6 +119,7 @@ class CameraSession:
         self._write_first(EXPOSURE_US, f"{min(max(wanted.exposure_us, limits.exposure_us[0]), limits.exposure_us[1])}")
         if self._feature(GAIN_DB):
             self._write_first(GAIN_DB, f"{min(max(wanted.gain_db, limits.gain_db[0]), limits.gain_db[1])}")
+        self._note_exposure()
         state = self.read_exposure()
         return wanted if state is None else state[0]
 
@@ -132,6 +152,7 @@ class CameraSession:
         if address.gain_db is not None:
             self._write_first(GAIN_DB, str(address.gain_db))
         self._configure_trigger(address.trigger)
+        self._note_exposure()
 
     def _configure_trigger(self, trigger: str | None) -> None:
         has_software = self._camera.has("TriggerSoftware") and "Software" in self._choices("TriggerSource")
@@ -195,15 +216,16 @@ class CameraSession:
     def _frame(self, picture: RawPicture, taken_at_s: float) -> CameraFrame:
         pixels = find_format(self._device, picture.format_code)
         image = read_pixels(self._device, pixels, picture.data, picture.width, picture.height, picture.padding)
-        exposure, gain, temperature = (self._feature(names) for names in (EXPOSURE_US, GAIN_DB, TEMPERATURE_C))
         capture = CaptureSettings(
             bits=pixels.bits,
             pixel_format=pixels.name,
-            exposure_us=self._number(exposure) if exposure else None,
-            gain_db=self._number(gain) if gain else None,
-            temperature_c=self._number(temperature) if temperature else None,
+            exposure_us=self._first_number(EXPOSURE_US),
+            gain_db=self._first_number(GAIN_DB),
+            temperature_c=self._first_number(TEMPERATURE_C),
             device_time_ns=picture.device_time_ns,
         )
+        self._require_cool(capture.temperature_c)
+        self._require_exposure(capture.exposure_us)
         return CameraFrame(to_8_bit(image, pixels.white), taken_at_s, _encode(image), capture)
 
     def _feature(self, names: tuple[str, ...]) -> str | None:
@@ -211,6 +233,32 @@ class CameraSession:
 
     def _number(self, feature: str) -> float:
         return float(self._camera.read(feature))
+
+    def _first_number(self, names: tuple[str, ...]) -> float | None:
+        feature = self._feature(names)
+        return self._number(feature) if feature else None
+
+    def _note_exposure(self) -> None:
+        """Remember the exposure time as the camera has taken it."""
+        self._exposure_us = self._first_number(EXPOSURE_US)
+
+    def _require_cool(self, temperature_c: float | None) -> None:
+        state = self._feature(TEMPERATURE_STATE)
+        too_hot = state is not None and self._camera.read(state) == TOO_HOT
+        if self._max_temperature_c is not None and temperature_c is not None:
+            too_hot = too_hot or temperature_c > self._max_temperature_c
+        if too_hot:
+            at = "" if temperature_c is None else f" at {temperature_c:.0f} °C"
+            raise DeviceOverheated(self._device, f"{self.name} is too hot{at}", "cool it, and mount it on metal")
+
+    def _require_exposure(self, exposure_us: float | None) -> None:
+        """The exposure is the one that was set: another one changes noise and the places of edges."""
+        expected_us = self._exposure_us
+        if expected_us is None or exposure_us is None or expected_us <= 0:
+            return
+        if abs(exposure_us / expected_us - 1) > MAX_EXPOSURE_CHANGE:
+            what = f"{self.name} exposes for {exposure_us:g} us, {expected_us:g} us were set"
+            raise SettingRefused(self._device, what, "end the program that changes it, or restart the device")
 
     def _choices(self, feature: str) -> tuple[str, ...]:
         return self._camera.choices(feature) if self._camera.has(feature) else ()

@@ -12,6 +12,7 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.monitoring.view_residuals import root_mean_square
 from daemon.cell.skeleton import skeleton_mm
 from daemon.runs.run_views import joints_in_posture
+from drivers.interfaces import CaptureSettings
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.fakes import BOARD, Gate
 from tests.support.waiting import LIMIT_S
@@ -23,6 +24,27 @@ def size_of(content: bytes) -> tuple[int, int]:
     image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
     assert image is not None
     return image.shape[1], image.shape[0]
+
+
+@pytest.mark.parametrize(
+    ("capture", "expected"),
+    [
+        (None, {}),
+        (CaptureSettings(bits=12), {"handeyed-bits": "12"}),
+        (
+            CaptureSettings(12, exposure_us=8000.0, gain_db=1.5),
+            {"handeyed-bits": "12", "handeyed-exposure-us": "8000", "handeyed-gain-db": "1.5"},
+        ),
+    ],
+    ids=["unknown", "bits", "all"],
+)
+async def test_a_picture_comes_with_its_exposure_and_gain(
+    bench: Bench, capture: CaptureSettings | None, expected: dict[str, str]
+) -> None:
+    bench.camera.capture = capture
+    answer = await bench.client.get("/camera/frame", params={"width": 240})
+    found = {name: value for name, value in answer.headers.items() if name.startswith("handeyed-")}
+    assert found == {"handeyed-source": "camera", **expected}
 
 
 @pytest.mark.parametrize("media_type", MAGIC)

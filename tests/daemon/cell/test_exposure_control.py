@@ -9,6 +9,7 @@ from calibration.detection.detect import detect
 from calibration.targets import Charuco
 from daemon.cell.exposure_control import ExposureControl, ExposureLimits, next_exposure
 from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
 from drivers.interfaces import CameraFrame, Exposure, ExposureRange
 from mock_robot.scene.optics import Optics
 from tests.simulated.views import TruePicture, industrial_camera, take_picture
@@ -19,6 +20,14 @@ IDEAL_EXPOSURE_US = 10_000.0
 RANGE = ExposureRange((20.0, 1_000_000.0), (0.0, 24.0))
 LIMITS = ExposureLimits((20.0, 200_000.0), (0.0, 6.0))
 VIEWS = 4
+CLOCK = Clock()
+
+
+@pytest.fixture
+def workers():
+    pool = Workers(CLOCK)
+    yield pool
+    pool.close()
 
 
 class LitCamera:
@@ -64,9 +73,9 @@ def rms(errors):
     [[30.0], [0.06], [8.0, 0.1, 20.0, 0.3]],
     ids=["bright", "dark", "changing"],
 )
-async def test_the_target_is_found_nearly_as_exactly_as_in_ideal_light(lights):
+async def test_the_target_is_found_nearly_as_exactly_as_in_ideal_light(lights, workers):
     camera = LitCamera()
-    control = ExposureControl(camera, TARGET, LIMITS, Clock())
+    control = ExposureControl(camera, TARGET, LIMITS, workers, CLOCK.monotonic_s)
     ideal, adjusted = [], []
     for camera.view in range(VIEWS):
         camera.light = lights[camera.view % len(lights)]
@@ -77,25 +86,25 @@ async def test_the_target_is_found_nearly_as_exactly_as_in_ideal_light(lights):
     assert rms(adjusted) <= 1.2 * rms(ideal)
 
 
-async def test_a_well_exposed_view_costs_one_picture():
+async def test_a_well_exposed_view_costs_one_picture(workers):
     camera = LitCamera()
-    await ExposureControl(camera, TARGET, LIMITS, Clock()).expose(camera.grab, 0.0)
+    await ExposureControl(camera, TARGET, LIMITS, workers, CLOCK.monotonic_s).expose(camera.grab, 0.0)
     assert camera.pictures == 1 and camera.set_to == Exposure(IDEAL_EXPOSURE_US)
 
 
-async def test_too_little_light_ends_at_the_users_limits():
+async def test_too_little_light_ends_at_the_users_limits(workers):
     camera = LitCamera()
     camera.light = 1e-4
-    await ExposureControl(camera, TARGET, LIMITS, Clock()).expose(camera.grab, 0.0)
+    await ExposureControl(camera, TARGET, LIMITS, workers, CLOCK.monotonic_s).expose(camera.grab, 0.0)
     assert camera.set_to == Exposure(200_000.0, 6.0)
 
 
-async def test_a_camera_that_cannot_be_adjusted_is_left_alone():
+async def test_a_camera_that_cannot_be_adjusted_is_left_alone(workers):
     class Plain:
         async def grab(self, newer_than_s):
             return CameraFrame(np.zeros((48, 64), np.uint8), 1.0)
 
-    frame = await ExposureControl(Plain(), TARGET, LIMITS, Clock()).expose(Plain().grab, 0.0)
+    frame = await ExposureControl(Plain(), TARGET, LIMITS, workers, CLOCK.monotonic_s).expose(Plain().grab, 0.0)
     assert frame.taken_at_s == 1.0
 
 

@@ -46,6 +46,7 @@ class FakeDevice:
     taken: bool = False
     stalled: bool = False
     incomplete: int = 0
+    format_code: int | None = None
     opened: int = 0
     hung: threading.Event | None = None
     streaming: bool = False
@@ -135,6 +136,8 @@ class FakeOpenCamera:
         if self._device.incomplete:
             self._device.incomplete -= 1
             return RawPicture(np.empty(0, np.uint8), 0, 0, 0, complete=False)
+        if self._device.format_code is not None:
+            return RawPicture(np.full(64 * 48, shade, np.uint8), self._device.format_code, 64, 48)
         if self._device.features["PixelFormat"] == "Mono12":
             data = np.full(64 * 48, shade * 16, "<u2").view(np.uint8)
             return RawPicture(data, MONO12, 64, 48, device_time_ns=7)

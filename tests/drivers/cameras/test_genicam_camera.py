@@ -31,7 +31,7 @@ from tests.support.waiting import LIMIT_S, eventually, quick_timing
 @contextlib.asynccontextmanager
 async def camera_of(*devices, address="genicam:S1", limit_s=LIMIT_S, **options):
     camera = GenICamCamera(
-        FakeLibrary(*devices), parse_camera_address(address), quick_timing(10.0), limit_s=limit_s, **options
+        lambda _: FakeLibrary(*devices), parse_camera_address(address), quick_timing(10.0), limit_s=limit_s, **options
     )
     camera.start()
     try:
