@@ -2,6 +2,7 @@
 
 import asyncio
 import gzip
+import ssl
 import threading
 import time
 import zlib
@@ -11,7 +12,7 @@ import pytest
 
 from drivers.cameras.http_camera import HttpCamera
 from drivers.errors import AnswerTooLarge, DeviceTimeout, DeviceUnreachable, GarbledAnswer
-from drivers.http_source import age_s
+from drivers.http_source import age_s, tls_trust
 from tests.drivers.http_devices import Answer, http_device
 from tests.drivers.pictures import PNG
 from tests.support.waiting import LIMIT_S, SkippableTime, eventually
@@ -134,3 +135,16 @@ async def test_a_link_is_known_before_anybody_asks():
 )
 def test_an_age_is_what_the_headers_allow_at_most(headers, expected_s):
     assert age_s(httpx.Headers(headers)) == expected_s
+
+
+@pytest.mark.parametrize(
+    "url", ["https://camera:8443/now", "https://camera/now", "http://camera/now", "http://camera:80/now"]
+)
+def test_authorities_are_trusted_where_https_may_be_spoken(url: str) -> None:
+    assert tls_trust(httpx.URL(url)) is True
+
+
+def test_from_plain_http_at_a_port_of_its_own_nobody_is_trusted() -> None:
+    trust = tls_trust(httpx.URL("http://camera:8080/now"))
+    assert isinstance(trust, ssl.SSLContext)
+    assert (trust.verify_mode, trust.check_hostname, trust.get_ca_certs()) == (ssl.CERT_REQUIRED, True, [])

@@ -185,7 +185,7 @@ class RwsClient:
         return httpx.AsyncClient(
             base_url=self.address.url(version),
             auth=auth,
-            verify=self._tls() if version == 2 else True,
+            verify=self._tls() if version == 2 else ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT),  # RWS 1.0 is plain HTTP
             timeout=httpx.Timeout(LIMIT_S, connect=CONNECT_LIMIT_S),
             trust_env=False,
             limits=httpx.Limits(max_connections=CONNECTIONS),
