@@ -50,7 +50,7 @@ class RwsCell:
         async def done() -> Result:
             return act()
 
-        return asyncio.run_coroutine_threadsafe(done(), self.loop).result(10.0)
+        return asyncio.run_coroutine_threadsafe(done(), self.loop).result(LIMIT_S)
 
     def client_1(self, user: str = "Default User", password: str = "robotics") -> httpx.Client:
         """A client that knows the rules of 1.0."""
@@ -93,12 +93,12 @@ def rws_cell_apart(**options: Any) -> Iterator[RwsCell]:
     thread = threading.Thread(target=loop.run_forever, name="the cell", daemon=True)
     thread.start()
     try:
-        cell = asyncio.run_coroutine_threadsafe(_started(**options), loop).result(20.0)
+        cell = asyncio.run_coroutine_threadsafe(_started(**options), loop).result(LIMIT_S)
         try:
             yield cell
         finally:
-            asyncio.run_coroutine_threadsafe(cell.cell.close(), loop).result(20.0)
+            asyncio.run_coroutine_threadsafe(cell.cell.close(), loop).result(LIMIT_S)
     finally:
         loop.call_soon_threadsafe(loop.stop)
-        thread.join(10.0)
+        thread.join(LIMIT_S)
         loop.close()

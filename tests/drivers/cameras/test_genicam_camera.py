@@ -25,7 +25,7 @@ from drivers.errors import (
 )
 from drivers.interfaces import AdjustableCamera, Exposure, IdentifiedDevice
 from tests.drivers.cameras.genicam_fake import FakeDevice, FakeLibrary
-from tests.support.waiting import LIMIT_S, eventually, quick_timing
+from tests.support.waiting import LIMIT_S, eventually, patiently, quick_timing
 
 
 @contextlib.asynccontextmanager
@@ -84,13 +84,13 @@ async def test_no_picture_is_older_than_the_request(trigger):
 async def test_a_picture_that_comes_too_late_is_not_the_next_answer():
     device = FakeDevice()
     async with camera_of(device, limit_s=0.5) as camera:
-        await camera.grab(0.0)
+        await patiently(lambda: camera.grab(0.0))
         device.stalled = True
         with pytest.raises(StreamStalled, match="has sent no picture"):
             await camera.grab(0.0)
         device.queue.append(11)
         device.stalled, device.shade = False, 200
-        assert (await camera.grab(0.0)).image[0, 0] == 200
+        assert (await patiently(lambda: camera.grab(0.0))).image[0, 0] == 200
 
 
 async def test_an_incomplete_picture_is_asked_for_again():
@@ -130,21 +130,21 @@ async def test_a_network_that_loses_parts_of_every_picture():
 async def test_a_camera_that_cannot_be_opened_is_reported(devices, address, error, message):
     async with camera_of(*devices, address=address, limit_s=2.0) as camera:
         with pytest.raises(error, match=message):
-            await camera.grab(0.0)
+            await patiently(lambda: camera.grab(0.0))
         assert not camera.link.connected
 
 
 async def test_a_camera_that_is_unplugged_and_comes_back():
     device = FakeDevice()
     async with camera_of(device, limit_s=1.0) as camera:
-        await camera.grab(0.0)
+        await patiently(lambda: camera.grab(0.0))
         device.present = False
         with pytest.raises((LinkLost, DeviceUnreachable)):
             await camera.grab(0.0)
         assert not camera.link.connected
         device.present, device.shade = True, 33
         await eventually(lambda: camera.link.connected)
-        assert (await camera.grab(0.0)).image[0, 0] == 33
+        assert (await patiently(lambda: camera.grab(0.0))).image[0, 0] == 33
     assert device.opened == 2
 
 
@@ -160,7 +160,7 @@ async def test_a_loss_is_noticed_without_a_request():
 async def test_a_library_that_hangs_holds_neither_the_loop_nor_close():
     device = FakeDevice()
     async with camera_of(device, limit_s=0.5) as camera:
-        await camera.grab(0.0)
+        await patiently(lambda: camera.grab(0.0))
         device.hung = threading.Event()
         grabbing = asyncio.create_task(camera.grab(0.0))
         for _ in range(10):

@@ -209,7 +209,7 @@ async def test_a_page_is_no_cloud():
 
 
 async def test_a_folder_that_comes_later_is_found(tmp_path):
-    scanner = FolderScanner(tmp_path / "later", limit_s=5)
+    scanner = FolderScanner(tmp_path / "later", limit_s=LIMIT_S)
     scanner.start()
     await eventually(lambda: "cannot be read" in scanner.link.detail)
     (tmp_path / "later").mkdir()
