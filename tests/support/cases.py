@@ -1,6 +1,12 @@
-"""How many cases a property is tried with."""
+"""How many cases a property is tried with, and a test of a program that may be absent."""
 
 import os
+import shutil
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import TypeVar
+
+Case = TypeVar("Case")
 
 
 def cases(normal: int) -> int:
@@ -11,3 +17,13 @@ def cases(normal: int) -> int:
 def long_enough_s(normal: float = 120.0) -> float:
     """The time limit of one test: it grows with what HANDEYED_CASES asks for."""
     return max(normal, 0.02 * cases(0))
+
+
+def with_library(module: str, cases: Sequence[Case]) -> Sequence[Case]:
+    """The cases of a test that needs a library; one where it is not installed, so that its skip is counted once."""
+    return cases if find_spec(module) else cases[:1]
+
+
+def with_program(program: str, cases: Sequence[Case]) -> Sequence[Case]:
+    """The cases of a test that needs a program; one where it is not installed."""
+    return cases if shutil.which(program) else cases[:1]

@@ -24,6 +24,7 @@ from drivers.errors import (
 from drivers.interfaces import Exposure
 from drivers.registry import open_camera
 from tests.support import vendor_cameras
+from tests.support.cases import with_library
 from tests.support.vendor_cameras import SERIAL, gigabit_camera, require_pylon, start_gigabit_camera, viky
 from tests.support.waiting import LIMIT_S, eventually, patiently
 
@@ -69,17 +70,20 @@ async def test_pylon_shows_what_is_in_front_of_the_camera_now(pylon, tmp_path):
 
 @pytest.mark.parametrize(
     ("pixel_format", "bits", "shape"),
-    [
-        ("Mono8", 8, (48, 64)),
-        ("Mono10", 10, (48, 64)),
-        ("Mono12", 12, (48, 64)),
-        ("Mono16", 16, (48, 64)),
-        ("BayerRG8", 8, (48, 64, 3)),
-        ("BayerGB12", 12, (48, 64, 3)),
-        ("RGB8Packed", 8, (48, 64, 3)),
-        ("RGB16Packed", 16, (48, 64, 3)),
-        ("BGRA8Packed", 8, (48, 64, 3)),
-    ],
+    with_library(
+        "pypylon",
+        [
+            ("Mono8", 8, (48, 64)),
+            ("Mono10", 10, (48, 64)),
+            ("Mono12", 12, (48, 64)),
+            ("Mono16", 16, (48, 64)),
+            ("BayerRG8", 8, (48, 64, 3)),
+            ("BayerGB12", 12, (48, 64, 3)),
+            ("RGB8Packed", 8, (48, 64, 3)),
+            ("RGB16Packed", 16, (48, 64, 3)),
+            ("BGRA8Packed", 8, (48, 64, 3)),
+        ],
+    ),
 )
 async def test_pylon_in_every_kind_of_pixel_format(pylon, tmp_path, pixel_format, bits, shape):
     address = playing(tmp_path / "scene.png", 90)
@@ -105,7 +109,7 @@ async def test_pylon_refuses_what_is_not_there(pylon, tmp_path):
             await camera.grab(0.0)
 
 
-@pytest.mark.parametrize(("failures", "enough"), [(2, True), (50, False)])
+@pytest.mark.parametrize(("failures", "enough"), with_library("pypylon", [(2, True), (50, False)]))
 def test_pylon_with_pictures_of_which_parts_are_missing(pylon, tmp_path, failures, enough):
     library = PylonLibrary()
     (found,) = library.discover()

@@ -17,6 +17,7 @@ from registration.points.layout import Records
 from registration.points.rigid_motion import RigidMotion
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
 from tests.registration.io.cloud_files import read, write
+from tests.support.cases import with_library, with_program
 
 MOTION = RigidMotion.of(BASE_T_CAMERA, "mm")
 
@@ -29,13 +30,16 @@ def colours(records: Records) -> NDArray[np.float64]:
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize(
     ("suffix", "further"),
-    [
-        (".ply", {}),
-        (".ply", {"write_ascii": True}),
-        (".pcd", {}),
-        (".pcd", {"compressed": True}),
-        (".pcd", {"write_ascii": True}),
-    ],
+    with_library(
+        "open3d",
+        [
+            (".ply", {}),
+            (".ply", {"write_ascii": True}),
+            (".pcd", {}),
+            (".pcd", {"compressed": True}),
+            (".pcd", {"write_ascii": True}),
+        ],
+    ),
 )
 def test_open3d_reads_ours_and_we_read_its(tmp_path: Path, suffix: str, further: dict[str, bool]) -> None:
     open3d = pytest.importorskip(
@@ -56,8 +60,8 @@ def test_open3d_reads_ours_and_we_read_its(tmp_path: Path, suffix: str, further:
 
 
 @pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("target", [".ply", ".pcd"])
-@pytest.mark.parametrize("source", [".ply", ".pcd", ".npy", ".csv"])
+@pytest.mark.parametrize("target", with_library("open3d", [".ply", ".pcd"]))
+@pytest.mark.parametrize("source", with_library("open3d", [".ply", ".pcd", ".npy", ".csv"]))
 def test_open3d_finds_colours_and_normals_in_a_cloud_that_was_another(tmp_path: Path, source: str, target: str) -> None:
     open3d = pytest.importorskip(
         "open3d", reason="Open3D is not installed: its files are not compared", exc_type=ImportError
@@ -103,7 +107,7 @@ def pcl(tool: str, *arguments: object) -> None:
 ASCII, BINARY, COMPRESSED = 0, 1, 2
 
 
-@pytest.mark.parametrize("form", [ASCII, BINARY, COMPRESSED])
+@pytest.mark.parametrize("form", with_program("pcl_convert_pcd_ascii_binary", [ASCII, BINARY, COMPRESSED]))
 def test_pcl_reads_ours_and_we_read_its(tmp_path: Path, form: int) -> None:
     records = cloud(RICH, 3000)
     write(tmp_path / "ours.pcd", RICH, records)
