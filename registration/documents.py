@@ -61,6 +61,8 @@ class Seconds(TypedDict):
 class RegistrationReportDocument(Document):
     """Output of `handeyed register --json`."""
 
+    heading = "report"
+
     schema_version: Literal[1] = 1
     calibration_id: str
     views: list[RegisteredViewDocument]

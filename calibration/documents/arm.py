@@ -41,6 +41,8 @@ class ArmLadderDocument(Document):
 class ArmDocument(Document):
     """arm.json. `covariance`: of [rotation rad and translation mm of mount_T_camera @ exp(.), the parameters]."""
 
+    heading = "armjson"
+
     schema_version: Literal[1] = 1
     arm: str
     serial: str | None = None

@@ -205,6 +205,8 @@ class CalibrationVerdictDocument(Document):
 class CalibrationDocument(Document):
     """The whole of calibration.json. When the motions cannot determine X the transforms are null."""
 
+    heading = "calibrationjson"
+
     schema_version: Literal[2] = 2
     id: str
     created_at: str

@@ -61,6 +61,8 @@ class RelativePoseDocument(Document):
 class RigDocument(Document):
     """The whole of rig.json. `mount`: the frame that carries the sensors."""
 
+    heading = "rigjson"
+
     schema_version: Literal[1] = 1
     setup: Setup
     mount: Literal["flange", "base"]

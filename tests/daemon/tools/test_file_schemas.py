@@ -1,6 +1,7 @@
 """Schemas of files: published as printed, every field with a meaning, examples that the commands take as they are."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,8 @@ import jsonschema_rs
 import numpy as np
 import pytest
 
+from calibration.documents.validation import parse_document
+from calibration.errors import DocumentError
 from daemon.tools.file_schemas.meanings import MEANINGS
 from daemon.tools.file_schemas.schemas import FILES, schema_of
 from tests.daemon.cli.running import handeyed
@@ -72,10 +75,18 @@ def test_the_examples_run(tmp_path: Path) -> None:
     jsonschema_rs.validator_for(schema_of("report")).validate(json.loads(registered.out))
 
 
-def test_an_error_names_the_heading_of_its_file(tmp_path: Path) -> None:
-    (tmp_path / "session.json").write_text('{"schema_version": 1}')
-    text = (DOCS / "formats.md").read_text()
-    assert "(docs/formats.md#sessionjson)" in handeyed("solve", tmp_path).err
-    assert "### session.json" in text
-    assert "### plan.json" in text
-    assert "### scan.json" in text
+@pytest.mark.parametrize("name", ["scan", "plan"])
+def test_the_example_that_runs_stands_in_formats_md(name: str) -> None:
+    _, _, below = (DOCS / "formats.md").read_text(encoding="utf-8").partition(f"### {name}.json\n")
+    shown = below.partition("\n### ")[0].partition("```json\n")[2].partition("```")[0]
+    assert [json.loads(shown)] == schema_of(name)["examples"]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_an_error_names_the_heading_of_its_file(name: str) -> None:
+    with pytest.raises(DocumentError) as refused:
+        parse_document(FILES[name].model, b"{", "a file")
+    headings = re.findall(r"^### (.+)$", (DOCS / "formats.md").read_text(encoding="utf-8"), re.MULTILINE)
+    (named,) = re.findall(r"\(docs/formats\.md#(\w+)\)", str(refused.value))
+    assert named == name + "json" * (name != "report")
+    assert named in [heading.replace(".", "") for heading in headings]
